@@ -1,0 +1,5 @@
+"""`python -m stiction` is the command line."""
+
+from stiction.cli.main import entry
+
+entry()

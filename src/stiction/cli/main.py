@@ -1,0 +1,75 @@
+"""The program `stiction`: finds the verb, imports its module alone, and turns errors into one line and a status."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+from stiction import __version__
+from stiction.formats.errors import StictionError
+
+VERBS = {
+    "demo": "run the whole line on small real input and write one page that explains it",
+    "identify": "find a joint's inertia and friction from a log, with intervals",
+    "train": "train a teacher and a student for a robot, with or without joint friction",
+    "evaluate": "drive a policy bundle over friction levels and commands, and tabulate what it reached",
+    "export": "turn a training run into a policy bundle that can be checked",
+    "verify": "check a policy bundle: every file, the contract, and the golden vectors",
+    "bench": "measure the throughput ratios on this machine, side by side in one run",
+    "doctor": "measure that every randomised parameter really changes the physics",
+}
+"""Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`."""
+
+USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
+EPILOG = "\n`stiction VERB --help` lists the options of a verb. `stiction --version` prints the version.\n"
+
+
+def overview() -> str:
+    """Return the text of `stiction --help`."""
+    return USAGE + "".join(f"  {verb:<10}{text}\n" for verb, text in VERBS.items()) + EPILOG
+
+
+def main(arguments: list[str]) -> int:
+    """Run one verb; return the exit status (0 done, 1 a failure the user can act on, 2 wrong usage)."""
+    if not arguments:
+        print(overview(), end="", file=sys.stderr)
+        return 2
+    verb, *rest = arguments
+    if verb in ("-h", "--help", "help"):
+        print(overview(), end="")
+        return 0
+    if verb == "--version":
+        print(f"stiction {__version__}")
+        return 0
+    if verb not in VERBS:
+        print(f"stiction: unknown verb {verb!r}; the verbs are: {', '.join(VERBS)}", file=sys.stderr)
+        return 2
+    try:
+        status = importlib.import_module(f"stiction.cli.{verb}").main(rest)
+        return int(status or 0)
+    except StictionError as error:
+        print(f"stiction {verb}: {' '.join(str(error).split())}", file=sys.stderr)
+        return 1
+    except ModuleNotFoundError as error:
+        extra = EXTRAS.get((error.name or "").split(".")[0])
+        if extra is None:
+            raise
+        print(
+            f"stiction {verb}: the package {error.name!r} is not installed; this verb needs the extra {extra!r}: "
+            f'pip install "stiction[{extra}]"',
+            file=sys.stderr,
+        )
+        return 1
+    except KeyboardInterrupt:
+        print(f"stiction {verb}: interrupted", file=sys.stderr)
+        return 130
+
+
+EXTRAS = {"mujoco": "sim", "PIL": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
+EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tensorboard": "train"}
+"""Package -> the extra that installs it."""
+
+
+def entry() -> None:
+    """Console-script entry point."""
+    sys.exit(main(sys.argv[1:]))

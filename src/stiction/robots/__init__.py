@@ -1,0 +1,1 @@
+"""Floor 1: what a robot is (NumPy), and its MuJoCo model (`build` alone)."""
