@@ -1,0 +1,115 @@
+"""The observation layout: written once, as data. The task builds it batched in torch, the runtime in NumPy.
+
+A frame is the concatenation of terms, o_prio of the paper; the policy's input is the last `history_length` frames,
+o_H, flattened, oldest frame first. Right after a reset every frame of the history is the first one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from stiction.formats.errors import StictionError
+
+HISTORY_LENGTH = 11
+"""H = 10 in the paper, but its set runs from t-H to t: eleven frames, the current one included."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One entry of a frame: value = clip((raw - offset) * scale)."""
+
+    name: str
+    """Which quantity: one of `TERM_NAMES`."""
+    size: int
+    """Number of entries."""
+    scale: float
+    """Multiplier of the raw quantity."""
+    clip: float
+    """Symmetric bound after scaling."""
+    frame: str
+    """`base` (x forward, y left, z up), `joint`, `command` or `none`."""
+    offset: str = "none"
+    """What is subtracted before scaling: `none`, or `standing` for the standing pose."""
+
+
+TERM_NAMES = (
+    "angular_velocity",
+    "roll_pitch",
+    "placeholder_terrain",
+    "command",
+    "placeholder_gait",
+    "joint_position",
+    "joint_velocity",
+    "last_action",
+    "placeholder_contact",
+)
+"""The paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always zero."""
+
+PLACEHOLDERS = frozenset(name for name in TERM_NAMES if name.startswith("placeholder"))
+
+
+@dataclass(frozen=True)
+class ObservationLayout:
+    """The terms of one frame, and how frames are stacked."""
+
+    terms: tuple[Term, ...]
+    history_length: int = HISTORY_LENGTH
+    direction: str = "oldest_first"
+    layout: str = "frame_major"
+
+    def __post_init__(self) -> None:
+        """Refuse terms that nobody can compute."""
+        for term in self.terms:
+            if term.name not in TERM_NAMES:
+                raise StictionError(f"observation term {term.name!r} is unknown; known: {', '.join(TERM_NAMES)}")
+        if self.direction != "oldest_first" or self.layout != "frame_major" or self.history_length < 1:
+            raise StictionError(
+                f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length} cannot be built; "
+                "expected 'oldest_first', 'frame_major' and a length of at least 1"
+            )
+
+    @property
+    def frame_size(self) -> int:
+        """Entries of one frame."""
+        return sum(term.size for term in self.terms)
+
+    @property
+    def size(self) -> int:
+        """Entries of the policy's input."""
+        return self.frame_size * self.history_length
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> ObservationLayout:
+        """Build from plain data; raise `StictionError` where a field is missing or unknown."""
+        try:
+            rest = dict(data)
+            terms = tuple(Term(**term) for term in rest.pop("terms"))
+            return cls(terms=terms, **rest)
+        except (KeyError, TypeError) as error:
+            raise StictionError(f"the observation layout in the contract is malformed: {error}") from error
+
+
+def proprioception(num_joints: int) -> ObservationLayout:
+    """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
+
+    Scales are those customary for legged robots: they bring each term near unit size, so that no running
+    normalisation is needed, and the deployed observation is a fixed function of the sensors.
+    """
+    return ObservationLayout(
+        (
+            Term("angular_velocity", 3, 0.25, 5.0, "base"),
+            Term("roll_pitch", 2, 1.0, 3.2, "base"),
+            Term("placeholder_terrain", 1, 1.0, 1.0, "none"),
+            Term("command", 3, 1.0, 5.0, "command"),
+            Term("placeholder_gait", 1, 1.0, 1.0, "none"),
+            Term("joint_position", num_joints, 1.0, 5.0, "joint", "standing"),
+            Term("joint_velocity", num_joints, 0.05, 5.0, "joint"),
+            Term("last_action", num_joints, 1.0, 10.0, "joint"),
+            Term("placeholder_contact", 1, 1.0, 1.0, "none"),
+        )
+    )
