@@ -1,0 +1,38 @@
+"""The page that every report is made of."""
+
+from __future__ import annotations
+
+import base64
+
+from stiction.report.page import Section, data_uri, figure_uri, new_figure, paragraph, picture, render_page, row, table
+
+
+def test_text_is_escaped_everywhere_and_blocks_are_not() -> None:
+    """A joint named like a tag must not become one, or a log could put script into a report."""
+    evil = "<script>x</script>"
+    blocks = (paragraph(evil), table([evil], [[evil, evil]], evil), picture("data:,", evil), row(paragraph(evil)))
+    page = render_page(evil, [Section(evil, blocks)], lead=evil, warnings=[evil])
+    assert "<script" not in page
+    assert page.count("&lt;script&gt;x&lt;/script&gt;") == 14
+    assert "<p>&lt;script" in page and '<div class="row">' in page
+
+
+def test_the_page_needs_nothing_from_the_network() -> None:
+    """A report is one file that can be sent by mail: no address in it."""
+    page = render_page("title", [Section("part", (paragraph("text"),))])
+    assert "http" not in page and "src=" not in page and "url(" not in page
+
+
+def test_a_figure_becomes_a_png() -> None:
+    """The figure must be embedded as an image that browsers show."""
+    figure, axes = new_figure(2, 1)
+    axes[1].plot([0, 1], [0, 1])
+    uri = figure_uri(figure)
+    head = "data:image/png;base64,"
+    assert uri.startswith(head)
+    assert base64.b64decode(uri[len(head) :]).startswith(b"\x89PNG")
+
+
+def test_data_uri_is_base64_of_the_bytes() -> None:
+    """`hi` in base64 is `aGk=`."""
+    assert data_uri(b"hi", "text/plain") == "data:text/plain;base64,aGk="
