@@ -1,0 +1,163 @@
+"""From a `RobotSpec` to a MuJoCo model. The only module of this room that imports mujoco.
+
+Every joint has a `position` actuator of the same name, in the order of `RobotSpec.joint_names`; every foot has a touch
+sensor (normal force, N). Dry friction is the solver's `frictionloss`, set stiff enough to hold (see `FRICTION_D0`).
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from stiction.robots.spec import LegSpec, LinkSpec, RobotSpec
+
+FRICTION_D0 = 0.9995
+"""Impedance of the dry-friction constraint. Below its limit the joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2: with d0
+0.9995 and a time constant of two steps, 0.004 rad/s under 90 % of a friction of 30 % of the limit on Saturn Lite's bare
+shank, forty times less than with the default 0.9."""
+
+DELAY_SAMPLES = 8
+"""Room for delayed controls, in physics steps."""
+
+
+def box_inertia(mass: float, size: tuple[float, float, float]) -> np.ndarray:
+    """Return the principal moments of a uniform box [kg m²], shape (3,). `size` is its full extent [m]."""
+    x, y, z = size
+    return mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+
+
+def _add_link(parent: mujoco.MjsBody, name: str, link: LinkSpec, position: list[float], centre: list[float]) -> mujoco.MjsBody:
+    """Add a body with the inertia of a uniform box centred at `centre` in its own frame."""
+    return parent.add_body(
+        name=name,
+        pos=position,
+        mass=link.mass,
+        ipos=centre,
+        inertia=box_inertia(link.mass, link.size),
+        explicitinertial=True,
+    )
+
+
+def _add_leg(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, leg: LegSpec) -> None:
+    """Add hip, thigh, shank and foot of one leg, with their joints, geoms and foot sensor."""
+    lateral = leg.side * robot.hip_link.size[1]
+    thigh_length, shank_length = robot.thigh_link.size[2], robot.shank_link.size[2]
+    hip = _add_link(base, f"{leg.name}_hip_link", robot.hip_link, list(leg.mount), [0.0, lateral / 2, 0.0])
+    thigh = _add_link(hip, f"{leg.name}_thigh_link", robot.thigh_link, [0.0, lateral, 0.0], [0.0, 0.0, -thigh_length / 2])
+    shank = _add_link(
+        thigh, f"{leg.name}_shank_link", robot.shank_link, [0.0, 0.0, -thigh_length], [0.0, 0.0, -shank_length / 2]
+    )
+    kinds = ("hip", robot.hip, hip, [leg.side, 0, 0]), ("thigh", robot.thigh, thigh, [0, 1, 0])
+    for kind, joint, body, axis in (*kinds, ("shank", robot.shank, shank, [0, 1, 0])):
+        body.add_joint(
+            name=f"{leg.name}_{kind}",
+            axis=axis,
+            range=[joint.lower, joint.upper],
+            limited=mujoco.mjtLimited.mjLIMITED_TRUE,
+            armature=joint.armature,
+            damping=np.array([joint.damping, 0.0, 0.0]),
+            frictionloss=joint.frictionloss,
+            solref_friction=[2 * spec.option.timestep, 1.0],
+            solimp_friction=[FRICTION_D0, 0.9999, 0.001, 0.5, 2.0],
+        )
+    visual = {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "contype": 0, "conaffinity": 0}
+    thigh.add_geom(size=[0.02, 0, 0], fromto=[0, 0, 0, 0, 0, -thigh_length], rgba=[0.25, 0.3, 0.36, 1], **visual)
+    shank.add_geom(size=[0.013, 0, 0], fromto=[0, 0, 0, 0, 0, -shank_length], rgba=[0.55, 0.6, 0.66, 1], **visual)
+    shank.add_geom(
+        name=f"{leg.name}_foot",
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=[robot.foot_radius, 0, 0],
+        pos=[0, 0, -shank_length],
+        rgba=[0.9, 0.45, 0.15, 1] if leg.group == 0 else [0.15, 0.5, 0.85, 1],
+        priority=1,
+        friction=[1.0, 0.005, 0.0001],
+    )
+    shank.add_site(name=f"{leg.name}_foot", size=[1.2 * robot.foot_radius, 0, 0], pos=[0, 0, -shank_length], group=4)
+    spec.add_sensor(
+        name=f"{leg.name}_touch",
+        type=mujoco.mjtSensor.mjSENS_TOUCH,
+        objtype=mujoco.mjtObj.mjOBJ_SITE,
+        objname=f"{leg.name}_foot",
+    )
+
+
+def build(robot: RobotSpec, timestep: float = 0.005) -> mujoco.MjSpec:
+    """Return the robot on flat ground as an `MjSpec`, its base free, in its standing pose (keyframe 0).
+
+    `timestep`: physics step [s]. Only feet and trunk touch the ground, legs do not touch each other.
+    """
+    spec = mujoco.MjSpec()
+    spec.modelname = robot.name
+    spec.compiler.degree = False
+    spec.option.timestep = timestep
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
+    spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    _add_scene(spec)
+    base = spec.worldbody.add_body(
+        name="base",
+        pos=[0, 0, robot.standing_height],
+        mass=robot.base.mass,
+        inertia=box_inertia(robot.base.mass, robot.base.size),
+        explicitinertial=True,
+    )
+    base.add_freejoint(name="root")
+    base.add_geom(
+        name="base",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[extent / 2 for extent in robot.base.size],
+        rgba=[0.82, 0.84, 0.86, 1],
+    )
+    for leg in robot.legs:
+        _add_leg(spec, base, robot, leg)
+    _add_actuators(spec, robot)
+    standing = robot.joint_values("standing")
+    spec.add_key(name="standing", qpos=[0, 0, robot.standing_height, 1, 0, 0, 0, *standing], ctrl=standing)
+    return spec
+
+
+def _add_scene(spec: mujoco.MjSpec) -> None:
+    """Add ground, light and the offscreen size."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 960, 720
+    spec.add_texture(
+        name="grid",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.93, 0.93, 0.91],
+        rgb2=[0.84, 0.85, 0.84],
+        width=256,
+        height=256,
+    )
+    material = spec.add_material(name="grid", texrepeat=[2, 2], texuniform=True)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "grid"
+    spec.worldbody.add_light(pos=[0, 0, 4], dir=[0.2, 0.2, -1], type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL)
+    spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.5], material="grid")
+
+
+def _add_actuators(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
+    """Add one PD position actuator per joint, limited to the motor's torque."""
+    rows = zip(
+        robot.joint_names,
+        robot.joint_values("stiffness"),
+        robot.joint_values("derivative"),
+        robot.joint_values("torque_limit"),
+        strict=True,
+    )
+    for name, kp, kd, limit in rows:
+        spec.add_actuator(
+            name=name,
+            target=name,
+            trntype=mujoco.mjtTrn.mjTRN_JOINT,
+            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+            biastype=mujoco.mjtBias.mjBIAS_AFFINE,
+            gainprm=[kp, *[0.0] * 9],
+            biasprm=[0.0, -kp, -kd, *[0.0] * 7],
+            forcerange=[-limit, limit],
+            forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
+            nsample=DELAY_SAMPLES,
+        )
+
+
+def build_model(robot: RobotSpec, timestep: float = 0.005) -> mujoco.MjModel:
+    """Return the compiled model of `build`."""
+    return build(robot, timestep).compile()

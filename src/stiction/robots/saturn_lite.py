@@ -1,0 +1,71 @@
+"""Saturn Lite, the paper's hexapod: 32 kg, 18 joints.
+
+The paper gives the mass, the torque limits (Table I) and the shank motor's inertia, viscous and dry friction (Table III).
+It gives neither geometry, nor gains, nor the other joints' friction. Those are ours, with these reasons:
+
+* Geometry. A trunk of 0.70 m with a leg pair every 0.31 m, legs of 0.22 + 0.24 m: the reach that lets a 45 N m shank carry
+  a third of the weight in the standing crouch at 40 % of its limit, as a machine built for stairs would.
+* Masses. 2.6 kg a leg, its motors near the trunk (hip and thigh links carry them); the trunk, with the batteries that
+  buy the paper's two hours, has the rest.
+* Hip and thigh motors. Table I gives them 25 N m against 45 N m. Same family, so inertia and viscous friction as measured
+  at the shank; dry friction 0.25 N m, the same fraction of the limit as the shank's (0.98 %).
+* Gains. With kp 60 N m/rad the machine, left alone in its standing pose and without friction, sags 0.37 rad and pitches up by
+  0.17 rad: its weight nearly outruns the springs. kp 100 holds it within 0.15 rad. kd 2.5 N m s/rad damps the unloaded leg to
+  about half of critical. Both were set with no friction in the joints and are the same for every way of training.
+* Standing pose. Feet 2 cm behind the hip joints, under the centre of mass (the knees point backward).
+"""
+
+from stiction.robots.spec import JointSpec, LegSpec, LinkSpec, RobotSpec
+
+_INERTIA, _VISCOUS = 0.0145, 0.0704
+
+ROBOT = RobotSpec(
+    name="saturn_lite",
+    base=LinkSpec(mass=16.4, size=(0.70, 0.26, 0.14)),
+    hip_link=LinkSpec(mass=0.9, size=(0.10, 0.08, 0.10)),
+    thigh_link=LinkSpec(mass=1.3, size=(0.06, 0.05, 0.22)),
+    shank_link=LinkSpec(mass=0.4, size=(0.035, 0.035, 0.24)),
+    foot_radius=0.025,
+    hip=JointSpec(
+        torque_limit=25.0,
+        armature=_INERTIA,
+        damping=_VISCOUS,
+        frictionloss=0.25,
+        stiffness=100.0,
+        derivative=2.5,
+        lower=-0.8,
+        upper=0.8,
+        standing=0.0,
+    ),
+    thigh=JointSpec(
+        torque_limit=25.0,
+        armature=_INERTIA,
+        damping=_VISCOUS,
+        frictionloss=0.25,
+        stiffness=100.0,
+        derivative=2.5,
+        lower=-0.6,
+        upper=2.4,
+        standing=0.85,
+    ),
+    shank=JointSpec(
+        torque_limit=45.0,
+        armature=_INERTIA,
+        damping=_VISCOUS,
+        frictionloss=0.442,
+        stiffness=100.0,
+        derivative=2.5,
+        lower=-2.6,
+        upper=-0.4,
+        standing=-1.5,
+    ),
+    legs=(
+        LegSpec("FL", (0.31, 0.11, 0.0), group=0),
+        LegSpec("FR", (0.31, -0.11, 0.0), group=1),
+        LegSpec("ML", (0.0, 0.15, 0.0), group=1),
+        LegSpec("MR", (0.0, -0.15, 0.0), group=0),
+        LegSpec("RL", (-0.31, 0.11, 0.0), group=0),
+        LegSpec("RR", (-0.31, -0.11, 0.0), group=1),
+    ),
+    action_scale=0.25,
+)

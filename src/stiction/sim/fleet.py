@@ -1,0 +1,184 @@
+"""A fleet: many copies of one robot on one clock, with named views and per-robot joint physics. NumPy only.
+
+The task (batched, in torch) and the evaluation (from a bundle, without torch) drive robots through this one class, so that
+a policy meets the same joints in both.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.robots.build import DELAY_SAMPLES, build_model
+from stiction.robots.spec import RobotSpec
+from stiction.sim.native import NativeSimulation
+
+BASE_DOFS = 6
+"""Degrees of freedom of the floating base, first in the velocity vector."""
+
+FALLEN_TILT = 0.5
+"""A robot has fallen where the base's up axis is more than 60° off vertical: its z component is under this."""
+
+FALLEN_HEIGHT = 0.45
+"""... or where the base is lower than this fraction of its standing height."""
+
+
+def base_up(quaternion: np.ndarray) -> np.ndarray:
+    """Return the z component of the base's up axis in the world, shape (N,). `quaternion`: w, x, y, z, shape (N, 4)."""
+    return 1.0 - 2.0 * (quaternion[:, 1] ** 2 + quaternion[:, 2] ** 2)
+
+
+def rotate_inverse(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Express world vectors in the base frame. `quaternion`: w, x, y, z, shape (N, 4); `vector`: shape (N, 3)."""
+    w, axis = quaternion[:, :1], quaternion[:, 1:]
+    return vector + 2.0 * np.cross(axis, np.cross(axis, vector) - w * vector)
+
+
+class Fleet:
+    """`num_envs` robots of one kind on flat ground, each with its own joints, masses and ground friction.
+
+    All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
+    `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass after
+    `set_const`). `torque` and `foot_force` lag one physics step, as sensors do.
+    """
+
+    def __init__(
+        self,
+        spec: RobotSpec,
+        num_envs: int,
+        timestep: float = 0.005,
+        decimation: int = 4,
+        threads: int = 1,
+    ) -> None:
+        """Build the robots in their standing pose, without dry friction.
+
+        `timestep`: physics step [s]; `decimation`: physics steps in one control period; `threads`: of the simulator.
+        """
+        if num_envs < 1 or decimation < 1 or not 0 < timestep <= 0.02:
+            raise StictionError(
+                f"fleet of {num_envs} robots, physics step {timestep} s, decimation {decimation}: "
+                "expected at least one robot, one step, and a step of at most 0.02 s"
+            )
+        self.spec, self.num_envs, self.timestep, self.decimation = spec, num_envs, timestep, decimation
+        self.model = build_model(spec, timestep)
+        self.simulation = simulation = NativeSimulation(self.model, num_envs, threads)
+        joints = slice(BASE_DOFS, None)
+        self.qpos, self.qvel = simulation.bind("qpos"), simulation.bind("qvel")
+        self.base_position = self.qpos[:, :3]
+        self.base_quaternion = self.qpos[:, 3:7]
+        self.base_angular_velocity = self.qvel[:, 3:6]
+        self.joint_position = self.qpos[:, 7:]
+        self.joint_velocity = self.qvel[:, joints]
+        self.joint_acceleration = simulation.bind("qacc")[:, joints]
+        self.torque = simulation.bind("actuator_force")
+        self.foot_force = simulation.bind("sensordata")
+        self.friction = simulation.expand("dof_frictionloss")[:, joints]
+        self.damping = simulation.expand("dof_damping")[:, joints]
+        self.armature = simulation.expand("dof_armature")[:, joints]
+        self._gain = simulation.expand("actuator_gainprm")
+        self._bias = simulation.expand("actuator_biasprm")
+        self.delay = simulation.expand("actuator_delay")
+        self._delayed_targets = simulation.bind("history").reshape(num_envs, spec.num_joints, -1)[..., -DELAY_SAMPLES:]
+        self._bind_base_and_feet()
+        self.nominal_kp = spec.joint_values("stiffness")
+        self.nominal_kd = spec.joint_values("derivative")
+        self.standing = spec.joint_values("standing")
+        self.torque_limit = spec.joint_values("torque_limit")
+        self.targets = simulation.bind("ctrl")
+        self.friction[:] = 0.0
+        self.blown_up = np.zeros(num_envs, np.int64)
+        self.reset(np.arange(num_envs))
+
+    def _bind_base_and_feet(self) -> None:
+        """Expand the base's mass and centre of mass, and the feet's friction on the ground."""
+        base = self.model.body("base").id
+        self._feet = np.array([self.model.geom(name).id for name in self.spec.foot_names])
+        self.base_mass = self.simulation.expand("body_mass")[:, base]
+        self.base_com = self.simulation.expand("body_ipos")[:, base]
+        self._geom_friction = self.simulation.expand("geom_friction")
+
+    @property
+    def control_period(self) -> float:
+        """Time between two actions [s]."""
+        return self.timestep * self.decimation
+
+    @property
+    def base_linear_velocity(self) -> np.ndarray:
+        """Velocity of the base's origin in the base frame [m/s], shape (N, 3); a copy."""
+        return rotate_inverse(self.base_quaternion, self.qvel[:, :3])
+
+    @property
+    def foot_contact(self) -> np.ndarray:
+        """Whether each foot carries load, shape (N, legs); a copy."""
+        return self.foot_force > 1.0
+
+    def set_ground_friction(self, value: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
+        """Set the sliding friction coefficient between feet and ground, shape (len(ids),) or a number."""
+        rows = np.arange(self.num_envs)[ids]
+        self._geom_friction[np.ix_(rows, self._feet, [0])] = np.broadcast_to(value, rows.shape)[:, None, None]
+
+    def set_gains(self, kp: np.ndarray, kd: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
+        """Set the joint controllers: torque = kp (target - q) - kd q', clipped to the limit; shapes (len(ids), joints)."""
+        self._gain[ids, :, 0] = kp
+        self._bias[ids, :, 1] = -np.asarray(kp)
+        self._bias[ids, :, 2] = -np.asarray(kd)
+
+    def set_targets(self, targets: np.ndarray) -> None:
+        """Set the joint targets of every robot [rad], shape (N, joints)."""
+        self.targets[...] = targets
+
+    def set_const(self, ids: np.ndarray) -> None:
+        """Make changes of mass, centre of mass and armature take effect in the robots `ids`."""
+        self.simulation.set_const(ids)
+
+    def push(self, velocity: np.ndarray, ids: np.ndarray) -> None:
+        """Add `velocity` [m/s] to the base's horizontal velocity in the world, shape (len(ids), 2)."""
+        self.qvel[ids, :2] += velocity
+
+    def step(self) -> np.ndarray:
+        """Advance one control period; return the ids of robots that blew up (already reset to standing, and counted).
+
+        The caller ends their episode. The reset here keeps NaN from reaching any observation.
+        """
+        blown_up = self.simulation.step(self.decimation)
+        if len(blown_up):
+            self.blown_up[blown_up] += 1
+            self.reset(blown_up)
+        return blown_up
+
+    def reset(
+        self,
+        ids: np.ndarray,
+        joint_position: np.ndarray | None = None,
+        heading: np.ndarray | None = None,
+        velocity: np.ndarray | None = None,
+    ) -> None:
+        """Stand the robots `ids` on the ground at the origin, delay lines filled with the standing pose.
+
+        `joint_position`: (len(ids), joints) [rad]; `heading`: (len(ids),) [rad]; `velocity`: initial velocity of the base,
+        (len(ids), 6), linear in the world and angular in the base frame.
+        """
+        if not len(ids):
+            return
+        self.simulation.reset(ids)
+        self._delayed_targets[ids] = self.standing[:, None]
+        if joint_position is not None:
+            self.joint_position[ids] = joint_position
+        if heading is not None:
+            self.base_quaternion[ids] = 0.0
+            self.base_quaternion[ids, 0] = np.cos(heading / 2)
+            self.base_quaternion[ids, 3] = np.sin(heading / 2)
+        if velocity is not None:
+            self.qvel[ids, :6] = velocity
+
+    def fallen(self) -> np.ndarray:
+        """Return whether each robot lies or is about to, shape (N,)."""
+        low = self.base_position[:, 2] < FALLEN_HEIGHT * self.spec.standing_height
+        return low | (base_up(self.base_quaternion) < FALLEN_TILT)
+
+    def data(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Return one robot as a model and data of its own, positions computed, to render or inspect."""
+        model, data = self.simulation.batch.get_model(env), self.simulation.batch.get_data(env)
+        mujoco.mj_forward(model, data)
+        return model, data

@@ -1,0 +1,66 @@
+"""The CPU backend: MuJoCo's own batch of simulations on a pool of C threads."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+# MuJoCo would write every instability to a file in the current folder and to the terminal. `step` reports them instead.
+mujoco.set_mju_user_warning(lambda message: None)
+
+_STATE = ("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
+"""Everything in MuJoCo's integration state that this house uses: what a checkpoint must hold."""
+
+
+class NativeSimulation:
+    """`Simulation` on `mujoco.batch.Batch`; bit-identical to a serial loop at any thread count."""
+
+    def __init__(self, model: mujoco.MjModel, num: int, threads: int) -> None:
+        """Make `num` simulations of `model` on `threads` threads, all in keyframe 0.
+
+        Raises `ValueError` where the model resets itself on NaN: a result could then hide a blow-up.
+        """
+        if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_AUTORESET:
+            raise ValueError("the model resets itself when a state turns NaN; set mjDSBL_AUTORESET in disableflags")
+        self.num = num
+        self.model = model
+        self.batch = Batch(model, nsim=num, nthread=threads)
+        self._finite = [self.bind(name) for name in ("qpos", "qvel", "qacc")]
+        self.reset(np.arange(num))
+
+    def bind(self, name: str) -> np.ndarray:
+        """Return the live array of a state or derived field, shape (num, ...)."""
+        return self.batch.bind(name)
+
+    def expand(self, name: str) -> np.ndarray:
+        """Return the live per-simulation array of a model field, shape (num, ...)."""
+        return self.batch.expand(name)
+
+    def set_const(self, ids: np.ndarray) -> None:
+        """Recompute the constants derived from masses, inertias and armatures (30-60 µs a simulation)."""
+        if len(ids):
+            self.batch.set_const(ids)
+
+    def reset(self, ids: np.ndarray) -> None:
+        """Put `ids` into keyframe 0; the derived fields are those of the standing pose."""
+        if len(ids):
+            self.batch.reset(ids, keyframe=0)
+
+    def step(self, nstep: int) -> np.ndarray:
+        """Advance by `nstep` physics steps; return the ids whose state is not finite or out of MuJoCo's bounds."""
+        self.batch.step(nstep=nstep)
+        bad = np.zeros(self.num, bool)
+        for field in self._finite:
+            # A sum is finite exactly where all entries are (or overflows, which is a blow-up too): one pass, no mask.
+            bad |= ~(np.abs(field).sum(axis=1) < mujoco.mjMAXVAL)
+        return np.flatnonzero(bad)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return a copy of everything the next step depends on, for a checkpoint."""
+        return {name: self.bind(name).copy() for name in _STATE if self.bind(name).size}
+
+    def load_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restore what `state` returned; the next step is then bit-identical."""
+        for name, value in state.items():
+            self.bind(name)[...] = value

@@ -1,0 +1,40 @@
+"""What a batched physics backend must do. MuJoCo's field names are the vocabulary of every backend."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+
+class Simulation(Protocol):
+    """Many simulations of one model, stepped together."""
+
+    num: int
+    """Number of simulations."""
+
+    def bind(self, name: str) -> np.ndarray:
+        """Return a live (num, ...) array over a state or derived field (`qpos`, `qvel`, `ctrl`, `sensordata`, ...).
+
+        State fields are writable; derived fields are read-only and refreshed by every call.
+        """
+        ...
+
+    def expand(self, name: str) -> np.ndarray:
+        """Give a model field per-simulation values and return them, live, shape (num, ...)."""
+        ...
+
+    def set_const(self, ids: np.ndarray) -> None:
+        """Recompute what derives from masses, inertias and armatures of the simulations `ids`."""
+        ...
+
+    def reset(self, ids: np.ndarray) -> None:
+        """Put the simulations `ids` into the standing keyframe, velocities, warm start and delay lines cleared."""
+        ...
+
+    def step(self, nstep: int) -> np.ndarray:
+        """Advance every simulation by `nstep` physics steps; return the ids of those that blew up, ascending.
+
+        A simulation that blew up is left as it is, its counters cleared: the caller resets it. None is reset silently.
+        """
+        ...
