@@ -1,0 +1,163 @@
+"""One seed policy, one thread policy, and what a result must say about the code and the machine that made it.
+
+NumPy is imported where it is used, so that `limit_library_threads` can run before NumPy loads its linear algebra.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+import subprocess
+from collections.abc import Iterable
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stiction.formats.errors import StictionError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+THREADS_VARIABLE = "STICTION_THREADS"
+"""Environment variable that overrides the number of worker threads."""
+
+LIBRARY_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Environment variables that size the thread pools of numerical libraries; they are read when a library loads."""
+
+PACKAGE = Path(__file__).resolve().parents[1]
+"""The folder of the package `stiction`."""
+
+GIT_TIMEOUT = 10.0
+"""Longest wait for git [s]: a result is not held up by a checkout on a slow disk."""
+
+
+def _sequence(seed: int, name: str) -> np.random.SeedSequence:
+    """Return the seed sequence of one named stream.
+
+    `SeedSequence.spawn` numbers its children by a counter; here the child's key is the SHA-256 of its name instead, so
+    that a stream depends on the seed and its own name alone.
+    """
+    import numpy as np
+
+    if seed < 0:
+        raise StictionError(f"the seed is {seed}; expected an integer of at least 0")
+    words = np.frombuffer(hashlib.sha256(name.encode()).digest(), dtype="<u4")
+    return np.random.SeedSequence(seed, spawn_key=tuple(int(word) for word in words))
+
+
+def seed_streams(seed: int, names: Iterable[str]) -> dict[str, np.random.Generator]:
+    """Return one independent generator a name, all from one seed.
+
+    Adding, removing or reordering names changes no other stream. Raise `StictionError` for a negative seed and for a
+    name given twice, because two users of one name would draw the same numbers.
+    """
+    import numpy as np
+
+    names = list(names)
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise StictionError(f"random streams named twice: {', '.join(twice)}; give each its own name")
+    return {name: np.random.Generator(np.random.PCG64(_sequence(seed, name))) for name in names}
+
+
+def stream_seed(seed: int, name: str) -> int:
+    """Return an integer in [0, 2**63) for libraries that take a number instead of a generator, such as torch."""
+    import numpy as np
+
+    return int(_sequence(seed, name).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+def num_threads() -> int:
+    """Return the number of worker threads: STICTION_THREADS, else the cores that this process may use.
+
+    Raise `StictionError` where the variable is not a positive integer.
+    """
+    text = os.environ.get(THREADS_VARIABLE, "").strip()
+    if not text:
+        return _available_cores()
+    if not re.fullmatch(r"[0-9]+", text) or int(text) < 1:
+        raise StictionError(
+            f"{THREADS_VARIABLE} is {text!r}; expected a positive integer, or unset it to use every core"
+        )
+    return int(text)
+
+
+def _available_cores() -> int:
+    """Return the number of cores that this process may use; macOS has no affinity, so all of them there."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def limit_library_threads() -> None:
+    """Hold the pools of numerical libraries at one thread, in this process and its children.
+
+    Only the simulator's pool and torch's gain from more, and they are given `num_threads()` by name; pools of their own
+    under each would fight for the same cores. A variable that the user has set stays. It has no effect on a library
+    that is loaded already, so the command line calls it first.
+    """
+    for variable in LIBRARY_POOLS:
+        os.environ.setdefault(variable, "1")
+
+
+def git_revision() -> str:
+    """Return the short hash of the commit that this code runs from, with `-dirty` where the package differs from it.
+
+    `unknown` without git, for an installed package, and for one that lies in somebody else's repository.
+    """
+    here = Path(__file__).resolve()
+    if _git("ls-files", "--error-unmatch", here.name, folder=here.parent) is None:
+        return "unknown"
+    commit = _git("rev-parse", "--short=12", "HEAD", folder=PACKAGE)
+    changes = _git("status", "--porcelain", "--", ".", folder=PACKAGE)
+    if not commit or changes is None:
+        return "unknown"
+    return f"{commit}-dirty" if changes else commit
+
+
+def _git(*arguments: str, folder: Path) -> str | None:
+    """Return what git prints in `folder`, or None where it fails or is missing."""
+    command = ["git", "-C", str(folder), *arguments]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=GIT_TIMEOUT, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def machine() -> dict[str, Any]:
+    """Return what a result says about where it was made: processor, cores, threads, system, Python, package versions."""
+    return {
+        "cpu": _cpu_model(Path("/proc/cpuinfo")),
+        "cores": os.cpu_count() or 1,
+        "threads": num_threads(),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "packages": _package_versions(),
+    }
+
+
+def _cpu_model(cpuinfo: Path) -> str:
+    """Return the processor's name from Linux's `cpuinfo`, or the architecture where there is none."""
+    try:
+        match = re.search(r"^model name\s*:\s*(.+)$", cpuinfo.read_text(), re.MULTILINE)
+    except OSError:
+        match = None
+    return match.group(1).strip() if match else platform.processor() or platform.machine()
+
+
+def _package_versions() -> dict[str, str]:
+    """Return the version of each installed package that `stiction` names as a dependency at run time, and its own."""
+    wanted = {"stiction"}
+    for requirement in metadata.requires("stiction") or []:
+        if "extra == 'dev'" not in requirement.replace('"', "'"):
+            wanted |= set(re.findall(r"^[A-Za-z0-9._-]+", requirement))
+    found = {}
+    for name in sorted(wanted):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
