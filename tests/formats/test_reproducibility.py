@@ -75,7 +75,7 @@ def test_number_of_threads_follows_the_variable_and_else_the_affinity(monkeypatc
 def test_a_wrong_number_of_threads_is_refused(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """If this failed, a typing error would be taken for "every core" or crash a library much later."""
     monkeypatch.setenv("STICTION_THREADS", text)
-    with pytest.raises(StictionError, match="STICTION_THREADS is .*expected a positive integer"):
+    with pytest.raises(StictionError, match=r"STICTION_THREADS is .*expected a positive integer"):
         reproducibility.num_threads()
 
 
@@ -134,7 +134,7 @@ def test_revision_names_the_commit_and_whether_the_code_differs(
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed, so there is no repository to confuse")
 def test_revision_of_an_installed_package_is_unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """If this failed, a package in a virtual environment inside the user's repository would report the user's commit."""
+    """If this failed, a package inside the user's own repository would report the user's commit."""
     _checkout(tmp_path)
     installed = tmp_path / "env/stiction/formats/reproducibility.py"
     installed.parent.mkdir(parents=True)

@@ -128,7 +128,7 @@ def _git(*arguments: str, folder: Path) -> str | None:
 
 
 def machine() -> dict[str, Any]:
-    """Return what a result says about where it was made: processor, cores, threads, system, Python, package versions."""
+    """Return what a result says about where it was made: processor, cores, threads, system, Python, versions."""
     return {
         "cpu": _cpu_model(Path("/proc/cpuinfo")),
         "cores": os.cpu_count() or 1,
