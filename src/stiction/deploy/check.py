@@ -1,0 +1,90 @@
+"""Checks a policy bundle as a robot's computer can: with onnxruntime and NumPy alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import Policy, PolicyStep, load_policy
+from stiction.formats.bundle import Bundle, BundleError, read_bundle
+from stiction.formats.golden import Golden
+
+TOLERANCE = 1e-5
+"""Largest difference between the recording and the replay, in units of observation and action and in rad."""
+
+
+@dataclass(frozen=True)
+class BundleCheck:
+    """A bundle that passed every check."""
+
+    bundle: Bundle
+    """The bundle, as it was read and hashed."""
+    steps: int
+    """Golden steps that were replayed."""
+    observation_error: float
+    """Largest difference of the observation [-]."""
+    action_error: float
+    """Largest difference of the action [-]."""
+    target_error: float
+    """Largest difference of the joint target [rad]."""
+
+    def summary(self) -> dict:
+        """Return plain data for `--json`."""
+        contract = self.bundle.contract
+        return {
+            "ok": True,
+            "bundle": self.bundle.name,
+            "digest": self.bundle.digest,
+            "size": self.bundle.size,
+            "robot": contract.robot,
+            "method": contract.method,
+            "friction_law": contract.friction_law,
+            "friction_level": contract.friction_level,
+            "steps": self.steps,
+            "tolerance": TOLERANCE,
+            "observation_error": self.observation_error,
+            "action_error": self.action_error,
+            "target_error": self.target_error,
+        }
+
+
+def check_bundle(path: Path | str) -> BundleCheck:
+    """Read a bundle, load its network and replay its golden vectors; return what was found.
+
+    Raises:
+        StictionError: the first thing that is wrong: files, checksums, contract, network, or the replay.
+
+    """
+    bundle = read_bundle(path)
+    policy = load_policy(bundle.contract, bundle.policy)
+    replayed = replay(policy, bundle.golden)
+    errors = {
+        name: float(np.abs(getattr(replayed, name).astype(np.float64) - getattr(bundle.golden, name)).max())
+        for name in ("observation", "action", "target")
+    }
+    for name, error in errors.items():
+        if not error <= TOLERANCE:  # also catches NaN
+            raise BundleError(
+                f"{path}: the replay differs from golden.npz by {error:.3g} in the {name}, more than {TOLERANCE:g}: "
+                "policy, contract and golden vectors do not belong together; get the bundle again"
+            )
+    return BundleCheck(bundle, len(bundle.golden), *errors.values())
+
+
+def replay(policy: Policy, golden: Golden) -> PolicyStep:
+    """Run the policy over the recorded sensors, step by step; return every step's outputs, shapes (T, ...).
+
+    The last action that enters each observation is the replay's own.
+    """
+    steps = []
+    for t in range(len(golden)):
+        if golden.reset[t]:
+            policy.reset()
+        sensors = Sensors(
+            golden.quaternion[t], golden.angular_velocity[t], golden.joint_position[t], golden.joint_velocity[t]
+        )
+        steps.append(policy.step(sensors, golden.command[t]))
+    return PolicyStep(*(np.stack([getattr(s, name) for s in steps]) for name in ("observation", "action", "target")))

@@ -1,0 +1,99 @@
+"""The policy's input, built from raw sensors in NumPy: the deployed twin of the observation that training builds.
+
+One robot (shape (J,)) and a batch of N (shape (N, J)) run the same code. Golden vectors hold both twins together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.observation import PLACEHOLDERS, ObservationLayout
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What the robot measures, at one instant; leading axes are the batch, empty for one robot."""
+
+    quaternion: np.ndarray
+    """Orientation of the base, unit, w x y z, shape (..., 4)."""
+    angular_velocity: np.ndarray
+    """Angular velocity in the base frame [rad/s], shape (..., 3)."""
+    joint_position: np.ndarray
+    """Joint angles [rad], shape (..., J)."""
+    joint_velocity: np.ndarray
+    """Joint velocities [rad/s], shape (..., J)."""
+
+
+def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
+    """Return roll and pitch [rad], shape (..., 2), of unit quaternions w x y z, shape (..., 4).
+
+    Roll is atan2(2(wx + yz), 1 - 2(x² + y²)), pitch is asin(2(wy - zx)); yaw is not observable and not used.
+    """
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    return np.stack([roll, pitch], axis=-1)
+
+
+class ObservationBuilder:
+    """Stacks frames of proprioception, o_t^H: each term is clip((raw - offset) * scale), the oldest frame first."""
+
+    def __init__(self, layout: ObservationLayout, standing: np.ndarray, batch: tuple[int, ...] = ()) -> None:
+        """Start with an empty history.
+
+        Args:
+            layout: terms and history length.
+            standing: standing pose [rad], shape (J,).
+            batch: leading shape, `()` for one robot or `(N,)`.
+
+        """
+        self.layout = layout
+        self._standing = np.asarray(standing, dtype=np.float64)
+        self._batch = batch
+        self._scale = np.concatenate([np.full(term.size, term.scale) for term in layout.terms])
+        self._clip = np.concatenate([np.full(term.size, term.clip) for term in layout.terms])
+        self._history = np.zeros((*batch, layout.history_length, layout.frame_size))
+        self._empty = np.ones(batch, dtype=bool)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Empty the history of the robots in `mask` (bool, the batch's shape), of all without it."""
+        self._empty |= True if mask is None else np.asarray(mask, dtype=bool)
+
+    def frame(self, sensors: Sensors, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
+        """Return one frame, o_t^prio, scaled and clipped, shape (*batch, frame size).
+
+        Args:
+            sensors: what the robot measures now.
+            command: commanded velocity, forward, sideways [m/s], turn [rad/s], shape (*batch, 3).
+            last_action: the network's output of the step before, after clipping, shape (*batch, J); zero at first.
+
+        """
+        raw = {
+            "angular_velocity": sensors.angular_velocity,
+            "roll_pitch": roll_pitch(sensors.quaternion),
+            "command": command,
+            "joint_position": sensors.joint_position,
+            "joint_velocity": sensors.joint_velocity,
+            "last_action": last_action,
+        }
+        parts = []
+        for term in self.layout.terms:
+            value = np.zeros((*self._batch, term.size)) if term.name in PLACEHOLDERS else np.asarray(raw[term.name])
+            if value.shape != (*self._batch, term.size):
+                raise ValueError(f"{term.name} has shape {value.shape}; expected {(*self._batch, term.size)}")
+            parts.append(value - self._standing if term.offset == "standing" else value)
+        return np.clip(np.concatenate(parts, axis=-1) * self._scale, -self._clip, self._clip)
+
+    def step(self, sensors: Sensors, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
+        """Append the present frame and return the network's input, a new float32 array, shape (*batch, size).
+
+        After a reset every frame of the history is the present one.
+        """
+        frame = self.frame(sensors, command, last_action)
+        self._history[..., :-1, :] = self._history[..., 1:, :]
+        self._history[..., -1, :] = frame
+        self._history = np.where(self._empty[..., None, None], frame[..., None, :], self._history)
+        self._empty = np.zeros(self._batch, dtype=bool)
+        return self._history.reshape(*self._batch, self.layout.size).astype(np.float32)

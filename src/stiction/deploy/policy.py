@@ -1,0 +1,110 @@
+"""The policy as it runs on a robot: observation builder, network (onnxruntime), joint targets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import onnxruntime
+
+from stiction.deploy.observation import ObservationBuilder, Sensors
+from stiction.deploy.onnx_file import OnnxError, external_tensors
+from stiction.formats.contract import Contract
+
+INPUT, OUTPUT = "observation", "action"
+"""Names of the network's one input and one output."""
+
+
+class Network:
+    """A network in ONNX, run by onnxruntime on one CPU thread: observation (N, size) -> action (N, J), float32."""
+
+    def __init__(self, model: bytes, observation_size: int, num_actions: int, threads: int = 1) -> None:
+        """Load the network from its bytes and check its input and output.
+
+        Raises:
+            OnnxError: not a model, tensors in other files, or other inputs and outputs than the contract needs.
+
+        """
+        if outside := external_tensors(model):
+            raise OnnxError(f"policy.onnx keeps {len(outside)} tensors in other files ({outside[0]!r}); expected none")
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = threads
+        options.inter_op_num_threads = 1
+        options.log_severity_level = 4
+        try:
+            self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        except Exception as error:  # onnxruntime raises a different class for each of its status codes
+            raise OnnxError(f"policy.onnx cannot be loaded: {error}; export the bundle again") from error
+        _check_port("input", self._session.get_inputs(), INPUT, observation_size)
+        _check_port("output", self._session.get_outputs(), OUTPUT, num_actions)
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        """Return the actions, float32, shape (N, J), for observations, float32, shape (N, size).
+
+        Raises:
+            OnnxError: the network fails on an input of the right shape.
+
+        """
+        try:
+            return self._session.run([OUTPUT], {INPUT: observation})[0]
+        except Exception as error:  # as above
+            raise OnnxError(f"policy.onnx failed on an observation of shape {observation.shape}: {error}") from error
+
+
+def _check_port(kind: str, ports: list, name: str, size: int) -> None:
+    """Check that there is one port of the given name, float32, with a free batch and the given size."""
+    found = [(port.name, port.type, list(port.shape)) for port in ports]
+    free_batch = len(found) == 1 and len(found[0][2]) == 2 and not isinstance(found[0][2][0], int)
+    if not free_batch or found[0][:2] != (name, "tensor(float)") or found[0][2][1] != size:
+        raise OnnxError(f"policy.onnx has the {kind} {found}; expected one {name!r}, float32, shape (batch, {size})")
+
+
+@dataclass
+class PolicyStep:
+    """What one step of the policy computed."""
+
+    observation: np.ndarray
+    """Input of the network, float32, shape (*batch, size)."""
+    action: np.ndarray
+    """Output of the network after clipping, float32, shape (*batch, J)."""
+    target: np.ndarray
+    """Joint targets [rad], shape (*batch, J)."""
+
+
+class Policy:
+    """Sensors and command in, joint targets out; holds the history and the last action of every robot."""
+
+    def __init__(self, contract: Contract, network: Network, batch: tuple[int, ...] = ()) -> None:
+        """Start with an empty history; `batch` is `()` for one robot or `(N,)`."""
+        self.contract = contract
+        self._network = network
+        self._batch = batch
+        self._standing = contract.array("standing")
+        self._builder = ObservationBuilder(contract.observation, self._standing, batch)
+        self._last_action = np.zeros((*batch, contract.num_joints), dtype=np.float32)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the history and the last action of the robots in `mask` (bool, the batch's shape), of all without."""
+        chosen = np.ones(self._batch, dtype=bool) if mask is None else np.asarray(mask, dtype=bool)
+        self._builder.reset(chosen)
+        self._last_action = np.where(chosen[..., None], np.float32(0.0), self._last_action)
+
+    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Advance by one control period.
+
+        Args:
+            sensors: what the robots measure now.
+            command: commanded velocity, forward, sideways [m/s], turn [rad/s], shape (*batch, 3).
+
+        """
+        observation = self._builder.step(sensors, command, self._last_action)
+        clip = np.float32(self.contract.action_clip)
+        action = np.clip(self._network(np.atleast_2d(observation)), -clip, clip).reshape(self._last_action.shape)
+        self._last_action = action
+        return PolicyStep(observation, action, self._standing + self.contract.action_scale * action.astype(np.float64))
+
+
+def load_policy(contract: Contract, model: bytes, batch: tuple[int, ...] = (), threads: int = 1) -> Policy:
+    """Return the policy of a bundle's contract and network; see `Policy` and `Network` for shapes and errors."""
+    network = Network(model, contract.observation.size, contract.num_joints, threads)
+    return Policy(contract, network, batch)

@@ -1,0 +1,216 @@
+"""The contract of a policy: everything that a runtime must know to run it, as one validated record.
+
+A runtime computes `target = standing + action_scale * clip(network(observation), ±action_clip)` once per control period
+and holds it; the joint controller applies `kp (target - position) - kd velocity`, limited to the torque limit.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.formats.observation import ObservationLayout
+
+SCHEMA_VERSION = 1
+"""Version of contract.json; a reader refuses any other."""
+
+PER_JOINT = ("kp", "kd", "standing", "lower", "upper", "torque_limit")
+"""Fields with one number per joint, in the order of `joint_names`."""
+
+TERM_SIZES = {"angular_velocity": 3, "roll_pitch": 2, "command": 3}
+"""Sizes that do not depend on the robot."""
+
+JOINT_TERMS = ("joint_position", "joint_velocity", "last_action")
+"""Terms with one entry per joint."""
+
+
+class ContractError(StictionError):
+    """The contract is not one that a runtime can obey; the message names the field."""
+
+
+@dataclass(frozen=True)
+class Contract:
+    """What a policy expects of the robot and of the runtime. Sequences over joints have the order of `joint_names`."""
+
+    robot: str
+    """Name of the robot: `saturn_lite`."""
+    terrain: str
+    """Terrain trained on: `flat`."""
+    method: str
+    """Way of training with friction: `none`, `direct`, `deception`, ..."""
+    seed: int
+    """Seed of the training run."""
+    friction_law: str
+    """Law of the joint friction in training: `coulomb`."""
+    friction_level: float
+    """Nominal dry friction as a fraction of each joint's torque limit [-]."""
+    friction_range: tuple[float, float]
+    """Range of the dry friction that training drew from, as fractions of the torque limit [-]."""
+    joint_names: tuple[str, ...]
+    """Names of the joints, in the order of every vector over joints."""
+    control_period: float
+    """Time between two actions [s]."""
+    decimation: int
+    """Physics steps per action."""
+    physics_timestep: float
+    """Physics step of training [s]; control_period = decimation * physics_timestep."""
+    kp: tuple[float, ...]
+    """Proportional gains of the joint controller [N m/rad]."""
+    kd: tuple[float, ...]
+    """Derivative gains of the joint controller [N m s/rad]."""
+    standing: tuple[float, ...]
+    """Standing pose, the offset of the action [rad]."""
+    lower: tuple[float, ...]
+    """Lower joint limits [rad]."""
+    upper: tuple[float, ...]
+    """Upper joint limits [rad]."""
+    torque_limit: tuple[float, ...]
+    """Largest torques of the motors [N m]."""
+    observation: ObservationLayout
+    """Terms, scales, clips and history of the network's input."""
+    action_scale: float
+    """Joint angle per unit of action [rad]."""
+    action_clip: float
+    """Symmetric bound of the network's output [-]."""
+    revision: str
+    """Revision of the code that trained the policy."""
+    command: str
+    """Command that made the policy."""
+    joints_file: Mapping[str, str] | None = None
+    """`name` and `sha256` of the joints.json that set the nominal joints, or None."""
+    action_offset: str = "standing"
+    """What the scaled action is added to; only `standing` is known."""
+    quaternion_order: str = "wxyz"
+    """Order of the entries of the orientation; only `wxyz` is known."""
+    schema_version: int = SCHEMA_VERSION
+    """Version of this record."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no runtime could obey."""
+        _check_scalars(self)
+        _check_joints(self)
+        _check_observation(self.observation, len(self.joint_names))
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    def array(self, field: str) -> np.ndarray:
+        """Return a field with one number per joint as an array, shape (num_joints,)."""
+        return np.array(getattr(self, field), dtype=np.float64)
+
+    def to_json(self) -> str:
+        """Return the text of contract.json, keys in the order of the fields."""
+        data = asdict(self)
+        data["observation"] = self.observation.to_dict()
+        return json.dumps(data, indent=2) + "\n"
+
+
+def read_contract(text: bytes) -> Contract:
+    """Parse the bytes of a contract.json.
+
+    Raises:
+        ContractError: not JSON, a field missing, unknown, of the wrong type or size, or not finite.
+
+    """
+    try:
+        data = json.loads(text.decode("utf-8"), parse_constant=_refuse_constant)
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        raise ContractError(f"contract.json is not JSON: {error}; export the bundle again") from error
+    if not isinstance(data, dict):
+        raise ContractError(f"contract.json holds a {type(data).__name__}; expected an object")
+    known = {field.name for field in fields(Contract)}
+    if missing := sorted(known - data.keys()):
+        raise ContractError(f"contract.json lacks the field {missing[0]!r}; export the bundle again")
+    if unknown := sorted(data.keys() - known):
+        raise ContractError(f"contract.json has the field {unknown[0]!r}, which schema {SCHEMA_VERSION} does not know")
+    if not isinstance(data["observation"], dict):
+        raise ContractError("contract field 'observation' must be an object with 'terms'")
+    data["observation"] = ObservationLayout.from_dict(data["observation"])
+    for name in ("joint_names", "friction_range", *PER_JOINT):
+        if not isinstance(data[name], list):
+            raise ContractError(f"contract field {name!r} must be a list, not {data[name]!r}")
+        data[name] = tuple(data[name])
+    return Contract(**data)
+
+
+def _refuse_constant(text: str) -> float:
+    """Refuse NaN and Infinity, which JSON does not have."""
+    raise ContractError(f"contract.json contains {text}; every number must be finite")
+
+
+def _is_number(value: object) -> bool:
+    """Say whether `value` is a finite number (and not a bool)."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _expect(condition: bool, field: str, value: object, expected: str) -> None:
+    """Raise `ContractError` naming the field unless the condition holds."""
+    if not condition:
+        raise ContractError(f"contract field {field!r} is {value!r}; expected {expected}")
+
+
+def _check_scalars(contract: Contract) -> None:
+    """Check every field that does not depend on the number of joints."""
+    c = contract
+    _expect(c.schema_version == SCHEMA_VERSION, "schema_version", c.schema_version, f"{SCHEMA_VERSION}")
+    for name in ("robot", "terrain", "method", "friction_law", "revision", "command"):
+        value = getattr(c, name)
+        _expect(isinstance(value, str) and bool(value.strip()), name, value, "a text that is not empty")
+    for name in ("seed", "decimation"):
+        value = getattr(c, name)
+        _expect(isinstance(value, int) and not isinstance(value, bool) and value >= 0, name, value, "an integer >= 0")
+    for name in ("control_period", "physics_timestep", "action_scale", "action_clip"):
+        value = getattr(c, name)
+        _expect(_is_number(value) and value > 0, name, value, "a positive number")
+    _expect(_is_number(c.friction_level) and c.friction_level >= 0, "friction_level", c.friction_level, "a number >= 0")
+    span = c.friction_range
+    ordered = len(span) == 2 and all(map(_is_number, span)) and 0 <= span[0] <= span[1]
+    _expect(ordered, "friction_range", span, "two numbers, 0 <= low <= high")
+    period = c.decimation * c.physics_timestep
+    _expect(math.isclose(period, c.control_period, rel_tol=1e-9), "control_period", c.control_period, f"{period}")
+    _expect(c.action_offset == "standing", "action_offset", c.action_offset, "'standing'")
+    _expect(c.quaternion_order == "wxyz", "quaternion_order", c.quaternion_order, "'wxyz'")
+    if c.joints_file is not None:
+        named = isinstance(c.joints_file, Mapping) and set(c.joints_file) == {"name", "sha256"}
+        texts = named and all(isinstance(value, str) for value in c.joints_file.values())
+        _expect(texts, "joints_file", c.joints_file, "null, or an object with the texts 'name' and 'sha256'")
+
+
+def _check_joints(contract: Contract) -> None:
+    """Check names, sizes and ranges of the fields with one entry per joint."""
+    names = contract.joint_names
+    valid = len(names) > 0 and all(isinstance(name, str) and name for name in names)
+    _expect(valid and len(set(names)) == len(names), "joint_names", names, "different names, at least one")
+    for field in PER_JOINT:
+        values = getattr(contract, field)
+        _expect(len(values) == len(names), field, f"{len(values)} entries", f"{len(names)}, one per joint")
+        _expect(all(map(_is_number, values)), field, values, "finite numbers")
+    for name, lower, standing, upper in zip(names, contract.lower, contract.standing, contract.upper, strict=True):
+        _expect(lower < standing < upper, "standing", f"{standing} at {name}", f"an angle within ({lower}, {upper})")
+    for field in ("kp", "torque_limit"):
+        _expect(min(getattr(contract, field)) > 0, field, getattr(contract, field), "positive numbers")
+    _expect(min(contract.kd) >= 0, "kd", contract.kd, "numbers >= 0")
+
+
+def _check_observation(layout: ObservationLayout, num_joints: int) -> None:
+    """Check that every term has the size and the numbers that a runtime can build."""
+    names = [term.name for term in layout.terms]
+    _expect(len(set(names)) == len(names) > 0, "observation.terms", names, "different terms, at least one")
+    _expect(isinstance(layout.history_length, int), "observation.history_length", layout.history_length, "an integer")
+    for term in layout.terms:
+        where = f"observation.{term.name}"
+        expected = num_joints if term.name in JOINT_TERMS else TERM_SIZES.get(term.name, term.size)
+        integer = isinstance(term.size, int) and not isinstance(term.size, bool) and term.size >= 1
+        _expect(integer and term.size == expected, f"{where}.size", term.size, f"{expected}")
+        for field in ("scale", "clip"):
+            value = getattr(term, field)
+            _expect(_is_number(value) and value > 0, f"{where}.{field}", value, "a positive number")
+        offsets = ("none", "standing") if term.name == "joint_position" else ("none",)
+        _expect(term.offset in offsets, f"{where}.offset", term.offset, " or ".join(map(repr, offsets)))

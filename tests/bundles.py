@@ -1,0 +1,109 @@
+"""Makes policy bundles by hand, a random linear network on a shipped robot, without torch and without physics."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stiction.deploy.check import replay
+from stiction.deploy.policy import load_policy
+from stiction.formats.bundle import FILES, write_bundle
+from stiction.formats.contract import Contract
+from stiction.formats.golden import Golden
+from stiction.formats.observation import proprioception
+from stiction.robots.catalog import find_robot
+
+
+def make_contract(robot: str = "saturn_lite", **changes) -> Contract:
+    """Return a valid contract for a shipped robot, with some fields changed."""
+    spec = find_robot(robot)
+    per_joint = {
+        "kp": "stiffness",
+        "kd": "derivative",
+        "standing": "standing",
+        "lower": "lower",
+        "upper": "upper",
+        "torque_limit": "torque_limit",
+    }
+    values = {
+        "robot": robot,
+        "terrain": "flat",
+        "method": "none",
+        "seed": 0,
+        "friction_law": "coulomb",
+        "friction_level": 0.2,
+        "friction_range": (0.0, 0.24),
+        "joint_names": spec.joint_names,
+        "control_period": 0.02,
+        "decimation": 4,
+        "physics_timestep": 0.005,
+        **{field: tuple(spec.joint_values(name).tolist()) for field, name in per_joint.items()},
+        "observation": proprioception(spec.num_joints),
+        "action_scale": spec.action_scale,
+        "action_clip": 4.0,
+        "revision": "0000000",
+        "command": "made by a test",
+    }
+    return Contract(**(values | changes))
+
+
+def make_network(contract: Contract, seed: int = 0, gain: float = 0.02) -> bytes:
+    """Return an ONNX network, action = W observation, with random weights of the given size."""
+    onnx = pytest.importorskip(
+        "onnx", reason="the package onnx, of the extra 'train', is needed to make a test network"
+    )
+    weights = gain * np.random.default_rng(seed).standard_normal((contract.observation.size, contract.num_joints))
+    return linear_network(onnx, weights.astype(np.float32))
+
+
+def linear_network(onnx, weights: np.ndarray, inputs: str = "observation", batch: str | int = "batch") -> bytes:
+    """Return an ONNX network with one matrix product."""
+    port = onnx.helper.make_tensor_value_info
+    graph = onnx.helper.make_graph(
+        [onnx.helper.make_node("MatMul", [inputs, "weights"], ["action"])],
+        "linear",
+        [port(inputs, onnx.TensorProto.FLOAT, [batch, weights.shape[0]])],
+        [port("action", onnx.TensorProto.FLOAT, [batch, weights.shape[1]])],
+        [onnx.numpy_helper.from_array(weights, "weights")],
+    )
+    model = onnx.helper.make_model(graph, opset_imports=[onnx.helper.make_opsetid("", 18)], ir_version=10)
+    return model.SerializeToString()
+
+
+def make_golden(contract: Contract, model: bytes, steps: int = 500, seed: int = 0) -> Golden:
+    """Return golden vectors over random sensors, two resets and changing commands."""
+    generator = np.random.default_rng(seed)
+    joints = contract.num_joints
+    quaternion = np.array([1.0, 0.0, 0.0, 0.0]) + 0.1 * generator.standard_normal((steps, 4))
+    golden = Golden(
+        joint_names=np.array(contract.joint_names),
+        time=np.arange(steps) * contract.control_period,
+        reset=np.isin(np.arange(steps), [0, steps // 2]),
+        command=np.repeat(generator.uniform(-0.5, 0.5, (steps // 100, 3)), 100, axis=0),
+        quaternion=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True),
+        angular_velocity=generator.standard_normal((steps, 3)),
+        joint_position=contract.array("standing") + 0.2 * generator.standard_normal((steps, joints)),
+        joint_velocity=generator.standard_normal((steps, joints)),
+        observation=np.zeros((steps, contract.observation.size), np.float32),
+        action=np.zeros((steps, joints), np.float32),
+        target=np.zeros((steps, joints)),
+    )
+    outputs = replay(load_policy(contract, model), golden)
+    computed = {"observation": outputs.observation, "action": outputs.action, "target": outputs.target}
+    return Golden(**({field.name: getattr(golden, field.name) for field in fields(Golden)} | computed))
+
+
+def repair_sums(folder: Path) -> None:
+    """Write SHA256SUMS anew, as someone would who altered a file on purpose."""
+    lines = [f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}\n" for name in FILES]
+    (folder / "SHA256SUMS").write_text("".join(lines))
+
+
+def make_bundle(path: Path, contract: Contract, model: bytes | None = None) -> Path:
+    """Write a complete bundle that passes every check; return its path."""
+    model = make_network(contract) if model is None else model
+    return write_bundle(path, contract, model, make_golden(contract, model), "# Toy\n")

@@ -1,0 +1,22 @@
+"""Fixtures that several rooms share."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bundles import make_bundle, make_contract
+from stiction.formats.contract import Contract
+
+
+@pytest.fixture
+def contract() -> Contract:
+    """A valid contract for Saturn Lite."""
+    return make_contract()
+
+
+@pytest.fixture
+def bundle(tmp_path: Path, contract: Contract) -> Path:
+    """A complete bundle that passes every check."""
+    return make_bundle(tmp_path / "toy", contract)

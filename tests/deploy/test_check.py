@@ -1,0 +1,65 @@
+"""`check_bundle` accepts what was exported and rejects what was altered, repaired checksums or not."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from bundles import make_bundle, make_contract, make_golden, make_network, repair_sums
+from stiction.deploy.check import TOLERANCE, check_bundle
+from stiction.formats.bundle import BundleError, read_bundle, write_bundle
+from stiction.formats.contract import Contract
+from stiction.formats.errors import StictionError
+
+
+@pytest.mark.parametrize("robot", ["saturn_lite", "go1"])
+def test_a_good_bundle_passes(tmp_path: Path, robot: str) -> None:
+    """Six legs and four, on the machine that recorded the vectors."""
+    check = check_bundle(make_bundle(tmp_path / robot, make_contract(robot)))
+    assert check.steps == 500
+    assert max(check.observation_error, check.action_error, check.target_error) <= TOLERANCE
+    assert check.summary()["ok"] is True
+
+
+def test_another_policy_with_repaired_sums_is_rejected(bundle: Path, contract: Contract) -> None:
+    """A policy of another run must not pass for this one."""
+    (bundle / "policy.onnx").write_bytes(make_network(contract, seed=1))
+    repair_sums(bundle)
+    with pytest.raises(BundleError, match=r"policy\.onnx"):
+        check_bundle(bundle)
+
+
+def test_the_replay_alone_sees_another_policy(tmp_path: Path, contract: Contract) -> None:
+    """Even where every digest was made anew, golden vectors of one policy do not fit another."""
+    golden = make_golden(contract, make_network(contract))
+    forged = write_bundle(tmp_path / "forged", contract, make_network(contract, seed=1), golden, "")
+    read_bundle(forged)
+    with pytest.raises(BundleError, match="differs"):
+        check_bundle(forged)
+
+
+@pytest.mark.parametrize("change", [{"action_scale": 0.26}, {"action_clip": 0.05}, {"standing": (0.0, 0.86, -1.5) * 6}])
+def test_the_replay_sees_other_numbers_in_the_contract(tmp_path: Path, contract: Contract, change: dict) -> None:
+    """What the policy computes is held to the recording, digest or not."""
+    model = make_network(contract)
+    forged = make_contract(**change)
+    path = write_bundle(tmp_path / "forged", forged, model, make_golden(contract, model), "")
+    with pytest.raises(BundleError, match="differs"):
+        check_bundle(path)
+
+
+def test_any_number_of_the_contract_changed_with_repaired_sums_is_rejected(bundle: Path) -> None:
+    """Every field counts, those included that the replay cannot see."""
+    path = bundle / "contract.json"
+    original = path.read_text()
+    data = json.loads(original)
+    changes = {"kp": [101.0, *data["kp"][1:]], "kd": [2.6, *data["kd"][1:]], "torque_limit": [50.0] * 18}
+    changes |= {"friction_level": 0.1, "seed": 1, "method": "deception", "control_period": 0.02, "decimation": 4}
+    for field, value in changes.items():
+        path.write_text(json.dumps(data | {field: value}))
+        repair_sums(bundle)
+        with pytest.raises(StictionError):
+            check_bundle(bundle)
+    path.write_text(original)
+    repair_sums(bundle)
+    assert check_bundle(bundle).steps == 500

@@ -1,0 +1,107 @@
+"""The deployed observation, against numbers worked out by hand."""
+
+import numpy as np
+import pytest
+
+from stiction.deploy.observation import ObservationBuilder, Sensors, roll_pitch
+from stiction.formats.observation import ObservationLayout, Term, proprioception
+
+STANDING = np.array([0.5, -1.0])
+
+LAYOUT = ObservationLayout(
+    (
+        Term("angular_velocity", 3, 0.25, 5.0, "base"),
+        Term("roll_pitch", 2, 1.0, 3.2, "base"),
+        Term("placeholder_terrain", 1, 1.0, 1.0, "none"),
+        Term("command", 3, 2.0, 5.0, "command"),
+        Term("joint_position", 2, 1.0, 5.0, "joint", "standing"),
+        Term("joint_velocity", 2, 0.05, 5.0, "joint"),
+        Term("last_action", 2, 1.0, 10.0, "joint"),
+    ),
+    history_length=3,
+)
+
+
+def sensors(position: float = 0.0) -> Sensors:
+    """One robot rolled by 0.2 rad, both joints at `position`."""
+    return Sensors(
+        np.array([np.cos(0.1), np.sin(0.1), 0.0, 0.0]),
+        np.array([1.0, 40.0, -2.0]),
+        np.full(2, position),
+        np.array([10.0, -1000.0]),
+    )
+
+
+@pytest.mark.parametrize("angle", [-1.2, 0.0, 0.7])
+def test_roll_and_pitch_of_turns_about_one_axis(angle: float) -> None:
+    """A wrong sign or order would make the robot lean into its fall."""
+    half = angle / 2
+    about_x = roll_pitch(np.array([np.cos(half), np.sin(half), 0, 0]))
+    about_y = roll_pitch(np.array([np.cos(half), 0, np.sin(half), 0]))
+    about_z = roll_pitch(np.array([np.cos(half), 0, 0, np.sin(half)]))
+    np.testing.assert_allclose([about_x, about_y, about_z], [[angle, 0], [0, angle], [0, 0]], atol=1e-12)
+
+
+def test_pitch_of_a_quaternion_that_is_not_quite_unit() -> None:
+    """Rounding can push the sine past one; the angle must stay a number."""
+    assert roll_pitch(np.array([0.7072, 0, 0.7072, 0]))[1] == pytest.approx(np.pi / 2)
+
+
+def test_a_frame_by_hand() -> None:
+    """clip((raw - offset) * scale), term by term."""
+    builder = ObservationBuilder(LAYOUT, STANDING)
+    frame = builder.frame(sensors(0.25), np.array([0.5, 0.0, -3.0]), np.array([0.1, 20.0]))
+    expected = [0.25, 5.0, -0.5, 0.2, 0.0, 0.0, 1.0, 0.0, -5.0, -0.25, 1.25, 0.5, -5.0, 0.1, 10.0]
+    np.testing.assert_allclose(frame, expected, atol=1e-12)
+
+
+def test_history_is_oldest_first_and_starts_full() -> None:
+    """After a reset all frames are the present one; then they move to the front."""
+    builder = ObservationBuilder(LAYOUT, STANDING)
+    joint = 9  # where joint_position starts in a frame
+    seen = []
+    for position in (1.0, 2.0, 3.0, 4.0):
+        stacked = builder.step(sensors(position), np.zeros(3), np.zeros(2))
+        seen.append((stacked.reshape(3, -1)[:, joint] + STANDING[0]).tolist())
+    assert seen == [[1, 1, 1], [1, 1, 2], [1, 2, 3], [2, 3, 4]]
+    builder.reset()
+    stacked = builder.step(sensors(5.0), np.zeros(3), np.zeros(2))
+    assert (stacked.reshape(3, -1)[:, joint] + STANDING[0]).tolist() == [5, 5, 5]
+
+
+def test_a_batch_is_its_robots_one_by_one() -> None:
+    """Evaluation runs batches, the robot runs one; a difference would make evaluation worthless."""
+    generator = np.random.default_rng(0)
+    layout = proprioception(18)
+    standing = generator.standard_normal(18)
+    together = ObservationBuilder(layout, standing, (3,))
+    alone = [ObservationBuilder(layout, standing) for _ in range(3)]
+    for step in range(15):
+        if step == 6:
+            together.reset(np.array([False, True, False]))
+            alone[1].reset()
+        quaternion = generator.standard_normal((3, 4))
+        quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+        readings = [quaternion, *(generator.standard_normal((3, size)) for size in (3, 18, 18, 3, 18))]
+        batch = together.step(Sensors(*readings[:4]), *readings[4:])
+        rows = [alone[i].step(Sensors(*(r[i] for r in readings[:4])), *(r[i] for r in readings[4:])) for i in range(3)]
+        np.testing.assert_array_equal(batch, rows)
+    assert batch.dtype == np.float32
+    assert batch.shape == (3, 715)
+
+
+def test_the_returned_array_is_not_reused() -> None:
+    """A caller that keeps an observation must not see it change."""
+    builder = ObservationBuilder(LAYOUT, STANDING)
+    first = builder.step(sensors(1.0), np.zeros(3), np.zeros(2))
+    before = first.copy()
+    builder.step(sensors(2.0), np.zeros(3), np.zeros(2))
+    np.testing.assert_array_equal(first, before)
+
+
+def test_sensors_of_the_wrong_shape_are_refused() -> None:
+    """NumPy would broadcast one joint over all of them without a word."""
+    builder = ObservationBuilder(LAYOUT, STANDING)
+    wrong = Sensors(sensors().quaternion, sensors().angular_velocity, np.zeros(1), np.zeros(2))
+    with pytest.raises(ValueError, match="joint_position"):
+        builder.step(wrong, np.zeros(3), np.zeros(2))

@@ -1,0 +1,92 @@
+"""The network and the policy around it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import linear_network, make_contract, make_network
+from stiction.deploy.observation import Sensors
+from stiction.deploy.onnx_file import OnnxError, external_tensors
+from stiction.deploy.policy import Network, load_policy
+from stiction.formats.contract import Contract
+
+onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
+
+
+def standing_still(contract: Contract, batch: tuple[int, ...] = ()) -> Sensors:
+    """Readings of robots that stand in the standing pose."""
+    quaternion = np.broadcast_to([1.0, 0.0, 0.0, 0.0], (*batch, 4))
+    position = np.broadcast_to(contract.array("standing"), (*batch, contract.num_joints))
+    return Sensors(quaternion, np.zeros((*batch, 3)), position, np.zeros((*batch, contract.num_joints)))
+
+
+def test_targets_by_hand(contract: Contract) -> None:
+    """The target is standing + scale * clip(action); the newest command alone drives this network."""
+    weights = np.zeros((contract.observation.size, 18), np.float32)
+    newest_command = 10 * contract.observation.frame_size + 6
+    weights[newest_command, 0], weights[newest_command, 1] = 2.0, -100.0
+    policy = load_policy(contract, linear_network(onnx, weights))
+    step = policy.step(standing_still(contract), np.array([0.5, 0.0, 0.0]))
+    expected = contract.array("standing").copy()
+    expected[0] += 0.25 * 1.0
+    expected[1] -= 0.25 * 4.0
+    np.testing.assert_allclose(step.target, expected)
+    assert step.action.shape == (18,)
+    assert step.observation.shape == (715,)
+
+
+def test_last_action_returns_clipped_and_a_reset_forgets_it(contract: Contract) -> None:
+    """The observation holds what was really asked of the joints."""
+    weights = np.zeros((contract.observation.size, 18), np.float32)
+    weights[10 * contract.observation.frame_size + 6, 0] = 100.0
+    policy = load_policy(contract, linear_network(onnx, weights), batch=(2,))
+    sensors, command = standing_still(contract, (2,)), np.array([[0.5, 0.0, 0.0]] * 2)
+    last_action = slice(contract.observation.frame_size - 19, contract.observation.frame_size - 1)
+    assert policy.step(sensors, command).observation.reshape(2, 11, -1)[:, -1, last_action].max() == 0.0
+    assert policy.step(sensors, command).observation.reshape(2, 11, -1)[:, -1, last_action].max() == 4.0
+    policy.reset(np.array([True, False]))
+    newest = policy.step(sensors, command).observation.reshape(2, 11, -1)[:, -1, last_action]
+    assert newest.max(axis=1).tolist() == [0.0, 4.0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"inputs": "obs"}, "input"),
+        ({"batch": 1}, "input"),
+        ({"weights": np.zeros((714, 18), np.float32)}, "715"),
+        ({"weights": np.zeros((715, 12), np.float32)}, "18"),
+    ],
+)
+def test_a_network_with_other_ports_is_refused(arguments: dict, message: str) -> None:
+    """A network of another robot must not be run."""
+    model = linear_network(onnx, **({"weights": np.zeros((715, 18), np.float32)} | arguments))
+    with pytest.raises(OnnxError, match=message):
+        Network(model, 715, 18)
+
+
+@pytest.mark.parametrize("model", [b"", b"no network", b"\x08\x0a", bytes(range(256))])
+def test_what_is_no_network_is_refused(model: bytes) -> None:
+    """A damaged file must give one clear line."""
+    with pytest.raises(OnnxError):
+        Network(model, 715, 18)
+
+
+def test_a_network_with_weights_in_another_file_is_refused(tmp_path: Path) -> None:
+    """The checksums do not cover what lies outside the bundle."""
+    model = onnx.load_from_string(make_network(make_contract()))
+    assert external_tensors(model.SerializeToString()) == []
+    onnx.save(model, tmp_path / "policy.onnx", save_as_external_data=True, size_threshold=0)
+    data = (tmp_path / "policy.onnx").read_bytes()
+    assert external_tensors(data) == ["weights"]
+    with pytest.raises(OnnxError, match="other files"):
+        Network(data, 715, 18)
+
+
+def test_external_weights_within_a_constant_are_found() -> None:
+    """A tensor can also hide in a node's attribute."""
+    tensor = onnx.TensorProto(name="hidden", data_location=onnx.TensorProto.EXTERNAL)
+    node = onnx.helper.make_node("Constant", [], ["weights"], value=tensor)
+    model = onnx.helper.make_model(onnx.helper.make_graph([node], "g", [], []))
+    assert external_tensors(model.SerializeToString()) == ["hidden"]

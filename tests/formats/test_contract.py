@@ -1,0 +1,99 @@
+"""The contract refuses what no runtime could obey, and names the field."""
+
+import json
+
+import pytest
+
+from bundles import make_contract
+from stiction.formats.contract import Contract, ContractError, read_contract
+
+
+def edited(contract: Contract, field: str, value: object) -> bytes:
+    """Return contract.json with one field replaced."""
+    data = json.loads(contract.to_json())
+    data[field] = value
+    return json.dumps(data).encode()
+
+
+def test_what_is_written_is_read_back(contract: Contract) -> None:
+    """A contract that changed on the way through the file would describe another policy."""
+    assert read_contract(contract.to_json().encode()) == contract
+
+
+def test_go1_with_an_identification_is_valid() -> None:
+    """Twelve joints and a joints.json are as good as eighteen and none."""
+    contract = make_contract("go1", joints_file={"name": "joints.json", "sha256": "0" * 64})
+    assert read_contract(contract.to_json().encode()).num_joints == 12
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("schema_version", 2),
+        ("robot", ""),
+        ("seed", "0"),
+        ("seed", True),
+        ("friction_level", -0.1),
+        ("friction_range", [0.2, 0.1]),
+        ("friction_range", 0.2),
+        ("joint_names", ["a"] * 18),
+        ("joint_names", "abc"),
+        ("control_period", 0.025),
+        ("physics_timestep", 0),
+        ("kp", [40.0] * 17),
+        ("kp", [0.0] * 18),
+        ("kd", ["1"] * 18),
+        ("standing", [9.0] * 18),
+        ("torque_limit", [-25.0] * 18),
+        ("action_clip", "4"),
+        ("action_offset", "zero"),
+        ("quaternion_order", "xyzw"),
+        ("joints_file", {"name": "joints.json"}),
+        ("observation", []),
+    ],
+)
+def test_a_wrong_field_is_refused_by_name(contract: Contract, field: str, value: object) -> None:
+    """A runtime that takes a wrong number moves a robot wrongly."""
+    with pytest.raises(ContractError, match=field):
+        read_contract(edited(contract, field, value))
+
+
+@pytest.mark.parametrize(
+    ("entry", "value"), [("size", 17), ("scale", 0.0), ("clip", "5"), ("offset", "zero"), ("size", 18.0)]
+)
+def test_a_wrong_observation_term_is_refused_by_name(contract: Contract, entry: str, value: object) -> None:
+    """An observation that is scaled or sized otherwise is another input."""
+    data = json.loads(contract.to_json())
+    term = next(term for term in data["observation"]["terms"] if term["name"] == "joint_position")
+    term[entry] = value
+    with pytest.raises(ContractError, match=f"joint_position.{entry}"):
+        read_contract(json.dumps(data).encode())
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"\xff", "not JSON"),
+        (b"{", "not JSON"),
+        (b"[1]", "list"),
+        (b"{}", "lacks"),
+        (b'{"seed": NaN}', "NaN"),
+    ],
+)
+def test_what_is_no_contract_is_refused(text: bytes, message: str) -> None:
+    """A damaged file must give one clear line."""
+    with pytest.raises(ContractError, match=message):
+        read_contract(text)
+
+
+def test_an_unknown_field_is_refused(contract: Contract) -> None:
+    """A field of a later schema may change the meaning of the others."""
+    with pytest.raises(ContractError, match="gravity"):
+        read_contract(edited(contract, "gravity", 9.81))
+
+
+def test_per_joint_numbers_must_be_finite(contract: Contract) -> None:
+    """1e999 is valid JSON and infinite."""
+    text = contract.to_json().replace('"kd": [\n    2.5', '"kd": [\n    1e999')
+    with pytest.raises(ContractError, match="kd"):
+        read_contract(text.encode())
