@@ -1,0 +1,190 @@
+"""The program as installed: what it needs, what it ships, and how it answers."""
+
+from __future__ import annotations
+
+import ast
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stiction
+from stiction.cli.main import VERBS
+
+PACKAGE = Path(stiction.__file__).parent
+CHECKOUT = PACKAGE.parents[1]
+POLICIES = sorted(PACKAGE.glob("policies/*/contract.json"))
+
+EXTRAS = ("torch", "rsl_rl", "tensordict", "tensorboard", "safetensors", "onnx", "onnxscript", "mujoco")
+"""What the base install does not have."""
+
+BLOCKER = f"""
+import importlib.abc, sys
+
+class Blocker(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {EXTRAS!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Blocker())
+"""
+
+
+@pytest.fixture(scope="session")
+def base_install(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Return an environment in which the packages of the extras cannot be imported."""
+    folder = tmp_path_factory.mktemp("base_install")
+    (folder / "sitecustomize.py").write_text(BLOCKER)
+    return dict(os.environ) | {"PYTHONPATH": str(folder)}
+
+
+def run(
+    *arguments: str | Path, env: dict[str, str] | None = None, cwd: Path | None = None
+) -> subprocess.CompletedProcess:
+    """Run the program in a process of its own."""
+    command = [sys.executable, "-m", "stiction", *map(str, arguments)]
+    return subprocess.run(command, env=env, cwd=cwd, capture_output=True, text=True, timeout=120, check=False)
+
+
+def sine_log(path: Path) -> None:
+    """Write a noisy log of one joint, I = 0.02, B = 0.1, Coulomb friction 0.4: torque from the equation of motion."""
+    time = np.arange(0.0, 12.0, 0.002)
+    position = np.zeros_like(time)
+    velocity = np.zeros_like(time)
+    acceleration = np.zeros_like(time)
+    for amplitude, frequency in ((0.5, 0.5), (0.2, 2.0)):
+        omega = 2 * np.pi * frequency
+        position += amplitude * np.sin(omega * time)
+        velocity += amplitude * omega * np.cos(omega * time)
+        acceleration -= amplitude * omega**2 * np.sin(omega * time)
+    noise = np.random.default_rng(0)
+    torque = 0.02 * acceleration + 0.1 * velocity + 0.4 * np.sign(velocity) + 0.02 * noise.standard_normal(time.size)
+    position += 1e-5 * noise.standard_normal(time.size)
+    columns = np.stack([time, position, velocity, torque], axis=1)
+    np.savetxt(path, columns, delimiter=",", header="time,position.knee,velocity.knee,torque.knee", comments="")
+
+
+def test_the_blocker_blocks(base_install: dict[str, str]) -> None:
+    """If this failed, the tests below would pass with torch and mujoco in reach."""
+    for package in EXTRAS:
+        command = [sys.executable, "-c", f"import {package}"]
+        done = subprocess.run(command, env=base_install, capture_output=True, text=True, check=False)
+        assert f"ModuleNotFoundError: No module named '{package}'" in done.stderr
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_has_a_module(verb: str) -> None:
+    """If this failed, `stiction --help` would promise a verb that ends in a traceback."""
+    assert importlib.util.find_spec(f"stiction.cli.{verb}"), f"src/stiction/cli/{verb}.py is missing"
+
+
+def test_every_module_with_a_main_is_a_verb() -> None:
+    """If this failed, a verb would exist that nobody can call."""
+    for path in PACKAGE.glob("cli/*.py"):
+        functions = {node.name for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)}
+        assert path.stem in {*VERBS, "main"} or "main" not in functions, f"cli/{path.name} is not in VERBS"
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_every_verb_needs_no_extra(verb: str, base_install: dict[str, str]) -> None:
+    """If this failed, a user with the base install could not even read what a verb does."""
+    done = run(verb, "--help", env=base_install)
+    assert done.returncode == 0, done.stderr
+    assert f"stiction {verb}" in done.stdout
+    assert done.stderr == ""
+
+
+def test_the_overview_lists_every_verb_and_loads_no_room() -> None:
+    """If this failed, `stiction --help` would take seconds."""
+    code = "import sys; from stiction.cli.main import main; main(['--help']); print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    listed = re.findall(r"^  (\w+) +\S", done.stdout, re.MULTILINE)
+    assert listed == list(VERBS)
+    loaded = set(done.stderr.split())
+    assert not loaded & {"numpy", "torch", "mujoco", "matplotlib", "tyro"}
+    assert {name for name in loaded if name.count(".") == 1 and name.startswith("stiction.")} <= {
+        "stiction.cli",
+        "stiction.formats",
+    }
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    """If this failed, a bug report would name the wrong version."""
+    assert run("--version").stdout == f"stiction {metadata.version('stiction')}\n"
+
+
+@pytest.mark.parametrize("arguments", [[], ["identfy"], ["--nonsense"]])
+def test_wrong_usage_ends_with_status_2(arguments: list[str]) -> None:
+    """If this failed, a script could not tell a typing error from a failure."""
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert all(verb in done.stderr for verb in VERBS)
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_an_unknown_flag_ends_with_status_2(verb: str) -> None:
+    """If this failed, a misspelt flag would be ignored or end in a traceback."""
+    done = run(verb, "--no-such-flag-anywhere")
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_identify_runs_on_the_base_install(base_install: dict[str, str], tmp_path: Path) -> None:
+    """If this failed, an on-board computer would need a simulator to read its own friction."""
+    sine_log(tmp_path / "knee.csv")
+    done = run("identify", "knee.csv", "--out", "found", env=base_install, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "found/joints.json").is_file()
+
+
+@pytest.mark.parametrize("verb", ["identify", "verify"])
+def test_a_missing_file_is_one_line_on_the_base_install(
+    verb: str, base_install: dict[str, str], tmp_path: Path
+) -> None:
+    """If this failed, a wrong path would end in a traceback, or in a complaint about a missing package."""
+    done = run(verb, tmp_path / "nowhere", env=base_install, cwd=tmp_path)
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "nowhere" in done.stderr
+    assert done.stdout == ""
+
+
+@pytest.mark.parametrize("contract", POLICIES, ids=[path.parent.name for path in POLICIES])
+def test_shipped_policies_verify_on_the_base_install(contract: Path, base_install: dict[str, str]) -> None:
+    """If this failed, a policy that we ship could not be checked on the robot."""
+    done = run("verify", contract.parent, env=base_install)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("contract", POLICIES, ids=[path.parent.name for path in POLICIES])
+def test_shipped_policies_stay_small(contract: Path) -> None:
+    """If this failed, the package would grow past what an on-board computer wants to download."""
+    assert sum(path.stat().st_size for path in contract.parent.iterdir()) <= 3_000_000
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_everything_that_is_read_at_run_time(tmp_path: Path) -> None:
+    """If this failed, an installed package would lack its page templates, its policies or its types."""
+    if not (CHECKOUT / "pyproject.toml").is_file():
+        pytest.skip("the package is installed without its checkout, so there is nothing to build a wheel from")
+    copy = tmp_path / "checkout"
+    shutil.copytree(PACKAGE, copy / "src/stiction", ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(CHECKOUT / name, copy)
+    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index"]
+    subprocess.run([*command, "--wheel-dir", str(tmp_path), str(copy)], capture_output=True, text=True, check=True)
+    with zipfile.ZipFile(next(tmp_path.glob("stiction-*.whl"))) as wheel:
+        packed = {name for name in wheel.namelist() if name.startswith("stiction/")}
+    expected = {path.relative_to(copy / "src").as_posix() for path in copy.glob("src/stiction/**/*") if path.is_file()}
+    assert packed == expected
+    assert "stiction/py.typed" in packed
