@@ -6,8 +6,11 @@ The rules are functions of a syntax tree, so each is shown to find what it forbi
 from __future__ import annotations
 
 import ast
+import re
 import sys
+import tomllib
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -247,6 +250,22 @@ def test_formats_need_numpy_and_the_standard_library_alone(path: Path) -> None:
     """If this failed, reading a file that passes between stages would drag a library in."""
     packages = {name.split(".")[0] for name, _ in all_imports(path)}
     assert packages <= sys.stdlib_module_names | {"numpy", "stiction"}
+
+
+@each(MODULES)
+def test_every_package_imported_is_a_declared_dependency(path: Path) -> None:
+    """If this failed, the program would work here by the accident of what else is installed."""
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    requirements = sum(project["optional-dependencies"].values(), project["dependencies"])
+    declared = {re.findall(r"^[a-z0-9-]+", text)[0] for text in requirements}
+    packages = {name.split(".")[0] for name, _ in all_imports(path)} - sys.stdlib_module_names - {"stiction"}
+    distributions = metadata.packages_distributions()
+    undeclared = [
+        name
+        for name in packages
+        if declared.isdisjoint(dist.lower().replace("_", "-") for dist in distributions.get(name, [name]))
+    ]
+    assert not undeclared, f"add to pyproject.toml: {undeclared}"
 
 
 @each(in_rooms("cli"))
