@@ -1,0 +1,44 @@
+"""The joint controller: τ = k_motor (kp (a − θ) − kd θ'), limited to what the motor gives.
+
+The paper prints the position term with the opposite sign, (θ − a); that joint would run away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+
+
+@dataclass(frozen=True)
+class PDGains:
+    """Gains of one joint's controller. For a linear axis read N for N m and m for rad."""
+
+    kp: float
+    """Proportional gain [N m/rad]."""
+    kd: float
+    """Derivative gain [N m s/rad]."""
+    torque_limit: float = float("inf")
+    """Largest torque that the motor gives, in either direction [N m]."""
+    strength: float = 1.0
+    """Motor strength, k_motor: torque delivered over torque asked for [1]."""
+
+    def __post_init__(self) -> None:
+        """Refuse gains that no controller has."""
+        values = (self.kp, self.kd, self.torque_limit, self.strength)
+        if any(np.isnan(values)) or self.kp <= 0 or self.kd < 0 or self.torque_limit <= 0 or self.strength <= 0:
+            raise StictionError(
+                f"gains kp {self.kp}, kd {self.kd}, torque limit {self.torque_limit}, strength {self.strength}: "
+                "kp, torque limit and strength must be positive and kd must not be negative"
+            )
+
+
+def pd_torque(gains: PDGains, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Return the torque delivered [N m], any shape.
+
+    target: a [rad]; position: θ [rad]; velocity: θ' [rad/s]; shapes broadcast.
+    """
+    torque = gains.strength * (gains.kp * (target - position) - gains.kd * velocity)
+    return np.clip(torque, -gains.torque_limit, gains.torque_limit)
