@@ -57,6 +57,7 @@ format: $(READY)
 # A build of torch for one kind of machine is named like 2.13.0+cpu; the lock holds for all.
 lock: $(READY)
 	$(PIP) freeze --all --exclude-editable --exclude pip | sed 's/+.*//' > requirements.lock
+	@touch $(READY)
 
 clean:
 	rm -rf $(VENV) build .pytest_cache .mypy_cache .ruff_cache .hypothesis src/stiction.egg-info
