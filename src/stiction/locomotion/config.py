@@ -1,0 +1,173 @@
+"""Configuration of the task: what is commanded, rewarded, randomised. No torch, no mujoco: the command line reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+from tyro.conf import arg
+
+from stiction.formats.errors import StictionError
+
+FrictionMethod = Literal["none", "direct", "deception"]
+
+FRICTION_RANGES: dict[str, tuple[float, float]] = {"none": (0.0, 0.0), "direct": (0.8, 1.2), "deception": (0.0, 1.2)}
+"""Multiplier of the nominal dry friction, by way of training.
+
+`none` is conventional randomisation, the paper's Table II without its friction row. `direct` gives friction the range that the
+table gives every other joint parameter. `deception` is the table's row: only the lower end moves, to zero.
+"""
+
+
+@dataclass(frozen=True)
+class FrictionCfg:
+    """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
+
+    method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
+    """Way to train with friction: sets the range of the multiplier, see `FRICTION_RANGES`."""
+    level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
+    """Nominal friction as a fraction of each joint's torque limit. None: the value measured for the robot, in N m."""
+    law: Literal["coulomb"] = "coulomb"
+    """Friction law. `coulomb`: a torque [N m] that does not depend on load or speed."""
+    per: Literal["robot", "joint"] = "robot"
+    """One multiplier for all joints of a robot, or one each. Per robot, some robots have nearly no friction anywhere:
+    the paper's explanation of why its wide range works needs exactly those."""
+
+    def __post_init__(self) -> None:
+        """Refuse a level that no motor could overcome."""
+        if self.level is not None and not 0.0 <= self.level < 0.8:
+            raise StictionError(f"friction level {self.level}: expected a fraction of the torque limit in [0, 0.8)")
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Lower and upper end of the multiplier."""
+        return FRICTION_RANGES[self.method]
+
+
+@dataclass(frozen=True)
+class RandomizationCfg:
+    """Table II of the paper, and two rows that every method shares here. Drawn uniformly at each reset."""
+
+    armature: tuple[float, float] = (0.8, 1.2)
+    """Multiplier of each joint's rotor inertia."""
+    damping: tuple[float, float] = (0.8, 1.2)
+    """Multiplier of each joint's viscous friction. kd is not randomised: it acts as B does (section V of the paper)."""
+    stiffness: tuple[float, float] = (0.95, 1.05)
+    """Multiplier of each joint's kp."""
+    motor_strength: tuple[float, float] = (0.8, 1.2)
+    """Multiplier k_motor of each joint's commanded torque; the torque limit stays."""
+    ground_friction: tuple[float, float] = (0.2, 2.0)
+    """Multiplier of the sliding friction coefficient, nominally 1."""
+    payload: tuple[float, float] = (-2.0, 3.0)
+    """Mass added to the trunk [kg], at its centre of mass."""
+    center_of_mass: tuple[float, float] = (-0.25, 0.25)
+    """Shift of the trunk's centre of mass along its length [m]. Sideways and up it shrinks in proportion to the trunk's own
+    width and height: the table names one range, and 0.25 m sideways would lie outside the trunk."""
+    push_interval: float = 8.0
+    """Time between pushes [s]; 0 for none."""
+    push_velocity: float = 1.0
+    """Largest velocity added to the base by a push, in each horizontal direction [m/s]."""
+    action_delay: tuple[float, float] = (0.0, 0.02)
+    """Delay between command and motor [s], in whole physics steps, one for all joints of a robot. Not in the paper's table."""
+    encoder_offset: tuple[float, float] = (-0.02, 0.02)
+    """Error of each joint's measured angle [rad]; the joint controller sees it too. Not in the paper's table."""
+
+    @classmethod
+    def literal(cls) -> RandomizationCfg:
+        """Return the paper's table and nothing else."""
+        return cls(action_delay=(0.0, 0.0), encoder_offset=(0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class NoiseCfg:
+    """Half-width of the uniform noise on each measured quantity, in its own unit."""
+
+    angular_velocity: float = 0.1
+    """[rad/s]."""
+    roll_pitch: float = 0.02
+    """[rad]."""
+    joint_position: float = 0.01
+    """[rad]."""
+    joint_velocity: float = 0.5
+    """[rad/s]."""
+
+
+@dataclass(frozen=True)
+class CommandCfg:
+    """Velocity commands in the base frame."""
+
+    forward: tuple[float, float] = (-0.8, 0.8)
+    """Along x [m/s]."""
+    sideways: tuple[float, float] = (-0.3, 0.3)
+    """Along y [m/s]."""
+    turn: tuple[float, float] = (-0.6, 0.6)
+    """About z [rad/s]."""
+    standing_share: float = 0.1
+    """Share of commands that ask to stand."""
+    interval: float = 5.0
+    """Time between new commands [s]."""
+    moving_above: float = 0.1
+    """A command is a moving one if its norm (m/s and rad/s alike) is above this."""
+
+
+@dataclass(frozen=True)
+class RewardCfg:
+    """Weight of each reward term, per second. Tuned without friction in the joints, the same for every method."""
+
+    track_linear: float = 2.0
+    """exp(-|v - v*|² / 0.1) of the horizontal velocity."""
+    track_angular: float = 0.8
+    """exp(-(ω - ω*)² / 0.25) of the yaw rate."""
+    trot: float = 0.6
+    """r_trot of the paper: exactly one contact group stands, literally. Paid while moving is commanded."""
+    unsync: float = -0.6
+    """r_unsync of the paper, as a share of its largest value, over the last 100 steps (2 s, as in the public code that the
+    paper builds on; the paper does not state its H)."""
+    air_time: float = 1.0
+    """Swing time above 0.15 s, capped at 0.35 s, credited at touch-down, while moving is commanded."""
+    vertical_velocity: float = -1.0
+    """Square of the base's vertical speed."""
+    roll_pitch_rate: float = -0.05
+    """Squares of the base's roll and pitch rates."""
+    orientation: float = -2.0
+    """Squares of the horizontal components of the base's up axis."""
+    base_height: float = -10.0
+    """Square of the deviation from the standing height."""
+    torque: float = -0.05
+    """Squares of torque over limit."""
+    joint_acceleration: float = -2.5e-7
+    """Squares of joint acceleration, over one control period."""
+    action_rate: float = -0.01
+    """Squares of the change of action."""
+    hip_deviation: float = -0.3
+    """Squares of the hips' deviation from the standing pose."""
+    stand_still: float = -0.3
+    """Distance of all joints from the standing pose, while standing is commanded."""
+    fall: float = -20.0
+    """Once, when the robot falls (per second like the others: 20 x 0.02 s)."""
+
+
+@dataclass(frozen=True)
+class TaskCfg:
+    """Velocity tracking on flat ground."""
+
+    robot: Annotated[str, arg(aliases=("--robot",))] = "saturn_lite"
+    """A shipped robot, or `package.module:VARIABLE`."""
+    timestep: float = 0.005
+    """Physics step [s]."""
+    decimation: int = 4
+    """Physics steps in one control period."""
+    episode: float = 20.0
+    """Length of an episode [s]."""
+    friction: FrictionCfg = field(default_factory=FrictionCfg)
+    randomization: RandomizationCfg = field(default_factory=RandomizationCfg)
+    noise: NoiseCfg = field(default_factory=NoiseCfg)
+    commands: CommandCfg = field(default_factory=CommandCfg)
+    rewards: RewardCfg = field(default_factory=RewardCfg)
+    action_clip: float = 5.0
+    """Bound of an action before scaling."""
+
+    @property
+    def control_period(self) -> float:
+        """Time between two actions [s]."""
+        return self.timestep * self.decimation

@@ -1,0 +1,242 @@
+"""The task as an rsl_rl `VecEnv`: commands in, joint targets out, observation groups and rewards back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from rsl_rl.env import VecEnv
+from tensordict import TensorDict
+
+from stiction.formats.observation import proprioception
+from stiction.locomotion import rewards
+from stiction.locomotion.commands import CommandSampler
+from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
+from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
+from stiction.locomotion.randomization import Randomizer, nominal_joints
+from stiction.robots.catalog import find_robot
+from stiction.sim.fleet import Fleet
+
+RESET_NOISE = (0.1, 0.3)
+"""Half-width of the initial joint angles about the standing pose [rad] and of the base's initial velocity [m/s, rad/s]."""
+
+_BUFFERS = ("episode_length_buf", "last_action", "last_velocity", "air_time")
+"""The per-robot buffers that a checkpoint holds beside the simulation."""
+
+
+def to_tensor(array: np.ndarray) -> torch.Tensor:
+    """Return a float32 copy of a live float64 array of the simulation."""
+    return torch.from_numpy(array.astype(np.float32))
+
+
+class LocomotionEnv(VecEnv):
+    """Velocity tracking on flat ground for any legged robot.
+
+    Observation groups, all float32 and fresh at every step: `proprioception` (o_prio), `history` (o_H, flattened, oldest frame
+    first), `privileged` (o_priv), `explicit` (o_exp: base velocity [m/s] and foot contacts).
+    """
+
+    def __init__(
+        self,
+        cfg: TaskCfg,
+        num_envs: int,
+        seed: int,
+        threads: int = 1,
+        identified: dict[str, np.ndarray] | None = None,
+    ) -> None:
+        """Build the fleet and reset every robot. `identified`: see `nominal_joints`."""
+        self.cfg: Any = cfg
+        self.num_envs, self.device = num_envs, "cpu"
+        self.spec = find_robot(cfg.robot)
+        self.num_actions = self.spec.num_joints
+        self.fleet = Fleet(self.spec, num_envs, cfg.timestep, cfg.decimation, threads)
+        self.generator = torch.Generator().manual_seed(seed)
+        nominal = nominal_joints(self.fleet, cfg.friction, identified)
+        self.randomizer = Randomizer(self.fleet, cfg.randomization, cfg.friction, nominal)
+        self.commands = CommandSampler(cfg.commands, num_envs)
+        self.layout = proprioception(self.num_actions)
+        self.standing = torch.from_numpy(self.fleet.standing).float()
+        self.torque_limit = torch.from_numpy(self.fleet.torque_limit).float()
+        self.group = torch.from_numpy(self.spec.groups())
+        self.frames = FrameBuilder(self.layout, self.standing)
+        self.history = History(num_envs, self.layout)
+        self.unsync = UnsyncWindow(num_envs, len(self.spec.legs))
+        self.terms = [(term, float(getattr(cfg.rewards, term.__name__))) for term in rewards.TERMS]
+        self.terms = [(term, weight) for term, weight in self.terms if weight]
+        self.max_episode_length = round(cfg.episode / cfg.control_period)
+        self.push_interval = round(cfg.randomization.push_interval / cfg.control_period)
+        self.command_interval = round(cfg.commands.interval / cfg.control_period)
+        self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long)
+        self.last_action = torch.zeros(num_envs, self.num_actions)
+        self.last_velocity = torch.zeros(num_envs, self.num_actions)
+        self.air_time = torch.zeros(num_envs, len(self.spec.legs))
+        self._reset(torch.arange(num_envs))
+        self._observation = self._observe(torch.ones(num_envs, dtype=torch.bool))
+
+    def get_observations(self) -> TensorDict:
+        """Return the current observations."""
+        return self._observation
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
+        """Apply actions, (N, joints), for one control period; reset robots that fell, blew up or timed out."""
+        actions = actions.clamp(-self.cfg.action_clip, self.cfg.action_clip)
+        targets = self.standing + self.spec.action_scale * actions - self.randomizer.draws.encoder_offset
+        self.fleet.set_targets(targets.numpy())
+        blown_up = torch.zeros(self.num_envs, dtype=torch.bool)
+        blown_up[self.fleet.step()] = True
+        self.episode_length_buf = self.episode_length_buf + 1
+
+        snapshot = self._snapshot(actions, blown_up)
+        reward = torch.zeros(self.num_envs)
+        means = {}
+        for term, weight in self.terms:
+            value = weight * term(snapshot)
+            reward += value
+            means[f"reward/{term.__name__}"] = value.mean()
+        reward = torch.where(blown_up, 0.0, reward * self.cfg.control_period)
+        self.last_action = actions
+
+        fallen = snapshot.fallen | blown_up
+        time_outs = (self.episode_length_buf >= self.max_episode_length) & ~fallen
+        dones = fallen | time_outs
+        log = self._log(snapshot, fallen, dones, blown_up)
+        self._reset(dones.nonzero().flatten())
+        self._push_and_command(dones)
+        self._observation = self._observe(dones)
+        return self._observation, reward, dones, {"time_outs": time_outs.float(), "log": means | log}
+
+    def _snapshot(self, actions: torch.Tensor, blown_up: torch.Tensor) -> rewards.Snapshot:
+        """Collect what the rewards see."""
+        fleet = self.fleet
+        velocity = to_tensor(fleet.joint_velocity)
+        acceleration = (velocity - self.last_velocity) / self.cfg.control_period
+        self.last_velocity = velocity
+        contact = torch.from_numpy(fleet.foot_contact)
+        landed = torch.where(contact, self.air_time, 0.0)
+        self.air_time = torch.where(contact, 0.0, self.air_time + self.cfg.control_period)
+        self.linear_velocity = to_tensor(fleet.base_linear_velocity)
+        self.contact = contact
+        quaternion = to_tensor(fleet.base_quaternion)
+        w, x, y, z = quaternion.unbind(-1)
+        return rewards.Snapshot(
+            command=self.commands.value,
+            moving=self.commands.moving,
+            linear_velocity=self.linear_velocity,
+            angular_velocity=to_tensor(fleet.base_angular_velocity),
+            up=torch.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), -1),
+            height_error=to_tensor(fleet.base_position[:, 2]) - self.spec.standing_height,
+            torque_share=to_tensor(fleet.torque) / self.torque_limit,
+            joint_deviation=to_tensor(fleet.joint_position) - self.standing,
+            joint_acceleration=acceleration,
+            action_change=actions - self.last_action,
+            one_group=exactly_one_group(contact, self.group),
+            unsync=self.unsync.push(group_imbalance(contact, self.group)),
+            landed_air_time=landed,
+            fallen=torch.from_numpy(fleet.fallen()) & ~blown_up,
+        )
+
+    def _log(
+        self, snapshot: rewards.Snapshot, fallen: torch.Tensor, dones: torch.Tensor, blown_up: torch.Tensor
+    ) -> dict[str, torch.Tensor]:
+        """Return the figures that tell how the robots walk, as scalars of this step."""
+        moving = snapshot.moving.float()
+        share = moving.sum().clamp(min=1.0)
+        error = (snapshot.command[:, :2] - snapshot.linear_velocity[:, :2]).norm(dim=-1)
+        log = {
+            "walk/tracking_error": error.mean(),
+            "walk/tripod_share": (snapshot.one_group * moving).sum() / share,
+            "walk/falls": fallen.float().mean() / self.cfg.control_period,
+            "walk/blown_up": blown_up.sum().float(),
+        }
+        fast = snapshot.command[:, 0].abs() > 0.3
+        for name, mask in (("forward", fast & (snapshot.command[:, 0] > 0)), ("backward", fast & (snapshot.command[:, 0] < 0))):
+            ratio = snapshot.linear_velocity[:, 0] / snapshot.command[:, 0]
+            log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
+        return log
+
+    def _reset(self, ids: torch.Tensor) -> None:
+        """Start new episodes with newly drawn robots."""
+        if not len(ids):
+            return
+        num, joints = len(ids), self.num_actions
+        self.randomizer.draw(ids, self.generator)
+        angle, speed = RESET_NOISE
+
+        def symmetric(width: int, size: float) -> np.ndarray:
+            return (size * (2 * torch.rand(num, width, generator=self.generator) - 1)).double().numpy()
+
+        self.fleet.reset(
+            ids.numpy(),
+            joint_position=self.fleet.standing + symmetric(joints, angle),
+            heading=symmetric(1, np.pi)[:, 0],
+            velocity=symmetric(6, speed),
+        )
+        self.commands.draw(ids, self.generator)
+        self.unsync.reset(ids)
+        self.episode_length_buf[ids] = 0
+        for buffer in (self.last_action, self.last_velocity, self.air_time):
+            buffer[ids] = 0.0
+
+    def _push_and_command(self, fresh: torch.Tensor) -> None:
+        """Push robots and draw new commands where their time has come."""
+        age = self.episode_length_buf
+        if self.push_interval:
+            ids = ((age % self.push_interval == 0) & ~fresh).nonzero().flatten()
+            bound = self.cfg.randomization.push_velocity
+            push = bound * (2 * torch.rand(len(ids), 2, generator=self.generator) - 1)
+            self.fleet.push(push.double().numpy(), ids.numpy())
+        self.commands.draw(((age % self.command_interval == 0) & ~fresh).nonzero().flatten(), self.generator)
+
+    def _observe(self, fresh: torch.Tensor) -> TensorDict:
+        """Build every observation group from the state after resets and pushes."""
+        fleet, noise = self.fleet, self.cfg.noise
+        raw = {
+            "angular_velocity": to_tensor(fleet.base_angular_velocity),
+            "roll_pitch": roll_pitch(to_tensor(fleet.base_quaternion)),
+            "joint_position": to_tensor(fleet.joint_position) + self.randomizer.draws.encoder_offset,
+            "joint_velocity": to_tensor(fleet.joint_velocity),
+        }
+        for name, value in raw.items():
+            raw[name] = value + getattr(noise, name) * (2 * torch.rand(value.shape, generator=self.generator) - 1)
+        raw |= {"command": self.commands.value, "last_action": self.last_action}
+        frame = self.frames(raw)
+        velocity = to_tensor(fleet.base_linear_velocity)
+        contact = to_tensor(fleet.foot_contact)
+        groups = {
+            "proprioception": frame,
+            "history": self.history.push(frame, fresh),
+            "privileged": self.randomizer.privileged(),
+            "explicit": torch.cat((velocity, contact), -1),
+        }
+        return TensorDict(groups, batch_size=[self.num_envs])
+
+    def state(self) -> dict[str, Any]:
+        """Return everything the next step depends on, for a checkpoint."""
+        return {
+            "simulation": self.fleet.simulation.state(),
+            "draws": dict(vars(self.randomizer.draws)),
+            "buffers": {name: getattr(self, name) for name in _BUFFERS},
+            "command": self.commands.value,
+            "history": self.history.frames,
+            "unsync": {"window": self.unsync.window, "cursor": self.unsync.cursor},
+            "observation": dict(self._observation.items()),
+            "generator": self.generator.get_state(),
+            "blown_up": self.fleet.blown_up,
+        }
+
+    def load_state(self, state: dict[str, Any]) -> None:
+        """Restore what `state` returned; the next step is then bit-identical on the same number of threads."""
+        for name, value in state["draws"].items():
+            setattr(self.randomizer.draws, name, value.clone())
+        self.randomizer.apply(torch.arange(self.num_envs))
+        self.fleet.simulation.load_state({name: value.numpy() for name, value in state["simulation"].items()})
+        for name, value in state["buffers"].items():
+            setattr(self, name, value.clone())
+        self.commands.value = state["command"].clone()
+        self.history.frames = state["history"].clone()
+        self.unsync.window, self.unsync.cursor = state["unsync"]["window"].clone(), state["unsync"]["cursor"]
+        self._observation = TensorDict(dict(state["observation"]), batch_size=[self.num_envs])
+        self.generator.set_state(state["generator"])
+        self.fleet.blown_up[:] = state["blown_up"].numpy()

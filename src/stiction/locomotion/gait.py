@@ -1,0 +1,43 @@
+"""The paper's gait rewards, r_trot and r_unsync, over two contact groups. Pure functions of tensors."""
+
+from __future__ import annotations
+
+import torch
+
+UNSYNC_HORIZON = 100
+"""H of r_unsync in control steps (2 s at 50 Hz)."""
+
+
+def exactly_one_group(contact: torch.Tensor, group: torch.Tensor) -> torch.Tensor:
+    """Return r_trot: whether the feet in contact are exactly one of the two groups, shape (N,), bool.
+
+    `contact`: (N, legs) bool; `group`: (legs,) 0 or 1. Literal set equality: any overlap of the groups pays nothing.
+    """
+    first = group == 0
+    return (contact == first).all(-1) | (contact == ~first).all(-1)
+
+
+def group_imbalance(contact: torch.Tensor, group: torch.Tensor) -> torch.Tensor:
+    """Return |C_0 ∩ C_t| - |C_1 ∩ C_t|, one step's summand of r_unsync, shape (N,). Arguments as above."""
+    sign = 1.0 - 2.0 * group.to(torch.float32)
+    return contact.to(torch.float32) @ sign
+
+
+class UnsyncWindow:
+    """Running sum of the imbalance over the last `horizon` steps: |sum| is r_unsync."""
+
+    def __init__(self, num_envs: int, legs: int, horizon: int = UNSYNC_HORIZON) -> None:
+        """Start with an empty window."""
+        self.window = torch.zeros(horizon, num_envs)
+        self.cursor = 0
+        self.largest = horizon * (legs / 2)
+
+    def push(self, imbalance: torch.Tensor) -> torch.Tensor:
+        """Add one step's imbalance, shape (N,); return r_unsync as a share of its largest value, shape (N,)."""
+        self.window[self.cursor] = imbalance
+        self.cursor = (self.cursor + 1) % len(self.window)
+        return self.window.sum(0).abs() / self.largest
+
+    def reset(self, ids: torch.Tensor) -> None:
+        """Forget the steps of the robots `ids`."""
+        self.window[:, ids] = 0.0

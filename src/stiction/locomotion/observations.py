@@ -1,0 +1,51 @@
+"""The observation layout of `formats.observation`, built batched in torch. `deploy` builds the same in NumPy."""
+
+from __future__ import annotations
+
+import torch
+
+from stiction.formats.observation import PLACEHOLDERS, ObservationLayout
+
+
+def roll_pitch(quaternion: torch.Tensor) -> torch.Tensor:
+    """Return roll and pitch [rad], shape (N, 2), of base orientations w, x, y, z, shape (N, 4)."""
+    w, x, y, z = quaternion.unbind(-1)
+    roll = torch.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = torch.asin((2 * (w * y - z * x)).clamp(-1.0, 1.0))
+    return torch.stack((roll, pitch), -1)
+
+
+class FrameBuilder:
+    """Concatenates one frame from named raw quantities: clip((raw - offset) * scale)."""
+
+    def __init__(self, layout: ObservationLayout, standing: torch.Tensor) -> None:
+        """Precompute scale, offset and clip of every entry. `standing`: (joints,) [rad]."""
+        self.layout = layout
+        self.scale = torch.cat([torch.full((term.size,), term.scale) for term in layout.terms])
+        self.clip = torch.cat([torch.full((term.size,), term.clip) for term in layout.terms])
+        self.offset = torch.cat(
+            [standing if term.offset == "standing" else torch.zeros(term.size) for term in layout.terms]
+        ).float()
+
+    def __call__(self, raw: dict[str, torch.Tensor]) -> torch.Tensor:
+        """Return the frame, shape (N, frame_size). `raw`: every term but the placeholders, each (N, size), float32."""
+        num = next(iter(raw.values())).shape[0]
+        parts = [torch.zeros(num, t.size) if t.name in PLACEHOLDERS else raw[t.name] for t in self.layout.terms]
+        frame = (torch.cat(parts, -1) - self.offset) * self.scale
+        return torch.minimum(torch.maximum(frame, -self.clip), self.clip)
+
+
+class History:
+    """The last frames, oldest first. `push` returns a fresh tensor: the caller's stored ones never change."""
+
+    def __init__(self, num_envs: int, layout: ObservationLayout) -> None:
+        """Start with zeros; every robot is reset before its first observation."""
+        self.frames = torch.zeros(num_envs, layout.history_length, layout.frame_size)
+
+    def push(self, frame: torch.Tensor, fresh: torch.Tensor) -> torch.Tensor:
+        """Append `frame`, (N, frame_size); where `fresh`, (N,) bool, fill the history with it. Returns (N, size)."""
+        self.frames = torch.cat((self.frames[:, 1:], frame[:, None]), 1)
+        ids = fresh.nonzero().flatten()
+        if len(ids):
+            self.frames[ids] = frame[ids, None]
+        return self.frames.flatten(1)

@@ -1,0 +1,127 @@
+"""Domain randomisation: every row of the paper's Table II, drawn anew for a robot at each of its resets.
+
+Each draw is relative to the *nominal* value, never to the last one, so nothing drifts. What is drawn is kept in `Draws`: the
+privileged observation is read from it, and the audit compares it with how the robot then moves.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+
+from stiction.locomotion.config import FrictionCfg, RandomizationCfg
+from stiction.sim.fleet import Fleet
+
+
+@dataclass(frozen=True)
+class NominalJoints:
+    """Joint physics that multipliers refer to, each of shape (joints,)."""
+
+    armature: np.ndarray
+    """Rotor inertia [kg m²]."""
+    damping: np.ndarray
+    """Viscous friction [N m s/rad]."""
+    frictionloss: np.ndarray
+    """Dry friction [N m]."""
+
+
+def nominal_joints(fleet: Fleet, friction: FrictionCfg, identified: dict[str, np.ndarray] | None = None) -> NominalJoints:
+    """Return the robot's own joints, overridden by an identification, its friction overridden by the level.
+
+    `identified`: `armature`, `damping`, `frictionloss`, each (joints,), NaN where not identified.
+    """
+    values = {name: fleet.spec.joint_values(name) for name in ("armature", "damping", "frictionloss")}
+    for name, value in (identified or {}).items():
+        values[name] = np.where(np.isnan(value), values[name], value)
+    if friction.level is not None:
+        values["frictionloss"] = friction.level * fleet.torque_limit
+    return NominalJoints(**values)
+
+
+@dataclass
+class Draws:
+    """What each robot has now, float32; multipliers unless a unit is given."""
+
+    armature: torch.Tensor
+    damping: torch.Tensor
+    friction: torch.Tensor
+    stiffness: torch.Tensor
+    motor_strength: torch.Tensor
+    """The five above: (N, joints)."""
+    ground_friction: torch.Tensor
+    payload: torch.Tensor
+    """[kg]; both (N, 1)."""
+    center_of_mass: torch.Tensor
+    """Shift in the base frame [m], (N, 3)."""
+    action_delay: torch.Tensor
+    """[s], (N, 1)."""
+    encoder_offset: torch.Tensor
+    """[rad], (N, joints)."""
+
+
+class Randomizer:
+    """Draws parameters and writes them into a fleet."""
+
+    def __init__(self, fleet: Fleet, cfg: RandomizationCfg, friction: FrictionCfg, nominal: NominalJoints) -> None:
+        """Remember the nominal robot. Nothing is drawn before the first `draw`."""
+        self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
+        self.base_mass = fleet.spec.base.mass
+        size = np.array(fleet.spec.base.size)
+        self.com_axes = torch.from_numpy(size / size[0]).float()
+        num, joints = fleet.num_envs, fleet.spec.num_joints
+        widths = {"ground_friction": 1, "payload": 1, "center_of_mass": 3, "action_delay": 1}
+        names = Draws.__dataclass_fields__
+        self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints)) for name in names})
+
+    def draw(self, ids: torch.Tensor, generator: torch.Generator) -> None:
+        """Draw every parameter of the robots `ids` and write it into the fleet."""
+        cfg, num = self.cfg, len(ids)
+
+        def uniform(span: tuple[float, float], like: torch.Tensor) -> torch.Tensor:
+            return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator)
+
+        new = {name: uniform(getattr(cfg, name), value) for name, value in vars(self.draws).items() if name != "friction"}
+        friction = uniform(self.friction.range, self.draws.friction)
+        new["friction"] = friction if self.friction.per == "joint" else friction[:, :1].expand_as(friction)
+        new["center_of_mass"] = new["center_of_mass"] * self.com_axes
+        step = self.fleet.timestep
+        new["action_delay"] = (new["action_delay"] / step).round() * step
+        for name, value in new.items():
+            getattr(self.draws, name)[ids] = value
+        self.apply(ids)
+
+    def apply(self, ids: torch.Tensor) -> None:
+        """Write the draws of the robots `ids` into the fleet and recompute what derives from them."""
+        fleet, nominal, rows = self.fleet, self.nominal, ids.numpy()
+        values = {name: tensor[ids].double().numpy() for name, tensor in vars(self.draws).items()}
+        fleet.armature[rows] = values["armature"] * nominal.armature
+        fleet.damping[rows] = values["damping"] * nominal.damping
+        fleet.friction[rows] = values["friction"] * nominal.frictionloss
+        strength = values["motor_strength"]
+        fleet.set_gains(strength * values["stiffness"] * fleet.nominal_kp, strength * fleet.nominal_kd, rows)
+        fleet.set_ground_friction(values["ground_friction"][:, 0], rows)
+        fleet.base_mass[rows] = self.base_mass + values["payload"][:, 0]
+        fleet.base_com[rows] = values["center_of_mass"]
+        fleet.delay[rows] = values["action_delay"]
+        fleet.set_const(rows)
+
+    def privileged(self) -> torch.Tensor:
+        """Return o_priv = {m_b, f_g, I_j, B_j, f_j} of every robot, shape (N, 2 + 3 joints), each near unit size.
+
+        Mass as payload over 3 kg; ground friction minus 1; inertia and damping as (multiplier - 1) over 0.2; dry friction in
+        tenths of the torque limit, so that it means the same at every nominal level.
+        """
+        d = self.draws
+        share = torch.from_numpy(self.nominal.frictionloss / self.fleet.torque_limit).float()
+        return torch.cat(
+            (
+                d.payload / 3.0,
+                d.ground_friction - 1.0,
+                (d.armature - 1.0) / 0.2,
+                (d.damping - 1.0) / 0.2,
+                d.friction * share / 0.1,
+            ),
+            -1,
+        )

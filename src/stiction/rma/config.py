@@ -1,0 +1,111 @@
+"""Configuration of training. No torch, no mujoco: the command line reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+from stiction.locomotion.config import TaskCfg
+
+
+@dataclass(frozen=True)
+class NetworkCfg:
+    """Sizes of the networks. Small on purpose: on a CPU the update costs as much as the physics."""
+
+    actor: tuple[int, ...] = (256, 128, 64)
+    """Hidden layers of the actor."""
+    critic: tuple[int, ...] = (256, 128)
+    """Hidden layers of the critic."""
+    privileged: tuple[int, ...] = (64,)
+    """Hidden layers of f_ada of the teacher, privileged observation -> z."""
+    history_frame: int = 24
+    """Width to which every frame of the history is reduced first, by the same weights for all frames."""
+    history: tuple[int, ...] = (64,)
+    """Hidden layers of f_ada of the student, of f_est and of the critic's view of the history, after the frames."""
+    latent: int = 16
+    """Size of z and z*."""
+    initial_std: float = 0.8
+    """Standard deviation of the first actions."""
+
+
+@dataclass(frozen=True)
+class TeacherCfg:
+    """PPO, and the supervised losses of adaptation and estimator."""
+
+    iterations: int = 500
+    """Rollouts, each followed by an update."""
+    steps: int = 24
+    """Control steps of one rollout."""
+    epochs: int = 4
+    """Passes over a rollout."""
+    mini_batches: int = 4
+    """Parts of one pass."""
+    learning_rate: float = 1e-3
+    """First learning rate; adapted to the KL divergence."""
+    desired_kl: float = 0.01
+    """KL divergence to which the learning rate is adapted."""
+    entropy: float = 0.004
+    """Weight of the entropy bonus."""
+    gamma: float = 0.99
+    """Discount."""
+    gae_lambda: float = 0.95
+    """λ of the advantage estimate."""
+    alternate: int = 4
+    """z comes from the history (z*) in one iteration out of this many, else from the privileged encoder. The paper says that
+    they alternate, not how often; the public code it builds on uses 20, with which z* is hardly ever walked on."""
+    adaptation_learning_rate: float = 1e-3
+    """For L_ada and L_est."""
+    adaptation_batches: int = 4
+    """Gradient steps of L_ada and L_est after each PPO update, one pass over the rollout."""
+
+
+@dataclass(frozen=True)
+class StudentCfg:
+    """Distillation: behaviour cloning, with L_ada and L_est, from a warm start."""
+
+    iterations: int = 100
+    """Rollouts of the student, each labelled by the teacher and followed by an update."""
+    steps: int = 24
+    """Control steps of one rollout."""
+    epochs: int = 2
+    """Passes over a rollout."""
+    mini_batches: int = 4
+    """Parts of one pass."""
+    learning_rate: float = 5e-4
+    """Fixed."""
+    adaptation_weight: float = 0.1
+    """Weight of L_ada beside L_clone."""
+    estimator_weight: float = 0.5
+    """Weight of L_est beside L_clone."""
+
+
+@dataclass(frozen=True)
+class TrainCfg:
+    """One training run: a teacher, then its student."""
+
+    task: TaskCfg = field(default_factory=TaskCfg)
+    network: NetworkCfg = field(default_factory=NetworkCfg)
+    teacher: TeacherCfg = field(default_factory=TeacherCfg)
+    student: StudentCfg = field(default_factory=StudentCfg)
+    num_envs: int = 1024
+    """Robots simulated side by side."""
+    seed: int = 0
+    """Seed of everything random in the run."""
+    joints: str | None = None
+    """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
+    checkpoint_every: int = 50
+    """Iterations between checkpoints."""
+
+    @property
+    def env_steps(self) -> int:
+        """Control steps of all robots in the whole run."""
+        rollouts = self.teacher.iterations * self.teacher.steps + self.student.iterations * self.student.steps
+        return rollouts * self.num_envs
+
+
+PRESETS = {
+    "full": TrainCfg(),
+    "quick": TrainCfg(
+        teacher=replace(TeacherCfg(), iterations=250), student=replace(StudentCfg(), iterations=50)
+    ),
+}
+"""`full` is what the results are made with; `quick` walks in under a quarter of an hour on two cores."""

@@ -1,0 +1,85 @@
+"""The teacher's algorithm: rsl_rl's PPO, then one supervised pass for adaptation and estimator over the same rollout."""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import Any
+
+import torch
+from rsl_rl.algorithms import PPO
+from torch import nn
+
+from stiction.rma.models import RMAActor
+
+
+class TeacherPPO(PPO):
+    """PPO whose actor walks on z and z* in turn.
+
+    The latent source changes only between an update and the next rollout: log-probabilities of a rollout are always recomputed
+    with the source, and with the estimator, that produced it, so the ratio is 1 before the first gradient step.
+    """
+
+    actor: RMAActor
+
+    def __init__(
+        self,
+        *args: Any,
+        alternate: int = 4,
+        adaptation_learning_rate: float = 1e-3,
+        adaptation_batches: int = 4,
+        **kwargs: Any,
+    ) -> None:
+        """Add the supervised losses to `PPO`; arguments as in `TeacherCfg`."""
+        super().__init__(*args, **kwargs)
+        self.alternate, self.adaptation_batches = alternate, adaptation_batches
+        self.iteration = 0
+        policy = chain(self.actor.policy_parameters(), self.critic.parameters())
+        self.optimizer = torch.optim.Adam(policy, lr=self.learning_rate)
+        self.adaptation_optimizer = torch.optim.Adam(self.actor.supervised_parameters(), lr=adaptation_learning_rate)
+        self._choose_latent()
+
+    def _choose_latent(self) -> None:
+        """Set where the next rollout's latent comes from: z* in the last of every `alternate` iterations."""
+        from_history = self.alternate > 0 and self.iteration % self.alternate == self.alternate - 1
+        self.actor.latent_source = "history" if from_history else "privileged"
+
+    def update(self) -> dict[str, float]:
+        """Update the policy, then adaptation and estimator, then choose the next latent source."""
+        losses = super().update()
+        losses |= self._supervise()
+        self.iteration += 1
+        self._choose_latent()
+        return losses
+
+    def _supervise(self) -> dict[str, float]:
+        """Take one pass of L_ada and L_est over the rollout just used.
+
+        `PPO.update` has rewound the storage's cursor; its contents stay until the next rollout overwrites them.
+        """
+        observations = self.storage.observations.flatten(0, 1)
+        total = {"adaptation": 0.0, "estimator": 0.0}
+        for ids in torch.randperm(observations.batch_size[0], device=self.device).chunk(self.adaptation_batches):
+            batch = observations[ids]
+            adaptation, estimator = self.actor.adaptation_loss(batch), self.actor.estimator_loss(batch)
+            self.adaptation_optimizer.zero_grad()
+            (adaptation + estimator).backward()
+            nn.utils.clip_grad_norm_(self.actor.supervised_parameters(), self.max_grad_norm)
+            self.adaptation_optimizer.step()
+            total["adaptation"] += adaptation.item() / self.adaptation_batches
+            total["estimator"] += estimator.item() / self.adaptation_batches
+        return total
+
+    def save(self) -> dict:
+        """Return every network, optimizer and counter."""
+        return super().save() | {
+            "adaptation_optimizer_state_dict": self.adaptation_optimizer.state_dict(),
+            "algorithm_iteration": self.iteration,
+        }
+
+    def load(self, loaded_dict: dict, load_cfg: dict | None = None, strict: bool = True) -> bool:
+        """Restore what `save` returned, the latent source included."""
+        result = super().load(loaded_dict, load_cfg, strict)
+        self.adaptation_optimizer.load_state_dict(loaded_dict["adaptation_optimizer_state_dict"])
+        self.iteration = loaded_dict["algorithm_iteration"]
+        self._choose_latent()
+        return result
