@@ -42,13 +42,16 @@ class Network:
         """Return the actions, float32, shape (N, J), for observations, float32, shape (N, size).
 
         Raises:
-            OnnxError: the network fails on an input of the right shape.
+            OnnxError: the network fails on an input of the right shape, or returns what is not finite.
 
         """
         try:
-            return self._session.run([OUTPUT], {INPUT: observation})[0]
+            action = self._session.run([OUTPUT], {INPUT: observation})[0]
         except Exception as error:  # as above
             raise OnnxError(f"policy.onnx failed on an observation of shape {observation.shape}: {error}") from error
+        if not np.isfinite(action).all():
+            raise OnnxError("policy.onnx returned an action that is not finite; do not run this policy")
+        return action
 
 
 def _check_port(kind: str, ports: list, name: str, size: int) -> None:

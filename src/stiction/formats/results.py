@@ -1,0 +1,125 @@
+"""Results in long form: one row per policy, engine, friction law, friction level, terrain and command."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from stiction.formats.errors import StictionError
+
+SCHEMA_VERSION = 1
+"""Version of summary.json."""
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """One row of results.csv; its fields are the columns, in their order. None is an empty cell."""
+
+    policy: str
+    """Name of the bundle."""
+    method: str
+    """Way of training with friction."""
+    seed: int
+    """Seed of the training run."""
+    engine: str
+    """Physics engine: `mujoco`."""
+    friction_law: str
+    """Law of the joint friction in the evaluation: `coulomb`."""
+    friction_level: float
+    """Dry friction as a fraction of each joint's torque limit [-]."""
+    terrain: str
+    """Terrain: `flat`."""
+    command: str
+    """Commanded velocity: `vx=0.5`."""
+    speed_ratio: float | None
+    """Speed reached along the command over the commanded speed [-]; None where none is commanded."""
+    tracking_error: float
+    """Mean error of the velocity, averaged over windows of 1 s [m/s], of the yaw rate [rad/s] for a pure turn."""
+    fall_rate: float
+    """Share of episodes with a fall [-]."""
+    distance: float
+    """Mean displacement of the base in the measured part [m]."""
+    steps_climbed: float | None
+    """Mean number of stairs climbed; None on flat ground."""
+    cost_of_transport: float | None
+    """Mechanical energy over weight times displacement [-]; None where the robot does not get away."""
+    joint_jitter: float
+    """Root mean square joint acceleration [rad/s²]."""
+    tripod_share: float | None
+    """Share of moving steps in which the feet on the ground are exactly one contact group [-]; None without any."""
+    flight_share: float | None
+    """Share of moving steps with no foot on the ground [-]; None without any."""
+    episodes: int
+    """Number of episodes behind the row."""
+
+
+COLUMNS = tuple(field.name for field in fields(ResultRow))
+"""Header of results.csv."""
+
+OPTIONAL = ("speed_ratio", "steps_climbed", "cost_of_transport", "tripod_share", "flight_share")
+"""Columns that may be empty."""
+
+TEXTS = ("policy", "method", "engine", "friction_law", "terrain", "command")
+INTEGERS = ("seed", "episodes")
+
+
+def write_results(path: Path, rows: Iterable[ResultRow]) -> None:
+    """Write results.csv, numbers with the digits that read back exactly."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(COLUMNS)
+        for row in rows:
+            values = (getattr(row, name) for name in COLUMNS)
+            writer.writerow(["" if value is None else value for value in values])
+
+
+def read_results(path: Path) -> list[ResultRow]:
+    """Read results.csv.
+
+    Raises:
+        StictionError: no such file, another header, or a cell that is not what its column holds.
+
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise StictionError(f"{path} cannot be read as results: {error}") from error
+    if not lines or tuple(lines[0]) != COLUMNS:
+        raise StictionError(f"{path} is not a results.csv: its first line must be {','.join(COLUMNS)}")
+    return [_parse(path, number, cells) for number, cells in enumerate(lines[1:], start=2)]
+
+
+def _parse(path: Path, number: int, cells: list[str]) -> ResultRow:
+    """Turn one line into a row."""
+    if len(cells) != len(COLUMNS):
+        raise StictionError(f"{path}, line {number}: {len(cells)} cells; expected {len(COLUMNS)}")
+    values: dict[str, Any] = {}
+    for name, cell in zip(COLUMNS, cells, strict=True):
+        try:
+            if name in TEXTS:
+                values[name] = cell
+            elif name in INTEGERS:
+                values[name] = int(cell)
+            else:
+                values[name] = None if cell == "" and name in OPTIONAL else float(cell)
+        except ValueError as error:
+            raise StictionError(f"{path}, line {number}: {name} is {cell!r}; expected a number") from error
+        if isinstance(values[name], float) and not math.isfinite(values[name]):
+            raise StictionError(f"{path}, line {number}: {name} is {cell!r}; expected a finite number")
+    return ResultRow(**values)
+
+
+def write_summary(path: Path, summary: dict[str, Any]) -> None:
+    """Write summary.json; a number that is not finite is refused by the encoder (`ValueError`)."""
+    path.write_text(summary_text(summary), encoding="utf-8")
+
+
+def summary_text(summary: dict[str, Any]) -> str:
+    """Return the text of summary.json, schema version first."""
+    return json.dumps({"schema_version": SCHEMA_VERSION} | summary, indent=2, allow_nan=False) + "\n"

@@ -1,0 +1,197 @@
+"""Drives a policy bundle over friction levels and commands in MuJoCo, from the bundle alone.
+
+Every (level, command, episode) of a policy is one robot of one fleet, so that a policy costs one batched rollout.
+Episode e meets the same initial state and the same sensor noise at every level and command: rows differ by friction and
+command, not by luck.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from stiction.formats.bundle import Bundle
+from stiction.formats.errors import StictionError
+from stiction.formats.reproducibility import seed_streams
+from stiction.formats.results import ResultRow
+from stiction.locomotion.config import NoiseCfg
+from stiction.transfer.command import Command, parse_command
+from stiction.transfer.metrics import Metrics, Recording, measure
+from stiction.transfer.rollout import Rollout, robot_of
+
+ENGINE, LAW, TERRAIN = "mujoco", "coulomb", "flat"
+"""What is evaluated here, as it stands in results.csv."""
+
+MAX_LEVEL = 0.9
+"""Highest friction level: above it hardly any torque is left to move the joint [-]."""
+
+MAX_ROBOTS = 8192
+"""Most robots in one batch: levels times commands times episodes."""
+
+
+@dataclass(frozen=True)
+class EvaluationCfg:
+    """What a policy is put through."""
+
+    friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
+    """Dry friction as fractions of each joint's torque limit [-]."""
+    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    """Commanded velocities: vx, vy [m/s], wz [rad/s], or `stand`."""
+    episodes: int = 32
+    """Episodes per level and command."""
+    seconds: float = 20.0
+    """Length of an episode [s]."""
+    settle: float = 2.0
+    """What is not measured at the start of an episode [s]: getting up to speed is not what is asked."""
+    seed: int = 0
+    """Seed of initial states and sensor noise."""
+    noise: NoiseCfg = field(default_factory=NoiseCfg)
+    """Sensor noise, as in training."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be evaluated."""
+        for level in self.friction_levels:
+            if not 0.0 <= level <= MAX_LEVEL:
+                raise StictionError(
+                    f"friction level {level} is outside [0, {MAX_LEVEL}], fractions of the torque limit"
+                )
+        if not self.friction_levels or not self.commands:
+            raise StictionError("at least one friction level and one command are needed")
+        labels = [command.label for command in self.parsed_commands]
+        if len(set(self.friction_levels)) < len(self.friction_levels) or len(set(labels)) < len(labels):
+            raise StictionError("a friction level or a command was given twice; give each once")
+        if not (self.episodes >= 1 and self.settle >= 0.0 and self.settle + 1.0 <= self.seconds <= 3600.0):
+            raise StictionError(
+                f"{self.episodes} episodes of {self.seconds} s, {self.settle} s of it to settle; "
+                "expected at least one episode, at least 1 s measured, and at most an hour"
+            )
+        if self.num_robots > MAX_ROBOTS:
+            raise StictionError(
+                f"{self.num_robots} robots at once; at most {MAX_ROBOTS}: give fewer levels or episodes"
+            )
+        seed_streams(self.seed, ["episode"])
+
+    @property
+    def parsed_commands(self) -> tuple[Command, ...]:
+        """The commands as velocities."""
+        return tuple(parse_command(text) for text in self.commands)
+
+    @property
+    def num_robots(self) -> int:
+        """Robots in the batch."""
+        return len(self.friction_levels) * len(self.commands) * self.episodes
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What one policy reached."""
+
+    rows: tuple[ResultRow, ...]
+    """One row per level and command."""
+    group_shares: tuple[tuple[float, float] | None, ...]
+    """Of each row, the shares of moving steps on exactly contact group 0 and exactly group 1 [-]."""
+    blown_up: int
+    """Simulations that became unstable; each counts as a fall."""
+
+    def details(self) -> list[dict[str, Any]]:
+        """Return the rows with their group shares as plain data."""
+        return [asdict(row) | {"group_share": share} for row, share in zip(self.rows, self.group_shares, strict=True)]
+
+
+def evaluate_bundle(
+    bundle: Bundle,
+    cfg: EvaluationCfg,
+    robot: str | None = None,
+    threads: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Evaluation:
+    """Evaluate one bundle.
+
+    Args:
+        bundle: the bundle, as checked by `check_bundle`.
+        cfg: levels, commands, episodes.
+        robot: see `robot_of`.
+        threads: threads of the simulator; they do not change the result.
+        progress: called with the share that is done [-].
+
+    Raises:
+        StictionError: the bundle does not fit the robot.
+
+    """
+    spec = robot_of(bundle.contract, robot)
+    commands = cfg.parsed_commands
+    level = np.repeat(cfg.friction_levels, len(commands) * cfg.episodes)
+    velocity = np.tile(np.repeat([c.velocity for c in commands], cfg.episodes, axis=0), (len(cfg.friction_levels), 1))
+    streams = seed_streams(cfg.seed, [f"episode {number}" for number in range(cfg.episodes)])
+    rollout = Rollout(bundle.contract, bundle.policy, spec, level, list(streams.values()), threads, cfg.noise)
+    recording, blown_up = _record(rollout, velocity, round(cfg.seconds / bundle.contract.control_period), progress)
+    first = round(cfg.settle / bundle.contract.control_period)
+    rows, shares = [], []
+    for index in range(len(cfg.friction_levels) * len(commands)):
+        part = recording.of(slice(index * cfg.episodes, (index + 1) * cfg.episodes), first)
+        command = commands[index % len(commands)]
+        metrics = measure(part, command, spec.groups(), spec.mass)
+        rows.append(_row(bundle, cfg, cfg.friction_levels[index // len(commands)], command, metrics))
+        shares.append(metrics.group_share)
+    return Evaluation(tuple(rows), tuple(shares), blown_up)
+
+
+def _record(
+    rollout: Rollout, velocity: np.ndarray, steps: int, progress: Callable[[float], None]
+) -> tuple[Recording, int]:
+    """Run the batch and keep what the metrics need; return it and the number of simulations that blew up."""
+    fleet, legs = rollout.fleet, len(rollout.fleet.spec.legs)
+    num, period = fleet.num_envs, fleet.control_period
+    recording = Recording(
+        period,
+        velocity=np.zeros((steps, num, 3)),
+        position=np.zeros((steps, num, 2)),
+        contact=np.zeros((steps, num, legs), dtype=bool),
+        power=np.zeros((steps, num)),
+        square_acceleration=np.zeros((steps, num)),
+        upright=np.zeros((steps, num), dtype=bool),
+    )
+    upright, blown_up = np.ones(num, dtype=bool), 0
+    last_velocity = fleet.joint_velocity.copy()
+    for t in range(steps):
+        moment = rollout.step(velocity)
+        blown_up += len(moment.blown_up)
+        upright = upright & ~fleet.fallen()
+        upright[moment.blown_up] = False
+        recording.velocity[t, :, :2] = fleet.base_linear_velocity[:, :2]
+        recording.velocity[t, :, 2] = fleet.base_angular_velocity[:, 2]
+        recording.position[t] = fleet.base_position[:, :2]
+        recording.contact[t] = fleet.foot_contact
+        recording.power[t] = np.abs(fleet.torque * fleet.joint_velocity).sum(axis=1)
+        recording.square_acceleration[t] = (((fleet.joint_velocity - last_velocity) / period) ** 2).mean(axis=1)
+        recording.upright[t] = upright
+        last_velocity = fleet.joint_velocity.copy()
+        progress((t + 1) / steps)
+    return recording, blown_up
+
+
+def _row(bundle: Bundle, cfg: EvaluationCfg, level: float, command: Command, metrics: Metrics) -> ResultRow:
+    """Return one row of results.csv."""
+    return ResultRow(
+        policy=bundle.name,
+        method=bundle.contract.method,
+        seed=bundle.contract.seed,
+        engine=ENGINE,
+        friction_law=LAW,
+        friction_level=level,
+        terrain=TERRAIN,
+        command=command.label,
+        speed_ratio=metrics.speed_ratio,
+        tracking_error=metrics.tracking_error,
+        fall_rate=metrics.fall_rate,
+        distance=metrics.distance,
+        steps_climbed=None,
+        cost_of_transport=metrics.cost_of_transport,
+        joint_jitter=metrics.joint_jitter,
+        tripod_share=metrics.tripod_share,
+        flight_share=metrics.flight_share,
+        episodes=cfg.episodes,
+    )

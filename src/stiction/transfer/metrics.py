@@ -1,0 +1,159 @@
+"""What a walk was worth: the columns of results.csv as pure functions of a recording.
+
+A robot that falls ends its episode: from then on it counts as standing still, its speed as zero. So a policy gains
+nothing by running fast and falling.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.transfer.command import Command
+
+GRAVITY = 9.81
+"""Gravity [m/s²]."""
+
+WINDOW = 1.0
+"""Velocity is averaged over windows of this length before it is compared with the command [s]: a gait's own sway within
+a stride is not an error."""
+
+MOVING_SPEED = 0.1
+"""A step is a moving one if the base is faster than this [m/s], or turns faster than this [rad/s] in a pure turn.
+A robot that stands on all feet has no gait to be judged."""
+
+SHORTEST_DISTANCE = 0.1
+"""No cost of transport is given under this mean displacement [m]; it would be a division by nearly nothing."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What N robots did in T control steps."""
+
+    period: float
+    """Control period [s]."""
+    velocity: np.ndarray
+    """Forward and sideways velocity of the base [m/s] and its yaw rate [rad/s], base frame, shape (T, N, 3)."""
+    position: np.ndarray
+    """Horizontal position of the base in the world [m], shape (T, N, 2)."""
+    contact: np.ndarray
+    """Feet on the ground, bool, shape (T, N, L)."""
+    power: np.ndarray
+    """Sum over joints of |torque * joint velocity| [W], shape (T, N)."""
+    square_acceleration: np.ndarray
+    """Mean over joints of the squared joint acceleration [rad²/s⁴], shape (T, N)."""
+    upright: np.ndarray
+    """False from the step of a fall on, bool, shape (T, N)."""
+
+    def of(self, robots: slice, first_step: int = 0) -> Recording:
+        """Return the recording of some robots, from a step on."""
+        fields = ("velocity", "position", "contact", "power", "square_acceleration", "upright")
+        return Recording(self.period, *(getattr(self, name)[first_step:, robots] for name in fields))
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """The measured columns of one row of results.csv, and what stands beside them in summary.json."""
+
+    speed_ratio: float | None
+    tracking_error: float
+    fall_rate: float
+    distance: float
+    cost_of_transport: float | None
+    joint_jitter: float
+    tripod_share: float | None
+    flight_share: float | None
+    group_share: tuple[float, float] | None
+    """Share of moving steps in which exactly contact group 0, and exactly group 1, is on the ground [-]."""
+
+
+def measure(recording: Recording, command: Command, groups: np.ndarray, mass: float) -> Metrics:
+    """Return the metrics of one row, over all its episodes.
+
+    Args:
+        recording: the measured part of the episodes, after settling.
+        command: what was commanded.
+        groups: contact group (0 or 1) of each foot, shape (L,).
+        mass: mass of the robot [kg].
+
+    """
+    distance = displacement(recording)
+    flight, first, second = gait_shares(recording, command, groups)
+    return Metrics(
+        speed_ratio=speed_ratio(recording, command),
+        tracking_error=tracking_error(recording, command),
+        fall_rate=float(1.0 - recording.upright[-1].mean()),
+        distance=distance,
+        cost_of_transport=cost_of_transport(recording, distance, mass),
+        joint_jitter=joint_jitter(recording),
+        tripod_share=None if first is None or second is None else first + second,
+        flight_share=flight,
+        group_share=None if first is None or second is None else (first, second),
+    )
+
+
+def _velocity(recording: Recording) -> np.ndarray:
+    """Return the velocity with zeros after a fall, shape (T, N, 3)."""
+    return recording.velocity * recording.upright[..., None]
+
+
+def speed_ratio(recording: Recording, command: Command) -> float | None:
+    """Return the mean speed along the command over the commanded speed; None where none is commanded."""
+    if command.direction is None:
+        return None
+    return float((_velocity(recording) @ command.direction).mean() / command.speed)
+
+
+def tracking_error(recording: Recording, command: Command) -> float:
+    """Return the mean distance between velocity and command [m/s]; for a pure turn, of the yaw rate [rad/s]."""
+    width = max(1, round(WINDOW / recording.period))
+    velocity = _velocity(recording)
+    count = max(1, len(velocity) // width)
+    windows = np.stack([part.mean(axis=0) for part in np.array_split(velocity, count)])
+    difference = windows - np.array(command.velocity)
+    axes = slice(2, 3) if command.is_turn else slice(0, 2)
+    return float(np.linalg.norm(difference[..., axes], axis=-1).mean())
+
+
+def displacement(recording: Recording) -> float:
+    """Return the mean distance from the first position to the last one before a fall [m]."""
+    last = np.maximum(recording.upright.sum(axis=0) - 1, 0)
+    end = recording.position[last, np.arange(recording.position.shape[1])]
+    return float(np.linalg.norm(end - recording.position[0], axis=-1).mean())
+
+
+def cost_of_transport(recording: Recording, distance: float, mass: float) -> float | None:
+    """Return the mechanical energy over weight times displacement, means over episodes [-]; None if it got nowhere."""
+    if distance < SHORTEST_DISTANCE:
+        return None
+    energy = (recording.power * recording.upright).sum(axis=0).mean() * recording.period
+    return float(energy / (mass * GRAVITY * distance))
+
+
+def joint_jitter(recording: Recording) -> float:
+    """Return the root mean square joint acceleration of robots that have not fallen [rad/s²]; 0 where all have."""
+    if not recording.upright.any():
+        return 0.0
+    return float(np.sqrt(recording.square_acceleration[recording.upright].mean()))
+
+
+def gait_shares(
+    recording: Recording, command: Command, groups: np.ndarray
+) -> tuple[float | None, float | None, float | None]:
+    """Return the shares of moving steps in flight, on exactly group 0, on exactly group 1; None without moving steps.
+
+    The feet on the ground must equal the group as a set, as in r_trot of the paper.
+    """
+    if command.direction is None:
+        return None, None, None
+    speed = (
+        np.abs(recording.velocity[..., 2]) if command.is_turn else np.hypot(*np.moveaxis(recording.velocity, -1, 0)[:2])
+    )
+    moving = recording.upright & (speed > MOVING_SPEED)
+    if not moving.any():
+        return None, None, None
+    contact = recording.contact[moving]
+    sets = [np.zeros(len(groups), dtype=bool), groups == 0, groups == 1]
+    flight, first, second = (float((contact == feet).all(axis=-1).mean()) for feet in sets)
+    return flight, first, second

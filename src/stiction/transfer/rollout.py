@@ -1,0 +1,142 @@
+"""A bundle driving a fleet of MuJoCo robots: sensors with noise in, joint targets out. No torch.
+
+Evaluation, golden vectors and clips are loops over `Rollout.step`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import PolicyStep, load_policy
+from stiction.formats.contract import Contract
+from stiction.formats.errors import StictionError
+from stiction.locomotion.config import NoiseCfg
+from stiction.robots.catalog import find_robot
+from stiction.robots.spec import RobotSpec
+from stiction.sim.fleet import Fleet
+
+INITIAL_ANGLE = 0.1
+"""Half-width of the initial joint angles about the standing pose [rad], as in training."""
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What happened in one control period."""
+
+    sensors: Sensors
+    """What the robots measured at its start, noise included, shapes (N, ...)."""
+    policy: PolicyStep
+    """What the policy made of it, shapes (N, ...)."""
+    blown_up: np.ndarray
+    """Robots whose simulation became unstable and was put back to standing, ids."""
+
+
+def robot_of(contract: Contract, robot: str | None = None) -> RobotSpec:
+    """Return the robot that a contract was made for, checked against it.
+
+    A bundle is data: its robot is looked up among the shipped ones only. A robot of one's own is named by `robot`, as
+    `package.module:NAME`, since looking it up runs that module.
+
+    Raises:
+        StictionError: the robot is unknown, or its joints or torque limits are not those of the contract.
+
+    """
+    if robot is None and not contract.robot.isidentifier():
+        raise StictionError(
+            f"the bundle is for the robot {contract.robot!r}, which is not a shipped one; "
+            "if you trust that module, name it with --robot"
+        )
+    spec = find_robot(robot or contract.robot)
+    if spec.joint_names != contract.joint_names:
+        raise StictionError(f"robot {spec.name!r} has the joints {spec.joint_names}, the bundle {contract.joint_names}")
+    if not np.allclose(spec.joint_values("torque_limit"), contract.array("torque_limit")):
+        raise StictionError(
+            f"robot {spec.name!r} has other torque limits than the bundle; name the right one with --robot"
+        )
+    return spec
+
+
+class Rollout:
+    """N robots on flat ground with the bundle's gains, each driven by its own copy of the policy."""
+
+    def __init__(
+        self,
+        contract: Contract,
+        model: bytes,
+        spec: RobotSpec,
+        friction_level: np.ndarray,
+        generators: Sequence[np.random.Generator],
+        threads: int = 1,
+        noise: NoiseCfg | None = None,
+    ) -> None:
+        """Put the robots into their standing pose.
+
+        Args:
+            contract: what the policy expects.
+            model: the network, ONNX.
+            spec: the robot, as from `robot_of`.
+            friction_level: dry friction of each robot as a fraction of its torque limits [-], shape (N,).
+            generators: sources of noise; robot i uses number i modulo their count, so that robots that share one
+                meet the same noise.
+            threads: threads of the simulator.
+            noise: sensor noise, by default as in training.
+
+        """
+        num = len(friction_level)
+        self.fleet = Fleet(spec, num, contract.physics_timestep, contract.decimation, threads)
+        self.fleet.set_gains(contract.array("kp"), contract.array("kd"))
+        self.fleet.friction[:] = np.asarray(friction_level)[:, None] * contract.array("torque_limit")
+        self._policy = load_policy(contract, model, (num,))
+        self._contract = contract
+        self._noise = noise or NoiseCfg()
+        self._generators = generators
+        self._robots_per_generator = num // len(generators)
+        self.reset(np.arange(num))
+
+    def _uniform(self, width: int) -> np.ndarray:
+        """Return numbers in [-1, 1), one row per robot, shape (N, width)."""
+        drawn = np.stack([generator.uniform(-1.0, 1.0, width) for generator in self._generators])
+        return np.tile(drawn, (self._robots_per_generator, 1))
+
+    def reset(self, ids: np.ndarray) -> None:
+        """Stand the robots `ids` on the ground, joints slightly off the standing pose, the policy's history empty."""
+        standing = self._contract.array("standing")
+        position = standing + INITIAL_ANGLE * self._uniform(len(standing))
+        position = np.clip(position, self._contract.array("lower"), self._contract.array("upper"))
+        self.fleet.reset(ids, joint_position=position[ids])
+        self._policy.reset(np.isin(np.arange(self.fleet.num_envs), ids))
+
+    def sense(self) -> Sensors:
+        """Return what the robots measure now; roll and pitch are disturbed by a small rotation of the base."""
+        fleet, noise, joints = self.fleet, self._noise, self._contract.num_joints
+        drawn = self._uniform(5 + 2 * joints)
+        tilt = np.hstack([np.ones((len(drawn), 1)), noise.roll_pitch / 2 * drawn[:, 3:5]])
+        return Sensors(
+            quaternion=_tilted(fleet.base_quaternion, tilt),
+            angular_velocity=fleet.base_angular_velocity + noise.angular_velocity * drawn[:, :3],
+            joint_position=fleet.joint_position + noise.joint_position * drawn[:, 5 : 5 + joints],
+            joint_velocity=fleet.joint_velocity + noise.joint_velocity * drawn[:, 5 + joints :],
+        )
+
+    def step(self, command: np.ndarray) -> Moment:
+        """Advance by one control period under the commanded velocities, shape (N, 3)."""
+        sensors = self.sense()
+        step = self._policy.step(sensors, command)
+        self.fleet.set_targets(step.target)
+        blown_up = self.fleet.step()
+        self._policy.reset(np.isin(np.arange(self.fleet.num_envs), blown_up))
+        return Moment(sensors, step, blown_up)
+
+
+def _tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+    """Return quaternions, shape (N, 4), times the small rotations 1 + a i + b j, shape (N, 3): rolls 2a, pitches 2b."""
+    w, x, y, z = quaternion.T
+    one, a, b = tilt.T
+    turned = np.stack(
+        [w * one - x * a - y * b, w * a + x * one - z * b, w * b + y * one + z * a, z * one + x * b - y * a], -1
+    )
+    return turned / np.linalg.norm(turned, axis=-1, keepdims=True)

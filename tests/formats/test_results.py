@@ -1,0 +1,73 @@
+"""Results are read back as they were written, and bad files are named."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.formats.results import COLUMNS, ResultRow, read_results, write_results, write_summary
+
+
+def row(**changes) -> ResultRow:
+    """Return a row with some cells changed."""
+    values = dict(zip(COLUMNS, ("p", "none", 0, "mujoco", "coulomb", 0.1, "flat", "vx=0.3,wz=0.2"), strict=False))
+    values |= {"speed_ratio": 1 / 3, "tracking_error": 0.1, "fall_rate": 0.0, "distance": 2.0, "steps_climbed": None}
+    values |= {
+        "cost_of_transport": None,
+        "joint_jitter": 10.0,
+        "tripod_share": None,
+        "flight_share": 0.0,
+        "episodes": 8,
+    }
+    return ResultRow(**(values | changes))
+
+
+def test_the_columns_are_those_of_the_contract() -> None:
+    """Later stages and other people's scripts read them by name."""
+    expected = (
+        "policy,method,seed,engine,friction_law,friction_level,terrain,command,speed_ratio,tracking_error,fall_rate,"
+        "distance,steps_climbed,cost_of_transport,joint_jitter,tripod_share,flight_share,episodes"
+    )
+    assert ",".join(COLUMNS) == expected
+
+
+def test_rows_read_back_exactly(tmp_path: Path) -> None:
+    """Empty stays empty, a comma in a command stays one cell, and every digit survives."""
+    rows = [row(), row(speed_ratio=None, command="stand"), row(speed_ratio=-0.1, policy='a "quoted" name')]
+    write_results(tmp_path / "results.csv", rows)
+    assert read_results(tmp_path / "results.csv") == rows
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("fall_rate", "falls", "first line"),
+        (",0.1,", ",much,", "line 2"),
+        (",8\n", ",8.5\n", "episodes"),
+        (",8\n", "\n", "17 cells"),
+        ("10.0", "inf", "finite"),
+        ("10.0", "", "joint_jitter"),
+    ],
+)
+def test_a_bad_cell_is_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    """A figure drawn from half a file would mislead."""
+    path = tmp_path / "results.csv"
+    write_results(path, [row()])
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(StictionError, match=message):
+        read_results(path)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    """One clear line, no traceback."""
+    with pytest.raises(StictionError, match=r"nothing\.csv"):
+        read_results(tmp_path / "nothing.csv")
+
+
+def test_a_summary_has_its_version_and_no_nan(tmp_path: Path) -> None:
+    """NaN is not JSON and breaks other readers."""
+    write_summary(tmp_path / "summary.json", {"rows": []})
+    assert json.loads((tmp_path / "summary.json").read_text()) == {"schema_version": 1, "rows": []}
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_summary(tmp_path / "summary.json", {"x": float("nan")})

@@ -1,0 +1,83 @@
+"""Evaluation: rows for every level and command, reproducible, and refusing what makes no sense."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import linear_network, make_bundle, make_contract
+from stiction.deploy.check import check_bundle
+from stiction.formats.bundle import Bundle
+from stiction.formats.errors import StictionError
+from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
+
+SHORT = EvaluationCfg(friction_levels=(0.0, 0.3), episodes=2, seconds=2.0, settle=0.5)
+
+
+@pytest.fixture
+def checked(bundle: Path) -> Bundle:
+    """A bundle of a random network."""
+    return check_bundle(bundle).bundle
+
+
+def test_a_row_for_every_level_and_command_in_order(checked: Bundle) -> None:
+    """A figure needs all of them, once."""
+    result = evaluate_bundle(checked, SHORT)
+    found = [(row.friction_level, row.command, row.episodes, row.policy) for row in result.rows]
+    expected = [(level, command, 2, "toy") for level in (0.0, 0.3) for command in ("vx=0.5", "vx=-0.5")]
+    assert found == expected
+    assert result.blown_up == 0
+    assert [set(detail) - set(vars(result.rows[0])) for detail in result.details()] == [{"group_share"}] * 4
+
+
+def test_the_result_depends_on_the_seed_alone(checked: Bundle) -> None:
+    """Neither threads nor what else is evaluated beside it may change a row."""
+    both = evaluate_bundle(checked, SHORT, threads=2)
+    again = evaluate_bundle(checked, SHORT, threads=1)
+    assert both == again
+    one = EvaluationCfg(friction_levels=(0.3,), commands=("vx=-0.5",), episodes=2, seconds=2.0, settle=0.5)
+    assert evaluate_bundle(checked, one).rows == both.rows[3:]
+    other = EvaluationCfg(friction_levels=(0.0, 0.3), episodes=2, seconds=2.0, settle=0.5, seed=1)
+    assert evaluate_bundle(checked, other).rows != both.rows
+
+
+def test_a_policy_that_lies_down_falls(tmp_path: Path) -> None:
+    """Falls must be seen: this network folds the shanks as far as they go."""
+    contract = make_contract()
+    weights = np.zeros((contract.observation.size, 18), np.float32)
+    command = 10 * contract.observation.frame_size + 6
+    weights[command, 2::3] = -100.0
+    weights[command, 1::3] = 100.0
+    bundle = check_bundle(make_bundle(tmp_path / "lying", contract, linear_network(onnx, weights))).bundle
+    cfg = EvaluationCfg(friction_levels=(0.0,), commands=("vx=0.5", "stand"), episodes=2, seconds=3.0, settle=0.5)
+    lying, standing = evaluate_bundle(bundle, cfg).rows
+    assert lying.fall_rate == 1.0
+    assert standing.fall_rate == 0.0
+    assert standing.tracking_error < 0.02
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"friction_levels": (-0.1,)}, "friction level"),
+        ({"friction_levels": (0.95,)}, "friction level"),
+        ({"friction_levels": (float("nan"),)}, "friction level"),
+        ({"friction_levels": ()}, "at least one"),
+        ({"friction_levels": (0.1, 0.1)}, "twice"),
+        ({"commands": ("vx=0.5", "vx=.5")}, "twice"),
+        ({"commands": ("forward",)}, "not understood"),
+        ({"episodes": 0}, "episodes"),
+        ({"seconds": 2.5}, "at least 1 s"),
+        ({"seconds": float("nan")}, "at least 1 s"),
+        ({"settle": -1.0}, "settle"),
+        ({"episodes": 4000}, "at most"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_what_cannot_be_evaluated_is_refused(change: dict, message: str) -> None:
+    """One clear line before any physics runs."""
+    with pytest.raises(StictionError, match=message):
+        EvaluationCfg(**change)
