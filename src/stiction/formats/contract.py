@@ -48,7 +48,7 @@ class Contract:
     friction_law: str
     """Law of the joint friction in training: `coulomb`."""
     friction_level: float
-    """Nominal dry friction as a fraction of each joint's torque limit [-]."""
+    """Nominal dry friction as a fraction of each joint's torque limit [-]; a mean over joints where it was measured."""
     friction_range: tuple[float, float]
     """Range of the dry friction that training drew from, as fractions of the torque limit [-]."""
     joint_names: tuple[str, ...]

@@ -1,0 +1,59 @@
+"""The card of a bundle: what the policy is, for people, made from the contract alone."""
+
+from __future__ import annotations
+
+from stiction.formats.contract import Contract
+
+METHODS = {
+    "none": "conventional domain randomisation, without dry friction in the joints",
+    "direct": "dry friction in the joints, drawn closely around its nominal value",
+    "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
+}
+"""Way of training -> what it means."""
+
+TEMPLATE = """\
+# {robot}, {terrain}, {method}, {level}
+
+A walking policy for the robot `{robot}` on {terrain} ground: the student of rapid motor adaptation, which sees joints,
+attitude and its own last actions, and follows a commanded velocity.
+
+| | |
+|---|---|
+| trained with | {meaning} |
+| nominal dry friction | {level} of each joint's torque limit, law `{law}` |
+| dry friction in training | {low:.3g} to {high:.3g} of the torque limit |
+| joints | {joints} ({joint_count}) |
+| control period | {period:g} s |
+| identification used | {identification} |
+| seed | {seed} |
+| code | {revision} |
+| made by | `{command}` |
+
+It was trained and evaluated in simulation. It has not run on a robot.
+
+`stiction verify` checks the files and replays the recorded sensors of `golden.npz`. `SHA256SUMS` guards against
+damage, it is not a signature: take bundles from where you trust.
+"""
+
+
+def write_card(contract: Contract) -> str:
+    """Return the text of card.md."""
+    low, high = contract.friction_range
+    used = contract.joints_file
+    return TEMPLATE.format(
+        robot=contract.robot,
+        terrain=contract.terrain,
+        method=contract.method,
+        meaning=METHODS.get(contract.method, contract.method),
+        level=f"{100 * contract.friction_level:g} %",
+        law=contract.friction_law,
+        low=low,
+        high=high,
+        joints=", ".join(contract.joint_names),
+        joint_count=contract.num_joints,
+        period=contract.control_period,
+        identification=f"{used['name']}, SHA-256 {used['sha256']}" if used else "none",
+        seed=contract.seed,
+        revision=contract.revision,
+        command=contract.command,
+    )

@@ -1,0 +1,171 @@
+"""Turns a trained student into a policy bundle. The only module of this room that needs torch and onnx."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import shlex
+from contextlib import redirect_stdout
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from stiction.deploy.check import BundleCheck, check_bundle
+from stiction.deploy.policy import INPUT, OUTPUT
+from stiction.formats.bundle import BundleError, write_bundle
+from stiction.formats.contract import Contract
+from stiction.formats.errors import StictionError
+from stiction.formats.observation import proprioception
+from stiction.robots.catalog import find_robot
+from stiction.robots.spec import RobotSpec
+from stiction.transfer.card import write_card
+from stiction.transfer.golden import record_golden
+
+if TYPE_CHECKING:
+    import torch
+
+    from stiction.rma.config import TrainCfg
+
+OPSET = 18
+"""ONNX operator set: old enough for every onnxruntime of the last years."""
+
+EXAMPLE_BATCH = 2
+"""Batch of the example input: with one, the exporter would take the batch for a constant."""
+
+
+def export_run(run: Path, out: Path) -> BundleCheck:
+    """Export the student of a training run, write its bundle, and check what was written.
+
+    Raises:
+        StictionError: not a finished run, or `out` exists already.
+
+    """
+    from stiction.rma.run import RunDirectory
+    from stiction.rma.runner import load_student
+
+    directory = RunDirectory(run)
+    header, cfg = directory.header(), directory.config()
+    return export_policy(load_student(directory), contract_of(cfg, header), out)
+
+
+def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
+    """Return the contract of a run.
+
+    Args:
+        cfg: configuration of the run.
+        header: `command`, `revision` and `identified` of the run, as in its config.json.
+
+    """
+    task = cfg.task
+    spec = find_robot(task.robot)
+    nominal = _nominal_level(task.friction.level, spec, header.get("identified"))
+    low, high = task.friction.range
+    return Contract(
+        robot=task.robot,
+        terrain="flat",
+        method=task.friction.method,
+        seed=cfg.seed,
+        friction_law=task.friction.law,
+        friction_level=nominal,
+        friction_range=(low * nominal, high * nominal),
+        joint_names=spec.joint_names,
+        control_period=task.control_period,
+        decimation=task.decimation,
+        physics_timestep=task.timestep,
+        kp=tuple(spec.joint_values("stiffness").tolist()),
+        kd=tuple(spec.joint_values("derivative").tolist()),
+        standing=tuple(spec.joint_values("standing").tolist()),
+        lower=tuple(spec.joint_values("lower").tolist()),
+        upper=tuple(spec.joint_values("upper").tolist()),
+        torque_limit=tuple(spec.joint_values("torque_limit").tolist()),
+        observation=proprioception(spec.num_joints),
+        action_scale=spec.action_scale,
+        action_clip=task.action_clip,
+        revision=str(header["revision"]),
+        command=_without_folders(str(header["command"])),
+        joints_file=_joints_file(cfg.joints),
+    )
+
+
+def export_policy(module: torch.nn.Module, contract: Contract, out: Path) -> BundleCheck:
+    """Write the bundle of a network and check it.
+
+    Args:
+        module: observations (N, size), float32 -> actions (N, J).
+        contract: what the policy expects of robot and runtime.
+        out: directory to make.
+
+    Raises:
+        StictionError: `out` exists already, the robot is unknown, or what was written does not pass its own check.
+
+    """
+    if out.exists():
+        raise BundleError(f"{out} exists already; choose another --out or remove it")
+    model = export_network(module, contract.observation.size)
+    golden = record_golden(contract, model, find_robot(contract.robot), contract.seed)
+    return check_bundle(write_bundle(out, contract, model, golden, write_card(contract)))
+
+
+def export_network(module: torch.nn.Module, observation_size: int) -> bytes:
+    """Return a network as ONNX: one file, one input and one output, any batch, nothing of this machine in it."""
+    import onnx
+    import torch
+
+    example = torch.zeros(EXAMPLE_BATCH, observation_size)
+    with redirect_stdout(io.StringIO()), torch.no_grad():
+        program = torch.onnx.export(
+            module.eval(),
+            (example,),
+            dynamo=True,
+            external_data=False,
+            input_names=[INPUT],
+            output_names=[OUTPUT],
+            dynamic_shapes=({0: torch.export.Dim("batch")},),
+            opset_version=OPSET,
+            verbose=False,
+        )
+    if program is None:
+        raise StictionError("torch returned no ONNX program; torch 2.9 or newer is needed")
+    model = program.model_proto
+    _strip(model)
+    onnx.checker.check_model(model)
+    return model.SerializeToString()
+
+
+def _strip(model: Any) -> None:
+    """Remove the exporter's notes: stack traces with this machine's paths, several times the size of the graph."""
+    graph = model.graph
+    for part in (model, graph, *graph.node, *graph.input, *graph.output, *graph.value_info, *graph.initializer):
+        part.ClearField("metadata_props")
+        part.ClearField("doc_string")
+    graph.ClearField("value_info")
+
+
+def _nominal_level(level: float | None, spec: RobotSpec, identified: dict[str, Any] | None) -> float:
+    """Return a run's nominal friction [-]: its level, else what was identified or measured, a mean over joints."""
+    if level is not None:
+        return level
+    measured = spec.joint_values("frictionloss")
+    if identified and "frictionloss" in identified:
+        found = np.array(identified["frictionloss"], dtype=np.float64)  # null, where not identified, becomes NaN
+        measured = np.where(np.isnan(found), measured, found)
+    return float((measured / spec.joint_values("torque_limit")).mean())
+
+
+def _joints_file(path: str | None) -> dict[str, str] | None:
+    """Return name and SHA-256 of the joints.json that a run was trained with, None where it had none."""
+    if path is None:
+        return None
+    file = Path(path)
+    try:
+        digest = hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError as error:
+        raise StictionError(f"{file}, which the run was trained with, cannot be read: {error}; put it back") from error
+    return {"name": file.name, "sha256": digest}
+
+
+def _without_folders(command: str) -> str:
+    """Return a command line without its program's folder: where it lay says nothing to others."""
+    words = shlex.split(command)
+    return shlex.join([Path(words[0]).name, *words[1:]]) if words else command

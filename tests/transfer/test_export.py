@@ -1,0 +1,98 @@
+"""Export: the network survives the way through ONNX, the contract says what was trained, and nothing leaks."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import make_contract
+from stiction.deploy.policy import Network
+from stiction.formats.bundle import BundleError
+from stiction.formats.contract import Contract
+from stiction.formats.errors import StictionError
+from stiction.locomotion.config import FrictionCfg, TaskCfg
+from stiction.rma.config import TrainCfg
+from stiction.transfer.card import write_card
+from stiction.transfer.export import contract_of, export_network, export_policy
+
+torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to export")
+
+HEADER = {"command": "/home/somebody/.venv/bin/stiction train --seed 3", "revision": "abc1234", "identified": None}
+
+
+def make_module(contract: Contract):
+    """Return a small student-like network."""
+    torch.manual_seed(0)
+    layers = torch.nn.Linear(contract.observation.size, 8), torch.nn.ELU(), torch.nn.Linear(8, contract.num_joints)
+    return torch.nn.Sequential(*layers)
+
+
+def test_onnxruntime_computes_what_torch_does_for_any_batch(contract: Contract) -> None:
+    """A batch frozen at export would only show on the first robot."""
+    module = make_module(contract)
+    network = Network(export_network(module, contract.observation.size), contract.observation.size, 18)
+    for batch in (1, 3):
+        observation = np.random.default_rng(batch).standard_normal((batch, 715)).astype(np.float32)
+        expected = module(torch.from_numpy(observation)).detach().numpy()
+        np.testing.assert_allclose(network(observation), expected, atol=1e-5)
+
+
+def test_the_network_holds_no_path_of_this_machine(contract: Contract) -> None:
+    """The exporter writes stack traces into every node."""
+    data = export_network(make_module(contract), contract.observation.size)
+    for trace in (b"site-packages", b".py", str(Path.cwd()).encode(), b"stack_trace"):
+        assert trace not in data
+
+
+def test_an_exported_bundle_passes_its_check(tmp_path: Path, contract: Contract) -> None:
+    """Export ends with the check that a user will run."""
+    check = export_policy(make_module(contract), contract, tmp_path / "toy")
+    assert check.steps >= 500
+    assert check.bundle.contract == contract
+    assert check.bundle.card == write_card(contract)
+    with pytest.raises(BundleError, match="exists already"):
+        export_policy(make_module(contract), contract, tmp_path / "toy")
+
+
+def test_the_contract_of_a_run_says_what_was_trained(tmp_path: Path) -> None:
+    """`deception` at 20 % draws from 0 to 24 % of the torque limit."""
+    joints = tmp_path / "joints.json"
+    joints.write_text("{}")
+    task = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))
+    contract = contract_of(TrainCfg(task=task, seed=3, joints=str(joints)), HEADER)
+    assert contract.friction_level == 0.2
+    assert contract.friction_range == pytest.approx((0.0, 0.24))
+    assert (contract.method, contract.seed, contract.control_period) == ("deception", 3, 0.02)
+    assert contract.command == "stiction train --seed 3"
+    assert contract.revision == "abc1234"
+    assert contract.joints_file == {
+        "name": "joints.json",
+        "sha256": "44136fa355b3678a1146ad16f7e8649e94fb4fc21fe77e8310c060f61caaff8a",
+    }
+    assert replace(contract, joints_file=None, friction_range=(0.0, 0.24)) == make_contract(
+        method="deception", seed=3, revision="abc1234", command="stiction train --seed 3", action_clip=5.0
+    )
+
+
+def test_without_a_level_the_measured_friction_is_the_nominal_one() -> None:
+    """Saturn Lite: 0.25/25 at hip and thigh, 0.442/45 at the shank; an identified shank of 0.9 N m makes 0.02 there."""
+    cfg = TrainCfg(task=TaskCfg(friction=FrictionCfg(level=None)))
+    assert contract_of(cfg, HEADER).friction_level == pytest.approx((0.01 + 0.01 + 0.442 / 45) / 3)
+    identified = {"frictionloss": [None, None, 0.9] * 6}
+    found = contract_of(cfg, HEADER | {"identified": identified}).friction_level
+    assert found == pytest.approx((0.01 + 0.01 + 0.02) / 3)
+
+
+def test_a_joints_file_that_is_gone_is_named() -> None:
+    """Its digest is part of the contract."""
+    with pytest.raises(StictionError, match=r"gone\.json"):
+        contract_of(TrainCfg(joints="gone.json"), HEADER)
+
+
+def test_the_card_says_that_it_never_ran_on_a_robot() -> None:
+    """A reader must not take simulation for proof."""
+    card = write_card(make_contract(method="direct", friction_range=(0.16, 0.24)))
+    assert "It has not run on a robot." in card
+    assert "20 % of each joint's torque limit" in card
+    assert "0.16 to 0.24" in card
