@@ -1,0 +1,96 @@
+"""What the documents promise: commands that exist, links that lead somewhere, versions that agree, a lock that fits."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+from stiction.cli.main import VERBS
+
+CHECKOUT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+DOCUMENTS = sorted(CHECKOUT.glob("*.md"))
+COMMANDS = re.findall(r"^stiction (\w+)(.*)$", (CHECKOUT / "README.md").read_text(), re.MULTILINE)
+
+
+def locked() -> dict[str, Version]:
+    """Return name -> version of the lock file, whose every line must be a plain name==version."""
+    lines = (CHECKOUT / "requirements.lock").read_text().splitlines()
+    matches = [re.fullmatch(r"([A-Za-z0-9._-]+)==([0-9][0-9a-z.]*)", line) for line in lines]
+    wrong = [line for line, match in zip(lines, matches, strict=True) if match is None]
+    assert not wrong, f"not plain name==version: {wrong}"
+    return {match.group(1).lower().replace("_", "-"): Version(match.group(2)) for match in matches if match}
+
+
+def test_the_lock_fits_the_requirements_and_holds_no_cuda() -> None:
+    """If this failed, a fresh install would differ from what was tested, or download gigabytes that nobody uses."""
+    versions = locked()
+    for text in sum(PROJECT["optional-dependencies"].values(), PROJECT["dependencies"]):
+        requirement = Requirement(text)
+        if requirement.name != "stiction":
+            assert versions[requirement.name] in requirement.specifier, (
+                f"{text}, but {versions[requirement.name]} is locked"
+            )
+    assert not [name for name in versions if name.startswith(("nvidia", "cuda", "triton"))]
+
+
+def test_every_requirement_has_both_bounds() -> None:
+    """If this failed, a release of somebody else's could break an installation overnight."""
+    for text in sum(PROJECT["optional-dependencies"].values(), PROJECT["dependencies"]):
+        operators = {specifier.operator for specifier in Requirement(text).specifier}
+        assert operators in ({">=", "<"}, {"=="}) or text.startswith("stiction["), text
+
+
+def test_the_citation_names_the_version() -> None:
+    """If this failed, a paper would cite a version that it did not use."""
+    assert f"\nversion: {PROJECT['version']}\n" in (CHECKOUT / "CITATION.cff").read_text()
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=[path.name for path in DOCUMENTS])
+def test_links_between_documents_lead_somewhere(document: Path) -> None:
+    """If this failed, a reader would click into nothing."""
+    links = re.findall(r"\]\(([^)#]+)[^)]*\)", document.read_text())
+    missing = [link for link in links if "://" not in link and not (document.parent / link).exists()]
+    assert not missing, f"{document.name} links to {missing}"
+
+
+def test_the_readme_lists_every_verb() -> None:
+    """If this failed, a stranger would not find out what the program can do."""
+    listed = re.findall(r"^\| `stiction (\w+)`", (CHECKOUT / "README.md").read_text(), re.MULTILINE)
+    assert listed == list(VERBS)
+
+
+@pytest.mark.parametrize(("verb", "rest"), COMMANDS, ids=[f"{verb}{rest}"[:60] for verb, rest in COMMANDS])
+def test_the_commands_in_the_readme_exist(verb: str, rest: str) -> None:
+    """If this failed, the first command that a stranger copies would end in a usage error."""
+    done = subprocess.run(
+        [sys.executable, "-m", "stiction", verb, "--help"],
+        env=dict(os.environ) | {"COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    missing = [flag for flag in re.findall(r"--[a-z-]+", rest) if not re.search(rf"{flag}\b(?!-)", done.stdout)]
+    assert not missing, f"`stiction {verb}` has no {missing}"
+
+
+@pytest.mark.parametrize("target", re.findall(r"^make (\w+)", (CHECKOUT / "README.md").read_text(), re.MULTILINE))
+def test_the_make_targets_in_the_readme_exist(target: str) -> None:
+    """If this failed, the two commands on the first screen would not work."""
+    assert re.search(rf"^{target}:", (CHECKOUT / "Makefile").read_text(), re.MULTILINE)
+
+
+def test_continuous_integration_runs_what_everybody_runs() -> None:
+    """If this failed, a green check would mean something else than `make check` and `make test`."""
+    script = CHECKOUT / ".ci/run"
+    assert os.access(script, os.X_OK)
+    assert re.findall(r"^make (\w+)", script.read_text(), re.MULTILINE) == ["check", "test"]
