@@ -177,6 +177,39 @@ class Fleet:
         low = self.base_position[:, 2] < FALLEN_HEIGHT * self.spec.standing_height
         return low | (base_up(self.base_quaternion) < FALLEN_TILT)
 
+    def set_gravity(self, gravity: tuple[float, float, float]) -> None:
+        """Set gravity [m/s²] for every robot: off for a bench test, tilted to find a height."""
+        self.simulation.expand("opt.gravity")[:] = gravity
+
+    def clamp(self, held: np.ndarray, base: bool) -> None:
+        """Hold the joints marked in `held`, (N, joints) bool, and the base if `base`, by a huge inertia (1e6 kg m², kg)."""
+        self.armature[held] = 1e6
+        if base:
+            self.simulation.expand("dof_armature")[:, :BASE_DOFS] = 1e6
+        self.set_const(np.arange(self.num_envs))
+
+    def link_inertia(self) -> np.ndarray:
+        """Return the inertia that the links put on each joint in the standing pose, all others held [kg m²], (joints,)."""
+        data = mujoco.MjData(self.model)
+        mujoco.mj_resetDataKeyframe(self.model, data, 0)
+        mujoco.mj_forward(self.model, data)
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, data, full)
+        return np.diag(full)[BASE_DOFS:] - self.model.dof_armature[BASE_DOFS:]
+
+    def stale_constants(self, env: int) -> float:
+        """Return how far the constants derived from masses and inertias are from what they should be, relative, at most."""
+        used, fresh = (self.simulation.batch.get_model(env) for _ in range(2))
+        mujoco.mj_setConst(fresh, mujoco.MjData(fresh))
+        names = ("body_subtreemass", "body_invweight0", "dof_invweight0", "actuator_acc0")
+        pairs = ((np.ravel(getattr(used, name)), np.ravel(getattr(fresh, name))) for name in names)
+        return max(float(np.max(np.abs(a - b) / np.maximum(np.abs(b), 1e-9), initial=0.0)) for a, b in pairs)
+
+    def foot_position(self, env: int) -> np.ndarray:
+        """Return the positions of one robot's feet in the world [m], shape (legs, 3)."""
+        _, data = self.data(env)
+        return np.array([data.geom(name).xpos for name in self.spec.foot_names])
+
     def data(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return one robot as a model and data of its own, positions computed, to render or inspect."""
         model, data = self.simulation.batch.get_model(env), self.simulation.batch.get_data(env)

@@ -1,0 +1,70 @@
+"""`stiction doctor`: is the machine fit, and does randomisation do what it says?"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import asdict, dataclass, field
+from typing import Annotated
+
+import tyro
+
+from stiction.locomotion.config import TaskCfg
+
+DESCRIPTION = """Measure that every randomised parameter changes the physics as its own formula says.
+
+Nothing is read back: robots with both ends of each range are simulated, and the difference of their motion is compared with the
+formula's. Exit status 1 where a parameter does nothing, or not what it says.
+
+Example: stiction doctor --randomization --robot go1"""
+
+
+@dataclass(frozen=True)
+class Doctor:
+    """Options of `stiction doctor`."""
+
+    randomization: bool = False
+    """Audit the randomisation."""
+    task: Annotated[TaskCfg, tyro.conf.arg(name="task")] = field(default_factory=TaskCfg)
+    """The task whose ranges are audited."""
+    json: bool = False
+    """Print the audit as JSON on standard output, and nothing else."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the verb."""
+    options = tyro.cli(Doctor, args=arguments, prog="stiction doctor", description=DESCRIPTION)
+    from stiction.formats.reproducibility import limit_library_threads, machine
+
+    limit_library_threads()
+    if not options.randomization:
+        facts = machine()
+        if options.json:
+            print(json.dumps(facts))
+        else:
+            for name, value in facts.items():
+                text = ", ".join(f"{k} {v}" for k, v in value.items()) if isinstance(value, dict) else value
+                print(f"{name}: {text}")
+        return 0
+
+    from rich.console import Console
+    from rich.table import Table
+
+    from stiction.locomotion.audit import check_randomization
+    from stiction.robots.catalog import find_robot
+
+    spec = find_robot(options.task.robot)
+    note = Console(stderr=True, quiet=options.json)
+    rows = check_randomization(options.task, spec, lambda what: note.print(f"measuring: {what}"))
+    failed = [row for row in rows if not row.ok]
+    if options.json:
+        print(json.dumps({"robot": spec.name, "ok": not failed, "rows": [asdict(r) | {"ok": r.ok} for r in rows]}))
+    else:
+        table = Table("parameter", "measured", "share of the formula's effect", "verdict", title=f"randomisation of {spec.name}")
+        for row in rows:
+            table.add_row(row.parameter, row.quantity, f"{row.share:.3f}", row.verdict, style="" if row.ok else "bold red")
+        Console().print(table)
+    if failed:
+        names = ", ".join(sorted({row.parameter for row in failed}))
+        print(f"stiction doctor: {len(failed)} of {len(rows)} checks failed: {names}", file=sys.stderr)
+    return 1 if failed else 0

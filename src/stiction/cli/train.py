@@ -1,0 +1,117 @@
+"""`stiction train`: a teacher and its student, from nothing, resumable."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shlex
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import tyro
+
+from stiction.formats.errors import StictionError
+from stiction.rma.config import PRESETS, TrainCfg
+
+DESCRIPTION = """Train a teacher (PPO, sees everything) and its student (sees what the robot measures) for a robot.
+
+Example: stiction train --method deception --friction-level 0.2 --out runs/deception
+
+Stop it at any time; `stiction train --resume runs/deception` goes on from the last checkpoint. Watch it with
+`tensorboard --logdir runs`. Then: `stiction export runs/deception`."""
+
+
+@dataclass(frozen=True)
+class Train:
+    """Options of `stiction train`."""
+
+    config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
+    """The whole configuration."""
+    preset: Literal["full", "quick"] = "full"
+    """Defaults for everything else: `full` is what results are made with, `quick` is for a first look."""
+    out: Path = Path("runs/train")
+    """Folder of the run."""
+    resume: Path | None = None
+    """Continue the run in this folder; all other options come from its config.json."""
+    json: bool = False
+    """Print summary.json on standard output, and nothing else."""
+
+
+def _preset(arguments: list[str]) -> str:
+    """Find the preset first: it changes the defaults that the parser then shows."""
+    for index, word in enumerate(arguments):
+        name, _, value = word.partition("=")
+        if name == "--preset":
+            value = value or (arguments[index + 1] if index + 1 < len(arguments) else "")
+            return value if value in PRESETS else "full"
+    return "full"
+
+
+def _identified(file: str | None, joint_names: tuple[str, ...]) -> dict[str, Any] | None:
+    """Read nominal inertia, damping and friction from a `joints.json`, with its name and hash.
+
+    A joint that the file does not name, nor its kind, is None here and stays as the robot's specification has it.
+    """
+    if file is None:
+        return None
+    from stiction.formats.joints import load_joints
+
+    path = Path(file)
+    joints = load_joints(path)
+    known = [name for name in joint_names if {name, name.rpartition("_")[2]} & joints.joints.keys()]
+    if not known:
+        raise StictionError(
+            f"{path} has {', '.join(joints.joints)}; the robot's joints are {', '.join(joint_names[:3])} and so on: name the "
+            "joint, or its kind, when you identify it"
+        )
+    wanted = {"armature": "inertia", "damping": "viscous_friction", "frictionloss": "coulomb_friction"}
+    values: dict[str, list[float | None]] = {}
+    for field_name, quantity in wanted.items():
+        found = dict(zip(known, joints.nominal(known, quantity), strict=True))
+        values[field_name] = [found.get(name) for name in joint_names]
+    return {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "values": values}
+
+
+def main(arguments: list[str]) -> int:
+    """Run the verb."""
+    default = Train(config=PRESETS[_preset(arguments)])
+    options = tyro.cli(Train, args=arguments, prog="stiction train", description=DESCRIPTION, default=default)
+
+    from stiction.formats.reproducibility import limit_library_threads
+
+    limit_library_threads()
+    import numpy as np
+
+    from stiction.cli.progress import training_progress
+    from stiction.rma.run import RunDirectory
+    from stiction.rma.runner import train
+    from stiction.robots.catalog import find_robot
+
+    if options.resume is not None:
+        run = RunDirectory(options.resume)
+        cfg, identified = run.config(), run.header()["identified"]
+    else:
+        cfg = options.config
+        if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
+            raise StictionError(
+                f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; use --method none, or a "
+                "level above 0"
+            )
+        identified = _identified(cfg.joints, find_robot(cfg.task.robot).joint_names)
+        run = RunDirectory.create(options.out, cfg, shlex.join(["stiction", "train", *arguments]), identified)
+    values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
+    with training_progress(cfg, quiet=options.json) as progress:
+        summary = train(cfg, run, values, progress)
+    if options.json:
+        print(json.dumps(summary))
+    else:
+        student = summary["last"]["student"]
+        print(
+            f"student in {run.path}: tracking error {student['walk/tracking_error']:.3f} m/s, "
+            f"tripod share {student['walk/tripod_share']:.0%}, {summary['seconds'] / 60:.1f} min\n"
+            f"next: stiction export {run.path}",
+            file=sys.stderr,
+        )
+    return 0
