@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import shlex
 from contextlib import redirect_stdout
@@ -58,8 +57,8 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
 
     """
     task = cfg.task
-    spec = find_robot(task.robot)
-    nominal = _nominal_level(task.friction.level, spec, header.get("identified"))
+    spec, identified = find_robot(task.robot), header["identified"]
+    nominal = _nominal_level(task.friction.level, spec, identified)
     low, high = task.friction.range
     return Contract(
         robot=task.robot,
@@ -84,7 +83,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         action_clip=task.action_clip,
         revision=str(header["revision"]),
         command=_without_folders(str(header["command"])),
-        joints_file=_joints_file(cfg.joints),
+        joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,
     )
 
 
@@ -147,22 +146,10 @@ def _nominal_level(level: float | None, spec: RobotSpec, identified: dict[str, A
     if level is not None:
         return level
     measured = spec.joint_values("frictionloss")
-    if identified and "frictionloss" in identified:
-        found = np.array(identified["frictionloss"], dtype=np.float64)  # null, where not identified, becomes NaN
+    if identified is not None:
+        found = np.array(identified["values"]["frictionloss"], dtype=np.float64)  # null, not identified, becomes NaN
         measured = np.where(np.isnan(found), measured, found)
     return float((measured / spec.joint_values("torque_limit")).mean())
-
-
-def _joints_file(path: str | None) -> dict[str, str] | None:
-    """Return name and SHA-256 of the joints.json that a run was trained with, None where it had none."""
-    if path is None:
-        return None
-    file = Path(path)
-    try:
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()
-    except OSError as error:
-        raise StictionError(f"{file}, which the run was trained with, cannot be read: {error}; put it back") from error
-    return {"name": file.name, "sha256": digest}
 
 
 def _without_folders(command: str) -> str:

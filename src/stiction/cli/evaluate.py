@@ -1,0 +1,79 @@
+"""`stiction evaluate BUNDLE...`: what a policy reaches over friction levels and commands, in MuJoCo."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+
+@dataclass(frozen=True)
+class EvaluateCfg:
+    """Drive policy bundles over friction levels and commands."""
+
+    bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Directories of the bundles."""
+    friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
+    """Dry friction in every joint, as fractions of its torque limit [-]."""
+    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    """Commanded velocities, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5 or vx=0.3,wz=0.2 or stand."""
+    episodes: int = 32
+    """Episodes per level and command."""
+    seconds: float = 20.0
+    """Length of an episode [s]; its first 2 s are not measured."""
+    seed: int = 0
+    """Seed of initial states and sensor noise; the same for every bundle, level and command."""
+    robot: str | None = None
+    """A robot of your own, `package.module:NAME`; by default the shipped robot that the bundle names."""
+    out: Path = Path("stiction-evaluation")
+    """Directory for results.csv, summary.json, friction_budget.svg and .png, and report.html."""
+    json: bool = False
+    """Print the summary as JSON on standard output, and nothing else."""
+
+
+def main(arguments: list[str]) -> int:
+    """Check and evaluate the bundles, write the results, print them."""
+    cfg = tyro.cli(EvaluateCfg, args=arguments, prog="stiction evaluate", description=DESCRIPTION)
+    if not cfg.bundles:
+        print("stiction evaluate: no bundle given; `stiction evaluate --help` shows the usage", file=sys.stderr)
+        return 2
+    from stiction.formats.reproducibility import limit_library_threads, num_threads
+
+    limit_library_threads()
+    from stiction.cli.terminal import print_rows, work_progress
+    from stiction.deploy.check import check_bundle
+    from stiction.formats.results import summary_text
+    from stiction.formats.shipped import find_bundle
+    from stiction.report.evaluation import make_folder, write_evaluation
+    from stiction.transfer.evaluate import EvaluationCfg
+    from stiction.transfer.summary import evaluate_all
+
+    settings = EvaluationCfg(
+        friction_levels=cfg.friction_levels,
+        commands=cfg.commands,
+        episodes=cfg.episodes,
+        seconds=cfg.seconds,
+        seed=cfg.seed,
+    )
+    make_folder(cfg.out)
+    bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
+    with work_progress() as progress:
+        rows, summary = evaluate_all(bundles, settings, cfg.robot, num_threads(), progress)
+    summary = {"command": shlex.join(["stiction", "evaluate", *arguments])} | summary
+    write_evaluation(cfg.out, rows, summary)
+    if cfg.json:
+        print(summary_text(summary), end="")
+    else:
+        print_rows(rows)
+        print(f"report: {cfg.out / 'report.html'}")
+    return 0
+
+
+DESCRIPTION = (
+    "Drive policy bundles over levels of dry joint friction and velocity commands, in MuJoCo, from the bundles alone. "
+    "A bundle is a directory, or the name of one that comes with the package."
+)

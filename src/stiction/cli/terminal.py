@@ -1,0 +1,52 @@
+"""What verbs share on the terminal: a progress bar for named pieces of work, and a table of results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from stiction.formats.results import ResultRow
+
+
+@contextmanager
+def work_progress() -> Iterator[Callable[[str, float], None]]:
+    """Show a bar on standard error for each piece of work that reports its name and the share of it that is done.
+
+    Where standard error is not a terminal, a finished piece is a line.
+    """
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+    tasks: dict[str, TaskID] = {}
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
+
+        def report(name: str, share: float) -> None:
+            if name not in tasks:
+                tasks[name] = bars.add_task(name, total=1.0)
+            bars.update(tasks[name], completed=share)
+            if share >= 1.0 and not console.is_terminal:
+                console.print(f"{name}: done", soft_wrap=True, highlight=False)
+
+        yield report
+
+
+def print_rows(rows: Sequence[ResultRow]) -> None:
+    """Print the main columns of results on standard output."""
+    table = Table()
+    for name in ("policy", "friction", "command", "speed ratio", "error", "falls", "jitter", "tripod"):
+        table.add_column(name, justify="left" if name in ("policy", "command") else "right", overflow="fold")
+    for row in rows:
+        table.add_row(
+            row.policy,
+            f"{100 * row.friction_level:g} %",
+            row.command,
+            "–" if row.speed_ratio is None else f"{row.speed_ratio:.2f}",
+            f"{row.tracking_error:.3f}",
+            f"{row.fall_rate:.0%}",
+            f"{row.joint_jitter:.0f}",
+            "–" if row.tripod_share is None else f"{row.tripod_share:.0%}",
+        )
+    Console().print(table)

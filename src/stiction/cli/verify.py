@@ -1,0 +1,71 @@
+"""`stiction verify BUNDLE`: every file, the contract, and the golden vectors, with onnxruntime and NumPy alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from stiction.formats.errors import StictionError
+
+
+@dataclass(frozen=True)
+class VerifyCfg:
+    """Check a policy bundle as a robot's computer can."""
+
+    bundle: Annotated[Path, tyro.conf.Positional]
+    """Directory of the bundle, or the name of one that comes with the package."""
+    json: bool = False
+    """Print the summary as JSON on standard output, and nothing else."""
+
+
+def main(arguments: list[str]) -> None:
+    """Check one bundle; raise `StictionError` at the first thing that is wrong."""
+    cfg = tyro.cli(VerifyCfg, args=arguments, prog="stiction verify", description=DESCRIPTION)
+    from stiction.deploy.check import check_bundle
+    from stiction.formats.shipped import find_bundle
+
+    try:
+        check = check_bundle(find_bundle(cfg.bundle))
+    except StictionError as error:
+        if cfg.json:
+            print(json.dumps({"ok": False, "bundle": cfg.bundle.name, "error": str(error)}, indent=2))
+        raise
+    if cfg.json:
+        print(json.dumps(check.summary(), indent=2))
+    else:
+        _print(check)
+
+
+def _print(check) -> None:
+    """Print what was checked as a table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from stiction.deploy.check import TOLERANCE
+
+    bundle, contract = check.bundle, check.bundle.contract
+    rows = {
+        "files": f"five, {bundle.size / 1e6:.2f} MB, as SHA256SUMS says",
+        "digest": bundle.digest,
+        "contract": f"{contract.robot}, {contract.num_joints} joints, every {contract.control_period:g} s; "
+        f"trained with {contract.method!r}, nominal friction {100 * contract.friction_level:g} % of the torque limit",
+        "network": f"observation {contract.observation.size} -> action {contract.num_joints}, nothing outside the file",
+        "replay": f"{check.steps} steps; largest difference {check.observation_error:.1e} in the observation, "
+        f"{check.action_error:.1e} in the action, {check.target_error:.1e} rad in the target (allowed {TOLERANCE:g})",
+    }
+    table = Table(title=f"{bundle.name}: every check passed", title_justify="left", show_header=False)
+    for name, text in rows.items():
+        table.add_row(name, text)
+    console = Console()
+    console.print(table)
+    console.print("The digests guard against damage; they are not a signature. Take bundles from where you trust.")
+
+
+DESCRIPTION = (
+    "Check a policy bundle: the set of files and their digests, the contract, the network's inputs and outputs, and a "
+    "replay of the recorded sensors. Needs neither torch nor a simulator."
+)

@@ -1,0 +1,174 @@
+"""The results of an evaluation as files: results.csv, summary.json, the friction budget, and a page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from stiction.formats.errors import StictionError
+from stiction.formats.results import ResultRow, write_results, write_summary
+from stiction.report.page import Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GOOD = (0.8, 1.2)
+"""Speed ratios that count as following the command [-]."""
+
+DEFINITIONS = (
+    ("speed ratio", "mean speed along the command over the commanded speed; after a fall the speed counts as zero"),
+    ("error", "mean distance of velocity and command, over windows of 1 s, in m/s (in rad/s for a pure turn)"),
+    ("falls", "share of episodes with a fall; a simulation that became unstable counts as one"),
+    ("jitter", "root mean square joint acceleration, from velocities at the control rate, in rad/s²"),
+    ("cost of transport", "mechanical energy over weight times distance; a dash where the robot does not get away"),
+    (
+        "tripod",
+        "share of moving steps in which the feet on the ground are exactly one contact group, no foot more or less",
+    ),
+    ("flight", "share of moving steps with no foot on the ground; a dash where the robot does not move"),
+)
+"""What the columns mean, in the order of the table."""
+
+
+def write_evaluation(out: Path, rows: Sequence[ResultRow], summary: dict[str, Any]) -> Path:
+    """Write every file of an evaluation into `out`; return the path of the page.
+
+    Raises:
+        StictionError: the directory cannot be made or written.
+
+    """
+    figure = draw_budget(rows)
+    make_folder(out)
+    try:
+        write_results(out / "results.csv", rows)
+        write_summary(out / "summary.json", summary)
+        for kind in ("svg", "png"):
+            figure.savefig(out / f"friction_budget.{kind}", dpi=150, facecolor="white")
+        page = out / "report.html"
+        page.write_text(render_page("Speed over joint friction", sections(rows, summary), lead(rows)), encoding="utf-8")
+    except OSError as error:
+        raise StictionError(f"the results cannot be written to {out}: {error}; choose another --out") from error
+    return page
+
+
+def make_folder(out: Path) -> None:
+    """Make the directory for results, before the work that fills it.
+
+    Raises:
+        StictionError: it cannot be made.
+
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StictionError(f"the directory {out} cannot be made: {error}; choose another --out") from error
+
+
+def draw_budget(rows: Sequence[ResultRow]) -> Figure:
+    """Return the friction budget: speed ratio over friction level, a panel for each command, a line for each policy."""
+    commands = _unique(row.command for row in rows if row.speed_ratio is not None)
+    figure, axes = new_figure(1, max(1, len(commands)), size=(4.6 * max(1, len(commands)), 3.4))
+    for axis, command in zip(axes, commands, strict=False):
+        axis.axhspan(*GOOD, color="#4c9f70", alpha=0.12, linewidth=0)
+        axis.axhline(0.0, color="#7d8590", linewidth=0.8)
+        for policy in _unique(row.policy for row in rows):
+            points = [row for row in rows if (row.policy, row.command) == (policy, command)]
+            points.sort(key=lambda row: row.friction_level)
+            levels = [100 * row.friction_level for row in points]
+            axis.plot(levels, [row.speed_ratio for row in points], marker="o", markersize=4, label=policy)
+        axis.set(title=f"commanded {command}", xlabel="dry friction, % of each joint's torque limit")
+    if commands:
+        axes[0].set_ylabel("speed reached / commanded")
+        legend(axes[0])
+    return figure
+
+
+def lead(rows: Sequence[ResultRow]) -> str:
+    """Return the answer in a sentence for each policy: up to which level it follows all linear and turn commands."""
+    sentences = []
+    for policy in _unique(row.policy for row in rows):
+        levels: dict[float, bool] = {}
+        for row in rows:
+            if row.policy == policy and row.speed_ratio is not None:
+                follows = GOOD[0] <= row.speed_ratio <= GOOD[1] and row.fall_rate == 0.0
+                levels[row.friction_level] = levels.get(row.friction_level, True) and follows
+        good = [f"{100 * level:g} %" for level, follows in sorted(levels.items()) if follows]
+        tested = ", ".join(f"{100 * level:g} %" for level in sorted(levels))
+        sentences.append(
+            f"{policy} follows every command without a fall at {', '.join(good)}" if good else f"{policy} does at none"
+        )
+        sentences[-1] += f" of the tested levels {tested}." if levels else ": none asked it to move."
+    return " ".join(sentences) + f" Following means {GOOD[0]:.0%} to {GOOD[1]:.0%} of the commanded speed."
+
+
+def sections(rows: Sequence[ResultRow], summary: dict[str, Any]) -> list[Section]:
+    """Return the sections of the page: figure, table, definitions, what was run."""
+    return [
+        Section("Friction budget", (budget_picture(rows),)),
+        Section("Every row", (results_table(rows), definitions_table())),
+        Section("What was run", run_blocks(summary)),
+    ]
+
+
+def budget_picture(rows: Sequence[ResultRow]) -> Markup:
+    """Return the friction budget as a block."""
+    caption = "Mean over episodes. The green band is 80 to 120 % of the commanded speed; below zero is the wrong way."
+    return picture(figure_uri(draw_budget(rows)), caption)
+
+
+def results_table(rows: Iterable[ResultRow]) -> Markup:
+    """Return every row as a table."""
+    header = ["policy", "friction", "command", *(name for name, _ in DEFINITIONS), "episodes"]
+    return table(header, [_cells(row) for row in rows])
+
+
+def definitions_table() -> Markup:
+    """Return the meaning of every column."""
+    return table(["column", "meaning"], DEFINITIONS)
+
+
+def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
+    """Return what was run, on which policies and which machine."""
+    policies = [
+        (name, policy["method"], str(policy["seed"]), policy["revision"], policy["digest"][:16], policy["command"])
+        for name, policy in summary["policies"].items()
+    ]
+    evaluation = {name: value for name, value in summary["evaluation"].items() if name != "noise"}
+    return (
+        paragraph(f"Command: {summary['command']}"),
+        paragraph(f"MuJoCo, flat ground, Coulomb friction, nominal masses, sensor noise on. {json.dumps(evaluation)}"),
+        table(["policy", "method", "seed", "revision", "digest", "made by"], policies),
+        paragraph(f"Revision {summary['revision']}, {summary['seconds']:.0f} s on {summary['machine']['cpu']}."),
+        paragraph("Everything here is simulation; one training seed is one sample. No robot was involved."),
+    )
+
+
+def _cells(row: ResultRow) -> list[str]:
+    """Return one row as text."""
+    return [
+        row.policy,
+        f"{100 * row.friction_level:g} %",
+        row.command,
+        _number(row.speed_ratio, ".2f"),
+        _number(row.tracking_error, ".3f"),
+        _number(row.fall_rate, ".0%"),
+        _number(row.joint_jitter, ".0f"),
+        _number(row.cost_of_transport, ".2f"),
+        _number(row.tripod_share, ".0%"),
+        _number(row.flight_share, ".0%"),
+        str(row.episodes),
+    ]
+
+
+def _number(value: float | None, form: str) -> str:
+    """Return a number as text, a dash where there is none."""
+    return "–" if value is None else format(value, form)
+
+
+def _unique(values: Iterable[str]) -> list[str]:
+    """Return each value once, in the order of first appearance."""
+    return list(dict.fromkeys(values))

@@ -1,0 +1,141 @@
+"""`verify`, `export` and `evaluate` from the command line, with good and with bad input."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import main
+from stiction.formats.results import read_results
+
+WITHOUT = """
+import sys
+class Refuse:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {blocked}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Refuse())
+from stiction.cli.main import main
+sys.exit(main({arguments}))
+"""
+"""Runs a verb where importing some packages fails."""
+
+
+def run_without(blocked: set[str], *arguments: str) -> subprocess.CompletedProcess:
+    """Run the program in a process of its own that cannot import some packages."""
+    code = WITHOUT.format(blocked=blocked, arguments=list(arguments))
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+
+
+def test_verify_prints_what_was_checked(bundle: Path, capsys: pytest.CaptureFixture) -> None:
+    """A person must see what the word `passed` covers."""
+    assert main(["verify", str(bundle)]) == 0
+    out = capsys.readouterr().out
+    assert "every check passed" in out
+    assert "not a signature" in out
+
+
+def test_verify_prints_json_and_nothing_else(bundle: Path, capsys: pytest.CaptureFixture) -> None:
+    """Scripts read standard output."""
+    assert main(["verify", str(bundle), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["ok"] is True
+    assert summary["steps"] == 500
+
+
+def test_verify_needs_neither_torch_nor_a_simulator(bundle: Path) -> None:
+    """It runs on the robot's computer."""
+    done = run_without({"torch", "mujoco", "onnx", "rsl_rl", "tensordict"}, "verify", str(bundle), "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["ok"] is True
+
+
+@pytest.mark.parametrize("options", [[], ["--json"]])
+def test_verify_rejects_an_altered_bundle_in_one_line(
+    bundle: Path, capsys: pytest.CaptureFixture, options: list[str]
+) -> None:
+    """Status 1, one line that names the file, and no traceback."""
+    (bundle / "card.md").write_text("something else")
+    assert main(["verify", str(bundle), *options]) == 1
+    captured = capsys.readouterr()
+    assert captured.err.count("\n") == 1
+    assert "card.md" in captured.err
+    if options:
+        assert json.loads(captured.out)["ok"] is False
+    else:
+        assert captured.out == ""
+
+
+def test_evaluate_writes_results_without_torch(bundle: Path, tmp_path: Path) -> None:
+    """From the bundle alone; JSON on standard output and progress elsewhere."""
+    out = tmp_path / "results"
+    arguments = ["--friction-levels", "0", "0.2", "--commands", "vx=0.5", "--episodes", "2", "--seconds", "3"]
+    done = run_without({"torch", "onnx", "rsl_rl"}, "evaluate", str(bundle), *arguments, "--out", str(out), "--json")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    rows = read_results(out / "results.csv")
+    assert [row.friction_level for row in rows] == [0.0, 0.2]
+    assert summary["rows"][1]["speed_ratio"] == rows[1].speed_ratio
+    assert summary["command"].startswith("stiction evaluate")
+    assert {path.name for path in out.iterdir()} == {
+        "results.csv",
+        "summary.json",
+        "friction_budget.svg",
+        "friction_budget.png",
+        "report.html",
+    }
+
+
+def test_evaluate_prints_a_table_and_where_the_report_is(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """The answer is on the screen, the rest a click away."""
+    arguments = ["--friction-levels", "0", "--episodes", "1", "--seconds", "3", "--out", str(tmp_path / "out")]
+    assert main(["evaluate", str(bundle), *arguments]) == 0
+    out = capsys.readouterr().out
+    assert "vx=-0.5" in out
+    assert "report.html" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nothing"], "does not exist"),
+        (["{bundle}", "--friction-levels", "2"], "friction level"),
+        (["{bundle}", "--commands", "forward"], "not understood"),
+        (["{bundle}", "{bundle}"], "two bundles"),
+        (["{bundle}", "--robot", "go1"], "joints"),
+        (["{bundle}", "--robot", "spot"], "unknown"),
+        (["{bundle}", "--out", "{bundle}/card.md"], "--out"),
+    ],
+)
+def test_evaluate_refuses_bad_input_in_one_line(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture, arguments: list[str], message: str
+) -> None:
+    """Status 1 and one line that says what to do."""
+    arguments = [argument.replace("{bundle}", str(bundle)) for argument in arguments]
+    assert main(["evaluate", "--out", str(tmp_path / "out"), *arguments]) == 1
+    captured = capsys.readouterr()
+    assert message in captured.err
+    assert captured.err.count("\n") == 1
+    assert captured.out == ""
+
+
+def test_export_refuses_what_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """One line, no traceback."""
+    pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to export")
+    assert main(["export", str(tmp_path / "nothing")]) == 1
+    assert "nothing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["verify"], ["evaluate"], ["export"], ["evaluate", "x", "--nonsense"]])
+def test_wrong_usage_is_status_two(arguments: list[str], capsys: pytest.CaptureFixture) -> None:
+    """No bundle given is a mistake of the command line."""
+    try:
+        status = main(arguments)
+    except SystemExit as stopped:
+        status = stopped.code
+    assert status == 2
+    assert capsys.readouterr().out == ""
