@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 from scipy.optimize import brentq
 from scipy.signal import lfilter
 
@@ -20,6 +19,9 @@ from stiction.joints.pd import PDGains, pd_torque
 
 FIRST_STRETCH = 64
 """Samples computed at once after an event; doubled while nothing happens."""
+
+LONGEST_SERIES = 4.0
+"""Time constants that one Taylor series spans; longer spans are cut, or large terms would cancel."""
 
 SHORTEST = 1e-9
 """A slide shorter than this share of a sample is rest."""
@@ -68,14 +70,11 @@ class _Regime:
         self.stiffness, self.damping = kp / joint.inertia, (joint.viscous + kd) / joint.inertia
         self.level = ((saturated * gains.torque_limit if saturated else 0.0) - joint.offset) / joint.inertia
         self.dry = joint.friction.level / joint.inertia
-        # Augmented state (q, q', u, du/dt): one matrix exponential gives transition and input matrices.
-        generator = np.zeros((4, 4))
-        generator[0, 1] = generator[1, 2] = generator[2, 3] = 1.0
-        generator[1, :2] = -self.stiffness, -self.damping
-        exponential = expm(generator * step)
-        self.transition = exponential[:2, :2]
-        self.from_next = exponential[:2, 3] / step
-        self.from_this = exponential[:2, 2] - self.from_next
+        # Columns of the transition, and the answers to a constant and to a ramp of input.
+        first, second = self.inside((1.0, 0.0), 0.0, 0.0, step), self.inside((0.0, 1.0), 0.0, 0.0, step)
+        self.transition = np.array([first, second]).T
+        self.from_next = np.array(self.inside((0.0, 0.0), 0.0, 1.0, step)) / step
+        self.from_this = np.array(self.inside((0.0, 0.0), 1.0, 0.0, step)) - self.from_next
 
     def drive(self, target: np.ndarray | float, sign: int) -> np.ndarray | float:
         """Return u [rad/s²] for targets [rad], sliding in direction `sign`."""
@@ -98,23 +97,27 @@ class _Regime:
     def inside(
         self, state: tuple[float, float], drive: float, drive_slope: float, elapsed: float
     ) -> tuple[float, float]:
-        """Return q and q' a fraction of a sample later, by the Taylor series of the solution (it always converges)."""
-        position, velocity = state
-        older, newer = position, velocity
-        factor, order = elapsed, 1
-        forcing = (drive, drive_slope)
-        sum_position, sum_velocity = position + velocity * elapsed, velocity
-        while order < 80:
-            derivative = -self.stiffness * older - self.damping * newer
-            if order <= 2:
-                derivative += forcing[order - 1]
-            sum_velocity += derivative * factor
-            factor *= elapsed / (order + 1)
-            sum_position += derivative * factor
-            older, newer, order = newer, derivative, order + 1
-            if order > 3 and abs(derivative * factor) < 1e-17 * (abs(sum_position) + 1e-9):
+        """Return q and q' after `elapsed` seconds of the input u = drive + drive_slope t, by Taylor series."""
+        pieces = 1 + int((self.damping + self.stiffness**0.5) * elapsed / LONGEST_SERIES)
+        elapsed /= pieces
+        for piece in range(pieces):
+            state = self._series(state, drive + drive_slope * elapsed * piece, drive_slope, elapsed)
+        return state
+
+    def _series(self, state: tuple[float, float], drive: float, slope: float, elapsed: float) -> tuple[float, float]:
+        """Sum the series; q⁽ⁿ⁺²⁾ = u⁽ⁿ⁾ − stiffness q⁽ⁿ⁾ − damping q⁽ⁿ⁺¹⁾ gives each derivative from the two before."""
+        older, newer = state
+        position, velocity = older + newer * elapsed, newer
+        factor, forcing = elapsed, drive
+        for order in range(2, 80):
+            older, newer = newer, forcing - self.stiffness * older - self.damping * newer
+            velocity += newer * factor
+            factor *= elapsed / order
+            position += newer * factor
+            forcing = slope if order == 2 else 0.0
+            if order > 3 and abs(newer * factor) <= 1e-17 * abs(position) and abs(older * factor) <= 1e-17:
                 break
-        return sum_position, sum_velocity
+        return position, velocity
 
 
 class _Simulator:
