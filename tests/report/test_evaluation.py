@@ -14,26 +14,8 @@ from stiction.report.evaluation import draw_budget, lead, make_folder, write_eva
 
 def make_row(policy: str, level: float, command: str, ratio: float | None, falls: float = 0.0) -> ResultRow:
     """Return one row with the columns that matter here."""
-    return ResultRow(
-        policy,
-        "none",
-        0,
-        "mujoco",
-        "coulomb",
-        level,
-        "flat",
-        command,
-        ratio,
-        0.1,
-        falls,
-        4.0,
-        None,
-        None,
-        20.0,
-        None,
-        None,
-        8,
-    )
+    names = policy, "none", 0, "mujoco", "coulomb", level, "flat", command
+    return ResultRow(*names, ratio, 0.1, falls, 4.0, None, None, 20.0, None, None, 8)
 
 
 ROWS = [

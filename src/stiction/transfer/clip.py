@@ -1,0 +1,118 @@
+"""Renders a short clip of a bundle walking, as an animated WebP.
+
+Rendering happens in a process of its own: the kind of OpenGL is chosen before MuJoCo is imported, and a graphics driver
+that fails, or takes its process down, costs the clip and nothing else.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from stiction.deploy.check import check_bundle
+from stiction.formats.errors import StictionError
+from stiction.formats.reproducibility import seed_streams
+from stiction.transfer.command import parse_command
+from stiction.transfer.rollout import Rollout, robot_of
+
+WIDTH, HEIGHT = 320, 240
+"""Size of a frame [pixels]."""
+
+FRAME_EVERY = 2
+"""Control steps per frame: 25 frames a second at 50 Hz."""
+
+SETTLE = 1.0
+"""What is not shown at the start [s]."""
+
+TIMEOUT = 120.0
+"""Longest that a clip may take [s]."""
+
+CAMERA = {"azimuth": 125.0, "elevation": -30.0, "distance": 1.8}
+"""Where the camera stands about the robot [degrees, m]."""
+
+
+class ClipError(StictionError):
+    """A clip could not be rendered, mostly for want of OpenGL."""
+
+
+def opengl_environment() -> dict[str, str]:
+    """Return the environment for rendering: EGL on Linux where there is no display and nothing was chosen."""
+    environment = dict(os.environ)
+    headless = not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+    if sys.platform == "linux" and headless:
+        environment.setdefault("MUJOCO_GL", "egl")
+    return environment
+
+
+def record_clip(bundle: Path, level: float, command: str, out: Path, seconds: float = 4.0) -> Path:
+    """Render a clip of a bundle at a friction level under a command; return its path.
+
+    Args:
+        bundle: directory of the bundle.
+        level: dry friction as a fraction of the torque limit [-].
+        command: as for `parse_command`.
+        out: the WebP file to write.
+        seconds: length of the clip [s].
+
+    Raises:
+        ClipError: no OpenGL, or the renderer failed; the message says what it said.
+
+    """
+    arguments = [
+        sys.executable,
+        "-m",
+        "stiction.transfer.clip",
+        str(bundle),
+        str(level),
+        command,
+        str(out),
+        str(seconds),
+    ]
+    try:
+        done = subprocess.run(
+            arguments, env=opengl_environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ClipError(f"no clip: rendering took more than {TIMEOUT:.0f} s") from error
+    if done.returncode != 0 or not out.is_file():
+        said = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
+        raise ClipError(
+            f"no clip: OpenGL is not available here ({said}); on Debian and Ubuntu: apt install libegl1 libgl1"
+        )
+    return out
+
+
+def _render(bundle: Path, level: float, command: str, out: Path, seconds: float) -> None:
+    """Roll the bundle out, render every second step and write the clip."""
+    import mujoco
+    from PIL import Image
+
+    loaded = check_bundle(bundle).bundle
+    noise = seed_streams(0, ["clip"])["clip"]
+    rollout = Rollout(loaded.contract, loaded.policy, robot_of(loaded.contract), np.array([level]), [noise])
+    velocity = np.array([parse_command(command).velocity])
+    model, _ = rollout.fleet.data(0)
+    camera = mujoco.MjvCamera()
+    camera.type, camera.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, model.body("base").id
+    for name, value in CAMERA.items():
+        setattr(camera, name, value)
+    frames = []
+    period = rollout.fleet.control_period
+    with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[flag] = 0
+        for step in range(round((SETTLE + seconds) / period)):
+            rollout.step(velocity)
+            if step * period >= SETTLE and step % FRAME_EVERY == 0:
+                renderer.update_scene(rollout.fleet.data(0)[1], camera)
+                frames.append(Image.fromarray(renderer.render()))
+    duration = round(1000 * FRAME_EVERY * period)
+    frames[0].save(out, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=60, method=2)
+
+
+if __name__ == "__main__":
+    _render(Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3], Path(sys.argv[4]), float(sys.argv[5]))
