@@ -162,7 +162,16 @@ def read_csv(path: Path) -> Columns:
 
 
 def read_npz(path: Path) -> Columns:
-    """Read the one-dimensional numeric arrays of an NPZ file; pickled objects are refused."""
+    """Read an NPZ log: its arrays must be of one length."""
+    arrays = read_npz_arrays(path)
+    lengths = {len(array) for array in arrays.values()}
+    if len(lengths) != 1:
+        raise LogError(f"{path.name}: arrays of lengths {sorted(lengths)}; expected one length for all")
+    return arrays
+
+
+def read_npz_arrays(path: Path) -> Columns:
+    """Read the arrays of an NPZ file, each of them numbers in one dimension; pickled objects are refused."""
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
@@ -173,9 +182,6 @@ def read_npz(path: Path) -> Columns:
     for name, array in arrays.items():
         if array.ndim != 1 or array.dtype.kind not in "fiu":
             raise LogError(f"{path.name}: array {name!r} is {array.dtype} of shape {array.shape}; expected 1-D numbers")
-    lengths = {len(array) for array in arrays.values()}
-    if len(lengths) != 1:
-        raise LogError(f"{path.name}: arrays of lengths {sorted(lengths)}; expected one length for all")
     return {name: array.astype(float) for name, array in arrays.items()}
 
 

@@ -4,8 +4,8 @@ The residual is simulated − measured (the paper minimises reference − measur
 closed loop the position hardly depends on the parameters and the torque does, so both are fitted, each in units of its
 own residual's size. No derivative of a noisy signal enters.
 
-A controller whose velocity is late by δ (a difference over samples, a filter) brakes with kd (θ' − δ θ''), to first order:
-it takes δ kd off the inertia that the position shows, and nothing off the inertia that the torque shows.
+A controller whose velocity is late by δ (a difference over samples, a filter) brakes with kd (θ' − δ θ''), to first
+order: it takes δ kd off the inertia that the position shows, and nothing off the inertia that the torque shows.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def fit_output_error(
     borrowed = velocity_delay * gains.kd
     if not 0 <= borrowed < 0.5 * start[0]:
         raise StictionError(
-            f"velocity delay {velocity_delay} s: with kd {gains.kd:.4g} and inertia {start[0]:.4g} expected a number from 0 "
+            f"velocity delay {velocity_delay} s: with kd {gains.kd:.4g} and inertia {start[0]:.4g} expected 0 "
             f"to {0.5 * start[0] / gains.kd:.3g} s"
         )
     target = np.asarray(signals.target)

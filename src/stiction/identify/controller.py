@@ -1,0 +1,24 @@
+"""Does the torque in the log agree with the gains that were declared? Output error rests on that."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stiction.identify.checks import Uniform
+from stiction.identify.prepare import low_pass
+from stiction.joints.pd import PDGains, pd_torque
+
+LARGEST_MISMATCH = 0.15
+"""Relative size of logged torque − PD torque beyond which gains, torque unit or timing must be wrong."""
+
+
+def controller_mismatch(signals: Uniform, gains: PDGains, velocity: np.ndarray, cutoff: float) -> float:
+    """Return |τ_logged − PD(target, position, velocity)| / |τ_logged|, both below `cutoff` [Hz].
+
+    signals: with a target; velocity: filtered θ' [rad/s], shape (num_samples,).
+    """
+    target = low_pass(np.asarray(signals.target), cutoff, signals.step)
+    position = low_pass(signals.position, cutoff, signals.step)
+    measured = low_pass(signals.torque, cutoff, signals.step)
+    expected = pd_torque(gains, target, position, velocity)
+    return float(np.linalg.norm(expected - measured) / np.linalg.norm(measured))

@@ -1,0 +1,212 @@
+"""Identification of one joint, start to end: check, filter, regress, simulate, compare, judge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.formats.fit import FitSignals
+from stiction.formats.joints import PARAMETERS, JointRecord
+from stiction.formats.log import Log, LogSetup
+from stiction.identify.checks import Uniform, check_excitation, check_log
+from stiction.identify.controller import controller_mismatch
+from stiction.identify.output_error import OutputError, fit_output_error
+from stiction.identify.prepare import Prepared, prepare
+from stiction.identify.regression import Regression, regress
+from stiction.identify.verdict import verdict
+from stiction.identify.warn import find_warnings
+from stiction.joints.friction import dead_band, friction_ratio
+from stiction.joints.pd import PDGains
+
+
+@dataclass(frozen=True)
+class IdentifySetup:
+    """How the log was made; a field that is None is taken from the log's sidecar, if that has it."""
+
+    kp: float | None = None
+    """Proportional gain of the controller during the log [N m/rad, or N/m]."""
+    kd: float | None = None
+    """Derivative gain during the log [N m s/rad, or N s/m]."""
+    torque_limit: float | None = None
+    """Largest torque of the motor, at the joint [N m, or N]."""
+    torque_source: Literal["motor_side", "output_side"] | None = None
+    """Where torque was measured: motor_side is current or command (joint friction not in it), output_side a sensor
+    behind the gear, from which joint friction cannot be found."""
+    test_condition: Literal["bare_motor", "in_air", "loaded"] | None = None
+    """What hung on the motor."""
+    axis: Literal["rotary", "linear"] | None = None
+    """Linear: read kg, N and m."""
+    torque_scale: float = 1.0
+    """N m (or N) per unit of the torque column: a torque constant, or -1 where the sign is the other way round."""
+    velocity_delay: float = 0.0
+    """How late the velocity is that the controller uses [s]: half a sample for a difference over one sample, plus its
+    filter. It matters to output error alone."""
+    cutoff: float | None = None
+    """Corner of the filter [Hz]; by default as high as the noise of the acceleration lets."""
+
+    def with_sidecar(self, sidecar: LogSetup) -> IdentifySetup:
+        """Return the setup with what is None filled from the log's sidecar."""
+        own = {item.name: getattr(self, item.name) for item in fields(LogSetup)}
+        return replace(self, **{name: getattr(sidecar, name) for name, value in own.items() if value is None})
+
+    def check(self) -> None:
+        """Raise `StictionError` for numbers that no set-up has, and for torque from which friction cannot be found."""
+        for name, lowest_allowed in (("kp", False), ("kd", True), ("torque_limit", False)):
+            value = getattr(self, name)
+            if value is not None and not (np.isfinite(value) and (value > 0 or (lowest_allowed and value == 0))):
+                raise StictionError(f"{name} {value}: expected a positive number{', or 0' if lowest_allowed else ''}")
+        if not np.isfinite(self.torque_scale) or self.torque_scale == 0:
+            raise StictionError(f"torque scale {self.torque_scale}: expected a number other than 0")
+        if self.torque_source == "output_side":
+            raise StictionError(
+                "torque source output_side: a sensor behind the gear does not see the joint's friction; "
+                "use the motor's current or command (motor_side)"
+            )
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What came out for one joint."""
+
+    name: str
+    """The joint."""
+    record: JointRecord
+    """For `joints.json`."""
+    fit: FitSignals
+    """For `fit.npz`."""
+
+
+def identify_joint(log: Log, joint: str | None = None, setup: IdentifySetup | None = None) -> Identification:
+    """Identify one joint of a log with measured torque.
+
+    joint: its name, or None for the only one. Raises `StictionError` with one line for whatever the log lacks.
+    """
+    setup = (setup or IdentifySetup()).with_sidecar(log.setup)
+    setup.check()
+    name, raw = log.joint(joint)
+    signals = check_log(log, name, raw, setup.torque_scale)
+    prepared = prepare(signals, setup.cutoff)
+    check_excitation(log.source, prepared.velocity, signals.step)
+    regression = regress(log.source, prepared)
+    if regression.estimates[0].value <= 0:
+        raise StictionError(
+            f"{log.source}: the fitted inertia is {regression.estimates[0].value:.3g}; it must be positive: is the "
+            "torque's sign that of the position (--torque-scale -1 turns it round), and its column the right one?"
+        )
+    simulated, mismatch = _simulate(signals, prepared, regression, setup)
+    record = _record(signals, prepared, regression, simulated, mismatch, setup)
+    warnings = find_warnings(record, signals, prepared.velocity, has_target=raw.target is not None)
+    return Identification(
+        name, replace(record, warnings=warnings), _fit_signals(signals, prepared, regression, simulated)
+    )
+
+
+def _simulate(
+    signals: Uniform, prepared: Prepared, regression: Regression, setup: IdentifySetup
+) -> tuple[OutputError | None, float | None]:
+    """Fit by output error where gains and target are known; return it and how far the gains are from the log."""
+    if setup.kp is None or setup.kd is None or signals.target is None:
+        return None, None
+    gains = PDGains(setup.kp, setup.kd, setup.torque_limit or float("inf"))
+    start = tuple(estimate.value for estimate in regression.estimates)
+    speed = float(prepared.velocity[0])
+    fit = fit_output_error(signals, gains, start, speed, setup.velocity_delay)
+    return fit, controller_mismatch(signals, gains, prepared.velocity, prepared.cutoff)
+
+
+def _record(
+    signals: Uniform,
+    prepared: Prepared,
+    regression: Regression,
+    simulated: OutputError | None,
+    mismatch: float | None,
+    setup: IdentifySetup,
+) -> JointRecord:
+    """Put everything into the record, warnings apart."""
+    inertia, viscous, coulomb, offset = regression.estimates
+    ratio = None if setup.torque_limit is None else coulomb.scaled(friction_ratio(1.0, setup.torque_limit))
+    band = None if setup.kp is None else coulomb.scaled(dead_band(1.0, setup.kp))
+    judged = verdict(coulomb, ratio, band, setup.test_condition, setup.axis or "rotary")
+    diagnostics: dict[str, Any] = {
+        "method": "torque_regression",
+        "samples": len(signals.time),
+        "samples_used": len(prepared.used),
+        "duration": float(signals.time[-1]),
+        "sampling_rate": 1 / signals.step,
+        "cutoff": prepared.cutoff,
+        "speed_threshold": prepared.threshold,
+        "condition_number": regression.condition,
+        "scaled_condition_number": regression.scaled_condition,
+        "relative_torque_error": regression.relative_error,
+        "blocks": regression.blocks,
+        "controller_mismatch": mismatch,
+        "output_error": None,
+        "disagreement": None,
+        "verdict": {"friction_level": judged.level, "text": judged.text},
+    }
+    if simulated is not None:
+        found = dict(zip(PARAMETERS, simulated.estimates, strict=True))
+        diagnostics["output_error"] = {name: estimate.to_dict() for name, estimate in found.items()}
+        diagnostics["output_error"]["relative_errors"] = simulated.relative_errors
+        diagnostics["disagreement"] = disagreement(regression, simulated)
+    return JointRecord(
+        inertia=inertia,
+        viscous_friction=viscous,
+        coulomb_friction=coulomb,
+        offset=offset,
+        friction_ratio=ratio,
+        dead_band=band,
+        axis=setup.axis or "rotary",
+        test_condition=setup.test_condition,
+        torque_source=setup.torque_source or "motor_side",
+        kp=setup.kp,
+        kd=setup.kd,
+        torque_limit=setup.torque_limit,
+        diagnostics=diagnostics,
+        warnings=() if setup.torque_source else (UNDECLARED,),
+    )
+
+
+UNDECLARED = (
+    "where torque was measured was not declared: taken as the motor's side (current or command, joint friction not in "
+    "it); declare it with --torque-source"
+)
+
+
+def disagreement(regression: Regression, simulated: OutputError) -> dict[str, dict[str, float]]:
+    """Return per parameter |a − b| in combined standard deviations (`sigmas`) and over |a| (`relative`).
+
+    a is the regression's value, b that of output error. Both come from one log, so their errors are not independent,
+    and the combined deviation is a rough yardstick.
+    """
+    result = {}
+    for name, a, b in zip(PARAMETERS, regression.estimates, simulated.estimates, strict=True):
+        gap = abs(a.value - b.value)
+        result[name] = {
+            "sigmas": gap / max(float(np.hypot(a.std, b.std)), 1e-300),
+            "relative": gap / max(abs(a.value), 1e-300),
+        }
+    return result
+
+
+def _fit_signals(
+    signals: Uniform, prepared: Prepared, regression: Regression, simulated: OutputError | None
+) -> FitSignals:
+    """Collect what the page draws."""
+    used = np.zeros(len(signals.time))
+    used[prepared.used] = 1.0
+    return FitSignals(
+        time=signals.time,
+        position=signals.position,
+        velocity=prepared.velocity,
+        acceleration=prepared.acceleration,
+        torque=prepared.torque,
+        fitted_torque=regression.fitted,
+        used=used,
+        target=signals.target,
+        simulated_position=simulated.simulated.position if simulated else None,
+        simulated_torque=simulated.simulated.torque if simulated else None,
+    )
