@@ -118,7 +118,7 @@ class RewardCfg:
     """exp(-|v - v*|² / 0.1) of the horizontal velocity."""
     track_angular: float = 0.8
     """exp(-(ω - ω*)² / 0.25) of the yaw rate."""
-    trot: float = 0.6
+    trot: float = 1.0
     """r_trot of the paper: exactly one contact group stands, literally. Paid while moving is commanded."""
     unsync: float = -0.6
     """r_unsync of the paper, as a share of its largest value, over the last 100 steps (2 s, as in the public code that the

@@ -31,7 +31,7 @@ class NetworkCfg:
 class TeacherCfg:
     """PPO, and the supervised losses of adaptation and estimator."""
 
-    iterations: int = 500
+    iterations: int = 700
     """Rollouts, each followed by an update."""
     steps: int = 24
     """Control steps of one rollout."""
@@ -43,7 +43,7 @@ class TeacherCfg:
     """First learning rate; adapted to the KL divergence."""
     desired_kl: float = 0.01
     """KL divergence to which the learning rate is adapted."""
-    entropy: float = 0.004
+    entropy: float = 0.002
     """Weight of the entropy bonus."""
     gamma: float = 0.99
     """Discount."""
@@ -62,7 +62,7 @@ class TeacherCfg:
 class StudentCfg:
     """Distillation: behaviour cloning, with L_ada and L_est, from a warm start."""
 
-    iterations: int = 100
+    iterations: int = 80
     """Rollouts of the student, each labelled by the teacher and followed by an update."""
     steps: int = 24
     """Control steps of one rollout."""
@@ -86,7 +86,7 @@ class TrainCfg:
     network: NetworkCfg = field(default_factory=NetworkCfg)
     teacher: TeacherCfg = field(default_factory=TeacherCfg)
     student: StudentCfg = field(default_factory=StudentCfg)
-    num_envs: int = 1024
+    num_envs: int = 512
     """Robots simulated side by side."""
     seed: int = 0
     """Seed of everything random in the run."""
@@ -105,7 +105,7 @@ class TrainCfg:
 PRESETS = {
     "full": TrainCfg(),
     "quick": TrainCfg(
-        teacher=replace(TeacherCfg(), iterations=250), student=replace(StudentCfg(), iterations=50)
+        teacher=replace(TeacherCfg(), iterations=350), student=replace(StudentCfg(), iterations=50)
     ),
 }
 """`full` is what the results are made with; `quick` walks in under a quarter of an hour on two cores."""

@@ -182,7 +182,11 @@ class Fleet:
         self.simulation.expand("opt.gravity")[:] = gravity
 
     def clamp(self, held: np.ndarray, base: bool) -> None:
-        """Hold the joints marked in `held`, (N, joints) bool, and the base if `base`, by a huge inertia (1e6 kg m², kg)."""
+        """Hold the joints marked in `held`, (N, joints) bool, and the base if `base`, by a huge inertia (1e6 kg m², kg).
+
+        The solver's tolerance is relative to the mean inertia, so it is set to zero: it would stop far from the solution.
+        """
+        self.simulation.expand("opt.tolerance")[:] = 0.0
         self.armature[held] = 1e6
         if base:
             self.simulation.expand("dof_armature")[:, :BASE_DOFS] = 1e6

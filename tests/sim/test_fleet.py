@@ -1,0 +1,163 @@
+"""The batched simulation: friction holds and slips as it should, controllers act, nothing blows up unseen."""
+
+import numpy as np
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.robots.catalog import find_robot
+from stiction.sim.fleet import Fleet, base_up, rotate_inverse
+
+LEVEL = 0.3
+ROBOTS = ["saturn_lite", "go1"]
+
+
+def bench(robot: str, timestep: float = 0.005) -> Fleet:
+    """One robot per joint: that joint free, every other and the base held, in the air, motors off, friction at LEVEL."""
+    spec = find_robot(robot)
+    fleet = Fleet(spec, spec.num_joints, timestep=timestep, decimation=1)
+    fleet.set_gravity((0.0, 0.0, 0.0))
+    fleet.base_position[:, 2] += 1.0
+    zero = np.zeros((spec.num_joints, spec.num_joints))
+    fleet.set_gains(zero, zero)
+    fleet.friction[:] = LEVEL * fleet.torque_limit
+    fleet.clamp(~np.eye(spec.num_joints, dtype=bool), base=True)
+    return fleet
+
+
+def load(fleet: Fleet, share: float, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """Load each free joint with `share` of its friction; return its angle moved and its speed."""
+    joints = np.arange(fleet.num_envs)
+    fleet.simulation.bind("qfrc_applied")[joints, 6 + joints] = share * LEVEL * fleet.torque_limit
+    for _ in range(round(seconds / fleet.timestep)):
+        fleet.simulation.step(1)
+    return (
+        fleet.joint_position[joints, joints] - fleet.standing,
+        fleet.joint_velocity[joints, joints].copy(),
+    )
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("timestep", [0.005, 0.01])
+def test_a_joint_loaded_below_its_friction_holds(robot: str, timestep: float) -> None:
+    """Were the friction constraint soft, a standing robot would sink through its own friction."""
+    moved, _ = load(bench(robot, timestep), 0.9, 1.0)
+    assert np.abs(moved).max() < 0.01
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_joint_loaded_above_its_friction_moves_as_the_formula_says(robot: str) -> None:
+    """I q'' + B q' = 1.1 f - f: the speed after 50 ms is analytic."""
+    fleet = bench(robot)
+    inertia = fleet.link_inertia() + fleet.spec.joint_values("armature")
+    damping = fleet.spec.joint_values("damping")
+    drive = 0.1 * LEVEL * fleet.torque_limit
+    expected = drive / damping * (1 - np.exp(-damping / inertia * 0.05))
+    _, speed = load(fleet, 1.1, 0.05)
+    np.testing.assert_allclose(speed, expected, rtol=0.01)
+
+
+def test_friction_stops_a_moving_joint_and_does_not_turn_it_back() -> None:
+    """Dry friction takes energy out: after v0 / (f/I) the joint rests, and stays."""
+    fleet = bench("saturn_lite")
+    joints = np.arange(fleet.num_envs)
+    fleet.joint_velocity[joints, joints] = 5.0
+    _, speed = load(fleet, 0.0, 0.5)
+    assert np.abs(speed).max() < 1e-3
+
+
+def test_torque_is_pd_and_limited() -> None:
+    """The motor gives kp (a - q) - kd q', and no more than its limit."""
+    fleet = Fleet(find_robot("go1"), 2)
+    fleet.set_targets(fleet.standing + np.array([[0.05], [5.0]]))
+    fleet.simulation.step(1)
+    np.testing.assert_allclose(fleet.torque[0], 0.05 * fleet.nominal_kp, rtol=1e-6)
+    np.testing.assert_allclose(fleet.torque[1], fleet.torque_limit)
+
+
+def test_delayed_command_reaches_the_motor_late() -> None:
+    """A delay of two physics steps: the third step is the first to see the new target."""
+    fleet = Fleet(find_robot("go1"), 1)
+    fleet.delay[:] = 0.01
+    fleet.reset(np.array([0]))
+    fleet.set_targets(fleet.standing[None] + 0.1)
+    seen = []
+    for _ in range(3):
+        fleet.simulation.step(1)
+        seen.append(fleet.torque[0, 0])
+    assert abs(seen[0]) < 0.1 and abs(seen[1]) < 1.0
+    assert seen[2] > 2.0
+
+
+def test_a_robot_that_blows_up_is_named_counted_and_reset() -> None:
+    """NaN in one robot must neither pass unnoticed nor reach the others."""
+    fleet = Fleet(find_robot("go1"), 4, threads=2)
+    fleet.joint_velocity[2, 0] = np.nan
+    fleet.qpos[3, 2] = np.inf
+    assert list(fleet.step()) == [2, 3]
+    assert list(fleet.blown_up) == [0, 0, 1, 1]
+    assert np.isfinite(fleet.qpos).all() and np.isfinite(fleet.qvel).all()
+    assert len(fleet.step()) == 0
+
+
+def test_a_model_that_resets_itself_is_refused() -> None:
+    """MuJoCo's own reset on NaN would hide a blow-up."""
+    import mujoco
+
+    from stiction.robots.build import build
+    from stiction.sim.native import NativeSimulation
+
+    spec = build(find_robot("go1"))
+    spec.option.disableflags = 0
+    with pytest.raises(ValueError, match="mjDSBL_AUTORESET"):
+        NativeSimulation(spec.compile(), 1, 1)
+    assert mujoco.mjtDisableBit.mjDSBL_AUTORESET
+
+
+def test_state_restores_bit_by_bit() -> None:
+    """A checkpoint that lost the warm start or the delay line would resume on another trajectory."""
+    rng = np.random.default_rng(0)
+    fleet = Fleet(find_robot("go1"), 3)
+    fleet.friction[:] = 2.0
+    fleet.delay[:] = 0.015
+    targets = fleet.standing + 0.2 * rng.standard_normal((20, 3, 12))
+    for target in targets[:10]:
+        fleet.set_targets(target)
+        fleet.step()
+    saved = fleet.simulation.state()
+
+    def finish() -> np.ndarray:
+        for target in targets[10:]:
+            fleet.set_targets(target)
+            fleet.step()
+        return fleet.qpos.copy()
+
+    first = finish()
+    fleet.reset(np.arange(3))
+    fleet.simulation.load_state(saved)
+    assert np.array_equal(first, finish())
+
+
+def test_threads_do_not_change_the_result() -> None:
+    """One thread or two: the same bits."""
+    results = []
+    for threads in (1, 2):
+        fleet = Fleet(find_robot("go1"), 5, threads=threads)
+        fleet.set_targets(fleet.standing + 0.1 * np.arange(5)[:, None])
+        for _ in range(10):
+            fleet.step()
+        results.append(fleet.qpos.copy())
+    assert np.array_equal(*results)
+
+
+def test_base_velocity_is_in_the_base_frame() -> None:
+    """A base turned left by 90° that moves along the world's y moves along its own x."""
+    quaternion = np.array([[np.sqrt(0.5), 0, 0, np.sqrt(0.5)]])
+    np.testing.assert_allclose(rotate_inverse(quaternion, np.array([[0.0, 2.0, 0.0]])), [[2.0, 0.0, 0.0]], atol=1e-12)
+    np.testing.assert_allclose(base_up(np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0]])), [1.0, -1.0])
+
+
+def test_a_fleet_that_cannot_be_is_refused() -> None:
+    """No robots, no steps, or a step that no solver survives: one clear line."""
+    for arguments in ({"num_envs": 0}, {"num_envs": 1, "decimation": 0}, {"num_envs": 1, "timestep": 0.5}):
+        with pytest.raises(StictionError, match="expected"):
+            Fleet(find_robot("go1"), **arguments)
