@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import json
 import os
 import re
 import shutil
@@ -144,7 +145,10 @@ def test_identify_runs_on_the_base_install(base_install: dict[str, str], tmp_pat
     sine_log(tmp_path / "knee.csv")
     done = run("identify", "knee.csv", "--out", "found", env=base_install, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "found/joints.json").is_file()
+    knee = json.loads((tmp_path / "found/joints.json").read_text())["joints"]["knee"]
+    assert knee["inertia"]["value"] == pytest.approx(0.02, rel=0.02)
+    assert knee["viscous_friction"]["value"] == pytest.approx(0.1, rel=0.02)
+    assert knee["coulomb_friction"]["value"] == pytest.approx(0.4, rel=0.02)
 
 
 @pytest.mark.parametrize("verb", ["identify", "verify"])
