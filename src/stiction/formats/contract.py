@@ -22,6 +22,13 @@ SCHEMA_VERSION = 1
 PER_JOINT = ("kp", "kd", "standing", "lower", "upper", "torque_limit")
 """Fields with one number per joint, in the order of `joint_names`."""
 
+METHODS = {
+    "none": "conventional domain randomisation, without dry friction in the joints",
+    "direct": "dry friction in the joints, drawn closely around its nominal value",
+    "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
+}
+"""Way of training with friction -> what it means, in words for people."""
+
 TERM_SIZES = {"angular_velocity": 3, "roll_pitch": 2, "command": 3}
 """Sizes that do not depend on the robot."""
 

@@ -87,6 +87,11 @@ def draw_budget(rows: Sequence[ResultRow]) -> Figure:
     return figure
 
 
+def follows(row: ResultRow) -> bool:
+    """Say whether a row's policy followed its command: within `GOOD`, and nobody fell."""
+    return row.speed_ratio is not None and GOOD[0] <= row.speed_ratio <= GOOD[1] and row.fall_rate == 0.0
+
+
 def lead(rows: Sequence[ResultRow]) -> str:
     """Return the answer in a sentence for each policy: up to which level it follows all linear and turn commands."""
     sentences = []
@@ -94,9 +99,8 @@ def lead(rows: Sequence[ResultRow]) -> str:
         levels: dict[float, bool] = {}
         for row in rows:
             if row.policy == policy and row.speed_ratio is not None:
-                follows = GOOD[0] <= row.speed_ratio <= GOOD[1] and row.fall_rate == 0.0
-                levels[row.friction_level] = levels.get(row.friction_level, True) and follows
-        good = [f"{100 * level:g} %" for level, follows in sorted(levels.items()) if follows]
+                levels[row.friction_level] = levels.get(row.friction_level, True) and follows(row)
+        good = [f"{100 * level:g} %" for level, all_followed in sorted(levels.items()) if all_followed]
         tested = ", ".join(f"{100 * level:g} %" for level in sorted(levels))
         sentences.append(
             f"{policy} follows every command without a fall at {', '.join(good)}" if good else f"{policy} does at none"

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from stiction.formats.contract import Contract
-
-METHODS = {
-    "none": "conventional domain randomisation, without dry friction in the joints",
-    "direct": "dry friction in the joints, drawn closely around its nominal value",
-    "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
-}
-"""Way of training -> what it means."""
+from stiction.formats.contract import METHODS, Contract
 
 TEMPLATE = """\
 # {robot}, {terrain}, {method}, {level}

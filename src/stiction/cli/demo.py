@@ -1,0 +1,230 @@
+"""`stiction demo`: the whole line on small real input, and one page that explains it."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import tyro
+
+if TYPE_CHECKING:
+    from stiction.deploy.check import BundleCheck
+    from stiction.formats.results import ResultRow
+    from stiction.report.demo import DemoJoint
+
+COMMANDS = ("vx=0.5", "vx=-0.5")
+"""Commands that the policies are given; the first is the one of the clips."""
+
+METHODS = ("none", "direct", "deception")
+"""Ways of training that the demo compares."""
+
+ROBOT, LEVEL = "saturn_lite", 0.2
+"""Robot and nominal friction level of the demo's policies."""
+
+EMPS = Path("emps") / "DATA_EMPS.mat"
+"""The measured record, within the folder that STICTION_DATA names."""
+
+EMPS_OPTIONS = (
+    *("--columns", "time=t", "position=qm", "target=qg", "torque=vir", "--torque-scale", "35.15065"),
+    *("--kp", "1370750", "--kd", "8557.5"),
+)
+"""Columns and gains of the record. Its command is in volts, 35.15 N each. Its loop is a position gain of 160.18/s around
+a speed gain of 243.45 V s/m: a PD controller with kd = 243.45 * 35.15 N s/m and kp = 160.18/s * kd."""
+
+
+@dataclass(frozen=True)
+class DemoCfg:
+    """Run the whole line: identify, check, evaluate, render, explain."""
+
+    out: Path = Path("stiction-demo")
+    """Directory for everything that is made; the page is report.html in it."""
+    train: bool = False
+    """Train policies in place of the shipped ones: three runs, about a quarter of an hour each on two cores. Interrupted
+    ones go on where they were."""
+    preset: Literal["quick", "full"] = "quick"
+    """Preset of `stiction train`, with --train."""
+    bundles: tuple[Path, ...] = ()
+    """Bundles to show in place of the shipped ones."""
+    episodes: int = 16
+    """Episodes per policy, level and command."""
+    seconds: float = 12.0
+    """Length of an episode [s]."""
+    json: bool = False
+    """Print the summary as JSON on standard output, and nothing else."""
+
+
+def main(arguments: list[str]) -> None:
+    """Run the demo and print where its page is."""
+    cfg = tyro.cli(DemoCfg, args=arguments, prog="stiction demo", description=DESCRIPTION)
+    from stiction.formats.reproducibility import limit_library_threads
+
+    limit_library_threads()
+    from stiction.formats.results import summary_text
+    from stiction.report.evaluation import make_folder
+
+    start = time.perf_counter()
+    make_folder(cfg.out)
+    warnings: list[str] = []
+    joints = [_identify_example(cfg.out), *_identify_record(cfg.out, warnings)]
+    bundles = _find_policies(cfg, warnings)
+    page, summary = _evaluate(cfg, arguments, joints, bundles, warnings)
+    summary |= {"report": str(page), "warnings": warnings, "total_seconds": time.perf_counter() - start}
+    for text in warnings:
+        _say(f"note: {text}")
+    if cfg.json:
+        print(summary_text(summary), end="")
+    else:
+        print(f"open this page: {page.resolve()}")
+
+
+def _say(text: str) -> None:
+    """Tell the user on standard error what is going on."""
+    print(text, file=sys.stderr)
+
+
+def _identify_example(out: Path) -> DemoJoint:
+    """Identify the paper's shank motor from a simulated log, written to a file first."""
+    from stiction.formats.log import write_log
+    from stiction.identify.example import SATURN_LITE, example_log
+
+    log = out / "example" / "shank.csv"
+    log.parent.mkdir(exist_ok=True)
+    write_log(log, example_log(SATURN_LITE))
+    title = "the paper's shank motor, simulated with the noise of real sensors"
+    return _identify(title, [str(log), "--out", str(log.parent)])
+
+
+def _identify_record(out: Path, warnings: list[str]) -> list[DemoJoint]:
+    """Identify the measured record where it is at hand; say so where it is not."""
+    folder = os.environ.get("STICTION_DATA")
+    record = Path(folder) / EMPS if folder else None
+    if record is None or not record.is_file():
+        where = f"{folder} has no {EMPS}" if folder else "STICTION_DATA names no folder"
+        warnings.append(f"The measured record of a linear drive was left out: {where}.")
+        return []
+    options = ["--axis", "linear", "--joint", "drive", "--torque-source", "motor_side", "--test-condition", "loaded"]
+    title = "a linear drive, measured (EMPS, nonlinearbenchmark.org)"
+    return [_identify(title, [str(record), *EMPS_OPTIONS, *options, "--out", str(out / "emps")])]
+
+
+def _identify(title: str, arguments: list[str]) -> DemoJoint:
+    """Run `stiction identify` and take from its files what the page shows."""
+    from stiction.cli import identify
+    from stiction.formats.fit import read_fit
+    from stiction.formats.joints import load_joints
+    from stiction.report.demo import DemoJoint
+    from stiction.report.identification import joint_sections
+
+    command = shlex.join(["stiction", "identify", *arguments])
+    _say(command)
+    with contextlib.redirect_stdout(io.StringIO()):
+        identify.main(arguments)
+    folder = Path(arguments[arguments.index("--out") + 1])
+    (name, record), *_ = load_joints(folder / "joints.json").joints.items()
+    found, cloud, *_ = joint_sections(name, record, read_fit(folder / "fit.npz", name))
+    return DemoJoint(title, command, record.diagnostics["verdict"]["text"], (found.blocks[0], *cloud.blocks))
+
+
+def _find_policies(cfg: DemoCfg, warnings: list[str]) -> list[Path]:
+    """Return the bundles to show: those given, those trained now, or the shipped ones."""
+    from stiction.formats.shipped import shipped_bundles
+
+    if cfg.bundles:
+        return list(cfg.bundles)
+    names = [f"{ROBOT}-flat-{method}-{LEVEL:g}" for method in METHODS]
+    if cfg.train:
+        return [_train(cfg, method, cfg.out / "policies" / name) for method, name in zip(METHODS, names, strict=True)]
+    shipped = shipped_bundles()
+    if missing := [name for name in names if name not in shipped]:
+        warnings.append(f"This installation comes without the policies {', '.join(missing)}; --train trains them.")
+    return [shipped[name] for name in names if name in shipped]
+
+
+def _train(cfg: DemoCfg, method: str, bundle: Path) -> Path:
+    """Train one policy, or go on with it, and export it; return its bundle."""
+    if bundle.exists():
+        return bundle
+    from stiction.cli import train
+    from stiction.transfer.export import export_run
+
+    run = cfg.out / "runs" / method
+    started = ["--resume", str(run)] if (run / "config.json").exists() else []
+    fresh = ["--preset", cfg.preset, "--robot", ROBOT, "--method", method, "--friction-level", f"{LEVEL:g}"]
+    arguments = started or [*fresh, "--out", str(run)]
+    _say(shlex.join(["stiction", "train", *arguments]))
+    with contextlib.redirect_stdout(sys.stderr):
+        train.main(arguments)
+    export_run(run, bundle)
+    return bundle
+
+
+def _evaluate(
+    cfg: DemoCfg, arguments: Sequence[str], joints: list[DemoJoint], bundles: list[Path], warnings: list[str]
+) -> tuple[Path, dict[str, Any]]:
+    """Check, evaluate and render the policies; write every file; return the page's path and the summary."""
+    from stiction.deploy.check import check_bundle
+    from stiction.report.demo import DemoClips, DemoPolicy, render_demo
+    from stiction.report.evaluation import write_evaluation
+
+    checks = [check_bundle(path) for path in bundles]
+    level = round(checks[0].bundle.contract.friction_level, 6) or LEVEL if checks else LEVEL
+    rows: list[ResultRow] = []
+    summary: dict[str, Any] = {"command": shlex.join(["stiction", "demo", *arguments])}
+    if checks:
+        rows, evaluated = _walk(cfg, checks, level)
+        summary |= evaluated
+        write_evaluation(cfg.out / "evaluation", rows, summary)
+    shown = DemoClips(COMMANDS[0], level)
+    clips = _render(cfg, bundles, shown.command, level, warnings)
+    policies = [
+        DemoPolicy(check.bundle, check.steps, max(check.action_error, check.target_error), clip)
+        for check, clip in zip(checks, clips, strict=True)
+    ]
+    page = cfg.out / "report.html"
+    page.write_text(render_demo(joints, policies, rows, summary, shown, warnings), encoding="utf-8")
+    return page, summary
+
+
+def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[ResultRow], dict[str, Any]]:
+    """Evaluate the policies from no friction to half more than the nominal level."""
+    from stiction.cli.terminal import work_progress
+    from stiction.formats.reproducibility import num_threads
+    from stiction.transfer.evaluate import MAX_LEVEL, EvaluationCfg
+    from stiction.transfer.summary import evaluate_all
+
+    levels = tuple(dict.fromkeys(min(round(share * level, 6), MAX_LEVEL) for share in (0.0, 0.5, 1.0, 1.5)))
+    settings = EvaluationCfg(levels, COMMANDS, episodes=cfg.episodes, seconds=cfg.seconds)
+    _say("evaluating policies over friction levels")
+    with work_progress() as progress:
+        return evaluate_all([check.bundle for check in checks], settings, None, num_threads(), progress)
+
+
+def _render(cfg: DemoCfg, bundles: list[Path], command: str, level: float, warnings: list[str]) -> list[Path | None]:
+    """Render a clip of each policy; without OpenGL say so once and go on."""
+    from stiction.transfer.clip import ClipError, record_clip
+
+    clips: list[Path | None] = []
+    for bundle in bundles:
+        if None in clips:
+            clips.append(None)
+            continue
+        try:
+            clips.append(record_clip(bundle, level, command, cfg.out / f"{bundle.resolve().name}.webp"))
+        except ClipError as error:
+            warnings.append(f"{error}.")
+            clips.append(None)
+    return clips
+
+
+DESCRIPTION = (
+    "Identify a joint from a log, say whether its friction matters, check and evaluate policies over friction levels, "
+    "render a clip of each, and write one page that explains it all."
+)

@@ -1,0 +1,249 @@
+"""The page of `stiction demo`: the whole line from a log to checked policies, for somebody who has seen none of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from stiction.formats.bundle import Bundle
+from stiction.formats.contract import METHODS
+from stiction.formats.results import ResultRow
+from stiction.report.evaluation import budget_picture, definitions_table, follows, results_table, run_blocks
+from stiction.report.page import Section, file_uri, paragraph, picture, render_page, row, table
+
+
+@dataclass(frozen=True)
+class DemoJoint:
+    """One identified joint."""
+
+    title: str
+    """Which joint, and where its log comes from."""
+    command: str
+    """The command that identified it."""
+    verdict: str
+    """What its friction means, in words."""
+    blocks: tuple[Markup, ...]
+    """Table and pictures of the identification."""
+
+
+@dataclass(frozen=True)
+class DemoPolicy:
+    """One policy, checked and evaluated."""
+
+    bundle: Bundle
+    """The bundle."""
+    steps: int
+    """Golden steps replayed by the check."""
+    error: float
+    """Largest difference of action or target in the replay."""
+    clip: Path | None
+    """A clip at the nominal level, or None where it could not be rendered."""
+
+
+@dataclass(frozen=True)
+class DemoClips:
+    """What the clips show."""
+
+    command: str
+    """Command of the clips: `vx=0.5`."""
+    level: float
+    """Friction level of the clips [-]."""
+
+
+def render_demo(
+    joints: Sequence[DemoJoint],
+    policies: Sequence[DemoPolicy],
+    rows: Sequence[ResultRow],
+    summary: dict[str, Any],
+    clips: DemoClips,
+    warnings: Sequence[str] = (),
+) -> str:
+    """Return the page as one HTML text.
+
+    Args:
+        joints: what was identified.
+        policies: the policies, in the order of the page; may be empty.
+        rows: results of all policies.
+        summary: what was run, as in summary.json; `policies` is empty where none was evaluated.
+        clips: command and level of the clips.
+        warnings: what was left out, and why.
+
+    """
+    sections = [_introduction(), *(_joint_section(joint) for joint in joints)]
+    if policies:
+        sections += [
+            Section(
+                "Three ways to train, one robot" if len(policies) == 3 else "The policies", _policy_blocks(policies)
+            ),
+            Section(
+                f"How they walk with {clips.level:.0%} friction in every joint", _clip_blocks(policies, rows, clips)
+            ),
+            Section("How much friction each of them bears", (budget_picture(rows), *_budget_text(rows, policies))),
+            Section("Are these files what they claim to be?", _check_blocks(policies)),
+            Section("Every number", (results_table(rows), definitions_table())),
+            Section("What was run", run_blocks(summary)),
+        ]
+    sections.append(_next_steps())
+    return render_page("Dry friction in robot joints, from a log to a policy", sections, _lead(rows, clips), warnings)
+
+
+INTRODUCTION = (
+    "A joint with dry friction does not move until the motor pushes harder than the friction. The simulators in which "
+    "legged robots learn to walk often leave that out. The robot then learns with joints that it does not have.",
+    "Two numbers say how bad it is: friction over the motor's largest torque, f/τ_max, and the dead band, f/kp: the "
+    "error of position below which a position-controlled joint does nothing at all.",
+    "This page finds the friction in a log, says whether it matters, and compares policies that were trained with and "
+    "without it. Everything on it was computed just now, on this machine.",
+)
+
+METHODS_TEXT = (
+    "One robot ({robots}) and policies that differ in the dry friction that its joints had while they learned, as a "
+    "share of the joints' torque limit:"
+)
+
+BUDGET_TEXT = (
+    "Read it from left to right: with more friction in the joints a policy gets slower, and its line leaves the green "
+    "band. The highest tested level up to which each policy stayed within the band and no robot fell:"
+)
+
+CHECK_TEXT = (
+    "A policy is a folder of five files: the network, a contract that says what it expects of the robot, recorded "
+    "sensors with the answers that the network gave, digests, and a card. Before a policy is used, the digests are "
+    "compared and the recording is replayed:"
+)
+
+
+def _introduction() -> Section:
+    """Return what this is about."""
+    return Section("What is this about?", tuple(paragraph(text) for text in INTRODUCTION))
+
+
+def _lead(rows: Sequence[ResultRow], clips: DemoClips) -> str:
+    """Return what the policies reached at the nominal level, in a sentence each."""
+    sentences = []
+    for policy in dict.fromkeys(r.policy for r in rows):
+        found = [
+            r for r in rows if r.policy == policy and r.friction_level == clips.level and r.speed_ratio is not None
+        ]
+        reached = " and ".join(f"{r.speed_ratio:.0%} of {r.command}" for r in found)
+        if found:
+            sentences.append(f"trained with “{found[0].method}”, it reached {reached}")
+    if not sentences:
+        return "A joint was identified. No policy was evaluated."
+    return (
+        f"With dry friction at {clips.level:.0%} of each joint's torque limit, a walking robot: "
+        + "; ".join(sentences)
+        + "."
+    )
+
+
+def _joint_section(joint: DemoJoint) -> Section:
+    """Return one identification."""
+    blocks = paragraph(joint.verdict), *joint.blocks, paragraph(f"By hand: {joint.command}")
+    return Section(f"Friction from a log: {joint.title}", blocks)
+
+
+def _policy_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
+    """Return how the policies were trained."""
+    contracts = [policy.bundle.contract for policy in policies]
+    cells = [
+        (
+            contract.method,
+            METHODS.get(contract.method, contract.method),
+            f"{contract.friction_range[0]:.0%} to {contract.friction_range[1]:.0%}",
+            str(contract.seed),
+        )
+        for contract in contracts
+    ]
+    robots = ", ".join(dict.fromkeys(contract.robot for contract in contracts))
+    return (
+        paragraph(METHODS_TEXT.format(robots=robots)),
+        table(["method", "meaning", "friction in training", "seed"], cells),
+    )
+
+
+def _clip_blocks(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], clips: DemoClips) -> tuple[Markup, ...]:
+    """Return the clips side by side, or what is known without them."""
+    shown = []
+    for policy in policies:
+        reached = _reached(rows, policy.bundle.name, clips)
+        caption = f"{policy.bundle.contract.method}: commanded {clips.command}, reached {reached} of it"
+        shown.append(paragraph(caption) if policy.clip is None else picture(file_uri(policy.clip), caption))
+    return (row(*shown),)
+
+
+def _reached(rows: Sequence[ResultRow], policy: str, clips: DemoClips) -> str:
+    """Return the speed ratio of a policy at the clips' level and command, as text."""
+    for r in rows:
+        if (r.policy, r.friction_level, r.command) == (
+            policy,
+            clips.level,
+            clips.command,
+        ) and r.speed_ratio is not None:
+            return f"{r.speed_ratio:.0%}"
+    return "an unknown share"
+
+
+def _budget_text(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
+    """Return how to read the figure, and for each policy the highest level at which it still follows."""
+    cells = []
+    for policy in policies:
+        own = [r for r in rows if r.policy == policy.bundle.name and r.speed_ratio is not None]
+        commands = dict.fromkeys(r.command for r in own)
+        cells.append([policy.bundle.contract.method, *(_highest(own, command) for command in commands)])
+    header = ["method", *dict.fromkeys(r.command for r in rows if r.speed_ratio is not None)]
+    return (
+        paragraph(BUDGET_TEXT),
+        table(header, cells),
+    )
+
+
+def _highest(rows: Sequence[ResultRow], command: str) -> str:
+    """Return the highest level up to which every tested level was followed, as text."""
+    best = None
+    for r in sorted((r for r in rows if r.command == command), key=lambda r: r.friction_level):
+        if not follows(r):
+            break
+        best = r.friction_level
+    return "none" if best is None else f"{best:.0%}"
+
+
+def _check_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
+    """Return what the check of each bundle found."""
+    cells = [
+        (
+            policy.bundle.name,
+            f"{policy.bundle.size / 1e6:.2f} MB",
+            f"{policy.steps} steps, {policy.error:.0e}",
+            policy.bundle.digest[:16],
+        )
+        for policy in policies
+    ]
+    return (
+        paragraph(CHECK_TEXT),
+        table(["bundle", "size", "replay, largest difference", "digest"], cells),
+        paragraph("The digests guard against damage and mix-ups. They are not a signature."),
+    )
+
+
+def _next_steps() -> Section:
+    """Return the commands to go on with."""
+    return Section(
+        "Go on from here",
+        (
+            table(
+                ["you want to", "command"],
+                (
+                    ("identify a joint of your own", "stiction identify LOG.csv --kp 20 --kd 0.5 --torque-limit 25"),
+                    ("train a policy that copes with 20 %", "stiction train --method deception --friction-level 0.2"),
+                    ("make a bundle of it", "stiction export runs/train"),
+                    ("check a bundle", "stiction verify BUNDLE"),
+                    ("see what it bears", "stiction evaluate BUNDLE --friction-levels 0 0.1 0.2 0.3"),
+                ),
+            ),
+        ),
+    )

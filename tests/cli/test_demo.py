@@ -1,0 +1,103 @@
+"""The demo: every stage runs, the page stands alone, and what is missing is said and costs nothing else."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bundles import make_bundle, make_contract
+from stiction.cli import demo
+from stiction.cli.main import main
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+SHORT = ["--episodes", "1", "--seconds", "3.5"]
+
+
+@pytest.fixture
+def bundles(tmp_path: Path) -> list[str]:
+    """Two policies of different methods."""
+    contracts = {name: make_contract(method=name) for name in ("none", "direct")}
+    contracts["direct"] = replace(contracts["direct"], friction_range=(0.16, 0.24))
+    return [str(make_bundle(tmp_path / "bundles" / f"toy-{name}", contract)) for name, contract in contracts.items()]
+
+
+@pytest.mark.slow
+def test_the_page_holds_every_stage_and_needs_no_network(
+    bundles: list[str], tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A newcomer opens one file."""
+    monkeypatch.delenv("STICTION_DATA", raising=False)
+    out = tmp_path / "demo"
+    assert main(["demo", "--out", str(out), "--bundles", *bundles, *SHORT, "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert [row["friction_level"] for row in summary["rows"] if row["policy"] == "toy-none"] == [
+        0,
+        0,
+        0.1,
+        0.1,
+        0.2,
+        0.2,
+        0.3,
+        0.3,
+    ]
+    assert any("measured record" in text for text in summary["warnings"])
+    page = (out / "report.html").read_text()
+    for text in (
+        "Friction from a log",
+        "16% to 24%",
+        "toy-direct",
+        "stiction identify",
+        "Inertia",
+        summary["policies"]["toy-none"]["digest"][:16],
+    ):
+        assert text in page
+    assert 'src="http' not in page
+    assert "<script" not in page
+    assert (out / "evaluation" / "results.csv").is_file()
+    assert (out / "example" / "joints.json").is_file()
+    clips = [f"toy-{name}.webp" for name in ("none", "direct")]
+    rendered = all((out / clip).is_file() for clip in clips)
+    assert rendered or any("OpenGL" in text for text in summary["warnings"])
+    assert page.count("data:image/webp") == (2 if rendered else 0)
+
+
+def test_without_opengl_the_demo_says_so_once_and_goes_on(
+    bundles: list[str], tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A server without graphics must still get its page."""
+    monkeypatch.setenv("MUJOCO_GL", "nonsense")
+    assert main(["demo", "--out", str(tmp_path / "demo"), "--bundles", *bundles, *SHORT]) == 0
+    captured = capsys.readouterr()
+    assert captured.err.count("OpenGL is not available") == 1
+    assert captured.out.startswith("open this page: ")
+    assert "commanded vx=0.5, reached" in (tmp_path / "demo" / "report.html").read_text()
+
+
+def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Three quarters of an hour of training must survive an interruption."""
+    train = pytest.importorskip("stiction.cli.train", reason="the extra 'train' is needed to train")
+    export = pytest.importorskip("stiction.transfer.export", reason="the extra 'train' is needed to export")
+    called: list[list[str]] = []
+    monkeypatch.setattr(train, "main", lambda arguments: called.append(arguments))
+    monkeypatch.setattr(export, "export_run", lambda run, bundle: bundle.mkdir(parents=True))
+    cfg = demo.DemoCfg(out=tmp_path, train=True)
+    (tmp_path / "runs" / "direct").mkdir(parents=True)
+    (tmp_path / "runs" / "direct" / "config.json").write_text("{}")
+    (tmp_path / "policies" / "saturn_lite-flat-deception-0.2").mkdir(parents=True)
+    found = demo._find_policies(cfg, [])
+    assert [path.name for path in found] == [f"saturn_lite-flat-{name}-0.2" for name in ("none", "direct", "deception")]
+    fresh, resumed = called
+    assert fresh[fresh.index("--method") + 1] == "none"
+    assert fresh[fresh.index("--friction-level") + 1] == "0.2"
+    assert resumed == ["--resume", str(tmp_path / "runs" / "direct")]
+
+
+def test_an_altered_bundle_stops_the_demo_in_one_line(
+    bundles: list[str], tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """What does not pass its check is not shown as if it had."""
+    (Path(bundles[0]) / "card.md").write_text("altered")
+    assert main(["demo", "--out", str(tmp_path / "demo"), "--bundles", *bundles, *SHORT]) == 1
+    assert "card.md" in capsys.readouterr().err.splitlines()[-1]
