@@ -36,8 +36,8 @@ EMPS_OPTIONS = (
     *("--columns", "time=t", "position=qm", "target=qg", "torque=vir", "--torque-scale", "35.15065"),
     *("--kp", "1370750", "--kd", "8557.5"),
 )
-"""Columns and gains of the record. Its command is in volts, 35.15 N each. Its loop is a position gain of 160.18/s around
-a speed gain of 243.45 V s/m: a PD controller with kd = 243.45 * 35.15 N s/m and kp = 160.18/s * kd."""
+"""Columns and gains of the record. Its command is in volts, 35.15 N each. Its loop is a position gain of 160.18/s
+around a speed gain of 243.45 V s/m: a PD controller with kd = 243.45 * 35.15 N s/m and kp = 160.18/s * kd."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +47,8 @@ class DemoCfg:
     out: Path = Path("stiction-demo")
     """Directory for everything that is made; the page is report.html in it."""
     train: bool = False
-    """Train policies in place of the shipped ones: three runs, about a quarter of an hour each on two cores. Interrupted
-    ones go on where they were."""
+    """Train policies in place of the shipped ones: three runs, about a quarter of an hour each on two cores. One that
+    was interrupted goes on where it was."""
     preset: Literal["quick", "full"] = "quick"
     """Preset of `stiction train`, with --train."""
     bundles: tuple[Path, ...] = ()
