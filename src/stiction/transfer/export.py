@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import io
+import logging
 import shlex
-from contextlib import redirect_stdout
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -112,7 +115,7 @@ def export_network(module: torch.nn.Module, observation_size: int) -> bytes:
     import torch
 
     example = torch.zeros(EXAMPLE_BATCH, observation_size)
-    with redirect_stdout(io.StringIO()), torch.no_grad():
+    with _quiet(), torch.no_grad():
         program = torch.onnx.export(
             module.eval(),
             (example,),
@@ -130,6 +133,20 @@ def export_network(module: torch.nn.Module, observation_size: int) -> bytes:
     _strip(model)
     onnx.checker.check_model(model)
     return model.SerializeToString()
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep back what the exporter prints, logs and warns of: none of it is for the user."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with redirect_stdout(io.StringIO()), warnings.catch_warnings():
+            warnings.simplefilter("ignore", FutureWarning)
+            yield
+    finally:
+        logger.setLevel(level)
 
 
 def _strip(model: Any) -> None:

@@ -1,0 +1,63 @@
+"""What training computes in torch and what the runtime computes in NumPy are the same numbers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stiction.deploy.observation import ObservationBuilder, Sensors
+from stiction.deploy.policy import Network
+from stiction.locomotion.config import NoiseCfg, TaskCfg
+from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
+
+torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to train")
+pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to train")
+
+SILENT = NoiseCfg(0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("robot", ["saturn_lite", "go1"])
+def test_the_runtime_builds_the_observation_of_training(robot: str) -> None:
+    """Golden vectors are recorded with the runtime's builder; here it meets the one that the policy was trained on."""
+    from stiction.locomotion.env import LocomotionEnv
+
+    env = LocomotionEnv(TaskCfg(robot=robot, noise=SILENT, episode=0.5), num_envs=4, seed=1)
+    builder = ObservationBuilder(env.layout, env.fleet.standing, (4,))
+    generator = np.random.default_rng(0)
+    resets = 0
+    observation = env.get_observations()["history"].numpy()
+    for _ in range(40):
+        fleet = env.fleet
+        sensors = Sensors(
+            fleet.base_quaternion,
+            fleet.base_angular_velocity,
+            fleet.joint_position + env.randomizer.draws.encoder_offset.numpy(),
+            fleet.joint_velocity,
+        )
+        built = builder.step(sensors, env.commands.value.numpy(), env.last_action.numpy())
+        np.testing.assert_allclose(built, observation, atol=2e-6)
+        actions = torch.from_numpy(generator.uniform(-6.0, 6.0, (4, env.num_actions)).astype(np.float32))
+        stepped, _, dones, _ = env.step(actions)
+        observation = stepped["history"].numpy()
+        builder.reset(dones.numpy())
+        resets += int(dones.sum())
+    assert resets >= 4
+
+
+def test_a_run_trained_exported_and_checked(tmp_path: Path) -> None:
+    """The whole way from a training run to a bundle, and the deployed network is the trained student."""
+    from stiction.rma.run import RunDirectory
+    from stiction.rma.runner import load_student, train
+    from stiction.transfer.export import export_run
+
+    small = {"iterations": 1, "steps": 4}
+    cfg = TrainCfg(task=TaskCfg(robot="go1"), teacher=TeacherCfg(**small), student=StudentCfg(**small), num_envs=8)
+    run = RunDirectory.create(tmp_path / "run", cfg, "stiction train --robot go1", None)
+    train(cfg, run)
+    check = export_run(run.path, tmp_path / "bundle")
+    contract = check.bundle.contract
+    assert (contract.robot, contract.method, contract.command) == ("go1", "deception", "stiction train --robot go1")
+    observation = np.random.default_rng(0).standard_normal((5, contract.observation.size)).astype(np.float32)
+    expected = load_student(run)(torch.from_numpy(observation)).detach().numpy()
+    network = Network(check.bundle.policy, contract.observation.size, contract.num_joints)
+    np.testing.assert_allclose(network(observation), expected, atol=1e-5)
