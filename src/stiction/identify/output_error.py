@@ -26,6 +26,9 @@ from stiction.joints.simulate import Joint, Trajectory, simulate
 ROUNDS = 2
 """Fits, the weights of position and torque renewed before each."""
 
+LARGEST_CONDITION = 1e6
+"""Condition number of the scaled Jacobian beyond which a parameter has dropped out: a joint that never moves, say."""
+
 DIFFERENCE = 1e-4
 """Step of the numerical derivatives, in units of each parameter's scale."""
 
@@ -44,8 +47,8 @@ class OutputError:
 
 def fit_output_error(
     signals: Uniform, gains: PDGains, start: tuple[float, ...], speed: float, velocity_delay: float = 0.0
-) -> OutputError:
-    """Fit the four parameters to position and torque.
+) -> OutputError | None:
+    """Fit the four parameters to position and torque; None if the best simulation does not depend on all of them.
 
     signals: with a target; start: inertia, viscous, Coulomb, offset from the regression; speed: θ' at the first sample
     [rad/s]; velocity_delay: δ [s]. Raises `StictionError` for a delay that would take away half of the inertia.
@@ -83,6 +86,8 @@ def fit_output_error(
             residual, values, bounds=bounds, args=(weights,), diff_step=DIFFERENCE, x_scale=1.0, xtol=1e-6, ftol=1e-8
         )
         values = fit.x
+    if not np.linalg.cond(fit.jac) < LARGEST_CONDITION:
+        return None
     rows = fit.fun.reshape(2, -1)
     count = min(block_count(row) for row in rows)
     block = np.tile(np.arange(rows.shape[1]) * count // rows.shape[1], 2)

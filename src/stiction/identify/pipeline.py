@@ -12,7 +12,7 @@ from stiction.formats.fit import FitSignals
 from stiction.formats.joints import PARAMETERS, JointRecord
 from stiction.formats.log import Log, LogSetup
 from stiction.identify.checks import Uniform, check_excitation, check_log
-from stiction.identify.controller import controller_mismatch
+from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.prepare import Prepared, prepare
 from stiction.identify.regression import Regression, regress
@@ -60,6 +60,8 @@ class IdentifySetup:
                 raise StictionError(f"{name} {value}: expected a positive number{', or 0' if lowest_allowed else ''}")
         if not np.isfinite(self.torque_scale) or self.torque_scale == 0:
             raise StictionError(f"torque scale {self.torque_scale}: expected a number other than 0")
+        if not 0 <= self.velocity_delay < np.inf:
+            raise StictionError(f"velocity delay {self.velocity_delay} s: expected a number that is not negative")
         if self.torque_source == "output_side":
             raise StictionError(
                 "torque source output_side: a sensor behind the gear does not see the joint's friction; "
@@ -107,14 +109,19 @@ def identify_joint(log: Log, joint: str | None = None, setup: IdentifySetup | No
 def _simulate(
     signals: Uniform, prepared: Prepared, regression: Regression, setup: IdentifySetup
 ) -> tuple[OutputError | None, float | None]:
-    """Fit by output error where gains and target are known; return it and how far the gains are from the log."""
+    """Fit by output error where gains and target are known and agree with the logged torque.
+
+    Returns the fit, or None, and the relative mismatch of gains and torque, or None.
+    """
     if setup.kp is None or setup.kd is None or signals.target is None:
         return None, None
     gains = PDGains(setup.kp, setup.kd, setup.torque_limit or float("inf"))
+    late = np.interp(signals.time - setup.velocity_delay, signals.time, prepared.velocity)
+    mismatch = controller_mismatch(signals, gains, late, prepared.cutoff)
+    if mismatch > LARGEST_MISMATCH:
+        return None, mismatch
     start = tuple(estimate.value for estimate in regression.estimates)
-    speed = float(prepared.velocity[0])
-    fit = fit_output_error(signals, gains, start, speed, setup.velocity_delay)
-    return fit, controller_mismatch(signals, gains, prepared.velocity, prepared.cutoff)
+    return fit_output_error(signals, gains, start, float(prepared.velocity[0]), setup.velocity_delay), mismatch
 
 
 def _record(

@@ -72,7 +72,11 @@ def _estimators(record: JointRecord) -> list[str]:
     if mismatch is not None and mismatch > LARGEST_MISMATCH:
         found.append(
             f"the logged torque differs from kp (target − position) − kd velocity by {mismatch:.0%}: gains, the "
-            "torque's unit or the timing are not as declared, and output error cannot be trusted"
+            "torque's unit or the timing are not as declared; output error, which rests on them, is not done"
+        )
+    elif mismatch is not None and record.diagnostics["output_error"] is None:
+        found.append(
+            "output error found no joint whose simulation follows the log: the model is not right, or the gains"
         )
     for name, gap in (record.diagnostics["disagreement"] or {}).items():
         if gap["sigmas"] > LARGEST_SIGMAS and gap["relative"] > LARGEST_GAP:

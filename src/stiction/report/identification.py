@@ -133,7 +133,7 @@ def _cloud(record: JointRecord, fit: FitSignals) -> Markup:
         speed = side * np.linspace(1e-6 * top, top, 50)
         axis.plot(speed, _law(record, speed), color=COLORS[1], linewidth=2, label="fitted law" if side > 0 else None)
     axis.set_xlabel(f"speed [{position}/s]")
-    axis.set_ylabel(f"[{torque}]")
+    axis.set_ylabel(f"friction and offset [{torque}]")
     legend(axis)
     return picture(
         figure_uri(figure),

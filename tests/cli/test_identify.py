@@ -1,0 +1,116 @@
+"""`stiction identify` as a user types it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import main
+from stiction.formats.joints import load_joints
+from stiction.formats.log import Log, LogSetup, write_log
+from stiction.identify.example import SATURN_LITE, example_log
+
+
+@pytest.fixture
+def log(tmp_path: Path) -> Path:
+    """Write a log with its sidecar."""
+    write_log(tmp_path / "swing.csv", example_log())
+    return tmp_path / "swing.csv"
+
+
+def test_json_alone_on_standard_output_and_files_in_the_folder(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """Scripts parse standard output; training reads joints.json; people open report.html."""
+    assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--json"]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    assert set(printed) >= {"joints", "warnings"} and printed["warnings"] == []
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["fit.npz", "joints.json", "report.html"]
+    joints = load_joints(tmp_path / "out" / "joints.json")
+    assert joints.to_dict() == printed
+    assert joints.nominal(["FL_shank"], "inertia")[0] == pytest.approx(SATURN_LITE.joint.inertia, rel=0.05)
+
+
+def test_a_foreign_log_by_mapping_and_flags(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Other column names, torque in other units, no sidecar: all of it from flags, as documented for EMPS."""
+    made = example_log()
+    log, signals = tmp_path / "log.csv", made.joints["shank"]
+    table = zip(made.time, signals.position, signals.target, signals.torque / 35.15, strict=True)
+    log.write_text("t,qm,qg,vir\n" + "\n".join(",".join(map(repr, map(float, row))) for row in table))
+    flags = "--joint knee --columns time=t position=qm target=qg torque=vir --torque-scale 35.15 --kp 20 --kd 0.5"
+    flags += " --torque-limit 45 --torque-source motor_side --test-condition bare_motor --json"
+    assert main(["identify", str(log), *flags.split(), "--out", str(tmp_path / "out")]) == 0
+    printed = json.loads(capsys.readouterr().out)
+    knee = printed["joints"]["knee"]
+    assert printed["warnings"] == [] and knee["torque_limit"] == 45
+    assert knee["coulomb_friction"]["value"] == pytest.approx(0.442, rel=0.05)
+
+
+def test_people_get_a_table_and_the_verdict(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Without --json the answer is readable."""
+    assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--test-condition", "loaded"]) == 0
+    out = capsys.readouterr().out
+    assert "coulomb_friction" in out and "Provisional" in " ".join(out.split())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["none.csv"], "no log at"),
+        (["swing.csv", "--joint", "hip"], "no joint 'hip'"),
+        (["swing.csv", "--columns", "position"], "ROLE=NAME"),
+        (["swing.csv", "--torque-scale", "-1"], "must be positive"),
+        (["swing.csv", "--kp", "-3"], "kp -3.0"),
+        (["swing.csv", "--out", "swing.csv/sub"], "cannot write to"),
+        (["half.csv"], "a row is not 4 numbers"),
+    ],
+)
+def test_what_a_user_can_mend_is_one_line_and_status_1(
+    log: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, arguments: list[str], said: str
+) -> None:
+    """No traceback, nothing on standard output, one line on standard error."""
+    monkeypatch.chdir(log.parent)
+    Path("half.csv").write_bytes(log.read_bytes()[:-12])
+    assert main(["identify", *arguments]) == 1
+    captured = capsys.readouterr()
+    lines = [line for line in captured.err.splitlines() if line.strip()]
+    assert captured.out == "" and len(lines) == 1
+    assert lines[0].startswith("stiction identify: ") and said in lines[0]
+
+
+def test_wrong_usage_is_status_2(log: Path) -> None:
+    """Unknown options, and no log at all."""
+    for arguments in ([], [str(log), "--nonsense"], [str(log), "--kp", "x"]):
+        with pytest.raises(SystemExit) as caught:
+            main(["identify", *arguments])
+        assert caught.value.code == 2
+
+
+def test_it_needs_neither_torch_nor_mujoco(log: Path, tmp_path: Path) -> None:
+    """The base install has neither: importing either is made an error, and the verb still runs."""
+    code = (
+        "import sys\n"
+        "class Absent:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name.split('.')[0] in ('torch', 'mujoco', 'rsl_rl'):\n"
+        "            raise ModuleNotFoundError(name, name=name)\n"
+        "sys.meta_path.insert(0, Absent())\n"
+        "from stiction.cli.main import main\n"
+        f"sys.exit(main(['identify', {str(log)!r}, '--out', {str(tmp_path / 'out')!r}, '--json']))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["joints"]
+
+
+def test_several_joints_call_for_a_choice(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The joints that there are are listed."""
+    made = example_log()
+    both = {"FL_hip": made.joints["shank"], "FR_hip": made.joints["shank"]}
+    write_log(tmp_path / "two.npz", Log("two", made.time, both, LogSetup()))
+    assert main(["identify", str(tmp_path / "two.npz")]) == 1
+    assert "FL_hip, FR_hip" in capsys.readouterr().err

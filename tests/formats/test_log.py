@@ -1,0 +1,165 @@
+"""The canonical log: what is read, and that whatever is wrong is one clear line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from stiction.formats.errors import StictionError
+from stiction.formats.log import JointSignals, Log, LogError, LogSetup, read_log, write_log
+
+GOOD = b"time,position.knee,torque.knee\n0,1,2\n0.5,3,-4e-1\n"
+
+
+def written(folder: Path, content: bytes, name: str = "log.csv") -> Path:
+    """Write a file and return its path."""
+    path = folder / name
+    path.write_bytes(content)
+    return path
+
+
+def test_a_csv_becomes_signals_by_joint(tmp_path: Path) -> None:
+    """Columns must reach the joint and the role that their names say."""
+    log = read_log(written(tmp_path, GOOD))
+    name, signals = log.joint(None)
+    assert name == "knee" and log.source == "log.csv"
+    np.testing.assert_array_equal(log.time, [0, 0.5])
+    np.testing.assert_array_equal(signals.position, [1, 3])
+    np.testing.assert_array_equal(signals.torque, [2, -0.4])
+    assert signals.target is None and signals.velocity is None
+
+
+def test_bare_names_belong_to_the_joint_that_was_named(tmp_path: Path) -> None:
+    """A log of one joint need not repeat its name in every column."""
+    log = read_log(written(tmp_path, b"time,position\n0,1\n1,2\n"), joint="hip")
+    assert list(log.joints) == ["hip"]
+
+
+def test_a_mapping_renames_columns(tmp_path: Path) -> None:
+    """Logs of other programs are read by saying which column is what."""
+    path = written(tmp_path, b"t,qm,vir\n0,1,2\n1,3,4\n")
+    log = read_log(path, {"time": "t", "position": "qm", "torque": "vir"}, "carriage")
+    np.testing.assert_array_equal(log.joint("carriage")[1].torque, [2, 4])
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"", "header"),
+        (b"time,position\n", "no samples"),
+        (b"time,time\n0,1\n", "one different name"),
+        (b"time,\n0,1\n", "one different name"),
+        (b"time,position\n0,x\n", "not 2 numbers"),
+        (b"time,position\n0,1\n1\n", "not 2 numbers"),
+        (b"time,position\n0,1,2\n", "header names 2"),
+        (b"time,position\n0,\xff\n", "not a text file"),
+        (b"stamp,position\n0,1\n", "no column 'time'"),
+        (b"time,angle\n0,1\n", "no column position"),
+    ],
+)
+def test_a_bad_csv_is_one_line_that_names_the_trouble(tmp_path: Path, content: bytes, said: str) -> None:
+    """A user must learn from the message what to repair."""
+    with pytest.raises(LogError) as caught:
+        read_log(written(tmp_path, content))
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_missing_files_columns_roles_and_joints_are_named(tmp_path: Path) -> None:
+    """Each message lists what there is instead."""
+    path = written(tmp_path, GOOD)
+    with pytest.raises(LogError, match="cannot read"):
+        read_log(tmp_path / "none.csv")
+    with pytest.raises(LogError, match=r"expected .csv or .npz"):
+        read_log(written(tmp_path, GOOD, "log.txt"))
+    with pytest.raises(LogError, match=r"no column 'q'.*position.knee"):
+        read_log(path, {"position": "q"})
+    with pytest.raises(LogError, match="unknown role 'angle'"):
+        read_log(path, {"angle": "position.knee"})
+    with pytest.raises(LogError, match=r"no joint 'hip'.*knee"):
+        read_log(path).joint("hip")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".npz"])
+def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
+    """Logs that the program writes are logs that it reads, the sidecar included."""
+    signals = JointSignals(position=np.array([0.25, -1.5]), target=np.array([0.0, 1e-3]))
+    log = Log("x", np.array([0.0, 0.01]), {"FL_hip": signals}, LogSetup(kp=20.0, test_condition="in_air"))
+    write_log(tmp_path / f"swing{suffix}", log)
+    again = read_log(tmp_path / f"swing{suffix}")
+    assert again.setup == log.setup
+    np.testing.assert_array_equal(again.time, log.time)
+    np.testing.assert_array_equal(again.joint("FL_hip")[1].target, [0.0, 1e-3])
+    assert again.joint("FL_hip")[1].torque is None
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("{", "not readable as JSON"),
+        ("[1]", "expected an object"),
+        ('{"kP": 1}', "expected an object"),
+        ('{"kp": "20"}', "expected a number"),
+        ('{"kp": true}', "expected a number"),
+        ('{"kp": NaN}', "expected a number"),
+        ('{"axis": "bent"}', "expected one of rotary, linear"),
+        ('{"axis": []}', "expected one of rotary, linear"),
+    ],
+)
+def test_a_bad_sidecar_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    """A misspelt gain that is ignored would silently cost the dead band."""
+    path = written(tmp_path, GOOD)
+    path.with_suffix(".json").write_text(text)
+    with pytest.raises(LogError, match=said):
+        read_log(path)
+
+
+def test_pickles_are_refused(tmp_path: Path) -> None:
+    """A log from a stranger must not run code."""
+    np.savez(tmp_path / "log.npz", time=np.array([{"a": 1}], dtype=object))
+    with pytest.raises(LogError, match="not a readable NPZ"):
+        read_log(tmp_path / "log.npz")
+
+
+def test_npz_arrays_must_be_vectors_of_one_length(tmp_path: Path) -> None:
+    """A ragged archive must not be read in part."""
+    np.savez(tmp_path / "a.npz", time=np.zeros(3), position=np.zeros(2))
+    with pytest.raises(LogError, match=r"lengths \[2, 3\]"):
+        read_log(tmp_path / "a.npz")
+    np.savez(tmp_path / "b.npz", time=np.zeros((3, 1)))
+    with pytest.raises(LogError, match="1-D"):
+        read_log(tmp_path / "b.npz")
+
+
+@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(edits=st.lists(st.tuples(st.integers(0, len(GOOD) - 1), st.binary(max_size=3)), min_size=1, max_size=4))
+def test_damaged_csv_gives_a_log_or_the_one_error(tmp_path: Path, edits: list[tuple[int, bytes]]) -> None:
+    """No damage to the bytes may end in a traceback, or in columns of different lengths."""
+    damaged = GOOD
+    for place, replacement in edits:
+        damaged = damaged[:place] + replacement + damaged[place + 1 :]
+    try:
+        log = read_log(written(tmp_path, damaged))
+    except StictionError:
+        return
+    for signals in log.joints.values():
+        for values in vars(signals).values():
+            assert values is None or values.shape == log.time.shape
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.floats(0, 1), replacement=st.binary(max_size=6), cut=st.integers(0, 6))
+def test_damaged_npz_gives_a_log_or_the_one_error(tmp_path: Path, place: float, replacement: bytes, cut: int) -> None:
+    """The zip reader, the inflater and the header parser raise many things; a user sees one."""
+    good = tmp_path / "good.npz"
+    if not good.exists():
+        np.savez_compressed(good, time=np.arange(50.0), position=np.arange(50.0))
+    data = good.read_bytes()
+    start = int(place * len(data))
+    try:
+        read_log(written(tmp_path, data[:start] + replacement + data[start + cut :], "bad.npz"))
+    except StictionError as error:
+        assert str(error)

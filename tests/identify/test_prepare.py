@@ -1,0 +1,57 @@
+"""Filtering, differentiation, and the choice of samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.identify.checks import Uniform
+from stiction.identify.prepare import choose_cutoff, position_noise, prepare
+
+STEP = 0.002
+TIME = np.arange(5000) * STEP
+RATE = 2 * np.pi * 1.5
+
+
+def signals(noise: float = 0.0) -> Uniform:
+    """Return a sine of 1.5 Hz, with torque equal to its exact acceleration."""
+    angle = np.sin(RATE * TIME) + noise * np.random.default_rng(0).standard_normal(len(TIME))
+    return Uniform(TIME, STEP, angle, -(RATE**2) * np.sin(RATE * TIME), None, None)
+
+
+def test_derivatives_have_no_delay_and_the_right_size() -> None:
+    """A delay of one sample would turn 2 % of the inertia's torque into viscous friction."""
+    prepared = prepare(signals(), cutoff=40.0)
+    inner = slice(100, -100)
+    np.testing.assert_allclose(prepared.velocity[inner], RATE * np.cos(RATE * TIME)[inner], atol=3e-3 * RATE)
+    np.testing.assert_allclose(prepared.acceleration[inner], prepared.torque[inner], atol=3e-3 * RATE**2)
+
+
+def test_samples_near_reversals_are_left_out() -> None:
+    """Within one period of the corner around each reversal nothing enters: 25 ms at 40 Hz."""
+    prepared = prepare(signals(), cutoff=40.0)
+    turns = (np.arange(30) + 0.5) / 3.0
+    distance = np.abs(TIME[prepared.used, None] - turns[None]).min(axis=1)
+    assert distance.min() > 0.024
+    assert np.abs(prepared.velocity[prepared.used]).min() > prepared.threshold
+    assert len(prepared.used) > 500
+    np.testing.assert_allclose(np.abs(prepared.direction[prepared.used]), 1.0, atol=0.05)
+
+
+def test_the_size_of_white_noise_is_found() -> None:
+    """The corner and the speed threshold rest on it."""
+    assert position_noise(signals(2e-4).position) == pytest.approx(2e-4, rel=0.1)
+
+
+def test_more_noise_lowers_the_corner() -> None:
+    """Clean signals keep a quarter of the rate; at 1e-3 rad the acceleration would drown there."""
+    assert choose_cutoff(signals().position, STEP, 0.0) == pytest.approx(125.0)
+    corners = [choose_cutoff(signals(noise).position, STEP, noise) for noise in (1e-4, 1e-3, 1e-2)]
+    assert 125 > corners[0] > corners[1] > corners[2] > 5
+
+
+def test_an_impossible_corner_is_refused() -> None:
+    """Half the rate is the end of what a log holds."""
+    with pytest.raises(StictionError, match="half the sampling rate, 250 Hz"):
+        prepare(signals(), cutoff=300.0)

@@ -1,0 +1,64 @@
+"""The page of an identification, from its files alone."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.formats.fit import write_fit
+from stiction.formats.joints import JointsFile
+from stiction.formats.log import LogSetup
+from stiction.identify.example import example_log
+from stiction.identify.pipeline import identify_joint
+from stiction.report.identification import write_identification_page
+
+
+def results(folder: Path, setup: LogSetup | None = None, name: str = "shank") -> JointsFile:
+    """Identify an example and write what the page is drawn from."""
+    log = example_log()
+    result = identify_joint(log if setup is None else replace(log, setup=setup))
+    joints = JointsFile({name: result.record})
+    joints.write(folder / "joints.json")
+    write_fit(folder / "fit.npz", {name: result.fit})
+    return joints
+
+
+def test_the_page_shows_numbers_pictures_and_verdict(tmp_path: Path) -> None:
+    """A reader finds the estimates, their intervals, both methods, four figures, and what it means."""
+    record = results(tmp_path).joints["shank"]
+    page = write_identification_page(tmp_path).read_text(encoding="utf-8")
+    for estimate in (record.inertia, record.coulomb_friction, record.dead_band):
+        low, high = estimate.interval95
+        assert f"<td>{estimate.value:.4g}</td>" in page and f"{low:.4g} to {high:.4g}" in page
+    assert f"{record.diagnostics['output_error']['inertia']['value']:.4g}" in page
+    assert page.count("data:image/png;base64,") == 3
+    assert "Provisional" in page and "lower bound" in page
+    assert '<ul class="warnings">' not in page
+
+
+def test_the_page_needs_no_network(tmp_path: Path) -> None:
+    """It is one file that can be sent by mail."""
+    results(tmp_path)
+    page = write_identification_page(tmp_path).read_text(encoding="utf-8")
+    assert not re.search(r'(src|href)="(?!data:)', page) and "http" not in page and "<script" not in page
+
+
+def test_what_is_not_known_is_said_and_warnings_are_shown(tmp_path: Path) -> None:
+    """Without gains and limit: no second method, ratio not known, every warning on the page; names are escaped."""
+    joints = results(tmp_path, LogSetup(), "<b>")
+    page = write_identification_page(tmp_path).read_text(encoding="utf-8")
+    assert "Only the torque regression was done" in page and page.count("<td>not known</td>") == 2
+    assert page.count("<li>") == len(joints.warnings) >= 5
+    assert "<b>" not in page and "&lt;b&gt;" in page
+
+
+def test_a_page_without_its_signals_is_refused(tmp_path: Path) -> None:
+    """The message names the joint whose signals are missing."""
+    joints = results(tmp_path)
+    JointsFile({"other": joints.joints["shank"]}).write(tmp_path / "joints.json")
+    with pytest.raises(StictionError, match="joint 'other'"):
+        write_identification_page(tmp_path)
