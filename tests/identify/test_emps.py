@@ -9,8 +9,9 @@ import pytest
 
 from stiction.formats.joints import Estimate, JointRecord
 from stiction.formats.log import LogError
-from stiction.identify.pipeline import IdentifySetup, identify_joint
+from stiction.identify.pipeline import identify_joint
 from stiction.identify.readers import open_log, parse_columns
+from stiction.identify.setup import IdentifySetup
 
 GTAU, KP, KV = 35.15065188, 160.18, 243.45
 """Constants in the record: N/V of the drive, and the gains of its loop, vir = kv (kp (qg − qm) − qm')."""

@@ -12,7 +12,8 @@ from stiction.formats.errors import StictionError
 from stiction.formats.joints import PARAMETERS, Estimate
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.identify.example import GO1, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
-from stiction.identify.pipeline import IdentifySetup, identify_joint
+from stiction.identify.pipeline import identify_joint
+from stiction.identify.setup import IdentifySetup
 
 QUIET = SensorNoise(position=0.0, resolution=0.0, velocity=0.0, torque=0.0, ripple=0.0)
 

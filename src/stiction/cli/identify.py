@@ -14,8 +14,7 @@ from rich.table import Table
 from stiction.formats.errors import StictionError
 from stiction.formats.fit import write_fit
 from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile
-from stiction.identify.pipeline import IdentifySetup, identify_joint
-from stiction.identify.readers import open_log, parse_columns
+from stiction.identify.setup import IdentifySetup
 
 DESCRIPTION = """Find a joint's inertia, viscous and dry friction from a log with measured torque, say whether the
 friction matters, and write joints.json, fit.npz and report.html.
@@ -43,6 +42,9 @@ class IdentifyConfig(IdentifySetup):
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
+    from stiction.identify.pipeline import identify_joint
+    from stiction.identify.readers import open_log, parse_columns
+
     console = Console(stderr=True)
     setup = IdentifySetup(**{item.name: getattr(config, item.name) for item in fields(IdentifySetup)})
     with console.status("reading, fitting, simulating"):
