@@ -99,6 +99,15 @@ def test_evaluate_prints_a_table_and_where_the_report_is(
     assert "report.html" in out
 
 
+def test_demo_runs_without_torch(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The extra `sim` is enough for it."""
+    monkeypatch.setenv("MUJOCO_GL", "disable")  # the clip is not what is tested here
+    arguments = ["--out", str(tmp_path / "demo"), "--bundles", str(bundle), "--episodes", "1", "--seconds", "3.5"]
+    done = run_without({"torch", "onnx", "rsl_rl", "tensordict", "safetensors"}, "demo", *arguments)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "demo" / "report.html").is_file()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

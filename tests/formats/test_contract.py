@@ -46,6 +46,7 @@ def test_go1_with_an_identification_is_valid() -> None:
         ("standing", [9.0] * 18),
         ("torque_limit", [-25.0] * 18),
         ("action_clip", "4"),
+        ("action_clip", 10**400),
         ("action_offset", "zero"),
         ("quaternion_order", "xyzw"),
         ("joints_file", {"name": "joints.json"}),
@@ -78,6 +79,8 @@ def test_a_wrong_observation_term_is_refused_by_name(contract: Contract, entry: 
         (b"[1]", "list"),
         (b"{}", "lacks"),
         (b'{"seed": NaN}', "NaN"),
+        (b'{"seed": ' + b"9" * 5000 + b"}", "not JSON"),
+        (b"[" * 100_000, "not JSON"),
     ],
 )
 def test_what_is_no_contract_is_refused(text: bytes, message: str) -> None:

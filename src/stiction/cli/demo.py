@@ -67,15 +67,20 @@ def main(arguments: list[str]) -> None:
     from stiction.formats.reproducibility import limit_library_threads
 
     limit_library_threads()
+    from stiction.deploy.check import check_bundle
     from stiction.formats.results import summary_text
     from stiction.report.evaluation import make_folder
 
     start = time.perf_counter()
     make_folder(cfg.out)
     warnings: list[str] = []
+    checks = [check_bundle(path) for path in cfg.bundles]
     joints = [_identify_example(cfg.out), *_identify_record(cfg.out, warnings)]
-    bundles = _find_policies(cfg, warnings)
-    page, summary = _evaluate(cfg, arguments, joints, bundles, warnings)
+    bundles = list(cfg.bundles)
+    if not bundles:
+        bundles = _find_policies(cfg, warnings)
+        checks = [check_bundle(path) for path in bundles]
+    page, summary = _evaluate(cfg, arguments, joints, bundles, checks, warnings)
     summary |= {"report": str(page), "warnings": warnings, "total_seconds": time.perf_counter() - start}
     for text in warnings:
         _say(f"note: {text}")
@@ -134,11 +139,9 @@ def _identify(title: str, arguments: list[str]) -> DemoJoint:
 
 
 def _find_policies(cfg: DemoCfg, warnings: list[str]) -> list[Path]:
-    """Return the bundles to show: those given, those trained now, or the shipped ones."""
+    """Return the bundles to show: those trained now, or the shipped ones."""
     from stiction.formats.shipped import shipped_bundles
 
-    if cfg.bundles:
-        return list(cfg.bundles)
     names = [f"{ROBOT}-flat-{method}-{LEVEL:g}" for method in METHODS]
     if cfg.train:
         return [_train(cfg, method, cfg.out / "policies" / name) for method, name in zip(METHODS, names, strict=True)]
@@ -167,14 +170,17 @@ def _train(cfg: DemoCfg, method: str, bundle: Path) -> Path:
 
 
 def _evaluate(
-    cfg: DemoCfg, arguments: Sequence[str], joints: list[DemoJoint], bundles: list[Path], warnings: list[str]
+    cfg: DemoCfg,
+    arguments: Sequence[str],
+    joints: list[DemoJoint],
+    bundles: list[Path],
+    checks: list[BundleCheck],
+    warnings: list[str],
 ) -> tuple[Path, dict[str, Any]]:
-    """Check, evaluate and render the policies; write every file; return the page's path and the summary."""
-    from stiction.deploy.check import check_bundle
+    """Evaluate and render the checked policies; write every file; return the page's path and the summary."""
     from stiction.report.demo import DemoClips, DemoPolicy, render_demo
     from stiction.report.evaluation import write_evaluation
 
-    checks = [check_bundle(path) for path in bundles]
     level = round(checks[0].bundle.contract.friction_level, 6) or LEVEL if checks else LEVEL
     rows: list[ResultRow] = []
     summary: dict[str, Any] = {"command": shlex.join(["stiction", "demo", *arguments])}

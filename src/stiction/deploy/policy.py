@@ -62,7 +62,7 @@ def _check_port(kind: str, ports: list, name: str, size: int) -> None:
         raise OnnxError(f"policy.onnx has the {kind} {found}; expected one {name!r}, float32, shape (batch, {size})")
 
 
-@dataclass
+@dataclass(frozen=True)
 class PolicyStep:
     """What one step of the policy computed."""
 

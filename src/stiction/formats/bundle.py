@@ -125,7 +125,10 @@ def _read_files(folder: Path) -> dict[str, bytes]:
     if not folder.is_dir():
         what = "is not a directory" if folder.exists() else "does not exist"
         raise BundleError(f"{folder} {what}; expected a policy bundle, a directory with {', '.join((*FILES, SUMS))}")
-    found = {entry.name: entry.lstat() for entry in folder.iterdir()}
+    try:
+        found = {entry.name: entry.lstat() for entry in folder.iterdir()}
+    except OSError as error:
+        raise BundleError(f"{folder}: cannot be listed: {error}") from error
     for name in (*FILES, SUMS):
         if name not in found:
             raise BundleError(f"{folder}: {name} is missing; a policy bundle has {', '.join((*FILES, SUMS))}")

@@ -19,6 +19,9 @@ from stiction.formats.observation import ObservationLayout
 SCHEMA_VERSION = 1
 """Version of contract.json; a reader refuses any other."""
 
+LARGEST = 1e9
+"""Bound of every number: JSON allows 1e999 and integers of any length."""
+
 PER_JOINT = ("kp", "kd", "standing", "lower", "upper", "torque_limit")
 """Fields with one number per joint, in the order of `joint_names`."""
 
@@ -128,7 +131,7 @@ def read_contract(text: bytes) -> Contract:
     """
     try:
         data = json.loads(text.decode("utf-8"), parse_constant=_refuse_constant)
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # not UTF-8, not JSON, or an endless integer
         raise ContractError(f"contract.json is not JSON: {error}; export the bundle again") from error
     if not isinstance(data, dict):
         raise ContractError(f"contract.json holds a {type(data).__name__}; expected an object")
@@ -153,8 +156,8 @@ def _refuse_constant(text: str) -> float:
 
 
 def _is_number(value: object) -> bool:
-    """Say whether `value` is a finite number (and not a bool)."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    """Say whether `value` is a number of a size that something physical can have (and not a bool)."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -LARGEST < value < LARGEST
 
 
 def _expect(condition: bool, field: str, value: object, expected: str) -> None:

@@ -6,6 +6,7 @@ They also hold the SHA-256 of the bundle's other files, so that a contract or a 
 from __future__ import annotations
 
 import io
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -58,8 +59,11 @@ class Golden:
         return len(self.time)
 
 
-DAMAGED = (zipfile.BadZipFile, zlib.error)
-"""What a damaged archive raises."""
+DAMAGED = (
+    *(OSError, ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, MemoryError, OverflowError),
+    *(SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+)
+"""What zipfile and numpy raise for a damaged archive."""
 
 BOUND = "sha256:"
 """Prefix of the arrays that hold the SHA-256 of the bundle's other files."""
@@ -101,9 +105,12 @@ def _unpack(data: bytes) -> dict[str, np.ndarray]:
         if total > MAX_BYTES:
             raise GoldenError(f"golden.npz unpacks to {total} bytes; at most {MAX_BYTES} are read")
         with np.load(io.BytesIO(data), allow_pickle=False) as loaded:
-            return {name: loaded[name] for name in loaded.files}
-    except (OSError, ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, *DAMAGED) as error:
+            arrays = {name: loaded[name] for name in loaded.files}
+    except DAMAGED as error:
         raise GoldenError(f"golden.npz cannot be read: {error}; export the bundle again") from error
+    if other := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
+        raise GoldenError(f"golden.npz: {other[0]!r} is not an array; export the bundle again")
+    return arrays
 
 
 def _check(golden: Golden, observation_size: int, joint_names: tuple[str, ...]) -> None:

@@ -34,6 +34,13 @@ DEFINITIONS = (
 """What the columns mean, in the order of the table."""
 
 
+CONDITIONS = (
+    "MuJoCo, flat ground, Coulomb friction in every joint, sensor noise as in training; masses, inertias, viscous "
+    "friction and ground as in the robot's specification."
+)
+"""What was not varied."""
+
+
 def write_evaluation(out: Path, rows: Sequence[ResultRow], summary: dict[str, Any]) -> Path:
     """Write every file of an evaluation into `out`; return the path of the page.
 
@@ -144,7 +151,7 @@ def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
     evaluation = {name: value for name, value in summary["evaluation"].items() if name != "noise"}
     return (
         paragraph(f"Command: {summary['command']}"),
-        paragraph(f"MuJoCo, flat ground, Coulomb friction, nominal masses, sensor noise on. {json.dumps(evaluation)}"),
+        paragraph(f"{CONDITIONS} {json.dumps(evaluation)}"),
         table(["policy", "method", "seed", "revision", "digest", "made by"], policies),
         paragraph(f"Revision {summary['revision']}, {summary['seconds']:.0f} s on {summary['machine']['cpu']}."),
         paragraph("Everything here is simulation; one training seed is one sample. No robot was involved."),

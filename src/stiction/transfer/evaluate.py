@@ -28,8 +28,8 @@ ENGINE, LAW, TERRAIN = "mujoco", "coulomb", "flat"
 MAX_LEVEL = 0.9
 """Highest friction level: above it hardly any torque is left to move the joint [-]."""
 
-MAX_ROBOTS = 8192
-"""Most robots in one batch: levels times commands times episodes."""
+MAX_ROBOT_SECONDS = 400_000.0
+"""Most levels times commands times episodes times seconds: at 50 Hz the recording of these fills some 700 MB [s]."""
 
 
 @dataclass(frozen=True)
@@ -68,9 +68,10 @@ class EvaluationCfg:
                 f"{self.episodes} episodes of {self.seconds} s, {self.settle} s of it to settle; "
                 "expected at least one episode, at least 1 s measured, and at most an hour"
             )
-        if self.num_robots > MAX_ROBOTS:
+        if self.num_robots * self.seconds > MAX_ROBOT_SECONDS:
             raise StictionError(
-                f"{self.num_robots} robots at once; at most {MAX_ROBOTS}: give fewer levels or episodes"
+                f"{self.num_robots} robots at once for {self.seconds:g} s each are more than {MAX_ROBOT_SECONDS:g} "
+                "robot-seconds; give fewer levels, commands or episodes, or shorter ones"
             )
         seed_streams(self.seed, ["episode"])
 
@@ -147,11 +148,11 @@ def _record(
     num, period = fleet.num_envs, fleet.control_period
     recording = Recording(
         period,
-        velocity=np.zeros((steps, num, 3)),
-        position=np.zeros((steps, num, 2)),
+        velocity=np.zeros((steps, num, 3), dtype=np.float32),
+        position=np.zeros((steps, num, 2), dtype=np.float32),
         contact=np.zeros((steps, num, legs), dtype=bool),
-        power=np.zeros((steps, num)),
-        square_acceleration=np.zeros((steps, num)),
+        power=np.zeros((steps, num), dtype=np.float32),
+        square_acceleration=np.zeros((steps, num), dtype=np.float32),
         upright=np.zeros((steps, num), dtype=bool),
     )
     upright, blown_up = np.ones(num, dtype=bool), 0

@@ -66,6 +66,7 @@ def describe(bundle: Bundle) -> dict[str, Any]:
         "method": contract.method,
         "friction_level": contract.friction_level,
         "friction_range": contract.friction_range,
+        "joints_file": contract.joints_file,
         "seed": contract.seed,
         "revision": contract.revision,
         "command": contract.command,
