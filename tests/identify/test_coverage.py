@@ -11,7 +11,7 @@ from stiction.identify.pipeline import identify_joint
 
 LOGS = 200
 
-SINE = Excitation(amplitudes=(0.6,), frequencies=(1.5,), duration=10.0)
+SINE = Excitation(amplitudes=(0.6,), frequencies=(1.5,), duration=10.0, rate=250.0)
 """The paper's excitation."""
 
 
