@@ -1,0 +1,168 @@
+"""The teacher: who trains what, the ratio before the first step, the alternating latent."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from torch.utils.tensorboard import SummaryWriter
+
+from stiction.locomotion.config import FrictionCfg, TaskCfg
+from stiction.locomotion.env import LocomotionEnv
+from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.rma.models import StudentPolicy
+from stiction.rma.run import RunDirectory
+from stiction.rma.runner import PhaseRunner, student_cfg, teacher_cfg
+
+CFG = TrainCfg(
+    task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2)),
+    network=NetworkCfg(actor=(16,), critic=(16,), privileged=(8,), history_frame=4, history=(8,), latent=3),
+    teacher=TeacherCfg(iterations=4, steps=4, epochs=2, mini_batches=2, alternate=2),
+    student=StudentCfg(iterations=2, steps=4, epochs=1, mini_batches=2),
+    num_envs=8,
+)
+
+
+@pytest.fixture
+def env() -> LocomotionEnv:
+    """Eight small robots."""
+    torch.manual_seed(0)
+    return LocomotionEnv(CFG.task, CFG.num_envs, seed=0)
+
+
+def phase(env: LocomotionEnv, tmp_path, name: str = "teacher", cfg: TrainCfg = CFG) -> PhaseRunner:
+    """A runner of one phase."""
+    run = RunDirectory(tmp_path)
+    run.checkpoints.mkdir(parents=True, exist_ok=True)
+    settings = teacher_cfg(cfg) if name == "teacher" else student_cfg(cfg)
+    iterations = cfg.teacher.iterations if name == "teacher" else cfg.student.iterations
+    return PhaseRunner(name, env, run, settings, iterations, 100, SummaryWriter(str(tmp_path / "tb")), lambda *_: None)
+
+
+def rollout(runner: PhaseRunner) -> None:
+    """Fill the storage."""
+    with torch.no_grad():
+        obs = runner.env.get_observations()
+        for _ in range(runner.cfg["num_steps_per_env"]):
+            obs, reward, dones, extras = runner.env.step(runner.alg.act(obs))
+            runner.alg.process_env_step(obs, reward, dones, extras)
+        runner.alg.compute_returns(obs)
+
+
+@pytest.mark.parametrize("iteration", [0, 1])
+def test_ratio_is_one_before_the_first_step(env: LocomotionEnv, tmp_path, iteration: int) -> None:
+    """Old and new log-probabilities use the same latent source and the same estimate, on z and on z* alike."""
+    runner = phase(env, tmp_path)
+    for _ in range(iteration):
+        runner._iterate()
+    assert runner.alg.actor.latent_source == ["privileged", "history"][iteration]
+    rollout(runner)
+    storage = runner.alg.storage
+    runner.alg.actor(storage.observations.flatten(0, 1), stochastic_output=True)
+    new = runner.alg.actor.get_output_log_prob(storage.actions.flatten(0, 1))
+    ratio = torch.exp(new - storage.actions_log_prob.flatten())
+    torch.testing.assert_close(ratio, torch.ones_like(ratio), atol=1e-5, rtol=0)
+
+
+def test_latent_sources_alternate(env: LocomotionEnv, tmp_path) -> None:
+    """One iteration in `alternate` walks on z*."""
+    runner = phase(env, tmp_path)
+    seen = []
+    for _ in range(4):
+        seen.append(runner.alg.actor.latent_source)
+        runner._iterate()
+    assert seen == ["privileged", "history", "privileged", "history"]
+
+
+def test_ppo_and_the_supervised_losses_train_different_parameters(env: LocomotionEnv, tmp_path, monkeypatch) -> None:
+    """PPO must not reach f_est and f_ada_stu, nor L_ada and L_est the policy and z."""
+    runner = phase(env, tmp_path)
+    actor = runner.alg.actor
+    supervised, policy = actor.supervised_parameters(), actor.policy_parameters()
+    assert len(supervised) + len(policy) == len(list(actor.parameters()))
+
+    def copies(parameters: list) -> list:
+        return [p.detach().clone() for p in parameters]
+
+    rollout(runner)
+    before, before_policy = copies(supervised), copies(policy)
+    monkeypatch.setattr(type(runner.alg), "_supervise", lambda self: {})
+    runner.alg.update()
+    assert all(torch.equal(a, b) for a, b in zip(before, supervised, strict=True))
+    assert not all(torch.equal(a, b) for a, b in zip(before_policy, policy, strict=True))
+    monkeypatch.undo()
+    before_policy = copies(policy)
+    runner.alg._supervise()
+    assert all(torch.equal(a, b) for a, b in zip(before_policy, policy, strict=True))
+    assert not all(torch.equal(a, b) for a, b in zip(before, supervised, strict=True))
+
+
+def test_storage_keeps_its_contents_after_clear(env: LocomotionEnv, tmp_path) -> None:
+    """The second pass reads the rollout after PPO has cleared it: an accident of rsl_rl's that this pins."""
+    runner = phase(env, tmp_path)
+    rollout(runner)
+    before = runner.alg.storage.observations.clone()
+    runner.alg.storage.clear()
+    assert runner.alg.storage.step == 0
+    assert all(torch.equal(before[k], runner.alg.storage.observations[k]) for k in ("history", "explicit"))
+
+
+def test_supervised_losses_by_hand(env: LocomotionEnv, tmp_path) -> None:
+    """L_ada = MSE(z, z*), L_est = MSE(o_exp, o_exp*), means over robots and entries."""
+    actor, obs = phase(env, tmp_path).alg.actor, env.get_observations()
+    z, star = actor.privileged_encoder(obs["privileged"]), actor.adaptation(obs["history"])
+    torch.testing.assert_close(actor.adaptation_loss(obs), ((z - star) ** 2).sum() / z.numel())
+    guess = actor.estimator(obs["history"])
+    torch.testing.assert_close(actor.estimator_loss(obs), ((guess - obs["explicit"]) ** 2).sum() / guess.numel())
+
+
+def test_actor_never_sees_the_true_explicit_state(env: LocomotionEnv, tmp_path) -> None:
+    """What is not measured on the robot may not leak into the action, and on z* neither may the privileged state."""
+    actor, obs = phase(env, tmp_path).alg.actor, env.get_observations()
+    other = obs.clone()
+    other["explicit"] = other["explicit"] + 1.0
+    assert torch.equal(actor(obs), actor(other))
+    other["privileged"] = other["privileged"] + 1.0
+    assert not torch.equal(actor(obs), actor(other))
+    actor.latent_source = "history"
+    assert torch.equal(actor(obs), actor(other))
+
+
+def test_critic_sees_everything(env: LocomotionEnv, tmp_path) -> None:
+    """Each group changes the value."""
+    critic, obs = phase(env, tmp_path).alg.critic, env.get_observations()
+    for name in ("proprioception", "history", "privileged", "explicit"):
+        other = obs.clone()
+        other[name] = other[name] + 1.0
+        assert not torch.allclose(critic(obs), critic(other)), name
+
+
+def test_student_starts_as_the_teacher_on_its_own_latent(env: LocomotionEnv, tmp_path) -> None:
+    """Warm start: before any update the student acts as the teacher does with z*, and the deployed module as the student."""
+    teacher = phase(env, tmp_path)
+    teacher._iterate()
+    actor = teacher.alg.get_policy()
+    student = phase(env, tmp_path, "student")
+    student.alg.warm_start(actor.state_dict())
+    obs = env.get_observations()
+    actor.latent_source = "history"
+    torch.testing.assert_close(student.alg.student(obs), actor(obs))
+    torch.testing.assert_close(StudentPolicy(student.alg.student)(obs["history"]), actor(obs))
+    actor.latent_source = "privileged"
+    torch.testing.assert_close(student.alg.teacher(obs), actor(obs))
+
+
+def test_distillation_brings_the_student_to_the_teacher(env: LocomotionEnv, tmp_path) -> None:
+    """All three losses fall, and the teacher stays as it is."""
+    cfg = replace(CFG, student=replace(CFG.student, iterations=40, learning_rate=3e-3))
+    teacher = phase(env, tmp_path)
+    student = phase(env, tmp_path, "student", cfg)
+    with torch.no_grad():
+        for parameter in teacher.alg.actor.privileged_encoder.parameters():
+            parameter.mul_(3.0)
+    student.alg.warm_start(teacher.alg.get_policy().state_dict())
+    kept = [p.clone() for p in student.alg.teacher.parameters()]
+    losses = [student._iterate() for _ in range(40)]
+    for name in ("clone", "adaptation", "estimator"):
+        early, late = (sum(row[f"loss/{name}"] for row in part) for part in (losses[:5], losses[-5:]))
+        assert late < early, name
+    assert all(torch.equal(a, b) for a, b in zip(kept, student.alg.teacher.parameters(), strict=True))
