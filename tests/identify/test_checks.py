@@ -42,6 +42,9 @@ def changed(values: np.ndarray, place: int, value: float) -> np.ndarray:
         (np.where(TIME > 0.4, TIME + 0.05, TIME), SIGNALS, "1 sample intervals differ .* sample 202"),
         (1000 * TIME, SIGNALS, "one sample every 2 s.*in seconds"),
         (TIME, replace(SIGNALS, position=np.full(400, 0.3)), r"position of joint 'knee' is \(nearly\) constant at 0.3"),
+        (TIME, replace(SIGNALS, torque=changed(WAVE, 8, 1e12)), "torque .* beyond 1e.09, the first in sample 9"),
+        (TIME, replace(SIGNALS, torque=changed(WAVE, 8, 90.0)), "torque of joint 'knee' jumps .* to 90 at sample 9"),
+        (TIME, replace(SIGNALS, position=1e-200 * WAVE), "position of joint 'knee' is .nearly. constant"),
         (TIME, replace(SIGNALS, torque=np.zeros(400)), r"torque of joint 'knee' is \(nearly\) constant"),
     ],
 )

@@ -110,6 +110,21 @@ def test_a_velocity_in_other_units_is_noticed() -> None:
     )
 
 
+def test_a_load_that_the_model_lacks_is_noticed() -> None:
+    """Half a newton metre of gravity on a joint whose model has none."""
+    log = example_log()
+    signals = log.joints["shank"]
+    text = " ".join(identify_joint(scaled(log, torque=signals.torque + np.cos(3 * signals.position))).record.warnings)
+    assert "of the torque is not explained" in text
+
+
+def test_torque_of_another_joint_is_refused() -> None:
+    """Noise in the torque column explains nothing, so nothing is printed."""
+    noise = np.random.default_rng(0).standard_normal(10_000)
+    with pytest.raises(StictionError, match=r"all reach zero|must be positive"):
+        identify_joint(scaled(example_log(), torque=noise))
+
+
 def test_a_motor_at_its_limit_is_noticed() -> None:
     """Saturated stretches say nothing about gains."""
     text = " ".join(identify_joint(example_log(), setup=IdentifySetup(torque_limit=1.0)).record.warnings)

@@ -155,7 +155,9 @@ def read_csv(path: Path) -> Columns:
     try:
         values = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, ndmin=2, dtype=float)
     except ValueError as error:
-        raise LogError(f"{path.name}: a row is not {len(names)} numbers: {str(error)[:160]}") from error
+        raise LogError(
+            f"{path.name}: a row is not {len(names)} numbers: {str(error).partition(';')[0][:160]}"
+        ) from error
     if values.shape[1] != len(names):
         raise LogError(f"{path.name}: rows have {values.shape[1]} numbers, the header names {len(names)} columns")
     return dict(zip(names, values.T.copy(), strict=True))

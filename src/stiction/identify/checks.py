@@ -14,6 +14,15 @@ FEWEST_SAMPLES = 200
 LARGEST_JITTER = 0.05
 """Largest departure of a sample interval from the median, as a share of it; more calls for resampling."""
 
+LARGEST_VALUE = 1e9
+"""In SI units no joint has more of anything."""
+
+SMALLEST_RANGE = 1e-12
+"""Less than this between the extremes of a signal, in SI units, is no motion."""
+
+LARGEST_JUMP = 50.0
+"""A step from sample to sample this many times the 99th percentile of all steps is a damaged sample, not physics."""
+
 FEWEST_REVERSALS = 4
 """The velocity must change sign this often: friction and offset differ only in what they do when the joint turns."""
 
@@ -54,27 +63,40 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
         **{name: values for name, values in vars(signals).items() if values is not None},
     }
     for name, values in table.items():
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST_VALUE))
         if len(bad):
             raise LogError(
-                f"{log.source}: {name} of joint {joint!r} has {len(bad)} values that are not finite, the first in "
-                f"sample {bad[0] + 1}; cut those rows out or log again"
+                f"{log.source}: {name} of joint {joint!r} has {len(bad)} values that are not finite or beyond "
+                f"{LARGEST_VALUE:.0e}, the first in sample {bad[0] + 1}; cut those rows out or log again"
             )
     if len(log.time) < FEWEST_SAMPLES:
         raise LogError(f"{log.source}: {len(log.time)} samples; at least {FEWEST_SAMPLES} are needed")
     step = _check_time(log)
     for name in ("position", "torque"):
-        if len(np.unique(table[name])) < 10:
-            raise LogError(
-                f"{log.source}: {name} of joint {joint!r} is (nearly) constant at {table[name][0]:.6g}; "
-                "the joint must move: log a sine of the target at two frequencies"
-            )
+        _check_signal(f"{log.source}: {name} of joint {joint!r}", table[name])
     grid = np.arange(len(log.time)) * step
     elapsed = log.time - log.time[0]
     even = {name: np.interp(grid, elapsed, values) for name, values in table.items() if name != "time"}
     return Uniform(
         grid, step, even["position"], torque_scale * even["torque"], even.get("target"), even.get("velocity")
     )
+
+
+def _check_signal(name: str, values: np.ndarray) -> None:
+    """Refuse a signal that hardly varies, and one with a sample that is out of line with its neighbours."""
+    if len(np.unique(values)) < 10 or np.ptp(values) < SMALLEST_RANGE:
+        raise LogError(
+            f"{name} is (nearly) constant at {values[0]:.6g}; "
+            "the joint must move: log a sine of the target at two frequencies"
+        )
+    steps = np.abs(np.diff(values))
+    usual = float(np.percentile(steps, 99))
+    worst = int(np.argmax(steps))
+    if usual > 0 and steps[worst] > LARGEST_JUMP * usual:
+        raise LogError(
+            f"{name} jumps from {values[worst]:.6g} to {values[worst + 1]:.6g} at sample {worst + 2}, over "
+            f"{LARGEST_JUMP:.0f} times its usual step; cut damaged samples out or log again"
+        )
 
 
 def _check_time(log: Log) -> float:

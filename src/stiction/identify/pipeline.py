@@ -52,6 +52,11 @@ def identify_joint(log: Log, joint: str | None = None, setup: IdentifySetup | No
             f"{log.source}: the fitted inertia is {regression.estimates[0].value:.3g}; it must be positive: is the "
             "torque's sign that of the position (--torque-scale -1 turns it round), and its column the right one?"
         )
+    if all(estimate.interval95[0] <= 0 for estimate in regression.estimates[:3]):
+        raise StictionError(
+            f"{log.source}: excitation too poor: the intervals of inertia, viscous and dry friction all reach zero; move "
+            "further and faster, or check that the torque belongs to this joint"
+        )
     simulated, mismatch = _simulate(signals, prepared, regression, setup)
     record = _record(signals, prepared, regression, simulated, mismatch, setup)
     warnings = find_warnings(record, signals, prepared.velocity, has_target=raw.target is not None)

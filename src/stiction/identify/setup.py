@@ -46,8 +46,8 @@ class IdentifySetup:
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and (value > 0 or (lowest_allowed and value == 0))):
                 raise StictionError(f"{name} {value}: expected a positive number{', or 0' if lowest_allowed else ''}")
-        if not isfinite(self.torque_scale) or self.torque_scale == 0:
-            raise StictionError(f"torque scale {self.torque_scale}: expected a number other than 0")
+        if not 1e-9 <= abs(self.torque_scale) <= 1e9:
+            raise StictionError(f"torque scale {self.torque_scale}: expected a size between 1e-9 and 1e9")
         if not 0 <= self.velocity_delay < inf:
             raise StictionError(f"velocity delay {self.velocity_delay} s: expected a number that is not negative")
         if self.torque_source == "output_side":

@@ -12,6 +12,9 @@ from stiction.identify.intervals import FEWEST_BLOCKS
 LARGEST_GAP = 0.05
 """Relative disagreement of the two estimators that is worth a warning, if it is also beyond `LARGEST_SIGMAS`."""
 
+LARGEST_REST = 0.3
+"""Share of the torque that may go unexplained, |residual| / |torque|; good logs leave a tenth or less."""
+
 LARGEST_SIGMAS = 3.0
 """Combined standard deviations that chance rarely exceeds."""
 
@@ -58,6 +61,12 @@ def _fit(record: JointRecord) -> list[str]:
             found.append(
                 f"the interval of {name} reaches zero: the log does not show that there is any; move more, or longer"
             )
+    unexplained = record.diagnostics["relative_torque_error"]
+    if unexplained > LARGEST_REST:
+        found.append(
+            f"{unexplained:.0%} of the torque is not explained by inertia and friction: gravity, a load, or noise; "
+            "intervals cover noise, not a model that lacks something"
+        )
     if record.diagnostics["blocks"] == FEWEST_BLOCKS:
         found.append(
             f"the residual's memory is long for this log: intervals rest on {FEWEST_BLOCKS} blocks only; log for longer"
