@@ -54,8 +54,8 @@ def identify_joint(log: Log, joint: str | None = None, setup: IdentifySetup | No
         )
     if all(estimate.interval95[0] <= 0 for estimate in regression.estimates[:3]):
         raise StictionError(
-            f"{log.source}: excitation too poor: the intervals of inertia, viscous and dry friction all reach zero; move "
-            "further and faster, or check that the torque belongs to this joint"
+            f"{log.source}: excitation too poor: the intervals of inertia, viscous and dry friction all reach zero; "
+            "move further and faster, or check that the torque belongs to this joint"
         )
     simulated, mismatch = _simulate(signals, prepared, regression, setup)
     record = _record(signals, prepared, regression, simulated, mismatch, setup)
