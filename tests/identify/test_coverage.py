@@ -11,6 +11,9 @@ from stiction.identify.pipeline import identify_joint
 
 LOGS = 200
 
+FIRST_SEED = 1000
+"""The filter's defaults were chosen on seeds below 60; these logs had no part in it."""
+
 SINE = Excitation(amplitudes=(0.6,), frequencies=(1.5,), duration=10.0, rate=250.0)
 """The paper's excitation."""
 
@@ -25,7 +28,7 @@ def test_intervals_of_both_estimators_cover_the_truth(motor: Motor) -> None:
     joint = motor.joint
     truth = (joint.inertia, joint.viscous, joint.friction.level, joint.offset)
     hits = np.zeros((2, len(PARAMETERS)))
-    for seed in range(LOGS):
+    for seed in range(FIRST_SEED, FIRST_SEED + LOGS):
         record = identify_joint(example_log(motor, SINE, seed=seed)).record
         for place, (name, true) in enumerate(zip(PARAMETERS, truth, strict=True)):
             other = Estimate.from_dict(record.diagnostics["output_error"][name], name)
