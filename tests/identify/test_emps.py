@@ -16,7 +16,7 @@ from stiction.identify.setup import IdentifySetup
 GTAU, KP, KV = 35.15065188, 160.18, 243.45
 """Constants in the record: N/V of the drive, and the gains of its loop, vir = kv (kp (qg − qm) − qm').
 
-Least squares of the force on qg − qm, qm' and qm'' gives kp and kv within 0.2 % and 8.7 N s²/m on qm'', which is kv gtau
+Least squares of the force on qg − qm, qm' and qm'' gives kp and kv within 0.2 % and 8.7 N s²/m on qm'': kv gtau
 times 1.0 ms: the velocity that the loop uses is one sample late.
 """
 
