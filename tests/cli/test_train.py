@@ -25,7 +25,12 @@ def test_a_run_leaves_what_the_design_says(tmp_path: Path, capsys: pytest.Captur
     assert config["seed"] == 0 and config["command"].startswith("stiction train")
     assert len((out / "metrics.jsonl").read_text().splitlines()) == 2
     assert list((out / "tensorboard").iterdir()) and (out / "summary.json").exists()
-    assert sorted(p.suffix for p in (out / "checkpoints").iterdir()) == [".json", ".json", ".safetensors", ".safetensors"]
+    assert sorted(p.suffix for p in (out / "checkpoints").iterdir()) == [
+        ".json",
+        ".json",
+        ".safetensors",
+        ".safetensors",
+    ]
     assert main(["train", *SMALL, "--out", str(out)]) == 1
     assert "--resume" in capsys.readouterr().err
 

@@ -35,7 +35,7 @@ def test_observation_groups_are_the_papers(robot: str, joints: int, legs: int) -
 
 
 def test_frame_has_the_papers_order_and_placeholders() -> None:
-    """{ω, (φ, ψ), 0, com, 0, θ, θ', a, 0}: the deployed builder, written apart, gives the same numbers from the sensors."""
+    """{ω, (φ, ψ), 0, com, 0, θ, θ', a, 0}: the deployed builder, written apart, gives the same numbers."""
     env = make(noise=QUIET)
     builder = ObservationBuilder(env.layout, env.fleet.standing, batch=(4,))
     fleet, action = env.fleet, torch.zeros(4, 12)
@@ -56,7 +56,7 @@ def test_frame_has_the_papers_order_and_placeholders() -> None:
 
 
 def test_observations_are_fresh_tensors() -> None:
-    """The algorithm keeps a reference until after the step: a buffer filled in place would store the next observation."""
+    """The algorithm keeps a reference: a buffer filled in place would store the next observation."""
     env = make()
     first = env.get_observations()
     kept = first.clone()

@@ -27,7 +27,9 @@ def test_tree_comes_back_as_it_was(tmp_path: Path) -> None:
     save_checkpoint(tmp_path / "c.safetensors", TREE)
     back = load_checkpoint(tmp_path / "c.safetensors")
     assert torch.equal(back["weights"]["a.b"], TREE["weights"]["a.b"])
-    assert back["optimizer"]["state"][0]["step"] == 3.0 and back["optimizer"]["param_groups"] == [{"lr": 1e-3, "params": [0]}]
+    assert back["optimizer"]["state"][0]["step"] == 3.0 and back["optimizer"]["param_groups"] == [
+        {"lr": 1e-3, "params": [0]}
+    ]
     assert back["count"] == 7 and back["flags"].dtype == torch.bool
     assert not list(tmp_path.glob(".*"))
 
@@ -82,7 +84,7 @@ def final_parameters(run: Path) -> dict[str, torch.Tensor]:
 
 @pytest.mark.slow
 def test_a_killed_run_resumes_to_the_same_bits(tmp_path: Path) -> None:
-    """kill -9 in the teacher and again in the student; the result is that of a run that was never stopped."""
+    """Kill -9 in the teacher and again in the student; the result is that of a run that was never stopped."""
     environment = os.environ | {"STICTION_THREADS": "1"}
     subprocess.run(program(*SMALL, "--out", str(tmp_path / "whole")), check=True, env=environment, capture_output=True)
 

@@ -137,7 +137,7 @@ def test_critic_sees_everything(env: LocomotionEnv, tmp_path) -> None:
 
 
 def test_student_starts_as_the_teacher_on_its_own_latent(env: LocomotionEnv, tmp_path) -> None:
-    """Warm start: before any update the student acts as the teacher does with z*, and the deployed module as the student."""
+    """Warm start: the student acts as the teacher does with z*, and the deployed module as the student."""
     teacher = phase(env, tmp_path)
     teacher._iterate()
     actor = teacher.alg.get_policy()

@@ -12,7 +12,7 @@ ROBOTS = ["saturn_lite", "go1"]
 
 
 def bench(robot: str, timestep: float = 0.005) -> Fleet:
-    """One robot per joint: that joint free, every other and the base held, in the air, motors off, friction at LEVEL."""
+    """One robot per joint: that joint free, all else held, in the air, motors off, friction at LEVEL."""
     spec = find_robot(robot)
     fleet = Fleet(spec, spec.num_joints, timestep=timestep, decimation=1)
     fleet.set_gravity((0.0, 0.0, 0.0))

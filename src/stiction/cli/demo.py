@@ -64,9 +64,6 @@ class DemoCfg:
 def main(arguments: list[str]) -> None:
     """Run the demo and print where its page is."""
     cfg = tyro.cli(DemoCfg, args=arguments, prog="stiction demo", description=DESCRIPTION)
-    from stiction.formats.reproducibility import limit_library_threads
-
-    limit_library_threads()
     from stiction.deploy.check import check_bundle
     from stiction.formats.results import summary_text
     from stiction.report.evaluation import make_folder

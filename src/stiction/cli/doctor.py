@@ -1,4 +1,4 @@
-"""`stiction doctor`: is the machine fit, and does randomisation do what it says?"""
+"""`stiction doctor`: what the machine is, and whether randomisation does what it says."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from stiction.locomotion.config import TaskCfg
 
 DESCRIPTION = """Measure that every randomised parameter changes the physics as its own formula says.
 
-Nothing is read back: robots with both ends of each range are simulated, and the difference of their motion is compared with the
-formula's. Exit status 1 where a parameter does nothing, or not what it says.
+Nothing is read back: robots with both ends of each range are simulated, and the difference of their motion is
+compared with the formula's. Exit status 1 where a parameter does nothing, or not what it says.
 
 Example: stiction doctor --randomization --robot go1"""
 
@@ -34,9 +34,8 @@ class Doctor:
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     options = tyro.cli(Doctor, args=arguments, prog="stiction doctor", description=DESCRIPTION)
-    from stiction.formats.reproducibility import limit_library_threads, machine
+    from stiction.formats.reproducibility import machine
 
-    limit_library_threads()
     if not options.randomization:
         facts = machine()
         if options.json:
@@ -60,9 +59,13 @@ def main(arguments: list[str]) -> int:
     if options.json:
         print(json.dumps({"robot": spec.name, "ok": not failed, "rows": [asdict(r) | {"ok": r.ok} for r in rows]}))
     else:
-        table = Table("parameter", "measured", "share of the formula's effect", "verdict", title=f"randomisation of {spec.name}")
+        table = Table(
+            "parameter", "measured", "share of the formula's effect", "verdict", title=f"randomisation of {spec.name}"
+        )
         for row in rows:
-            table.add_row(row.parameter, row.quantity, f"{row.share:.3f}", row.verdict, style="" if row.ok else "bold red")
+            table.add_row(
+                row.parameter, row.quantity, f"{row.share:.3f}", row.verdict, style="" if row.ok else "bold red"
+            )
         Console().print(table)
     if failed:
         names = ", ".join(sorted({row.parameter for row in failed}))

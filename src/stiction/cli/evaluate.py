@@ -41,11 +41,9 @@ def main(arguments: list[str]) -> int:
     if not cfg.bundles:
         print("stiction evaluate: no bundle given; `stiction evaluate --help` shows the usage", file=sys.stderr)
         return 2
-    from stiction.formats.reproducibility import limit_library_threads, num_threads
-
-    limit_library_threads()
     from stiction.cli.terminal import print_rows, work_progress
     from stiction.deploy.check import check_bundle
+    from stiction.formats.reproducibility import num_threads
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
     from stiction.report.evaluation import make_folder, write_evaluation

@@ -26,9 +26,6 @@ class ExportCfg:
 def main(arguments: list[str]) -> None:
     """Export one run and print where its bundle is."""
     cfg = tyro.cli(ExportCfg, args=arguments, prog="stiction export", description=DESCRIPTION)
-    from stiction.formats.reproducibility import limit_library_threads
-
-    limit_library_threads()
     from stiction.transfer.export import export_run
 
     out = cfg.out or cfg.run / "bundle"

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 
 from stiction import __version__
 from stiction.formats.errors import StictionError
+from stiction.formats.reproducibility import limit_library_threads
 
 VERBS = {
     "demo": "run the whole line on small real input and write one page that explains it",
@@ -44,6 +46,7 @@ def main(arguments: list[str]) -> int:
     if verb not in VERBS:
         print(f"stiction: unknown verb {verb!r}; the verbs are: {', '.join(VERBS)}", file=sys.stderr)
         return 2
+    limit_library_threads()
     try:
         status = importlib.import_module(f"stiction.cli.{verb}").main(rest)
         return int(status or 0)
@@ -72,4 +75,11 @@ EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tens
 
 def entry() -> None:
     """Console-script entry point."""
-    sys.exit(main(sys.argv[1:]))
+    try:
+        status = main(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader (`| head`) has seen enough. Python would complain once more while it closes standard output.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 0
+    sys.exit(status)

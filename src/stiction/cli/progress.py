@@ -37,6 +37,8 @@ def training_progress(cfg: TrainCfg, quiet: bool) -> Iterator[Callable[[str, int
             )
             bar.update(tasks[phase], completed=iteration, note=note)
             if not console.is_terminal and iteration % PLAIN_EVERY == 0:
-                console.print(f"{phase} {iteration}/{iterations}: {note}, {figures['seconds']:.1f} s/iteration", soft_wrap=True)
+                console.print(
+                    f"{phase} {iteration}/{iterations}: {note}, {figures['seconds']:.1f} s/iteration", soft_wrap=True
+                )
 
         yield report

@@ -63,8 +63,8 @@ def _identified(file: str | None, joint_names: tuple[str, ...]) -> dict[str, Any
     known = [name for name in joint_names if {name, name.rpartition("_")[2]} & joints.joints.keys()]
     if not known:
         raise StictionError(
-            f"{path} has {', '.join(joints.joints)}; the robot's joints are {', '.join(joint_names[:3])} and so on: name the "
-            "joint, or its kind, when you identify it"
+            f"{path} has {', '.join(joints.joints)}; the robot's joints are {', '.join(joint_names[:3])} and so on: "
+            "name the joint, or its kind, when you identify it"
         )
     wanted = {"armature": "inertia", "damping": "viscous_friction", "frictionloss": "coulomb_friction"}
     values: dict[str, list[float | None]] = {}
@@ -79,9 +79,6 @@ def main(arguments: list[str]) -> int:
     default = Train(config=PRESETS[_preset(arguments)])
     options = tyro.cli(Train, args=arguments, prog="stiction train", description=DESCRIPTION, default=default)
 
-    from stiction.formats.reproducibility import limit_library_threads
-
-    limit_library_threads()
     import numpy as np
 
     from stiction.cli.progress import training_progress
@@ -96,8 +93,8 @@ def main(arguments: list[str]) -> int:
         cfg = options.config
         if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
             raise StictionError(
-                f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; use --method none, or a "
-                "level above 0"
+                f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
+                "use --method none, or a level above 0"
             )
         identified = _identified(cfg.joints, find_robot(cfg.task.robot).joint_names)
         run = RunDirectory.create(options.out, cfg, shlex.join(["stiction", "train", *arguments]), identified)

@@ -1,1 +1,1 @@
-"""Floor 0: the files that pass between the stages, as typed records with read and write. NumPy and the standard library."""
+"""Floor 0: the files that pass between the stages, as typed records. NumPy and the standard library."""

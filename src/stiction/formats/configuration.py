@@ -26,7 +26,9 @@ def from_plain(kind: type[T], data: Any, where: str = "config") -> T:
     names = {field.name for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     if names != data.keys():
         wrong = sorted(names ^ data.keys())
-        raise StictionError(f"{where}: fields {', '.join(wrong)} are missing or unknown; was it written by another version?")
+        raise StictionError(
+            f"{where}: fields {', '.join(wrong)} are missing or unknown; was it written by another version?"
+        )
     values = {}
     for name, value in data.items():
         nested = hints[name]

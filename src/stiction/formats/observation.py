@@ -65,7 +65,7 @@ class ObservationLayout:
                 raise StictionError(f"observation term {term.name!r} is unknown; known: {', '.join(TERM_NAMES)}")
         if self.direction != "oldest_first" or self.layout != "frame_major" or self.history_length < 1:
             raise StictionError(
-                f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length} cannot be built; "
+                f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length}: "
                 "expected 'oldest_first', 'frame_major' and a length of at least 1"
             )
 

@@ -1,8 +1,9 @@
 """Measures that every randomised parameter changes the physics as its own formula says.
 
-Randomisation that silently does nothing is a recurring fault: a multiplier of a zero default, a derived constant that is not
-recomputed, a controller that overwrites the value. So nothing is read back here. For each parameter, robots with its two ends
-are simulated, and the *difference* of their motion is compared with the difference that the formula gives:
+Randomisation that silently does nothing is a recurring fault: a multiplier of a zero default, a derived constant that
+is not recomputed, a controller that overwrites the value. So nothing is read back here. For each parameter, robots
+with its two ends are simulated, and the *difference* of their motion is compared with the difference that the formula
+gives:
 
     share = <measured, expected> / <expected, expected>
 
@@ -91,7 +92,7 @@ class Bench:
         return fleet, randomizer
 
     def joint_motion(self, **draws: float) -> np.ndarray:
-        """Return each joint's angle after a step of its target, all other joints and the base held, (joints, samples)."""
+        """Return each joint's angle after a step of its target, all else held, (joints, samples)."""
         joints = self.spec.num_joints
         fleet, _ = self.fleet(joints, **draws)
         fleet.set_gravity((0.0, 0.0, 0.0))
@@ -138,7 +139,9 @@ class Bench:
             motion.append(simulate(joint, gains, step, target).position[::fine])
         return np.array(motion)
 
-    def standing_feet(self, gravity: tuple[float, float, float], **draws: float | np.ndarray) -> tuple[float, np.ndarray]:
+    def standing_feet(
+        self, gravity: tuple[float, float, float], **draws: float | np.ndarray
+    ) -> tuple[float, np.ndarray]:
         """Return the weight on the feet [N] and its centre on the ground [m], (2,), joints held, under `gravity`."""
         fleet, _ = self.fleet(1, **draws)
         fleet.set_gravity(gravity)
@@ -163,7 +166,9 @@ class Bench:
 def audit_joints(bench: Bench) -> list[AuditRow]:
     """Check what acts in a joint, by its step response."""
     cfg = bench.cfg
-    spans = {name: getattr(cfg, name) for name in ("armature", "damping", "stiffness", "motor_strength", "action_delay")}
+    spans = {
+        name: getattr(cfg, name) for name in ("armature", "damping", "stiffness", "motor_strength", "action_delay")
+    }
     spans = {name: span for name, span in spans.items() if span[0] != span[1]}
     rows = []
     for name, ends in {**spans, "friction": (0.0, 1.2)}.items():
@@ -214,7 +219,13 @@ def audit_env(cfg: TaskCfg) -> list[AuditRow]:
     rows = []
     if bound:
         # Uniform on ±bound in two directions: the squared norm is 2 bound² / 3 on average.
-        rows.append(AuditRow("push_velocity", "change of the base's velocity", float(change.square().sum(-1).mean() / (2 / 3 * bound**2))))
+        rows.append(
+            AuditRow(
+                "push_velocity",
+                "change of the base's velocity",
+                float(change.square().sum(-1).mean() / (2 / 3 * bound**2)),
+            )
+        )
     rows += _encoder_rows(env, obs)
     rows += _range_rows(env)
     rows.append(AuditRow("derived constants", "agreement with a fresh model", 1.0 - env.fleet.stale_constants(0)))

@@ -1,4 +1,4 @@
-"""Configuration of the task: what is commanded, rewarded, randomised. No torch, no mujoco: the command line reads it."""
+"""Configuration of the task: what is commanded, rewarded, randomised. No torch, no mujoco."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ FrictionMethod = Literal["none", "direct", "deception"]
 FRICTION_RANGES: dict[str, tuple[float, float]] = {"none": (0.0, 0.0), "direct": (0.8, 1.2), "deception": (0.0, 1.2)}
 """Multiplier of the nominal dry friction, by way of training.
 
-`none` is conventional randomisation, the paper's Table II without its friction row. `direct` gives friction the range that the
-table gives every other joint parameter. `deception` is the table's row: only the lower end moves, to zero.
+`none` is conventional randomisation, the paper's Table II without its friction row. `direct` gives friction the range
+that the table gives every other joint parameter. `deception` is the table's row: only the lower end moves, to zero.
 """
 
 
@@ -61,14 +61,14 @@ class RandomizationCfg:
     payload: tuple[float, float] = (-2.0, 3.0)
     """Mass added to the trunk [kg], at its centre of mass."""
     center_of_mass: tuple[float, float] = (-0.25, 0.25)
-    """Shift of the trunk's centre of mass along its length [m]. Sideways and up it shrinks in proportion to the trunk's own
-    width and height: the table names one range, and 0.25 m sideways would lie outside the trunk."""
+    """Shift of the trunk's centre of mass along its length [m]. Sideways and up it shrinks in proportion to the
+    trunk's own width and height: the table names one range, and 0.25 m sideways would lie outside the trunk."""
     push_interval: float = 8.0
     """Time between pushes [s]; 0 for none."""
     push_velocity: float = 1.0
     """Largest velocity added to the base by a push, in each horizontal direction [m/s]."""
     action_delay: tuple[float, float] = (0.0, 0.02)
-    """Delay between command and motor [s], in whole physics steps, one for all joints of a robot. Not in the paper's table."""
+    """Delay between command and motor [s], in whole physics steps, one for all joints of a robot. Not in the paper."""
     encoder_offset: tuple[float, float] = (-0.02, 0.02)
     """Error of each joint's measured angle [rad]; the joint controller sees it too. Not in the paper's table."""
 
@@ -121,8 +121,8 @@ class RewardCfg:
     trot: float = 1.0
     """r_trot of the paper: exactly one contact group stands, literally. Paid while moving is commanded."""
     unsync: float = -0.6
-    """r_unsync of the paper, as a share of its largest value, over the last 100 steps (2 s, as in the public code that the
-    paper builds on; the paper does not state its H)."""
+    """r_unsync of the paper, as a share of its largest value, over the last 100 steps (2 s, as in the public code
+    that the paper builds on; the paper does not state its H)."""
     air_time: float = 1.0
     """Swing time above 0.15 s, capped at 0.35 s, credited at touch-down, while moving is commanded."""
     vertical_velocity: float = -1.0

@@ -20,7 +20,7 @@ from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
 
 RESET_NOISE = (0.1, 0.3)
-"""Half-width of the initial joint angles about the standing pose [rad] and of the base's initial velocity [m/s, rad/s]."""
+"""Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
 
 _BUFFERS = ("episode_length_buf", "last_action", "last_velocity", "air_time")
 """The per-robot buffers that a checkpoint holds beside the simulation."""
@@ -34,8 +34,8 @@ def to_tensor(array: np.ndarray) -> torch.Tensor:
 class LocomotionEnv(VecEnv):
     """Velocity tracking on flat ground for any legged robot.
 
-    Observation groups, all float32 and fresh at every step: `proprioception` (o_prio), `history` (o_H, flattened, oldest frame
-    first), `privileged` (o_priv), `explicit` (o_exp: base velocity [m/s] and foot contacts).
+    Observation groups, all float32 and fresh at every step: `proprioception` (o_prio), `history` (o_H, flattened,
+    oldest frame first), `privileged` (o_priv), `explicit` (o_exp: base velocity [m/s] and foot contacts).
     """
 
     def __init__(
@@ -151,7 +151,10 @@ class LocomotionEnv(VecEnv):
             "walk/blown_up": blown_up.sum().float(),
         }
         fast = snapshot.command[:, 0].abs() > 0.3
-        for name, mask in (("forward", fast & (snapshot.command[:, 0] > 0)), ("backward", fast & (snapshot.command[:, 0] < 0))):
+        for name, mask in (
+            ("forward", fast & (snapshot.command[:, 0] > 0)),
+            ("backward", fast & (snapshot.command[:, 0] < 0)),
+        ):
             ratio = snapshot.linear_velocity[:, 0] / snapshot.command[:, 0]
             log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
         return log

@@ -1,7 +1,7 @@
 """Domain randomisation: every row of the paper's Table II, drawn anew for a robot at each of its resets.
 
-Each draw is relative to the *nominal* value, never to the last one, so nothing drifts. What is drawn is kept in `Draws`: the
-privileged observation is read from it, and the audit compares it with how the robot then moves.
+Each draw is relative to the *nominal* value, never to the last one, so nothing drifts. What is drawn is kept in
+`Draws`: the privileged observation is read from it, and the audit compares it with how the robot then moves.
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ class NominalJoints:
     """Dry friction [N m]."""
 
 
-def nominal_joints(fleet: Fleet, friction: FrictionCfg, identified: dict[str, np.ndarray] | None = None) -> NominalJoints:
+def nominal_joints(
+    fleet: Fleet, friction: FrictionCfg, identified: dict[str, np.ndarray] | None = None
+) -> NominalJoints:
     """Return the robot's own joints, overridden by an identification, its friction overridden by the level.
 
     `identified`: `armature`, `damping`, `frictionloss`, each (joints,), NaN where not identified.
@@ -82,7 +84,9 @@ class Randomizer:
         def uniform(span: tuple[float, float], like: torch.Tensor) -> torch.Tensor:
             return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator)
 
-        new = {name: uniform(getattr(cfg, name), value) for name, value in vars(self.draws).items() if name != "friction"}
+        new = {
+            name: uniform(getattr(cfg, name), value) for name, value in vars(self.draws).items() if name != "friction"
+        }
         friction = uniform(self.friction.range, self.draws.friction)
         new["friction"] = friction if self.friction.per == "joint" else friction[:, :1].expand_as(friction)
         new["center_of_mass"] = new["center_of_mass"] * self.com_axes
@@ -110,8 +114,8 @@ class Randomizer:
     def privileged(self) -> torch.Tensor:
         """Return o_priv = {m_b, f_g, I_j, B_j, f_j} of every robot, shape (N, 2 + 3 joints), each near unit size.
 
-        Mass as payload over 3 kg; ground friction minus 1; inertia and damping as (multiplier - 1) over 0.2; dry friction in
-        tenths of the torque limit, so that it means the same at every nominal level.
+        Mass as payload over 3 kg; ground friction minus 1; inertia and damping as (multiplier - 1) over 0.2; dry
+        friction in tenths of the torque limit, so that it means the same at every nominal level.
         """
         d = self.draws
         share = torch.from_numpy(self.nominal.frictionloss / self.fleet.torque_limit).float()

@@ -1,4 +1,4 @@
-"""Checkpoints: tensors in safetensors, everything else in JSON, each written whole or not at all. Nothing is unpickled."""
+"""Checkpoints: tensors in safetensors, the rest in JSON, written whole or not at all. Nothing is unpickled."""
 
 from __future__ import annotations
 
@@ -27,7 +27,9 @@ def _split(tree: Any, name: str, tensors: dict[str, torch.Tensor]) -> Any:
     if isinstance(tree, dict):
         # JSON keys are strings; optimizers number their parameters.
         return {
-            "__dict__": [[key, _split(value, f"{name}.{key}" if name else str(key), tensors)] for key, value in tree.items()]
+            "__dict__": [
+                [key, _split(value, f"{name}.{key}" if name else str(key), tensors)] for key, value in tree.items()
+            ]
         }
     if isinstance(tree, list | tuple):
         return [_split(value, f"{name}.{index}", tensors) for index, value in enumerate(tree)]
@@ -84,7 +86,9 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
         header = json.loads(path.with_suffix(".json").read_text())
         tensors = load_file(path)
         if len(tensors) != header["tensors"]:
-            raise StictionError(f"checkpoint {path}: {len(tensors)} tensors, expected {header['tensors']}; it is incomplete")
+            raise StictionError(
+                f"checkpoint {path}: {len(tensors)} tensors, expected {header['tensors']}; it is incomplete"
+            )
         tree = _join(header["tree"], tensors)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
         raise StictionError(f"checkpoint {path} cannot be read: {error}; train again or name another run") from error

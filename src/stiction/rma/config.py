@@ -50,8 +50,9 @@ class TeacherCfg:
     gae_lambda: float = 0.95
     """λ of the advantage estimate."""
     alternate: int = 4
-    """z comes from the history (z*) in one iteration out of this many, else from the privileged encoder. The paper says that
-    they alternate, not how often; the public code it builds on uses 20, with which z* is hardly ever walked on."""
+    """z comes from the history (z*) in one iteration out of this many, else from the privileged encoder. The paper
+    says that they alternate, not how often; the public code it builds on uses 20, with which z* is hardly ever walked
+    on."""
     adaptation_learning_rate: float = 1e-3
     """For L_ada and L_est."""
     adaptation_batches: int = 4
@@ -104,8 +105,6 @@ class TrainCfg:
 
 PRESETS = {
     "full": TrainCfg(),
-    "quick": TrainCfg(
-        teacher=replace(TeacherCfg(), iterations=350), student=replace(StudentCfg(), iterations=50)
-    ),
+    "quick": TrainCfg(teacher=replace(TeacherCfg(), iterations=350), student=replace(StudentCfg(), iterations=50)),
 }
 """`full` is what the results are made with; `quick` walks in under a quarter of an hour on two cores."""

@@ -31,9 +31,9 @@ class RMAActor(MLPModel):
     """π(o_exp*, o_prio, z or z*): the actor with its adaptation networks and its estimator.
 
     `latent_source` says where the latent comes from: `privileged` (z = f_ada_tea(o_priv)) or `history`
-    (z* = f_ada_stu(o_H)). The explicit state is always the estimate f_est(o_H), as on the robot. Both are detached where they
-    come from the history, unless `end_to_end`: PPO then never trains what the supervised losses train, and the student's cloning
-    loss does.
+    (z* = f_ada_stu(o_H)). The explicit state is always the estimate f_est(o_H), as on the robot. Both are detached
+    where they come from the history, unless `end_to_end`: PPO then never trains what the supervised losses train, and
+    the student's cloning loss does.
     """
 
     end_to_end = False

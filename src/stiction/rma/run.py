@@ -26,7 +26,9 @@ class RunDirectory:
     def create(cls, path: Path, cfg: TrainCfg, command: str, identified: dict[str, Any] | None) -> RunDirectory:
         """Start a run in an empty or new folder. Raises `StictionError` where a run is there already."""
         if (path / "config.json").exists():
-            raise StictionError(f"{path} holds a run already; resume it with --resume, or name another folder with --out")
+            raise StictionError(
+                f"{path} holds a run already; resume it with --resume, or name another folder with --out"
+            )
         run = cls(path)
         run.checkpoints.mkdir(parents=True, exist_ok=True)
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
@@ -39,7 +41,9 @@ class RunDirectory:
         try:
             data = json.loads(file.read_text())
         except (OSError, ValueError) as error:
-            raise StictionError(f"{file} cannot be read: {error}; expected a folder that `stiction train` made") from error
+            raise StictionError(
+                f"{file} cannot be read: {error}; expected a folder that `stiction train` made"
+            ) from error
         if not isinstance(data, dict) or "config" not in data:
             raise StictionError(f"{file}: holds no 'config'; expected a folder that `stiction train` made")
         return data
@@ -68,9 +72,7 @@ class RunDirectory:
     def forget_after(self, phase: str, iteration: int) -> float:
         """Drop the figures of iterations that will be run again; return the seconds spent on those that stay."""
         order = {"teacher": 0, "student": 1}
-        kept = [
-            row for row in self.rows() if (order[row["phase"]], row["iteration"]) <= (order[phase], iteration)
-        ]
+        kept = [row for row in self.rows() if (order[row["phase"]], row["iteration"]) <= (order[phase], iteration)]
         temporary = self.metrics.with_suffix(".tmp")
         temporary.write_text("".join(json.dumps(row) + "\n" for row in kept))
         temporary.replace(self.metrics)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import copy
 import io
 import math
 import time
@@ -34,16 +35,20 @@ Progress = Callable[[str, int, int, dict[str, float]], None]
 def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
     """Return rsl_rl's configuration of the named actors."""
     net = cfg.network
-    actor = {
+    actor: dict[str, Any] = {
         "class_name": "stiction.rma.models:RMAActor",
         "hidden_dims": net.actor,
         "latent": net.latent,
         "privileged": net.privileged,
         "history_frame": net.history_frame,
         "history": net.history,
-        "distribution_cfg": {"class_name": "GaussianDistribution", "init_std": net.initial_std, "std_range": (0.05, 2.0)},
+        "distribution_cfg": {
+            "class_name": "GaussianDistribution",
+            "init_std": net.initial_std,
+            "std_range": (0.05, 2.0),
+        },
     }
-    return {name: {**actor, "distribution_cfg": dict(actor["distribution_cfg"])} for name in names}  # type: ignore[call-overload]
+    return {name: copy.deepcopy(actor) for name in names}  # rsl_rl takes its configuration apart while it reads it
 
 
 def teacher_cfg(cfg: TrainCfg) -> dict[str, Any]:
@@ -150,7 +155,7 @@ class PhaseRunner(OnPolicyRunner):
         figures |= {f"loss/{name}": value for name, value in losses.items()}
         figures |= {"rollout_seconds": rollout, "learning_rate": float(self.alg.learning_rate)}
         policy = self.alg.get_policy()
-        figures["action_std"] = float(policy.distribution.std_param.detach().mean())  # type: ignore[union-attr]
+        figures["action_std"] = float(policy.distribution.std_param.detach().mean())
         return figures
 
     def _report(self, figures: dict[str, float]) -> None:
@@ -159,8 +164,8 @@ class PhaseRunner(OnPolicyRunner):
         bad = [name for name, value in figures.items() if not math.isfinite(value)]
         if bad:
             raise StictionError(
-                f"training diverged in iteration {it} of the {self.phase}: {', '.join(bad)} not finite; resume from the last "
-                "checkpoint with a smaller learning rate"
+                f"training diverged in iteration {it} of the {self.phase}: {', '.join(bad)} not finite; "
+                "resume from the last checkpoint with a smaller learning rate"
             )
         self.run.log({"phase": self.phase, "iteration": it, **{k: round(v, 6) for k, v in figures.items()}})
         for name, value in figures.items():
@@ -214,7 +219,7 @@ def train(
     teacher.learn(init_at_random_ep_len=True)
 
     student = phase("student", student_cfg(cfg), cfg.student.iterations)
-    student.alg.warm_start(teacher.alg.get_policy().state_dict())  # type: ignore[attr-defined]
+    student.alg.warm_start(teacher.alg.get_policy().state_dict())
     if student_checkpoint is not None:
         student.restore(student_checkpoint)
         run.forget_after("student", student.current_learning_iteration)
@@ -234,7 +239,7 @@ def train(
 
 
 def multiply_adds(teacher: PhaseRunner) -> dict[str, int]:
-    """Return the multiply-adds of one forward pass of actor (with adaptation and estimator) and critic, per env-step."""
+    """Return the multiply-adds of one forward pass: actor with adaptation and estimator, and critic."""
 
     def count(module: torch.nn.Module, frames: int = 1) -> int:
         total = 0

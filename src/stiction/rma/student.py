@@ -1,4 +1,4 @@
-"""The student's algorithm: it walks, the teacher says what it would have done, and L_clone + L_ada + L_est is descended."""
+"""The student's algorithm: it walks, the teacher labels, and L_clone + L_ada + L_est is descended."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from stiction.rma.models import RMAActor
 class StudentDistillation(Distillation):
     """rsl_rl's distillation with the student's warm start and the paper's two further losses.
 
-    The student begins as a copy of the teacher that takes its latent from the history: estimator and adaptation are fine-tuned,
-    not learned anew. Here the cloning loss reaches them too.
+    The student begins as a copy of the teacher that takes its latent from the history: estimator and adaptation are
+    fine-tuned, not learned anew. Here the cloning loss reaches them too.
     """
 
     student: RMAActor

@@ -1,4 +1,4 @@
-"""The teacher's algorithm: rsl_rl's PPO, then one supervised pass for adaptation and estimator over the same rollout."""
+"""The teacher's algorithm: rsl_rl's PPO, then a supervised pass for adaptation and estimator."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from stiction.rma.models import RMAActor
 class TeacherPPO(PPO):
     """PPO whose actor walks on z and z* in turn.
 
-    The latent source changes only between an update and the next rollout: log-probabilities of a rollout are always recomputed
-    with the source, and with the estimator, that produced it, so the ratio is 1 before the first gradient step.
+    The latent source changes only between an update and the next rollout: log-probabilities of a rollout are always
+    recomputed with the source, and with the estimator, that produced it, so the ratio is 1 before the first gradient
+    step.
     """
 
     actor: RMAActor

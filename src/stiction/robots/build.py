@@ -12,9 +12,10 @@ import numpy as np
 from stiction.robots.spec import LegSpec, LinkSpec, RobotSpec
 
 FRICTION_D0 = 0.999
-"""Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2. Measured under
-90 % of a friction of 30 % of the torque limit, time constant two steps, the fastest joint of either robot: 0.0032 rad/s at
-steps of 5 ms, 0.0064 rad/s at 10 ms; with MuJoCo's default 0.9, 0.35 rad/s. The default simulates 1.4 times faster."""
+"""Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2.
+Measured under 90 % of a friction of 30 % of the torque limit, time constant two steps, the fastest joint of either
+robot: 0.0032 rad/s at steps of 5 ms, 0.0064 rad/s at 10 ms; with MuJoCo's default 0.9, 0.35 rad/s. The default
+simulates 1.4 times faster."""
 
 DELAY_SAMPLES = 8
 """Room for delayed controls, in physics steps."""
@@ -26,7 +27,9 @@ def box_inertia(mass: float, size: tuple[float, float, float]) -> np.ndarray:
     return mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
 
 
-def _add_link(parent: mujoco.MjsBody, name: str, link: LinkSpec, position: list[float], centre: list[float]) -> mujoco.MjsBody:
+def _add_link(
+    parent: mujoco.MjsBody, name: str, link: LinkSpec, position: list[float], centre: list[float]
+) -> mujoco.MjsBody:
     """Add a body with the inertia of a uniform box centred at `centre` in its own frame."""
     return parent.add_body(
         name=name,
@@ -43,7 +46,9 @@ def _add_leg(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, leg: L
     lateral = leg.side * robot.hip_link.size[1]
     thigh_length, shank_length = robot.thigh_link.size[2], robot.shank_link.size[2]
     hip = _add_link(base, f"{leg.name}_hip_link", robot.hip_link, list(leg.mount), [0.0, lateral / 2, 0.0])
-    thigh = _add_link(hip, f"{leg.name}_thigh_link", robot.thigh_link, [0.0, lateral, 0.0], [0.0, 0.0, -thigh_length / 2])
+    thigh = _add_link(
+        hip, f"{leg.name}_thigh_link", robot.thigh_link, [0.0, lateral, 0.0], [0.0, 0.0, -thigh_length / 2]
+    )
     shank = _add_link(
         thigh, f"{leg.name}_shank_link", robot.shank_link, [0.0, 0.0, -thigh_length], [0.0, 0.0, -shank_length / 2]
     )

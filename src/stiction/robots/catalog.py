@@ -1,4 +1,4 @@
-"""Finds a robot by name. Adding one of your own touches no file here: name it as `package.module` or `package.module:NAME`."""
+"""Finds a robot by name. One of your own touches no file here: `package.module` or `package.module:NAME`."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
 """Unitree Go1 in the proportions of its public description: 12 kg, 12 joints.
 
-Torque limits are the paper's Table I; inertia and friction of every motor are the paper's Table III, measured at the shank.
-Link lengths and hip positions are those of the public description; masses are rounded to the paper's 12 kg in total.
-Gains: left alone in its standing pose the frictionless model topples with kp 20 and with 30 N m/rad, and stands with 40, which
-is also the gain at which the paper's friction is usually turned into a dead band; kd 1 N m s/rad.
+Torque limits are the paper's Table I; inertia and friction of every motor are the paper's Table III, measured at the
+shank. Link lengths and hip positions are those of the public description; masses are rounded to the paper's 12 kg in
+total. Gains: left alone in its standing pose the frictionless model topples with kp 20 and with 30 N m/rad, and
+stands with 40, which is also the gain at which the paper's friction is usually turned into a dead band; kd 1 N m
+s/rad.
 """
 
 from stiction.robots.spec import JointSpec, LegSpec, LinkSpec, RobotSpec

@@ -1,17 +1,18 @@
 """Saturn Lite, the paper's hexapod: 32 kg, 18 joints.
 
-The paper gives the mass, the torque limits (Table I) and the shank motor's inertia, viscous and dry friction (Table III).
-It gives neither geometry, nor gains, nor the other joints' friction. Those are ours, with these reasons:
+The paper gives the mass, the torque limits (Table I) and the shank motor's inertia, viscous and dry friction (Table
+III). It gives neither geometry, nor gains, nor the other joints' friction. Those are ours, with these reasons:
 
-* Geometry. A trunk of 0.70 m with a leg pair every 0.31 m, legs of 0.22 + 0.24 m: the reach that lets a 45 N m shank carry
-  a third of the weight in the standing crouch at 40 % of its limit, as a machine built for stairs would.
+* Geometry. A trunk of 0.70 m with a leg pair every 0.31 m, legs of 0.22 + 0.24 m: the reach that lets a 45 N m shank
+  carry a third of the weight in the standing crouch at 40 % of its limit, as a machine built for stairs would.
 * Masses. 2.6 kg a leg, its motors near the trunk (hip and thigh links carry them); the trunk, with the batteries that
   buy the paper's two hours, has the rest.
-* Hip and thigh motors. Table I gives them 25 N m against 45 N m. Same family, so inertia and viscous friction as measured
-  at the shank; dry friction 0.25 N m, the same fraction of the limit as the shank's (0.98 %).
-* Gains. With kp 60 N m/rad the machine, left alone in its standing pose and without friction, sags 0.37 rad and pitches up by
-  0.17 rad: its weight nearly outruns the springs. kp 100 holds it within 0.15 rad. kd 2.5 N m s/rad damps the unloaded leg to
-  about half of critical. Both were set with no friction in the joints and are the same for every way of training.
+* Hip and thigh motors. Table I gives them 25 N m against 45 N m. Same family, so inertia and viscous friction as
+  measured at the shank; dry friction 0.25 N m, the same fraction of the limit as the shank's (0.98 %).
+* Gains. With kp 60 N m/rad the machine, left alone in its standing pose and without friction, sags 0.37 rad and
+  pitches up by 0.17 rad: its weight nearly outruns the springs. kp 100 holds it within 0.15 rad. kd 2.5 N m s/rad
+  damps the unloaded leg to about half of critical. Both were set with no friction in the joints and are the same for
+  every way of training.
 * Standing pose. Feet 2 cm behind the hip joints, under the centre of mass (the knees point backward).
 """
 

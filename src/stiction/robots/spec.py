@@ -1,6 +1,7 @@
 """What a legged robot is, as data: joints, limits, gains, standing pose, masses, contact groups.
 
-A robot is a module with one `RobotSpec`; nothing else in the house names a robot. `build.py` turns it into a MuJoCo model.
+A robot is a module with one `RobotSpec`; nothing else in the house names a robot. `build.py` turns it into a MuJoCo
+model.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A fleet: many copies of one robot on one clock, with named views and per-robot joint physics. NumPy only.
 
-The task (batched, in torch) and the evaluation (from a bundle, without torch) drive robots through this one class, so that
-a policy meets the same joints in both.
+The task (batched, in torch) and the evaluation (from a bundle, without torch) drive robots through this one class, so
+that a policy meets the same joints in both.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ class Fleet:
     """`num_envs` robots of one kind on flat ground, each with its own joints, masses and ground friction.
 
     All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
-    `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass after
-    `set_const`). `torque` and `foot_force` lag one physics step, as sensors do.
+    `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass
+    after `set_const`). `torque` and `foot_force` lag one physics step, as sensors do.
     """
 
     def __init__(
@@ -116,10 +116,10 @@ class Fleet:
     def set_ground_friction(self, value: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
         """Set the sliding friction coefficient between feet and ground, shape (len(ids),) or a number."""
         rows = np.arange(self.num_envs)[ids]
-        self._geom_friction[np.ix_(rows, self._feet, [0])] = np.broadcast_to(value, rows.shape)[:, None, None]
+        self._geom_friction[rows[:, None], self._feet, 0] = np.broadcast_to(value, rows.shape)[:, None]
 
     def set_gains(self, kp: np.ndarray, kd: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
-        """Set the joint controllers: torque = kp (target - q) - kd q', clipped to the limit; shapes (len(ids), joints)."""
+        """Set the controllers: torque = kp (target - q) - kd q', clipped to the limit; (len(ids), joints)."""
         self._gain[ids, :, 0] = kp
         self._bias[ids, :, 1] = -np.asarray(kp)
         self._bias[ids, :, 2] = -np.asarray(kd)
@@ -156,8 +156,8 @@ class Fleet:
     ) -> None:
         """Stand the robots `ids` on the ground at the origin, delay lines filled with the standing pose.
 
-        `joint_position`: (len(ids), joints) [rad]; `heading`: (len(ids),) [rad]; `velocity`: initial velocity of the base,
-        (len(ids), 6), linear in the world and angular in the base frame.
+        `joint_position`: (len(ids), joints) [rad]; `heading`: (len(ids),) [rad]; `velocity`: initial velocity of the
+        base, (len(ids), 6), linear in the world and angular in the base frame.
         """
         if not len(ids):
             return
@@ -182,9 +182,10 @@ class Fleet:
         self.simulation.expand("opt.gravity")[:] = gravity
 
     def clamp(self, held: np.ndarray, base: bool) -> None:
-        """Hold the joints marked in `held`, (N, joints) bool, and the base if `base`, by a huge inertia (1e6 kg m², kg).
+        """Hold the joints marked in `held`, (N, joints) bool, and the base if `base`, by a huge inertia.
 
-        The solver's tolerance is relative to the mean inertia, so it is set to zero: it would stop far from the solution.
+        The solver's tolerance is relative to the mean inertia, so it is set to zero: it would stop far from the
+        solution.
         """
         self.simulation.expand("opt.tolerance")[:] = 0.0
         self.armature[held] = 1e6
@@ -193,7 +194,7 @@ class Fleet:
         self.set_const(np.arange(self.num_envs))
 
     def link_inertia(self) -> np.ndarray:
-        """Return the inertia that the links put on each joint in the standing pose, all others held [kg m²], (joints,)."""
+        """Return the inertia that links put on each joint, standing, all others held [kg m²], (joints,)."""
         data = mujoco.MjData(self.model)
         mujoco.mj_resetDataKeyframe(self.model, data, 0)
         mujoco.mj_forward(self.model, data)
@@ -202,7 +203,7 @@ class Fleet:
         return np.diag(full)[BASE_DOFS:] - self.model.dof_armature[BASE_DOFS:]
 
     def stale_constants(self, env: int) -> float:
-        """Return how far the constants derived from masses and inertias are from what they should be, relative, at most."""
+        """Return the largest relative error of the constants derived from masses and inertias."""
         used, fresh = (self.simulation.batch.get_model(env) for _ in range(2))
         mujoco.mj_setConst(fresh, mujoco.MjData(fresh))
         names = ("body_subtreemass", "body_invweight0", "dof_invweight0", "actuator_acc0")

@@ -1,0 +1,122 @@
+"""`stiction bench`: the ratios that say how much of the simulator's speed the training keeps."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from stiction.formats.errors import StictionError
+
+DESCRIPTION = """Measure throughput side by side in one run, on all cores (or STICTION_THREADS).
+
+rollout_ratio: env-steps/s of the task, with observations, rewards, resets and randomisation, over the bare simulator
+that replays the same states, controls and per-robot parameters on the same threads. iteration_ratio: a whole teacher
+iteration, likewise. Also the deployed policy's step, and an identification."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Options of `stiction bench`."""
+
+    method: Literal["none", "direct", "deception"] = "deception"
+    """Friction in the joints during the measurement: rows of dry friction cost the simulator half its speed."""
+    friction_level: float = 0.2
+    """Nominal friction, as a fraction of the torque limit."""
+    robot: str = "saturn_lite"
+    """The robot to measure with."""
+    num_envs: int = 512
+    """Robots side by side."""
+    blocks: int = 8
+    """Paired blocks; the figures are medians over them."""
+    json: bool = False
+    """Print the summary as JSON on standard output, and nothing else."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the verb."""
+    options = tyro.cli(Bench, args=arguments, prog="stiction bench", description=DESCRIPTION)
+    if options.blocks < 1 or options.num_envs < 1:
+        raise StictionError(f"{options.blocks} blocks of {options.num_envs} robots: expected at least one of each")
+    from dataclasses import replace
+
+    from rich.console import Console
+
+    from stiction.formats.reproducibility import git_revision, machine
+    from stiction.rma.config import PRESETS
+    from stiction.transfer.bench import bench_cfg, measure_training
+
+    note = Console(stderr=True, quiet=options.json)
+    note.print("task against bare simulator ...")
+    cfg = bench_cfg(replace(PRESETS["full"], num_envs=options.num_envs), options.method, options.friction_level)
+    cfg = replace(cfg, task=replace(cfg.task, robot=options.robot))
+    timing, sizes = measure_training(cfg, options.blocks)
+    note.print("deployed policy and identification ...")
+    summary = {
+        **timing.summary(),
+        "multiply_adds_per_env_step": sizes,
+        "policy_step_ms": _policy_step(),
+        "identification_seconds": _identification(),
+        "command": shlex.join(["stiction", "bench", *arguments]),
+        "revision": git_revision(),
+        "machine": machine(),
+    }
+    if options.json:
+        print(json.dumps(summary))
+    else:
+        _show(summary)
+    return 0
+
+
+def _policy_step() -> dict[str, float] | None:
+    """Time the first shipped policy, or return None where none came along."""
+    from stiction.formats.shipped import shipped_bundles
+    from stiction.transfer.bench import measure_runtime
+
+    paths: list[Path] = list(shipped_bundles().values())
+    return measure_runtime(paths[0]) if paths else None
+
+
+def _identification() -> float:
+    """Time the identification of the example log, estimators and intervals, without the page [s]."""
+    from stiction.identify.example import example_log
+    from stiction.identify.pipeline import identify_joint
+
+    log = example_log()
+    start = time.perf_counter()
+    identify_joint(log)
+    return time.perf_counter() - start
+
+
+def _show(summary: dict) -> None:
+    """Print the figures as a table."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("what", "median", "min to max")
+    for name in ("rollout_ratio", "iteration_ratio"):
+        spread = summary["spread"][name]
+        table.add_row(name, f"{spread['median']:.3f}", f"{spread['min']:.3f} to {spread['max']:.3f}")
+    for name, spread in summary["env_steps_per_second"].items():
+        table.add_row(
+            f"{name}, env-steps/s", f"{spread['median']:,.0f}", f"{spread['min']:,.0f} to {spread['max']:,.0f}"
+        )
+    for name, count in summary["multiply_adds_per_env_step"].items():
+        table.add_row(f"multiply-adds, {name}", f"{count:,}", "")
+    step = summary["policy_step_ms"]
+    if step is None:
+        table.add_row("policy step", "-", "no policy is shipped with this installation")
+    else:
+        table.add_row("policy step, ms", f"{step['p50']:.3f}", f"p99 {step['p99']:.3f}, max {step['max']:.3f}")
+    table.add_row("identification, s", f"{summary['identification_seconds']:.2f}", "example log, one joint")
+    console = Console()
+    console.print(table)
+    facts = summary["machine"]
+    console.print(
+        f"{facts['cpu']}, {facts['threads']} threads, Python {facts['python']}, revision {summary['revision']}"
+    )

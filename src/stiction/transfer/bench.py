@@ -1,0 +1,130 @@
+"""Throughput, measured side by side in one run: the task against the bare simulator on the same states and threads."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch.utils.tensorboard import SummaryWriter
+
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import load_policy
+from stiction.formats.bundle import read_bundle
+from stiction.formats.reproducibility import num_threads, stream_seed
+from stiction.locomotion.config import FrictionMethod
+from stiction.locomotion.env import LocomotionEnv
+from stiction.rma.config import TrainCfg
+from stiction.rma.run import RunDirectory
+from stiction.rma.runner import PhaseRunner, multiply_adds, teacher_cfg
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Env-steps per second of the three things timed, one entry a block, all blocks in one run."""
+
+    bare: tuple[float, ...]
+    """`Batch.step` alone, replaying the states and controls of the task's block."""
+    rollout: tuple[float, ...]
+    """`LocomotionEnv.step`: observations, rewards, resets and randomisation on."""
+    iteration: tuple[float, ...]
+    """A whole teacher iteration: policy, rollout, update."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return medians and the ratios of paired blocks, with their spread."""
+        ratio = np.array(self.rollout) / np.array(self.bare)
+        whole = np.array(self.iteration) / np.array(self.bare)
+
+        def spread(values: np.ndarray) -> dict[str, float]:
+            return {"min": float(values.min()), "median": float(np.median(values)), "max": float(values.max())}
+
+        return {
+            "rollout_ratio": float(np.median(ratio)),
+            "iteration_ratio": float(np.median(whole)),
+            "spread": {"rollout_ratio": spread(ratio), "iteration_ratio": spread(whole)},
+            "env_steps_per_second": {
+                name: spread(np.array(getattr(self, name))) for name in ("bare", "rollout", "iteration")
+            },
+        }
+
+
+def _timed_rollout(env: LocomotionEnv, actions: torch.Tensor) -> tuple[float, list[dict[str, np.ndarray]]]:
+    """Step the task with `actions`, (steps, N, joints); return the seconds of `step` alone and each state before it."""
+    states, seconds = [], 0.0
+    with torch.no_grad():
+        for action in actions:
+            before = env.fleet.simulation.state()
+            start = time.perf_counter()
+            env.step(action)
+            seconds += time.perf_counter() - start
+            states.append(before | {"ctrl": env.fleet.targets.copy()})
+    return seconds, states
+
+
+def _timed_replay(env: LocomotionEnv, states: list[dict[str, np.ndarray]]) -> float:
+    """Replay the states through the bare batch; return the seconds of its `step` alone, the task left as it was."""
+    simulation, seconds = env.fleet.simulation, 0.0
+    after = simulation.state()
+    for state in states:
+        simulation.load_state(state)
+        start = time.perf_counter()
+        simulation.batch.step(nstep=env.fleet.decimation)
+        seconds += time.perf_counter() - start
+    simulation.load_state(after)
+    return seconds
+
+
+def measure_training(cfg: TrainCfg, blocks: int) -> tuple[Timing, dict[str, int]]:
+    """Time `blocks` paired blocks of one rollout each; return the timing and the networks' multiply-adds per env-step.
+
+    Each block times the task, then the bare simulator on the states that the task went through, then one training
+    iteration.
+    """
+    threads = num_threads()
+    torch.set_num_threads(threads)
+    torch.manual_seed(stream_seed(cfg.seed, "bench"))
+    env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads)
+    with tempfile.TemporaryDirectory() as folder, SummaryWriter(folder) as writer:
+        run = RunDirectory(Path(folder))
+        runner = PhaseRunner("teacher", env, run, teacher_cfg(cfg), 10**6, 10**6, writer, lambda *_: None)
+        runner.alg.train_mode()
+        steps = cfg.teacher.steps * cfg.num_envs
+        seconds: dict[str, list[float]] = {"bare": [], "rollout": [], "iteration": []}
+        runner._iterate()
+        for _ in range(blocks):
+            actions = cfg.network.initial_std * torch.randn(cfg.teacher.steps, cfg.num_envs, env.num_actions)
+            rollout, states = _timed_rollout(env, actions)
+            seconds["rollout"].append(rollout)
+            seconds["bare"].append(_timed_replay(env, states))
+            start = time.perf_counter()
+            runner._iterate()
+            seconds["iteration"].append(time.perf_counter() - start)
+        rates = {name: tuple(steps / value for value in values) for name, values in seconds.items()}
+        return Timing(**rates), multiply_adds(runner)
+
+
+def measure_runtime(bundle: Path, steps: int = 3000) -> dict[str, float]:
+    """Time the deployed policy, one robot, sensors in and joint targets out [ms]: median, 99th percentile, worst."""
+    data = read_bundle(bundle)
+    policy = load_policy(data.contract, data.policy)
+    rng = np.random.default_rng(0)
+    joints, command = data.contract.num_joints, np.array([0.5, 0.0, 0.0])
+    spent = []
+    for _ in range(steps):
+        noise = 0.1 * rng.standard_normal((2, joints))
+        sensors = Sensors(np.array([1.0, 0.0, 0.0, 0.0]), noise[0, :3], noise[0], noise[1])
+        start = time.perf_counter()
+        policy.step(sensors, command)
+        spent.append(1e3 * (time.perf_counter() - start))
+    warm = np.array(spent[100:])
+    return {"p50": float(np.median(warm)), "p99": float(np.percentile(warm, 99)), "max": float(warm.max())}
+
+
+def bench_cfg(cfg: TrainCfg, method: FrictionMethod, level: float) -> TrainCfg:
+    """Return `cfg` with the friction that the bench runs under."""
+    friction = replace(cfg.task.friction, method=method, level=level)
+    return replace(cfg, task=replace(cfg.task, friction=friction))
