@@ -7,9 +7,21 @@ stands with 40, which is also the gain at which the paper's friction is usually 
 s/rad.
 """
 
+from dataclasses import replace
+
 from stiction.robots.spec import JointSpec, LegSpec, LinkSpec, RobotSpec
 
-_INERTIA, _VISCOUS, _DRY = 0.0121, 0.0342, 0.0481
+_HIP = JointSpec(
+    torque_limit=23.7,
+    armature=0.0121,
+    damping=0.0342,
+    frictionloss=0.0481,
+    stiffness=40.0,
+    derivative=1.0,
+    lower=-0.86,
+    upper=0.86,
+    standing=0.0,
+)
 
 ROBOT = RobotSpec(
     name="go1",
@@ -18,39 +30,9 @@ ROBOT = RobotSpec(
     thigh_link=LinkSpec(mass=0.95, size=(0.034, 0.025, 0.213)),
     shank_link=LinkSpec(mass=0.2, size=(0.016, 0.016, 0.213)),
     foot_radius=0.02,
-    hip=JointSpec(
-        torque_limit=23.7,
-        armature=_INERTIA,
-        damping=_VISCOUS,
-        frictionloss=_DRY,
-        stiffness=40.0,
-        derivative=1.0,
-        lower=-0.86,
-        upper=0.86,
-        standing=0.0,
-    ),
-    thigh=JointSpec(
-        torque_limit=35.55,
-        armature=_INERTIA,
-        damping=_VISCOUS,
-        frictionloss=_DRY,
-        stiffness=40.0,
-        derivative=1.0,
-        lower=-0.69,
-        upper=4.5,
-        standing=0.9,
-    ),
-    shank=JointSpec(
-        torque_limit=35.55,
-        armature=_INERTIA,
-        damping=_VISCOUS,
-        frictionloss=_DRY,
-        stiffness=40.0,
-        derivative=1.0,
-        lower=-2.82,
-        upper=-0.89,
-        standing=-1.65,
-    ),
+    hip=_HIP,
+    thigh=replace(_HIP, torque_limit=35.55, lower=-0.69, upper=4.5, standing=0.9),
+    shank=replace(_HIP, torque_limit=35.55, lower=-2.82, upper=-0.89, standing=-1.65),
     legs=(
         LegSpec("FL", (0.188, 0.047, 0.0), group=0),
         LegSpec("FR", (0.188, -0.047, 0.0), group=1),

@@ -16,9 +16,21 @@ III). It gives neither geometry, nor gains, nor the other joints' friction. Thos
 * Standing pose. Feet 2 cm behind the hip joints, under the centre of mass (the knees point backward).
 """
 
+from dataclasses import replace
+
 from stiction.robots.spec import JointSpec, LegSpec, LinkSpec, RobotSpec
 
-_INERTIA, _VISCOUS = 0.0145, 0.0704
+_HIP = JointSpec(
+    torque_limit=25.0,
+    armature=0.0145,
+    damping=0.0704,
+    frictionloss=0.25,
+    stiffness=100.0,
+    derivative=2.5,
+    lower=-0.8,
+    upper=0.8,
+    standing=0.0,
+)
 
 ROBOT = RobotSpec(
     name="saturn_lite",
@@ -27,39 +39,9 @@ ROBOT = RobotSpec(
     thigh_link=LinkSpec(mass=1.3, size=(0.06, 0.05, 0.22)),
     shank_link=LinkSpec(mass=0.4, size=(0.035, 0.035, 0.24)),
     foot_radius=0.025,
-    hip=JointSpec(
-        torque_limit=25.0,
-        armature=_INERTIA,
-        damping=_VISCOUS,
-        frictionloss=0.25,
-        stiffness=100.0,
-        derivative=2.5,
-        lower=-0.8,
-        upper=0.8,
-        standing=0.0,
-    ),
-    thigh=JointSpec(
-        torque_limit=25.0,
-        armature=_INERTIA,
-        damping=_VISCOUS,
-        frictionloss=0.25,
-        stiffness=100.0,
-        derivative=2.5,
-        lower=-0.6,
-        upper=2.4,
-        standing=0.85,
-    ),
-    shank=JointSpec(
-        torque_limit=45.0,
-        armature=_INERTIA,
-        damping=_VISCOUS,
-        frictionloss=0.442,
-        stiffness=100.0,
-        derivative=2.5,
-        lower=-2.6,
-        upper=-0.4,
-        standing=-1.5,
-    ),
+    hip=_HIP,
+    thigh=replace(_HIP, lower=-0.6, upper=2.4, standing=0.85),
+    shank=replace(_HIP, torque_limit=45.0, frictionloss=0.442, lower=-2.6, upper=-0.4, standing=-1.5),
     legs=(
         LegSpec("FL", (0.31, 0.11, 0.0), group=0),
         LegSpec("FR", (0.31, -0.11, 0.0), group=1),
