@@ -24,7 +24,7 @@ def test_a_run_leaves_what_the_design_says(tmp_path: Path, capsys: pytest.Captur
     assert config["config"]["task"]["friction"] == {"method": "direct", "level": 0.1, "law": "coulomb", "per": "robot"}
     assert config["seed"] == 0 and config["command"].startswith("stiction train")
     assert len((out / "metrics.jsonl").read_text().splitlines()) == 2
-    assert list((out / "tensorboard").iterdir()) and (out / "summary.json").exists()
+    assert list((out / "tensorboard").iterdir()) and (out / "summary.json").exists() and (out / "curves.png").exists()
     assert sorted(p.suffix for p in (out / "checkpoints").iterdir()) == [
         ".json",
         ".json",

@@ -82,6 +82,7 @@ def main(arguments: list[str]) -> int:
     import numpy as np
 
     from stiction.cli.progress import training_progress
+    from stiction.report.training import draw_training
     from stiction.rma.run import RunDirectory
     from stiction.rma.runner import train
     from stiction.robots.catalog import find_robot
@@ -101,6 +102,7 @@ def main(arguments: list[str]) -> int:
     values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
     with training_progress(cfg, quiet=options.json) as progress:
         summary = train(cfg, run, values, progress)
+    curves = draw_training(run.path)
     if options.json:
         print(json.dumps(summary))
     else:
@@ -108,7 +110,7 @@ def main(arguments: list[str]) -> int:
         print(
             f"student in {run.path}: tracking error {student['walk/tracking_error']:.3f} m/s, "
             f"tripod share {student['walk/tripod_share']:.0%}, {summary['seconds'] / 60:.1f} min\n"
-            f"next: stiction export {run.path}",
+            f"curves: {curves}\nnext: stiction export {run.path}",
             file=sys.stderr,
         )
     return 0

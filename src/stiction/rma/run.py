@@ -8,6 +8,7 @@ from typing import Any
 
 from stiction.formats.configuration import from_plain, to_plain
 from stiction.formats.errors import StictionError
+from stiction.formats.metrics import read_metrics
 from stiction.formats.reproducibility import git_revision, machine
 from stiction.rma.checkpoint import write_json
 from stiction.rma.config import TrainCfg
@@ -58,16 +59,8 @@ class RunDirectory:
             file.write(json.dumps(row) + "\n")
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return the figures of every iteration so far; a last line that was cut off does not count."""
-        if not self.metrics.exists():
-            return []
-        rows = []
-        for line in self.metrics.read_text().splitlines():
-            try:
-                rows.append(json.loads(line))
-            except ValueError:
-                break
-        return rows
+        """Return the figures of every iteration so far."""
+        return read_metrics(self.metrics)
 
     def forget_after(self, phase: str, iteration: int) -> float:
         """Drop the figures of iterations that will be run again; return the seconds spent on those that stay."""
