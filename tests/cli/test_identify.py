@@ -54,6 +54,7 @@ def test_people_get_a_table_and_the_verdict(log: Path, tmp_path: Path, capsys: p
     """Without --json the answer is readable."""
     assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--test-condition", "loaded"]) == 0
     out = capsys.readouterr().out
+    assert "N m s/rad" in out and "output error" in out
     assert "coulomb_friction" in out and "Provisional" in " ".join(out.split())
 
 
@@ -66,7 +67,9 @@ def test_people_get_a_table_and_the_verdict(log: Path, tmp_path: Path, capsys: p
         (["swing.csv", "--torque-scale", "-1"], "must be positive"),
         (["swing.csv", "--kp", "-3"], "kp -3.0"),
         (["swing.csv", "--out", "swing.csv/sub"], "cannot write to"),
-        (["half.csv"], "a row is not 4 numbers"),
+        (["half.csv"], "the header names 4 columns"),
+        (["."], "is a directory"),
+        (["swing.csv", "--torque-scale", "1e6"], "beyond the torque limit 45"),
     ],
 )
 def test_what_a_user_can_mend_is_one_line_and_status_1(

@@ -49,12 +49,13 @@ def test_a_mapping_renames_columns(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (b"", "header"),
+        (b"", "the file is empty"),
+        (b"time;position\n0;1\n", "separated by ';'"),
         (b"time,position\n", "no samples"),
         (b"time,time\n0,1\n", "one different name"),
         (b"time,\n0,1\n", "one different name"),
-        (b"time,position\n0,x\n", "not 2 numbers"),
-        (b"time,position\n0,1\n1\n", "not 2 numbers"),
+        (b"time,position\n0,1\n\n0,x\n", "line 4: 'x' in column 'position' is not a number"),
+        (b"time,position\n0,1\n1\n", "line 3 has 1 values, the header names 2"),
         (b"time,position\n0,1,2\n", "header names 2"),
         (b"time,position\n0,\xff\n", "not a text file"),
         (b"stamp,position\n0,1\n", "no column 'time'"),
@@ -73,7 +74,7 @@ def test_missing_files_columns_roles_and_joints_are_named(tmp_path: Path) -> Non
     path = written(tmp_path, GOOD)
     with pytest.raises(LogError, match="cannot read"):
         read_log(tmp_path / "none.csv")
-    with pytest.raises(LogError, match=r"expected .csv or .npz"):
+    with pytest.raises(LogError, match=r"expected .csv, .npz or .mat"):
         read_log(written(tmp_path, GOOD, "log.txt"))
     with pytest.raises(LogError, match=r"no column 'q'.*position.knee"):
         read_log(path, {"position": "q"})
@@ -122,6 +123,13 @@ def test_pickles_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "log.npz", time=np.array([{"a": 1}], dtype=object))
     with pytest.raises(LogError, match="not a readable NPZ"):
         read_log(tmp_path / "log.npz")
+
+
+def test_a_text_called_npz_is_refused_without_bad_advice(tmp_path: Path) -> None:
+    """NumPy takes whatever is no archive for a pickle, and tells the user how to load it unsafely."""
+    with pytest.raises(LogError, match="not an NPZ file") as caught:
+        read_log(written(tmp_path, b"hello", "log.npz"))
+    assert "pickle" not in str(caught.value)
 
 
 def test_npz_arrays_must_be_vectors_of_one_length(tmp_path: Path) -> None:

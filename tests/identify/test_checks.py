@@ -63,6 +63,14 @@ def test_small_jitter_is_put_on_an_even_grid() -> None:
     assert even.step == pytest.approx(0.002, rel=1e-4)
 
 
+def test_stamps_may_count_from_1970() -> None:
+    """Loggers write Unix time: the seconds are used, not their distance from 1970; other units are named as such."""
+    even = check(TIME + 1.7e9)
+    assert even.time[0] == 0 and even.step == pytest.approx(0.002, rel=1e-4)
+    with pytest.raises(LogError, match="in seconds"):
+        check(1e9 * (TIME + 1.7e9))
+
+
 def test_torque_is_scaled_to_newton_metres() -> None:
     """Volts times a torque constant."""
     np.testing.assert_allclose(check(scale=-3.0).torque, -6 * WAVE)

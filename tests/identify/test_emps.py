@@ -29,9 +29,8 @@ PUBLISHED = {
 """Value and standard deviation by the authors' inverse-dynamics least squares."""
 
 
-@pytest.fixture(scope="module")
-def record() -> JointRecord:
-    """Identify the record with the loop's gains in N/m and N s/m; its velocity is one sample late."""
+def identify_record(delay: float) -> JointRecord:
+    """Identify the record with the loop's gains in N/m and N s/m, the velocity late by `delay` [s]."""
     folder = os.environ.get("STICTION_DATA")
     path = Path(folder or "") / "emps" / "DATA_EMPS.mat"
     if not folder or not path.is_file():
@@ -44,9 +43,21 @@ def record() -> JointRecord:
         test_condition="loaded",
         axis="linear",
         torque_scale=GTAU,
-        velocity_delay=0.001,
+        velocity_delay=delay,
     )
     return identify_joint(open_log(path, columns, "carriage"), setup=setup).record
+
+
+@pytest.fixture(scope="module")
+def record() -> JointRecord:
+    """Identify the record as its loop is: the velocity is one sample late."""
+    return identify_record(0.001)
+
+
+def test_without_the_delay_the_two_estimators_disagree_and_say_so() -> None:
+    """A loop described without its delay costs output error 4 % of the mass: that must not pass in silence."""
+    texts = [text for text in identify_record(0.0).warnings if "disagree on inertia" in text]
+    assert texts and "--velocity-delay" in texts[0]
 
 
 def test_regression_agrees_with_the_published_values(record: JointRecord) -> None:

@@ -118,6 +118,28 @@ def test_a_load_that_the_model_lacks_is_noticed() -> None:
     assert "of the torque is not explained" in text
 
 
+def test_gravity_that_hides_in_the_inertia_is_noticed() -> None:
+    """0.2 N m sin θ: 7 % of the torque unexplained looks harmless, and the inertia is 8 % off.
+
+    With θ as a regressor the slope is 0.2 cos θ over the motion, a little under 0.2, and the inertia the true one.
+    """
+    log = example_log()
+    signals = log.joints["shank"]
+    record = identify_joint(scaled(log, torque=signals.torque + 0.2 * np.sin(signals.position))).record
+    assert any("follows the position" in text and "inertia would change" in text for text in record.warnings)
+    found = record.diagnostics["position_torque"]
+    assert found["slope"] == pytest.approx(0.19, abs=0.01)
+    assert record.inertia.value * (1 + found["changes"]["inertia"]) == pytest.approx(0.0145, rel=0.02)
+
+
+def test_friction_beyond_the_torque_limit_is_refused() -> None:
+    """A torque column in N mm would give a friction level of 1000 % and a plan to train at it."""
+    with pytest.raises(StictionError, match="beyond the torque limit 45"):
+        identify_joint(example_log(), setup=IdentifySetup(torque_scale=1000.0))
+    record = identify_joint(example_log(), setup=IdentifySetup(torque_limit=1.0)).record
+    assert any("beyond the torque limit 1:" in text for text in record.warnings)
+
+
 def test_torque_of_another_joint_is_refused() -> None:
     """Noise in the torque column explains nothing, so nothing is printed."""
     noise = np.random.default_rng(0).standard_normal(10_000)

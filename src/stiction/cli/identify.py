@@ -74,14 +74,19 @@ def write_results(folder: Path, joints: JointsFile, fits: dict) -> None:
 
 
 def show(console: Console, name: str, record: JointRecord) -> None:
-    """Print the estimates, the verdict and the warnings for a person."""
-    table = Table("", "value", "95 % interval", title=name)
+    """Print what both estimators found, the verdict and the warnings for a person."""
+    from stiction.report.identification import unit
+
+    other = record.diagnostics["output_error"] or {}
+    table = Table("", "unit", "value", "95 % interval", "output error", title=name)
     for quantity in (*PARAMETERS, "friction_ratio", "dead_band"):
         estimate = getattr(record, quantity)
         if estimate is None:
-            table.add_row(quantity, "not known", "")
-        else:
-            table.add_row(quantity, f"{estimate.value:.5g}", "{:.5g} to {:.5g}".format(*estimate.interval95))
+            table.add_row(quantity, unit(record, quantity), "not known", "", "")
+            continue
+        second = f"{other[quantity]['value']:.5g}" if quantity in other else ""
+        interval = "{:.5g} to {:.5g}".format(*estimate.interval95)
+        table.add_row(quantity, unit(record, quantity), f"{estimate.value:.5g}", interval, second)
     console.print(table)
     console.print(record.diagnostics["verdict"]["text"], highlight=False)
     for text in record.warnings:

@@ -95,7 +95,7 @@ def read_log(path: Path, columns: Mapping[str, str] | None = None, joint: str | 
     """
     readers = {".csv": read_csv, ".npz": read_npz}
     if path.suffix.lower() not in readers:
-        raise LogError(f"{path.name}: unknown kind of log {path.suffix!r}; expected .csv or .npz")
+        raise LogError(f"{path.name}: unknown kind of log {path.suffix!r}; expected .csv, .npz or .mat")
     return assemble(path, readers[path.suffix.lower()](path), columns, joint)
 
 
@@ -141,6 +141,8 @@ def read_csv(path: Path) -> Columns:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:
         raise LogError(f"{path.name}: not a text file (byte {error.start} is not UTF-8); expected CSV") from error
+    if not text.strip():
+        raise LogError(f"{path.name}: the file is empty; expected a header that names the columns, and rows of numbers")
     first, _, body = text.partition("\n")
     try:
         names = [name.strip() for name in next(csv.reader([first.rstrip("\r")], strict=True), [])]
@@ -150,17 +152,33 @@ def read_csv(path: Path) -> Columns:
         ) from error
     if not all(names) or not names or len(set(names)) != len(names):
         raise LogError(f"{path.name}: the header is {first[:80]!r}; expected one different name a column")
+    if len(names) == 1 and (mark := next((mark for mark in ";\t" if mark in first), "")):
+        raise LogError(f"{path.name}: the columns are separated by {mark!r}; expected commas, and decimal points")
     if not body.strip():
         raise LogError(f"{path.name}: no samples after the header")
     try:
         values = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, ndmin=2, dtype=float)
     except ValueError as error:
-        raise LogError(
-            f"{path.name}: a row is not {len(names)} numbers: {str(error).partition(';')[0][:160]}"
-        ) from error
+        raise LogError(f"{path.name}: {_first_fault(body, names) or str(error)[:160]}") from error
     if values.shape[1] != len(names):
-        raise LogError(f"{path.name}: rows have {values.shape[1]} numbers, the header names {len(names)} columns")
+        raise LogError(f"{path.name}: {_first_fault(body, names)}")
     return dict(zip(names, values.T.copy(), strict=True))
+
+
+def _first_fault(body: str, names: list[str]) -> str:
+    """Return what is wrong with the first line that is not one number a column; the file's first line is the header."""
+    for number, line in enumerate(body.split("\n"), 2):
+        cells = line.split(",")
+        if not line.strip():
+            continue
+        if len(cells) != len(names):
+            return f"line {number} has {len(cells)} values, the header names {len(names)} columns"
+        for name, cell in zip(names, cells, strict=True):
+            try:
+                float(cell)
+            except ValueError:
+                return f"line {number}: {cell.strip()[:40]!r} in column {name!r} is not a number"
+    return ""
 
 
 def read_npz(path: Path) -> Columns:
@@ -174,6 +192,8 @@ def read_npz(path: Path) -> Columns:
 
 def read_npz_arrays(path: Path) -> Columns:
     """Read the arrays of an NPZ file, each of them numbers in one dimension; pickled objects are refused."""
+    if path.is_file() and not zipfile.is_zipfile(path):
+        raise LogError(f"{path.name}: not an NPZ file, which is a ZIP archive of arrays; write it with numpy.savez")
     try:
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}

@@ -17,6 +17,9 @@ LARGEST_JITTER = 0.05
 LARGEST_VALUE = 1e9
 """In SI units no joint has more of anything."""
 
+LARGEST_TIME = 1e20
+"""Stamps may count from 1970, in whatever unit: what is not in seconds is refused by its own message."""
+
 SMALLEST_RANGE = 1e-12
 """Less than this between the extremes of a signal, in SI units, is no motion."""
 
@@ -63,11 +66,12 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
         **{name: values for name, values in vars(signals).items() if values is not None},
     }
     for name, values in table.items():
-        bad = np.flatnonzero(~(np.abs(values) <= LARGEST_VALUE))
+        limit = LARGEST_TIME if name == "time" else LARGEST_VALUE
+        bad = np.flatnonzero(~(np.abs(values) <= limit))
         if len(bad):
             raise LogError(
                 f"{log.source}: {name} of joint {joint!r} has {len(bad)} values that are not finite or beyond "
-                f"{LARGEST_VALUE:.0e}, the first in sample {bad[0] + 1}; cut those rows out or log again"
+                f"{limit:.0e}, the first in sample {bad[0] + 1}; cut those rows out or log again"
             )
     if len(log.time) < FEWEST_SAMPLES:
         raise LogError(f"{log.source}: {len(log.time)} samples; at least {FEWEST_SAMPLES} are needed")

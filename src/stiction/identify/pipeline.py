@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from stiction.formats.log import Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
 from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
 from stiction.identify.output_error import OutputError, fit_output_error
+from stiction.identify.position import position_torque
 from stiction.identify.prepare import Prepared, prepare
 from stiction.identify.regression import Regression, regress
 from stiction.identify.setup import IdentifySetup
@@ -57,12 +58,23 @@ def identify_joint(log: Log, joint: str | None = None, setup: IdentifySetup | No
             f"{log.source}: excitation too poor: the intervals of inertia, viscous and dry friction all reach zero; "
             "move further and faster, or check that the torque belongs to this joint"
         )
+    _check_limit(log.source, regression, setup.torque_limit)
     simulated, mismatch = _simulate(signals, prepared, regression, setup)
     record = _record(signals, prepared, regression, simulated, mismatch, setup)
     warnings = find_warnings(record, signals, prepared.velocity, has_target=raw.target is not None)
     return Identification(
         name, replace(record, warnings=warnings), _fit_signals(signals, prepared, regression, simulated)
     )
+
+
+def _check_limit(source: str, regression: Regression, torque_limit: float | None) -> None:
+    """Refuse friction that the motor could not overcome: the joint did move."""
+    coulomb = regression.estimates[2].value
+    if torque_limit is not None and coulomb >= torque_limit:
+        raise StictionError(
+            f"{source}: dry friction of {coulomb:.4g} would be beyond the torque limit {torque_limit:.4g}, and yet the "
+            "joint moved: check the torque's unit (--torque-scale) and --torque-limit"
+        )
 
 
 def _simulate(
@@ -108,6 +120,7 @@ def _record(
         "scaled_condition_number": regression.scaled_condition,
         "relative_torque_error": regression.relative_error,
         "blocks": regression.blocks,
+        "position_torque": asdict(position_torque(prepared, signals.position, signals.step, regression)),
         "controller_mismatch": mismatch,
         "output_error": None,
         "disagreement": None,

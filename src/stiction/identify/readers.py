@@ -11,6 +11,8 @@ from stiction.identify.matlab import read_mat
 
 def open_log(path: Path, columns: dict[str, str] | None = None, joint: str | None = None) -> Log:
     """Read a log by its suffix; `columns` and `joint` as in `read_log`. Raises `LogError`."""
+    if path.is_dir():
+        raise LogError(f"{path} is a directory; expected a log, a .csv, .npz or .mat file")
     if not path.is_file():
         raise LogError(f"no log at {path}; expected a .csv, .npz or .mat file")
     if path.suffix.lower() == ".mat":

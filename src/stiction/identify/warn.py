@@ -9,7 +9,7 @@ from stiction.identify.checks import Uniform
 from stiction.identify.controller import LARGEST_MISMATCH
 from stiction.identify.intervals import FEWEST_BLOCKS
 
-LARGEST_GAP = 0.05
+LARGEST_GAP = 0.03
 """Relative disagreement of the two estimators that is worth a warning, if it is also beyond `LARGEST_SIGMAS`."""
 
 LARGEST_REST = 0.3
@@ -17,6 +17,12 @@ LARGEST_REST = 0.3
 
 LARGEST_SIGMAS = 3.0
 """Combined standard deviations that chance rarely exceeds."""
+
+LARGEST_CHANGE = 0.02
+"""Relative change of a parameter, once torque may follow the position, that is worth a warning."""
+
+LARGEST_EXCESS = 1.05
+"""Logged torque over torque limit that noise of the current sensor still explains."""
 
 
 def find_warnings(record: JointRecord, signals: Uniform, velocity: np.ndarray, has_target: bool) -> tuple[str, ...]:
@@ -67,6 +73,16 @@ def _fit(record: JointRecord) -> list[str]:
             f"{unexplained:.0%} of the torque is not explained by inertia and friction: gravity, a load, or noise; "
             "intervals cover noise, not a model that lacks something"
         )
+    follows = record.diagnostics["position_torque"]
+    worst = max(follows["changes"], key=lambda name: abs(follows["changes"][name]), default=None)
+    if worst and abs(follows["slope"]) > LARGEST_SIGMAS * follows["std"]:
+        change = follows["changes"][worst]
+        if abs(change) > LARGEST_CHANGE:
+            found.append(
+                f"the torque follows the position too ({follows['slope']:.3g} per unit): gravity, a spring or a cable, "
+                f"which the model lacks; with it {worst} would change by {change:+.0%}, which the interval does not "
+                "cover: turn the joint's axis upright, or take the load off"
+            )
     if record.diagnostics["blocks"] == FEWEST_BLOCKS:
         found.append(
             f"the residual's memory is long for this log: intervals rest on {FEWEST_BLOCKS} blocks only; log for longer"
@@ -92,6 +108,7 @@ def _estimators(record: JointRecord) -> list[str]:
             found.append(
                 f"regression and output error disagree on {name} by {gap['relative']:.0%} ({gap['sigmas']:.1f} "
                 "combined standard deviations): the model, the gains or the timing are not quite right"
+                + ("; is the controller's velocity late (--velocity-delay)?" if name == "inertia" else "")
             )
     return found
 
@@ -109,4 +126,10 @@ def _signals(record: JointRecord, signals: Uniform, velocity: np.ndarray) -> lis
         share = float(np.mean(np.abs(signals.torque) >= 0.99 * record.torque_limit))
         if share > 0.01:
             found.append(f"the motor is at its torque limit in {share:.0%} of the samples: move more gently")
+        peak = float(np.abs(signals.torque).max())
+        if peak > LARGEST_EXCESS * record.torque_limit:
+            found.append(
+                f"the log's torque reaches {peak:.4g}, beyond the torque limit {record.torque_limit:.4g}: the torque's "
+                "unit (--torque-scale) or the limit is not as declared"
+            )
     return found

@@ -35,6 +35,7 @@ LABELS = {
 """Quantity -> label, unit of a rotary joint, unit of a linear axis."""
 
 CONDITIONS = {"bare_motor": "bare motor", "in_air": "leg in the air", "loaded": "under load", None: "not stated"}
+SOURCES = {"motor_side": "on the motor's side (current or command)", "output_side": "behind the gear", None: "none"}
 
 
 def write_identification_page(folder: Path) -> Path:
@@ -62,7 +63,7 @@ def joint_sections(name: str, record: JointRecord, fit: FitSignals) -> list[Sect
     ]
 
 
-def _unit(record: JointRecord, quantity: str) -> str:
+def unit(record: JointRecord, quantity: str) -> str:
     """Return the unit of a quantity on this kind of axis."""
     return LABELS[quantity][2 if record.axis == "linear" else 1]
 
@@ -88,7 +89,7 @@ def _cells(estimate: Estimate | None) -> list[str]:
 def _values(record: JointRecord) -> Markup:
     """Tabulate the parameters."""
     rows = [
-        [f"{LABELS[name][0]} [{_unit(record, name)}]", *_cells(getattr(record, name))]
+        [f"{LABELS[name][0]} [{unit(record, name)}]", *_cells(getattr(record, name))]
         for name in (*PARAMETERS, "friction_ratio", "dead_band")
     ]
     return table(
@@ -101,7 +102,7 @@ def _setting(record: JointRecord) -> Markup:
     given = {"kp": record.kp, "kd": record.kd, "torque limit": record.torque_limit}
     known = ", ".join(f"{name} {_number(value)}" for name, value in given.items() if value is not None)
     return paragraph(
-        f"Test condition: {CONDITIONS[record.test_condition]}. Torque from: {record.torque_source or 'nowhere'}. "
+        f"Test condition: {CONDITIONS[record.test_condition]}. Torque: {SOURCES[record.torque_source]}. "
         f"Given: {known or 'no gains and no torque limit'}. Intervals come from blocks of the log that are longer than "
         "the residual's memory, so that correlated residuals do not make them too narrow."
     )
@@ -186,7 +187,11 @@ def _comparison(record: JointRecord) -> tuple[Markup, ...]:
     """Tabulate regression against output error, if both were done."""
     other, gaps = record.diagnostics.get("output_error"), record.diagnostics.get("disagreement")
     if not other or not gaps:
-        return (paragraph("Only the torque regression was done: output error needs kp, kd and the target."),)
+        return (
+            paragraph(
+                "Only the torque regression was done: output error needs kp, kd, the target, and torque that fits them."
+            ),
+        )
     rows = []
     for name in PARAMETERS:
         found = Estimate.from_dict(other[name], f"output_error.{name}")
@@ -194,7 +199,7 @@ def _comparison(record: JointRecord) -> tuple[Markup, ...]:
         sigmas, relative = gaps[name]["sigmas"], gaps[name]["relative"]
         own = f"{_number(estimate.value)} ± {_number(estimate.std)}" if estimate else "not known"
         theirs = f"{_number(found.value)} ± {_number(found.std)}"
-        rows.append([f"{LABELS[name][0]} [{_unit(record, name)}]", own, theirs, f"{relative:.1%}", f"{sigmas:.1f}"])
+        rows.append([f"{LABELS[name][0]} [{unit(record, name)}]", own, theirs, f"{relative:.1%}", f"{sigmas:.1f}"])
     header = ["", "torque regression", "output error", "difference", "in combined std"]
     errors = other["relative_errors"]
     return (
