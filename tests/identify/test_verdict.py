@@ -33,6 +33,12 @@ def test_the_level_has_a_margin_unless_the_joint_was_loaded() -> None:
     assert "lower bound" not in verdict(FRICTION, ratio(0.05), None, "loaded").text
 
 
+def test_a_level_that_training_refuses_is_not_proposed() -> None:
+    """A joint that takes half of its motor: twice that leaves nothing to walk with."""
+    told = verdict(FRICTION, ratio(0.5), None, "in_air")
+    assert told.level is None and "mend the joint" in told.text and "--friction-level" not in told.text
+
+
 def test_what_is_not_known_is_said() -> None:
     """No limit: no judgement; no condition: said so; an interval over zero: friction is not proven."""
     unknown = verdict(FRICTION, None, None, None)

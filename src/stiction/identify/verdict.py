@@ -17,6 +17,9 @@ SEVERE = 0.08
 MARGIN = 2.0
 """Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
 
+TRAINABLE = 0.8
+"""Levels from here on leave the motor too little to walk with; training refuses them."""
+
 CONDITIONS = {"bare_motor": "on a bare motor", "in_air": "on a leg in the air", "loaded": "under load"}
 
 
@@ -25,7 +28,7 @@ class Verdict:
     """What the friction of one joint means for training."""
 
     level: float | None
-    """`--friction-level` to train at, or None without a torque limit."""
+    """`--friction-level` to train at, or None without a torque limit, and beyond what can be trained."""
     text: str
     """The same in words."""
 
@@ -61,6 +64,11 @@ def verdict(
             "This is a lower bound for a leg that carries the robot: friction grows with load, and only a log under a "
             "known load can tell by how much."
         )
+    if level is not None and level >= TRAINABLE:
+        parts.append(
+            f"To cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}: mend the joint."
+        )
+        level = None
     if level is not None:
         margin = "" if condition == "loaded" else f" (the upper end times {MARGIN:g}, a margin chosen, not measured)"
         parts.append(f"To cover it, train with --friction-level {level:.2f}{margin}.")
