@@ -53,7 +53,7 @@ def test_ratio_is_one_before_the_first_step(env: LocomotionEnv, tmp_path, iterat
     """Old and new log-probabilities use the same latent source and the same estimate, on z and on z* alike."""
     runner = phase(env, tmp_path)
     for _ in range(iteration):
-        runner._iterate()
+        runner.iterate()
     assert runner.alg.actor.latent_source == ["privileged", "history"][iteration]
     rollout(runner)
     storage = runner.alg.storage
@@ -69,7 +69,7 @@ def test_latent_sources_alternate(env: LocomotionEnv, tmp_path) -> None:
     seen = []
     for _ in range(4):
         seen.append(runner.alg.actor.latent_source)
-        runner._iterate()
+        runner.iterate()
     assert seen == ["privileged", "history", "privileged", "history"]
 
 
@@ -139,7 +139,7 @@ def test_critic_sees_everything(env: LocomotionEnv, tmp_path) -> None:
 def test_student_starts_as_the_teacher_on_its_own_latent(env: LocomotionEnv, tmp_path) -> None:
     """Warm start: the student acts as the teacher does with z*, and the deployed module as the student."""
     teacher = phase(env, tmp_path)
-    teacher._iterate()
+    teacher.iterate()
     actor = teacher.alg.get_policy()
     student = phase(env, tmp_path, "student")
     student.alg.warm_start(actor.state_dict())
@@ -161,7 +161,7 @@ def test_distillation_brings_the_student_to_the_teacher(env: LocomotionEnv, tmp_
             parameter.mul_(3.0)
     student.alg.warm_start(teacher.alg.get_policy().state_dict())
     kept = [p.clone() for p in student.alg.teacher.parameters()]
-    losses = [student._iterate() for _ in range(40)]
+    losses = [student.iterate() for _ in range(40)]
     for name in ("clone", "adaptation", "estimator"):
         early, late = (sum(row[f"loss/{name}"] for row in part) for part in (losses[:5], losses[-5:]))
         assert late < early, name

@@ -126,7 +126,7 @@ class PhaseRunner(OnPolicyRunner):
             )
         while self.current_learning_iteration < (num_learning_iterations or self.iterations):
             start = time.perf_counter()
-            figures = self._iterate()
+            figures = self.iterate()
             figures["seconds"] = time.perf_counter() - start
             self.current_learning_iteration += 1
             self._report(figures)
@@ -134,7 +134,7 @@ class PhaseRunner(OnPolicyRunner):
             if it % self.checkpoint_every == 0 or it == self.iterations:
                 self.save()
 
-    def _iterate(self) -> dict[str, float]:
+    def iterate(self) -> dict[str, float]:
         """Collect one rollout and update; return the means of all figures."""
         sums: dict[str, torch.Tensor] = {}
         steps = self.cfg["num_steps_per_env"]

@@ -94,14 +94,14 @@ def measure_training(cfg: TrainCfg, blocks: int) -> tuple[Timing, dict[str, int]
         runner.alg.train_mode()
         steps = cfg.teacher.steps * cfg.num_envs
         seconds: dict[str, list[float]] = {"bare": [], "rollout": [], "iteration": []}
-        runner._iterate()
+        runner.iterate()
         for _ in range(blocks):
             actions = cfg.network.initial_std * torch.randn(cfg.teacher.steps, cfg.num_envs, env.num_actions)
             rollout, states = _timed_rollout(env, actions)
             seconds["rollout"].append(rollout)
             seconds["bare"].append(_timed_replay(env, states))
             start = time.perf_counter()
-            runner._iterate()
+            runner.iterate()
             seconds["iteration"].append(time.perf_counter() - start)
         rates = {name: tuple(steps / value for value in values) for name, values in seconds.items()}
         return Timing(**rates), multiply_adds(runner)
