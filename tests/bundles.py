@@ -28,6 +28,8 @@ def make_contract(robot: str = "saturn_lite", **changes) -> Contract:
         "lower": "lower",
         "upper": "upper",
         "torque_limit": "torque_limit",
+        "armature": "armature",
+        "damping": "damping",
     }
     values = {
         "robot": robot,
@@ -48,7 +50,9 @@ def make_contract(robot: str = "saturn_lite", **changes) -> Contract:
         "revision": "0000000",
         "command": "made by a test",
     }
-    return Contract(**(values | changes))
+    values |= changes
+    friction = tuple(values["friction_level"] * limit for limit in values["torque_limit"])
+    return Contract(**({"friction": friction} | values))
 
 
 def make_network(contract: Contract, seed: int = 0, gain: float = 0.02) -> bytes:

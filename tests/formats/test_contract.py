@@ -45,6 +45,10 @@ def test_go1_with_an_identification_is_valid() -> None:
         ("kd", ["1"] * 18),
         ("standing", [9.0] * 18),
         ("torque_limit", [-25.0] * 18),
+        ("armature", [0.0] * 18),
+        ("damping", [-0.1] * 18),
+        ("friction", [-0.1] * 18),
+        ("friction", [1.0] * 17),
         ("action_clip", "4"),
         ("action_clip", 10**400),
         ("action_offset", "zero"),
@@ -100,3 +104,9 @@ def test_per_joint_numbers_must_be_finite(contract: Contract) -> None:
     text = contract.to_json().replace('"kd": [\n    2.5', '"kd": [\n    1e999')
     with pytest.raises(ContractError, match="kd"):
         read_contract(text.encode())
+
+
+def test_friction_in_torque_and_as_a_level_must_agree(contract: Contract) -> None:
+    """Two numbers for one thing would let an evaluation meet other joints than the card names."""
+    with pytest.raises(ContractError, match="friction_level"):
+        read_contract(edited(contract, "friction", [1.0] * 18))

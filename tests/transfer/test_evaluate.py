@@ -30,7 +30,9 @@ def test_a_row_for_every_level_and_command_in_order(checked: Bundle) -> None:
     expected = [(level, command, 2, "toy") for level in (0.0, 0.3) for command in ("vx=0.5", "vx=-0.5")]
     assert found == expected
     assert result.blown_up == 0
-    assert [set(detail) - set(vars(result.rows[0])) for detail in result.details()] == [{"group_share"}] * 4
+    assert [set(detail) - set(vars(result.rows[0])) for detail in result.details()] == [
+        {"group_share", "moving_share"}
+    ] * 4
 
 
 def test_the_result_depends_on_the_seed_alone(checked: Bundle) -> None:
@@ -75,6 +77,8 @@ def test_a_policy_that_lies_down_falls(tmp_path: Path) -> None:
         ({"settle": -1.0}, "settle"),
         ({"episodes": 4000}, "robot-seconds"),
         ({"seed": -1}, "seed"),
+        ({"action_delay": -0.01}, "action delay"),
+        ({"action_delay": float("nan")}, "action delay"),
     ],
 )
 def test_what_cannot_be_evaluated_is_refused(change: dict, message: str) -> None:

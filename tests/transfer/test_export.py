@@ -10,12 +10,18 @@ from bundles import make_contract
 from stiction.deploy.policy import Network
 from stiction.formats.bundle import BundleError
 from stiction.formats.contract import Contract
+from stiction.formats.errors import StictionError
 from stiction.locomotion.config import FrictionCfg, TaskCfg
-from stiction.rma.config import TrainCfg
+from stiction.rma.config import StudentCfg, TrainCfg
+from stiction.robots.catalog import find_robot
 from stiction.transfer.card import write_card
-from stiction.transfer.export import contract_of, export_network, export_policy
+from stiction.transfer.export import contract_of, export_network, export_policy, export_run
 
 torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to export")
+pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to export")
+
+from stiction.rma.checkpoint import save_checkpoint  # noqa: E402  (needs torch)
+from stiction.rma.run import RunDirectory  # noqa: E402
 
 HEADER = {"command": "/home/somebody/.venv/bin/stiction train --seed 3", "revision": "abc1234", "identified": None}
 
@@ -75,8 +81,55 @@ def test_without_a_level_the_measured_friction_is_the_nominal_one() -> None:
     cfg = TrainCfg(task=TaskCfg(friction=FrictionCfg(level=None)))
     assert contract_of(cfg, HEADER).friction_level == pytest.approx((0.01 + 0.01 + 0.442 / 45) / 3)
     identified = {"file": "joints.json", "sha256": "0" * 64, "values": {"frictionloss": [None, None, 0.9] * 6}}
-    found = contract_of(cfg, HEADER | {"identified": identified}).friction_level
-    assert found == pytest.approx((0.01 + 0.01 + 0.02) / 3)
+    found = contract_of(cfg, HEADER | {"identified": identified})
+    assert found.friction_level == pytest.approx((0.01 + 0.01 + 0.02) / 3)
+    assert found.friction == pytest.approx((0.25, 0.25, 0.9) * 6)
+
+
+def test_the_contract_has_the_joints_of_training() -> None:
+    """Identified where there is a value, the robot's own where there is null; the level overrides dry friction."""
+    spec = find_robot("saturn_lite")
+    values = {"armature": [0.02, None, None] * 6, "damping": [None, 0.3, None] * 6, "frictionloss": [0.9] * 18}
+    identified = {"file": "joints.json", "sha256": "0" * 64, "values": values}
+    cfg = TrainCfg(task=TaskCfg(friction=FrictionCfg(level=0.1)))
+    contract = contract_of(cfg, HEADER | {"identified": identified})
+    assert contract.armature == (0.02, spec.thigh.armature, spec.shank.armature) * 6
+    assert contract.damping == (spec.hip.damping, 0.3, spec.shank.damping) * 6
+    assert contract.friction == pytest.approx((2.5, 2.5, 4.5) * 6)
+
+
+def test_the_golden_vectors_are_those_of_torch(contract: Contract, tmp_path: Path) -> None:
+    """The network of the bundle is replayed against the module, not against itself: a tampered export must show."""
+    golden = export_policy(make_module(contract), contract, tmp_path / "toy").bundle.golden
+    actions = make_module(contract)(torch.from_numpy(golden.observation)).detach().clamp(-4.0, 4.0).numpy()
+    np.testing.assert_allclose(golden.action, actions, atol=1e-6)
+
+
+def test_an_export_that_changes_the_network_is_refused(
+    contract: Contract, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A converter that computes something else, here a thousandth more, must not pass the check."""
+    module = make_module(contract)
+    other = make_module(contract)
+    with torch.no_grad():
+        other[2].bias += 1e-3
+    network = export_network(other, contract.observation.size)
+    monkeypatch.setattr("stiction.transfer.export.export_network", lambda *_: network)
+    with pytest.raises(BundleError, match="replay differs"):
+        export_policy(module, contract, tmp_path / "toy")
+
+
+@pytest.mark.parametrize(("iteration", "summary"), [(None, False), (50, False), (50, True), (80, False)])
+def test_a_run_that_is_not_finished_is_refused(tmp_path: Path, iteration: int | None, summary: bool) -> None:
+    """A half-trained student walks badly and looks like a result."""
+    cfg = TrainCfg(student=StudentCfg(iterations=80))
+    run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
+    if iteration is not None:
+        save_checkpoint(run.checkpoints / f"student_{iteration:06d}.safetensors", {"iteration": iteration})
+    if summary:
+        (run.path / "summary.json").write_text("{}")
+    with pytest.raises(StictionError, match=f"stiction train --resume {run.path}"):
+        export_run(run.path, tmp_path / "bundle")
 
 
 def test_the_card_says_that_it_never_ran_on_a_robot() -> None:

@@ -9,12 +9,13 @@ import pytest
 from bundles import make_contract, make_network
 from stiction.deploy.check import check_bundle
 from stiction.deploy.observation import roll_pitch
+from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.locomotion.config import NoiseCfg
 from stiction.transfer.golden import record_golden
-from stiction.transfer.rollout import Rollout, _tilted, robot_of
+from stiction.transfer.rollout import Rollout, _tilted, friction_at, robot_of
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -24,8 +25,8 @@ QUIET = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 def make_rollout(contract: Contract, levels: list[float], seeds: list[int], **options) -> Rollout:
     """Return robots driven by a nearly silent network."""
     generators = [np.random.default_rng(seed) for seed in seeds]
-    model = make_network(contract, gain=0.001)
-    return Rollout(contract, model, robot_of(contract), np.array(levels), generators, **options)
+    policy = load_policy(contract, make_network(contract, gain=0.001), (len(levels),))
+    return Rollout(contract, policy, robot_of(contract), friction_at(contract, levels), generators, **options)
 
 
 @pytest.mark.parametrize("robot", ["saturn_lite", "go1"])
@@ -33,7 +34,7 @@ def test_recorded_golden_vectors_pass_the_check(tmp_path: Path, robot: str) -> N
     """What is recorded in physics, batched, must replay one step at a time without physics."""
     contract = make_contract(robot)
     model = make_network(contract)
-    golden = record_golden(contract, model, robot_of(contract))
+    golden = record_golden(contract, load_policy(contract, model, (1,)), robot_of(contract))
     check = check_bundle(write_bundle(tmp_path / robot, contract, model, golden, ""))
     assert check.steps >= 500
     assert golden.reset.sum() >= 3
@@ -52,6 +53,29 @@ def test_the_fleet_has_the_bundles_joints(contract: Contract) -> None:
     fleet.simulation.step(1)
     expected = 80.0 * (fleet.targets - before[0]) - 1.0 * before[1]
     np.testing.assert_allclose(fleet.torque, expected, atol=1e-6)
+
+
+def test_the_fleet_has_the_contracts_inertia_and_viscous_friction() -> None:
+    """Not the robot's: a run may have trained on identified joints."""
+    fleet = make_rollout(make_contract(armature=(0.05,) * 18, damping=(0.7,) * 18), [0.0, 0.2], [0]).fleet
+    assert (fleet.armature == 0.05).all()
+    assert (fleet.damping == 0.7).all()
+    assert fleet.stale_constants(1) < 1e-9
+
+
+def test_a_delayed_target_arrives_late(contract: Contract) -> None:
+    """10 ms are two physics steps of 5 ms; 40 ms is all that the model holds."""
+    late = make_rollout(contract, [0.0], [0], action_delay=0.010).fleet
+    late.reset(np.array([0]))
+    late.set_targets(late.standing + 0.3)
+    torques = []
+    for _ in range(3):
+        late.simulation.step(1)
+        torques.append(np.abs(late.torque).max())
+    assert max(torques[:2]) < 5.0 < torques[2]
+    make_rollout(contract, [0.0], [0], action_delay=0.04)
+    with pytest.raises(StictionError, match=r"0 to 0\.04 s"):
+        make_rollout(contract, [0.0], [0], action_delay=0.041)
 
 
 def test_robots_that_share_a_generator_meet_the_same_noise(contract: Contract) -> None:

@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bundles import make_contract
 from stiction.deploy.observation import ObservationBuilder, Sensors
-from stiction.deploy.policy import Network
+from stiction.deploy.policy import Network, load_policy
 from stiction.locomotion.config import NoiseCfg, TaskCfg
 from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
 
@@ -18,7 +19,7 @@ SILENT = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 
 @pytest.mark.parametrize("robot", ["saturn_lite", "go1"])
 def test_the_runtime_builds_the_observation_of_training(robot: str) -> None:
-    """Golden vectors are recorded with the runtime's builder; here it meets the one that the policy was trained on."""
+    """Also for what golden vectors do not reach: the environment's own resets and commands."""
     from stiction.locomotion.env import LocomotionEnv
 
     env = LocomotionEnv(TaskCfg(robot=robot, noise=SILENT, episode=0.5), num_envs=4, seed=1)
@@ -61,3 +62,35 @@ def test_a_run_trained_exported_and_checked(tmp_path: Path) -> None:
     expected = load_student(run)(torch.from_numpy(observation)).detach().numpy()
     network = Network(check.bundle.policy, contract.observation.size, contract.num_joints)
     np.testing.assert_allclose(network(observation), expected, atol=1e-5)
+
+
+def test_robots_start_as_in_training() -> None:
+    """The half-width of the initial angles stands twice, since one of the modules must not need torch."""
+    from stiction.locomotion.env import RESET_NOISE
+    from stiction.transfer.rollout import INITIAL_ANGLE
+
+    assert RESET_NOISE[0] == INITIAL_ANGLE
+
+
+def test_the_twin_forgets_a_robot_that_is_reset() -> None:
+    """Over resets of one robot of two, history and last action agree with the runtime's."""
+    from stiction.transfer.export import export_network
+    from stiction.transfer.twin import TrainedPolicy
+
+    contract = make_contract()
+    module = torch.nn.Linear(contract.observation.size, contract.num_joints)
+    model = export_network(module, contract.observation.size)
+    twins = TrainedPolicy(module, contract, 2), load_policy(contract, model, (2,))
+    generator = np.random.default_rng(0)
+    for step in range(30):
+        quaternion = np.array([1.0, 0.0, 0.0, 0.0]) + 0.2 * generator.standard_normal((2, 4))
+        quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+        rates, joints = generator.standard_normal((2, 3)), generator.standard_normal((2, 2, contract.num_joints))
+        sensors = Sensors(quaternion, rates, joints[0], joints[1])
+        command = generator.uniform(-0.5, 0.5, (2, 3))
+        trained, deployed = (twin.step(sensors, command) for twin in twins)
+        for name in ("observation", "action", "target"):
+            np.testing.assert_allclose(getattr(trained, name), getattr(deployed, name), atol=1e-5)
+        if step % 7 == 6:
+            for twin in twins:
+                twin.reset(np.array([False, True]))

@@ -22,7 +22,7 @@ SCHEMA_VERSION = 1
 LARGEST = 1e9
 """Bound of every number: JSON allows 1e999 and integers of any length."""
 
-PER_JOINT = ("kp", "kd", "standing", "lower", "upper", "torque_limit")
+PER_JOINT = ("kp", "kd", "standing", "lower", "upper", "torque_limit", "armature", "damping", "friction")
 """Fields with one number per joint, in the order of `joint_names`."""
 
 METHODS = {
@@ -81,6 +81,12 @@ class Contract:
     """Upper joint limits [rad]."""
     torque_limit: tuple[float, ...]
     """Largest torques of the motors [N m]."""
+    armature: tuple[float, ...]
+    """Nominal inertias of the rotors, at the joint, that training varied [kg m²]."""
+    damping: tuple[float, ...]
+    """Nominal viscous friction that training varied [N m s/rad]."""
+    friction: tuple[float, ...]
+    """Nominal dry friction that training varied [N m]; `friction_level` is its mean share of `torque_limit`."""
     observation: ObservationLayout
     """Terms, scales, clips and history of the network's input."""
     action_scale: float
@@ -204,9 +210,14 @@ def _check_joints(contract: Contract) -> None:
         _expect(all(map(_is_number, values)), field, values, "finite numbers")
     for name, lower, standing, upper in zip(names, contract.lower, contract.standing, contract.upper, strict=True):
         _expect(lower < standing < upper, "standing", f"{standing} at {name}", f"an angle within ({lower}, {upper})")
-    for field in ("kp", "torque_limit"):
+    for field in ("kp", "torque_limit", "armature"):
         _expect(min(getattr(contract, field)) > 0, field, getattr(contract, field), "positive numbers")
-    _expect(min(contract.kd) >= 0, "kd", contract.kd, "numbers >= 0")
+    for field in ("kd", "damping", "friction"):
+        _expect(min(getattr(contract, field)) >= 0, field, getattr(contract, field), "numbers >= 0")
+    shares = [bound / limit for bound, limit in zip(contract.friction, contract.torque_limit, strict=True)]
+    mean = sum(shares) / len(shares)
+    agrees = math.isclose(mean, contract.friction_level, rel_tol=1e-6, abs_tol=1e-9)
+    _expect(agrees, "friction_level", contract.friction_level, f"{mean:g}, the mean of 'friction' over 'torque_limit'")
 
 
 def _check_observation(layout: ObservationLayout, num_joints: int) -> None:

@@ -1,6 +1,8 @@
 """Golden vectors: recorded sensors and what the policy made of them, so that any runtime can be held to them.
 
-They also hold the SHA-256 of the bundle's other files, so that a contract or a card edited afterwards no longer fits.
+`export` records them with the policy as training computes it, in torch; `verify` and robots replay them with NumPy and
+onnxruntime. They also hold the SHA-256 of the bundle's other files, so that a contract or a card edited afterwards no
+longer fits.
 """
 
 from __future__ import annotations

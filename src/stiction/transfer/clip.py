@@ -14,10 +14,11 @@ from pathlib import Path
 import numpy as np
 
 from stiction.deploy.check import check_bundle
+from stiction.deploy.policy import load_policy
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
 from stiction.transfer.command import parse_command
-from stiction.transfer.rollout import Rollout, robot_of
+from stiction.transfer.rollout import Rollout, friction_at, robot_of
 
 WIDTH, HEIGHT = 320, 240
 """Size of a frame [pixels]."""
@@ -93,7 +94,9 @@ def _render(bundle: Path, level: float, command: str, out: Path, seconds: float)
 
     loaded = check_bundle(bundle).bundle
     noise = seed_streams(0, ["clip"])["clip"]
-    rollout = Rollout(loaded.contract, loaded.policy, robot_of(loaded.contract), np.array([level]), [noise])
+    contract = loaded.contract
+    policy, friction = load_policy(contract, loaded.policy, (1,)), friction_at(contract, np.array([level]))
+    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise])
     velocity = np.array([parse_command(command).velocity])
     model, _ = rollout.fleet.data(0)
     camera = mujoco.MjvCamera()

@@ -7,12 +7,14 @@ command, not by luck.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 
+from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
@@ -20,7 +22,7 @@ from stiction.formats.results import ResultRow
 from stiction.locomotion.config import NoiseCfg
 from stiction.transfer.command import Command, parse_command
 from stiction.transfer.metrics import Metrics, Recording, measure
-from stiction.transfer.rollout import Rollout, robot_of
+from stiction.transfer.rollout import Rollout, friction_at, robot_of
 
 ENGINE, LAW, TERRAIN = "mujoco", "coulomb", "flat"
 """What is evaluated here, as it stands in results.csv."""
@@ -50,6 +52,8 @@ class EvaluationCfg:
     """Seed of initial states and sensor noise."""
     noise: NoiseCfg = field(default_factory=NoiseCfg)
     """Sensor noise, as in training."""
+    action_delay: float = 0.0
+    """Delay between target and motor [s], in whole physics steps; at most what the robot's model holds."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be evaluated."""
@@ -68,6 +72,8 @@ class EvaluationCfg:
                 f"{self.episodes} episodes of {self.seconds} s, {self.settle} s of it to settle; "
                 "expected at least one episode, at least 1 s measured, and at most an hour"
             )
+        if not 0.0 <= self.action_delay < math.inf:
+            raise StictionError(f"action delay {self.action_delay} s; expected a time of 0 s or more")
         if self.num_robots * self.seconds > MAX_ROBOT_SECONDS:
             raise StictionError(
                 f"{self.num_robots} robots at once for {self.seconds:g} s each are more than {MAX_ROBOT_SECONDS:g} "
@@ -81,6 +87,17 @@ class EvaluationCfg:
         return tuple(parse_command(text) for text in self.commands)
 
     @property
+    def conditions(self) -> dict[str, float]:
+        """What evaluation holds fixed and training randomises: delay, encoder offset, ground, pushes, payload."""
+        return {
+            "action_delay": self.action_delay,
+            "encoder_offset": 0.0,
+            "ground_friction": 1.0,
+            "push_velocity": 0.0,
+            "payload": 0.0,
+        }
+
+    @property
     def num_robots(self) -> int:
         """Robots in the batch."""
         return len(self.friction_levels) * len(self.commands) * self.episodes
@@ -92,14 +109,17 @@ class Evaluation:
 
     rows: tuple[ResultRow, ...]
     """One row per level and command."""
-    group_shares: tuple[tuple[float, float] | None, ...]
-    """Of each row, the shares of moving steps on exactly contact group 0 and exactly group 1 [-]."""
+    metrics: tuple[Metrics, ...]
+    """Of each row, all that was measured."""
     blown_up: int
     """Simulations that became unstable; each counts as a fall."""
 
     def details(self) -> list[dict[str, Any]]:
-        """Return the rows with their group shares as plain data."""
-        return [asdict(row) | {"group_share": share} for row, share in zip(self.rows, self.group_shares, strict=True)]
+        """Return the rows as plain data, with `group_share` and `moving_share`, which results.csv has no column for."""
+        return [
+            asdict(row) | {"group_share": metrics.group_share, "moving_share": metrics.moving_share}
+            for row, metrics in zip(self.rows, self.metrics, strict=True)
+        ]
 
 
 def evaluate_bundle(
@@ -119,25 +139,36 @@ def evaluate_bundle(
         progress: called with the share that is done [-].
 
     Raises:
-        StictionError: the bundle does not fit the robot.
+        StictionError: the bundle does not fit the robot, or the delay is longer than its model holds.
 
     """
-    spec = robot_of(bundle.contract, robot)
+    contract = bundle.contract
+    spec = robot_of(contract, robot)
     commands = cfg.parsed_commands
     level = np.repeat(cfg.friction_levels, len(commands) * cfg.episodes)
     velocity = np.tile(np.repeat([c.velocity for c in commands], cfg.episodes, axis=0), (len(cfg.friction_levels), 1))
     streams = seed_streams(cfg.seed, [f"episode {number}" for number in range(cfg.episodes)])
-    rollout = Rollout(bundle.contract, bundle.policy, spec, level, list(streams.values()), threads, cfg.noise)
-    recording, blown_up = _record(rollout, velocity, round(cfg.seconds / bundle.contract.control_period), progress)
-    first = round(cfg.settle / bundle.contract.control_period)
-    rows, shares = [], []
+    rollout = Rollout(
+        contract,
+        load_policy(contract, bundle.policy, (cfg.num_robots,)),
+        spec,
+        friction_at(contract, level),
+        list(streams.values()),
+        threads,
+        cfg.noise,
+        cfg.action_delay,
+    )
+    recording, blown_up = _record(rollout, velocity, round(cfg.seconds / contract.control_period), progress)
+    first = round(cfg.settle / contract.control_period)
+    weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
+    rows, measured = [], []
     for index in range(len(cfg.friction_levels) * len(commands)):
         part = recording.of(slice(index * cfg.episodes, (index + 1) * cfg.episodes), first)
         command = commands[index % len(commands)]
-        metrics = measure(part, command, spec.groups(), spec.mass)
+        metrics = measure(part, command, spec.groups(), weight)
         rows.append(_row(bundle, cfg, cfg.friction_levels[index // len(commands)], command, metrics))
-        shares.append(metrics.group_share)
-    return Evaluation(tuple(rows), tuple(shares), blown_up)
+        measured.append(metrics)
+    return Evaluation(tuple(rows), tuple(measured), blown_up)
 
 
 def _record(

@@ -1,4 +1,4 @@
-"""Turns a trained student into a policy bundle. The only module of this room that needs torch and onnx."""
+"""Turns a trained student into a policy bundle. Needs torch and onnx."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.observation import proprioception
 from stiction.robots.catalog import find_robot
-from stiction.robots.spec import RobotSpec
 from stiction.transfer.card import write_card
 from stiction.transfer.golden import record_golden
 
@@ -40,14 +39,22 @@ def export_run(run: Path, out: Path) -> BundleCheck:
     """Export the student of a training run, write its bundle, and check what was written.
 
     Raises:
-        StictionError: not a finished run, or `out` exists already.
+        StictionError: not a run, a run that is not finished, or `out` exists already.
 
     """
+    from stiction.rma.checkpoint import latest_checkpoint
     from stiction.rma.run import RunDirectory
     from stiction.rma.runner import load_student
 
     directory = RunDirectory(run)
     header, cfg = directory.header(), directory.config()
+    newest = latest_checkpoint(directory.checkpoints, "student")
+    iteration = int(newest.stem.rpartition("_")[2]) if newest else 0
+    if iteration != cfg.student.iterations or not (run / "summary.json").is_file():
+        raise StictionError(
+            f"{run} is not finished, its student stands at iteration {iteration} of {cfg.student.iterations}; "
+            f"finish it with `stiction train --resume {run}`"
+        )
     return export_policy(load_student(directory), contract_of(cfg, header), out)
 
 
@@ -59,9 +66,16 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         header: `command`, `revision` and `identified` of the run, as in its config.json.
 
     """
+    from stiction.locomotion.randomization import nominal_joints
+    from stiction.sim.fleet import Fleet
+
     task = cfg.task
     spec, identified = find_robot(task.robot), header["identified"]
-    nominal = _nominal_level(task.friction.level, spec, identified)
+    found = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
+    joints = nominal_joints(Fleet(spec, 1), task.friction, found)
+    level = task.friction.level
+    if level is None:
+        level = float((joints.frictionloss / spec.joint_values("torque_limit")).mean())
     low, high = task.friction.range
     return Contract(
         robot=task.robot,
@@ -69,8 +83,8 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         method=task.friction.method,
         seed=cfg.seed,
         friction_law=task.friction.law,
-        friction_level=nominal,
-        friction_range=(low * nominal, high * nominal),
+        friction_level=level,
+        friction_range=(low * level, high * level),
         joint_names=spec.joint_names,
         control_period=task.control_period,
         decimation=task.decimation,
@@ -81,6 +95,9 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         lower=tuple(spec.joint_values("lower").tolist()),
         upper=tuple(spec.joint_values("upper").tolist()),
         torque_limit=tuple(spec.joint_values("torque_limit").tolist()),
+        armature=tuple(joints.armature.tolist()),
+        damping=tuple(joints.damping.tolist()),
+        friction=tuple(joints.frictionloss.tolist()),
         observation=proprioception(spec.num_joints),
         action_scale=spec.action_scale,
         action_clip=task.action_clip,
@@ -91,7 +108,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
 
 
 def export_policy(module: torch.nn.Module, contract: Contract, out: Path) -> BundleCheck:
-    """Write the bundle of a network and check it.
+    """Write the bundle of a network and check it: what onnxruntime and NumPy compute against what torch computed.
 
     Args:
         module: observations (N, size), float32 -> actions (N, J).
@@ -102,10 +119,12 @@ def export_policy(module: torch.nn.Module, contract: Contract, out: Path) -> Bun
         StictionError: `out` exists already, the robot is unknown, or what was written does not pass its own check.
 
     """
+    from stiction.transfer.twin import TrainedPolicy
+
     if out.exists():
         raise BundleError(f"{out} exists already; choose another --out or remove it")
     model = export_network(module, contract.observation.size)
-    golden = record_golden(contract, model, find_robot(contract.robot), contract.seed)
+    golden = record_golden(contract, TrainedPolicy(module, contract), find_robot(contract.robot), contract.seed)
     return check_bundle(write_bundle(out, contract, model, golden, write_card(contract)))
 
 
@@ -156,17 +175,6 @@ def _strip(model: Any) -> None:
         part.ClearField("metadata_props")
         part.ClearField("doc_string")
     graph.ClearField("value_info")
-
-
-def _nominal_level(level: float | None, spec: RobotSpec, identified: dict[str, Any] | None) -> float:
-    """Return a run's nominal friction [-]: its level, else what was identified or measured, a mean over joints."""
-    if level is not None:
-        return level
-    measured = spec.joint_values("frictionloss")
-    if identified is not None:
-        found = np.array(identified["values"]["frictionloss"], dtype=np.float64)  # null, not identified, becomes NaN
-        measured = np.where(np.isnan(found), measured, found)
-    return float((measured / spec.joint_values("torque_limit")).mean())
 
 
 def _without_folders(command: str) -> str:

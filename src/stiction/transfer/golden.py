@@ -1,4 +1,7 @@
-"""Records golden vectors: one robot in MuJoCo, with noise, friction, resets and changing commands."""
+"""Records golden vectors: one robot in MuJoCo, with noise, friction, resets and changing commands.
+
+`export` drives it with the policy as training computes it, so that a replay by the runtime compares the two.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from stiction.formats.contract import Contract
 from stiction.formats.golden import Golden
 from stiction.formats.reproducibility import seed_streams
 from stiction.robots.spec import RobotSpec
-from stiction.transfer.rollout import Moment, Rollout
+from stiction.transfer.rollout import Driver, Moment, Rollout
 
 STEPS = 600
 """Recorded steps: 12 s at 50 Hz."""
@@ -20,18 +23,18 @@ COMMAND_BOUND = (0.6, 0.3, 0.6)
 """Half-widths of the random commands: forward, sideways [m/s], turn [rad/s]."""
 
 
-def record_golden(contract: Contract, model: bytes, spec: RobotSpec, seed: int = 0) -> Golden:
-    """Drive one robot at the contract's friction level and return what it measured and what the policy made of it.
+def record_golden(contract: Contract, policy: Driver, spec: RobotSpec, seed: int = 0) -> Golden:
+    """Drive one robot with the contract's nominal joints and return what it measured and what the policy made of it.
 
     Args:
         contract: what the policy expects.
-        model: the network, ONNX.
+        policy: what drives it, a batch of one, `TrainedPolicy` for a bundle to be shipped.
         spec: the robot.
         seed: seed of noise, initial states and commands.
 
     """
     streams = seed_streams(seed, ["golden noise", "golden commands"])
-    rollout = Rollout(contract, model, spec, np.array([contract.friction_level]), [streams["golden noise"]])
+    rollout = Rollout(contract, policy, spec, contract.array("friction")[None], [streams["golden noise"]])
     bound = np.array(COMMAND_BOUND)
     moments: list[Moment] = []
     resets, commands = np.zeros(STEPS, dtype=bool), np.zeros((STEPS, 3))

@@ -12,9 +12,6 @@ import numpy as np
 
 from stiction.transfer.command import Command
 
-GRAVITY = 9.81
-"""Gravity [m/s²]."""
-
 WINDOW = 1.0
 """Velocity is averaged over windows of this length before it is compared with the command [s]: a gait's own sway within
 a stride is not an error."""
@@ -66,30 +63,34 @@ class Metrics:
     flight_share: float | None
     group_share: tuple[float, float] | None
     """Share of moving steps in which exactly contact group 0, and exactly group 1, is on the ground [-]."""
+    moving_share: float | None
+    """Share of all steps that are moving ones, what the shares above are of [-]; None where no motion is commanded."""
 
 
-def measure(recording: Recording, command: Command, groups: np.ndarray, mass: float) -> Metrics:
+def measure(recording: Recording, command: Command, groups: np.ndarray, weight: float) -> Metrics:
     """Return the metrics of one row, over all its episodes.
 
     Args:
         recording: the measured part of the episodes, after settling.
         command: what was commanded.
         groups: contact group (0 or 1) of each foot, shape (L,).
-        mass: mass of the robot [kg].
+        weight: weight of the robot [N].
 
     """
     distance = displacement(recording)
-    flight, first, second = gait_shares(recording, command, groups)
+    moving = moving_steps(recording, command)
+    flight, first, second = gait_shares(recording, moving, groups)
     return Metrics(
         speed_ratio=speed_ratio(recording, command),
         tracking_error=tracking_error(recording, command),
         fall_rate=float(1.0 - recording.upright[-1].mean()),
         distance=distance,
-        cost_of_transport=cost_of_transport(recording, distance, mass),
+        cost_of_transport=cost_of_transport(recording, distance, weight),
         joint_jitter=joint_jitter(recording),
         tripod_share=None if first is None or second is None else first + second,
         flight_share=flight,
         group_share=None if first is None or second is None else (first, second),
+        moving_share=None if moving is None else float(moving.mean()),
     )
 
 
@@ -123,12 +124,12 @@ def displacement(recording: Recording) -> float:
     return float(np.linalg.norm(end - recording.position[0], axis=-1).mean())
 
 
-def cost_of_transport(recording: Recording, distance: float, mass: float) -> float | None:
+def cost_of_transport(recording: Recording, distance: float, weight: float) -> float | None:
     """Return the mechanical energy over weight times displacement, means over episodes [-]; None if it got nowhere."""
     if distance < SHORTEST_DISTANCE:
         return None
     energy = (recording.power * recording.upright).sum(axis=0).mean() * recording.period
-    return float(energy / (mass * GRAVITY * distance))
+    return float(energy / (weight * distance))
 
 
 def joint_jitter(recording: Recording) -> float:
@@ -138,20 +139,23 @@ def joint_jitter(recording: Recording) -> float:
     return float(np.sqrt(recording.square_acceleration[recording.upright].mean()))
 
 
+def moving_steps(recording: Recording, command: Command) -> np.ndarray | None:
+    """Return which steps are moving ones (see `MOVING_SPEED`), bool, shape (T, N); None where none is commanded."""
+    if command.direction is None:
+        return None
+    velocity = recording.velocity
+    speed = np.abs(velocity[..., 2]) if command.is_turn else np.hypot(velocity[..., 0], velocity[..., 1])
+    return recording.upright & (speed > MOVING_SPEED)
+
+
 def gait_shares(
-    recording: Recording, command: Command, groups: np.ndarray
+    recording: Recording, moving: np.ndarray | None, groups: np.ndarray
 ) -> tuple[float | None, float | None, float | None]:
     """Return the shares of moving steps in flight, on exactly group 0, on exactly group 1; None without moving steps.
 
     The feet on the ground must equal the group as a set, as in r_trot of the paper.
     """
-    if command.direction is None:
-        return None, None, None
-    speed = (
-        np.abs(recording.velocity[..., 2]) if command.is_turn else np.hypot(*np.moveaxis(recording.velocity, -1, 0)[:2])
-    )
-    moving = recording.upright & (speed > MOVING_SPEED)
-    if not moving.any():
+    if moving is None or not moving.any():
         return None, None, None
     contact = recording.contact[moving]
     sets = [np.zeros(len(groups), dtype=bool), groups == 0, groups == 1]

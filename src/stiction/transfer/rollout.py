@@ -7,20 +7,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from stiction.deploy.observation import Sensors
-from stiction.deploy.policy import PolicyStep, load_policy
+from stiction.deploy.policy import PolicyStep
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.catalog import find_robot
-from stiction.robots.spec import RobotSpec
+from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 from stiction.sim.fleet import Fleet
 
 INITIAL_ANGLE = 0.1
-"""Half-width of the initial joint angles about the standing pose [rad], as in training."""
+"""Half-width of the initial joint angles about the standing pose [rad], as in training: the first entry of
+`locomotion.env.RESET_NOISE`, a module that needs torch. A test compares the two."""
+
+
+class Driver(Protocol):
+    """What turns sensors into joint targets for N robots: the deployed policy, or its twin in torch."""
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the history and the last action of the robots in `mask`, bool, shape (N,)."""
+
+    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Advance by one control period under the commands, shape (N, 3)."""
 
 
 @dataclass(frozen=True)
@@ -60,37 +72,54 @@ def robot_of(contract: Contract, robot: str | None = None) -> RobotSpec:
     return spec
 
 
+def friction_at(contract: Contract, level: np.ndarray) -> np.ndarray:
+    """Return the dry friction of every joint [N m], shape (N, J), at levels, fractions of the torque limit, (N,)."""
+    return np.asarray(level)[:, None] * contract.array("torque_limit")
+
+
 class Rollout:
-    """N robots on flat ground with the bundle's gains, each driven by its own copy of the policy."""
+    """N robots on flat ground with the gains, inertias and viscous friction of the contract, driven by one policy."""
 
     def __init__(
         self,
         contract: Contract,
-        model: bytes,
+        policy: Driver,
         spec: RobotSpec,
-        friction_level: np.ndarray,
+        friction: np.ndarray,
         generators: Sequence[np.random.Generator],
         threads: int = 1,
         noise: NoiseCfg | None = None,
+        action_delay: float = 0.0,
     ) -> None:
         """Put the robots into their standing pose.
 
         Args:
             contract: what the policy expects.
-            model: the network, ONNX.
+            policy: what drives the robots, its batch (N,).
             spec: the robot, as from `robot_of`.
-            friction_level: dry friction of each robot as a fraction of its torque limits [-], shape (N,).
+            friction: dry friction of each robot's joints [N m], shape (N, J); see `friction_at`.
             generators: sources of noise; robot i uses number i modulo their count, so that robots that share one
                 meet the same noise.
             threads: threads of the simulator.
             noise: sensor noise, by default as in training.
+            action_delay: delay between target and motor [s], in whole physics steps as in training.
+
+        Raises:
+            StictionError: the delay is longer than the model holds.
 
         """
-        num = len(friction_level)
+        num = len(friction)
+        longest = DELAY_SAMPLES * contract.physics_timestep
+        if not 0.0 <= action_delay <= longest:
+            raise StictionError(f"action delay {action_delay} s; expected 0 to {longest:g} s, what the model holds")
         self.fleet = Fleet(spec, num, contract.physics_timestep, contract.decimation, threads)
         self.fleet.set_gains(contract.array("kp"), contract.array("kd"))
-        self.fleet.friction[:] = np.asarray(friction_level)[:, None] * contract.array("torque_limit")
-        self._policy = load_policy(contract, model, (num,))
+        self.fleet.friction[:] = friction
+        self.fleet.damping[:] = contract.array("damping")
+        self.fleet.armature[:] = contract.array("armature")
+        self.fleet.delay[:] = round(action_delay / contract.physics_timestep) * contract.physics_timestep
+        self.fleet.set_const(np.arange(num))
+        self._policy = policy
         self._contract = contract
         self._noise = noise or NoiseCfg()
         self._generators = generators

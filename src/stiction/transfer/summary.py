@@ -47,6 +47,7 @@ def evaluate_all(
         policies[bundle.name] = describe(bundle) | {"blown_up": evaluation.blown_up}
     summary = {
         "evaluation": asdict(cfg),
+        "conditions": cfg.conditions,
         "robot": robot,
         "seconds": time.perf_counter() - start,
         "revision": git_revision(),
