@@ -4,9 +4,11 @@ import dataclasses
 
 import numpy as np
 import pytest
+import torch
 
 from stiction.locomotion import audit
 from stiction.locomotion.config import FrictionCfg, RandomizationCfg, TaskCfg
+from stiction.locomotion.randomization import Randomizer
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
 
@@ -24,45 +26,106 @@ def test_every_randomised_parameter_acts_as_its_formula_says(robot: str) -> None
     assert [(row.parameter, row.quantity, row.share) for row in rows if not row.ok] == []
 
 
+TASK = TaskCfg(robot="go1", friction=FrictionCfg(level=0.1))
+
+
+def failed(rows: list[audit.AuditRow]) -> dict[str, str]:
+    """Parameters that did not pass, and why."""
+    return {row.parameter: row.verdict for row in rows if not row.ok}
+
+
+def mutate(monkeypatch: pytest.MonkeyPatch, field: str, columns: slice | int) -> None:
+    """Let `Randomizer.apply` forget some columns of one draw: they stay nominal."""
+    whole = Randomizer.apply
+
+    def apply(self: Randomizer, ids: torch.Tensor) -> None:
+        kept = getattr(self.draws, field).clone()
+        nominal = 1.0 if kept.max() > 0.5 else 0.0
+        getattr(self.draws, field)[:, columns] = nominal
+        whole(self, ids)
+        setattr(self.draws, field, kept)
+
+    monkeypatch.setattr(Randomizer, "apply", apply)
+
+
 def test_a_multiplier_of_zero_is_caught() -> None:
     """A robot whose nominal damping is zero: the multiplier changes nothing, and the formula knows it."""
     go1 = find_robot("go1")
     joints = {kind: dataclasses.replace(getattr(go1, kind), damping=0.0) for kind in ("hip", "thigh", "shank")}
-    bench = audit.Bench(dataclasses.replace(go1, **joints), RandomizationCfg(), 0.1)
-    bad = [row.parameter for row in audit.audit_joints(bench) if not row.ok]
-    assert bad == ["damping"]
+    rows = audit.audit_joints(audit.Stand(dataclasses.replace(go1, **joints), TASK))
+    assert list(failed(rows)) == ["damping"] and "CANNOT ACT" in failed(rows)["damping"]
 
 
 def test_a_value_that_never_reaches_the_simulator_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gains that are drawn and shown to the critic, but not written."""
     monkeypatch.setattr(Fleet, "set_gains", lambda *_: None)
-    rows = audit.audit_joints(audit.Bench(find_robot("go1"), RandomizationCfg(), 0.1))
-    bad = {row.parameter: row.verdict for row in rows if not row.ok}
-    assert bad == {"stiffness": "DOES NOTHING", "motor_strength": "DOES NOTHING"}
+    rows = audit.audit_joints(audit.Stand(find_robot("go1"), TASK))
+    assert failed(rows) == {"stiffness": "DOES NOTHING", "motor_strength": "DOES NOTHING"}
+
+
+@pytest.mark.parametrize(
+    ("field", "columns"), [("armature", 4), ("friction", 0), ("motor_strength", slice(2, None, 3)), ("damping", 11)]
+)
+def test_one_dead_joint_is_caught(monkeypatch: pytest.MonkeyPatch, field: str, columns: slice | int) -> None:
+    """Pooled over all joints, one that does not react would pass."""
+    mutate(monkeypatch, field, columns)
+    rows = audit.audit_joints(audit.Stand(find_robot("go1"), TASK))
+    assert list(failed(rows)) == [field]
+
+
+def test_a_delay_that_never_reaches_the_motor_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Drawn, but zero in the model."""
+    mutate(monkeypatch, "action_delay", 0)
+    assert list(failed(audit.audit_joints(audit.Stand(find_robot("go1"), TASK)))) == ["action_delay"]
+
+
+@pytest.mark.parametrize(("axis", "name"), list(enumerate("xyz")))
+def test_a_centre_of_mass_that_does_not_move_is_caught(monkeypatch: pytest.MonkeyPatch, axis: int, name: str) -> None:
+    """Each axis on its own."""
+    mutate(monkeypatch, "center_of_mass", axis)
+    rows = audit.audit_body(audit.Stand(find_robot("go1"), TASK))
+    assert [row.quantity for row in rows if not row.ok] == [f"centre of pressure, {name}"]
+
+
+def test_an_encoder_offset_that_the_controller_does_not_see_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The observation alone is not enough: the joint is held where the encoder says."""
+    whole = Fleet.set_targets
+    standing = find_robot("go1").joint_values("standing")
+    monkeypatch.setattr(Fleet, "set_targets", lambda fleet, targets: whole(fleet, np.tile(standing, (len(targets), 1))))
+    rows = audit.audit_env(TASK)
+    assert [row.quantity for row in rows if not row.ok] == ["angle held by the controller"]
+
+
+def test_a_push_that_does_not_push_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The interval passes, and nothing happens."""
+    monkeypatch.setattr(Fleet, "push", lambda *_: None)
+    assert list(failed(audit.audit_env(TASK))) == ["push_velocity"]
 
 
 def test_a_derived_constant_that_is_not_recomputed_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """Masses change, what MuJoCo derives from them does not."""
     monkeypatch.setattr(Fleet, "set_const", lambda *_: None)
-    rows = audit.audit_env(TaskCfg(robot="go1"))
-    assert "derived constants" in {row.parameter for row in rows if not row.ok}
+    assert "derived constants" in failed(audit.audit_env(TASK))
 
 
 def test_ground_friction_that_is_not_applied_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same for a contact parameter."""
     monkeypatch.setattr(Fleet, "set_ground_friction", lambda *_: None)
-    rows = audit.audit_body(audit.Bench(find_robot("go1"), RandomizationCfg(), 0.1))
-    assert [row.parameter for row in rows if not row.ok] == ["ground_friction"]
+    assert list(failed(audit.audit_body(audit.Stand(find_robot("go1"), TASK)))) == ["ground_friction"]
 
 
 def test_share_by_hand() -> None:
     """<measured, expected> / <expected, expected>: half the effect is 0.5, a formula without effect has no share."""
     assert audit.effect_share(np.array([1.0, 2.0]), np.array([2.0, 4.0])) == 0.5
     assert np.isnan(audit.effect_share(np.array([1.0]), np.array([0.0])))
+    assert audit.effect_share(np.array([[1.0], [0.2], [1.1]]), np.ones((3, 1))) == 0.2
 
 
-def test_parameters_that_a_literal_task_leaves_out_are_not_audited() -> None:
-    """Without delay and offset there is nothing to measure, and no row claims it."""
-    task = TaskCfg(robot="go1", randomization=RandomizationCfg.literal())
+def test_what_a_task_leaves_out_is_not_audited() -> None:
+    """Ranges of no width and no pushes: there is nothing to measure, and no row claims it."""
+    narrow = RandomizationCfg.literal()
+    narrow = dataclasses.replace(narrow, payload=(0.0, 0.0), center_of_mass=(0.0, 0.0), push_interval=0.0)
+    task = TaskCfg(robot="go1", randomization=narrow, friction=FrictionCfg("none"))
     names = {row.parameter for row in audit.check_randomization(task, find_robot("go1"))}
-    assert names == NAMES - {"action_delay", "encoder_offset"}
+    left_out = {"action_delay", "encoder_offset", "payload", "center_of_mass", "push_velocity", "friction"}
+    assert names == NAMES - left_out

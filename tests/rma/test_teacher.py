@@ -96,6 +96,13 @@ def test_ppo_and_the_supervised_losses_train_different_parameters(env: Locomotio
     assert not all(torch.equal(a, b) for a, b in zip(before, supervised, strict=True))
 
 
+def test_supervised_gradients_do_not_linger(env: LocomotionEnv, tmp_path) -> None:
+    """PPO clips the norm over the whole actor: gradients left behind would shrink its step, and only until a resume."""
+    runner = phase(env, tmp_path)
+    runner.iterate()
+    assert all(parameter.grad is None for parameter in runner.alg.actor.supervised_parameters())
+
+
 def test_storage_keeps_its_contents_after_clear(env: LocomotionEnv, tmp_path) -> None:
     """The second pass reads the rollout after PPO has cleared it: an accident of rsl_rl's that this pins."""
     runner = phase(env, tmp_path)

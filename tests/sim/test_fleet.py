@@ -45,15 +45,20 @@ def test_a_joint_loaded_below_its_friction_holds(robot: str, timestep: float) ->
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_a_joint_loaded_above_its_friction_moves_as_the_formula_says(robot: str) -> None:
-    """I q'' + B q' = 1.1 f - f: the speed after 50 ms is analytic."""
-    fleet = bench(robot)
+@pytest.mark.parametrize(("timestep", "tolerance"), [(0.005, 0.01), (0.01, 0.02)])
+def test_a_joint_loaded_above_its_friction_moves_as_the_formula_says(
+    robot: str, timestep: float, tolerance: float
+) -> None:
+    """I q'' + B q' = 1.1 f - f: speed and angle after 0.1 s are analytic. A step of 10 ms costs accuracy (1.3 %)."""
+    fleet = bench(robot, timestep)
     inertia = fleet.link_inertia() + fleet.spec.joint_values("armature")
     damping = fleet.spec.joint_values("damping")
-    drive = 0.1 * LEVEL * fleet.torque_limit
-    expected = drive / damping * (1 - np.exp(-damping / inertia * 0.05))
-    _, speed = load(fleet, 1.1, 0.05)
-    np.testing.assert_allclose(speed, expected, rtol=0.01)
+    final, decay = 0.1 * LEVEL * fleet.torque_limit / damping, np.exp(-damping / inertia * 0.1)
+    moved, speed = load(fleet, 1.1, 0.1)
+    np.testing.assert_allclose(speed, final * (1 - decay), rtol=tolerance)
+    # The integrator moves the angle with the speed at the end of each step: half a step ahead of the formula.
+    ahead = 0.5 * timestep * speed
+    np.testing.assert_allclose(moved - ahead, final * (0.1 - inertia / damping * (1 - decay)), rtol=tolerance)
 
 
 def test_friction_stops_a_moving_joint_and_does_not_turn_it_back() -> None:

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from stiction.formats.errors import StictionError
+from stiction.robots.spec import DELAY_SAMPLES
 
 FrictionMethod = Literal["none", "direct", "deception"]
 
@@ -17,6 +18,19 @@ FRICTION_RANGES: dict[str, tuple[float, float]] = {"none": (0.0, 0.0), "direct":
 `none` is conventional randomisation, the paper's Table II without its friction row. `direct` gives friction the range
 that the table gives every other joint parameter. `deception` is the table's row: only the lower end moves, to zero.
 """
+
+
+def check_spans(owner: object, lowest: dict[str, float]) -> None:
+    """Refuse ranges whose ends are the wrong way round or below what has a meaning.
+
+    `lowest`: field name -> smallest value allowed. Raises `StictionError` naming the field.
+    """
+    for name, least in lowest.items():
+        low, high = getattr(owner, name)
+        if not least <= low <= high:
+            raise StictionError(
+                f"{name} is the range [{low}, {high}]; expected a lower and an upper end, from {least} on"
+            )
 
 
 @dataclass(frozen=True)
@@ -72,6 +86,14 @@ class RandomizationCfg:
     encoder_offset: tuple[float, float] = (-0.02, 0.02)
     """Error of each joint's measured angle [rad]; the joint controller sees it too. Not in the paper's table."""
 
+    def __post_init__(self) -> None:
+        """Refuse multipliers that turn physics around."""
+        positive = dict.fromkeys(("armature", "stiffness", "motor_strength"), 1e-3)
+        free = dict.fromkeys(("payload", "center_of_mass", "encoder_offset"), float("-inf"))
+        check_spans(self, positive | dict.fromkeys(("damping", "ground_friction", "action_delay"), 0.0) | free)
+        if self.push_interval < 0 or self.push_velocity < 0:
+            raise StictionError(f"push every {self.push_interval} s with {self.push_velocity} m/s: expected at least 0")
+
     @classmethod
     def literal(cls) -> RandomizationCfg:
         """Return the paper's table and nothing else."""
@@ -108,6 +130,15 @@ class CommandCfg:
     """Time between new commands [s]."""
     moving_above: float = 0.1
     """A command is a moving one if its norm (m/s and rad/s alike) is above this."""
+
+    def __post_init__(self) -> None:
+        """Refuse commands that nobody could draw."""
+        check_spans(self, dict.fromkeys(("forward", "sideways", "turn"), float("-inf")))
+        if not 0 <= self.standing_share <= 1 or self.interval <= 0:
+            raise StictionError(
+                f"standing share {self.standing_share}, new commands every {self.interval} s: "
+                "expected a share in [0, 1] and a positive time"
+            )
 
 
 @dataclass(frozen=True)
@@ -166,6 +197,20 @@ class TaskCfg:
     rewards: RewardCfg = field(default_factory=RewardCfg)
     action_clip: float = 5.0
     """Bound of an action before scaling."""
+
+    def __post_init__(self) -> None:
+        """Refuse times that do not fit each other."""
+        if not 0 < self.timestep <= 0.02 or self.decimation < 1 or self.episode < self.control_period:
+            raise StictionError(
+                f"physics step {self.timestep} s, decimation {self.decimation}, episode {self.episode} s: "
+                "expected a step in (0, 0.02], a decimation of at least 1, an episode of a control period or more"
+            )
+        longest = DELAY_SAMPLES * self.timestep
+        if self.randomization.action_delay[1] > longest:
+            raise StictionError(
+                f"action delay up to {self.randomization.action_delay[1]} s: at steps of {self.timestep} s the "
+                f"model holds delays up to {longest:g} s; use a longer step or a shorter delay"
+            )
 
     @property
     def control_period(self) -> float:

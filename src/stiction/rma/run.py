@@ -31,7 +31,12 @@ class RunDirectory:
                 f"{path} holds a run already; resume it with --resume, or name another folder with --out"
             )
         run = cls(path)
-        run.checkpoints.mkdir(parents=True, exist_ok=True)
+        try:
+            run.checkpoints.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StictionError(
+                f"the run's folder {path} cannot be made: {error.strerror}; name another --out"
+            ) from error
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
         write_json(path / "config.json", header | {"config": to_plain(cfg)})
         return run
@@ -62,14 +67,19 @@ class RunDirectory:
         """Return the figures of every iteration so far."""
         return read_metrics(self.metrics)
 
-    def forget_after(self, phase: str, iteration: int) -> float:
-        """Drop the figures of iterations that will be run again; return the seconds spent on those that stay."""
+    def resume(self) -> None:
+        """Add the revision that continues the run to the one that began it, where they differ: `a1b2+c3d4`."""
+        header, revision = self.header(), git_revision()
+        if revision not in header["revision"].split("+"):
+            write_json(self.path / "config.json", header | {"revision": f"{header['revision']}+{revision}"})
+
+    def forget_after(self, phase: str, iteration: int) -> None:
+        """Drop the figures of iterations that will be run again, and a last line that a kill cut off."""
         order = {"teacher": 0, "student": 1}
         kept = [row for row in self.rows() if (order[row["phase"]], row["iteration"]) <= (order[phase], iteration)]
         temporary = self.metrics.with_suffix(".tmp")
         temporary.write_text("".join(json.dumps(row) + "\n" for row in kept))
         temporary.replace(self.metrics)
-        return sum(row["seconds"] for row in kept)
 
     def finish(self, figures: dict[str, Any]) -> None:
         """Write summary.json: the last figures, what made them, and where."""

@@ -7,6 +7,7 @@ import copy
 import io
 import math
 import time
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -165,7 +166,7 @@ class PhaseRunner(OnPolicyRunner):
         if bad:
             raise StictionError(
                 f"training diverged in iteration {it} of the {self.phase}: {', '.join(bad)} not finite; "
-                "resume from the last checkpoint with a smaller learning rate"
+                "train again in another folder with a smaller --teacher.learning-rate or --student.learning-rate"
             )
         self.run.log({"phase": self.phase, "iteration": it, **{k: round(v, 6) for k, v in figures.items()}})
         for name, value in figures.items():
@@ -179,6 +180,7 @@ class PhaseRunner(OnPolicyRunner):
             "algorithm": self.alg.save(),
             "environment": self.env.state(),
             "random": torch.get_rng_state(),
+            "threads": torch.get_num_threads(),
             "iteration": self.current_learning_iteration,
         }
         save_checkpoint(file, tree)
@@ -187,6 +189,12 @@ class PhaseRunner(OnPolicyRunner):
     def restore(self, path: Path) -> None:
         """Continue from a checkpoint of this phase."""
         tree = load_checkpoint(path)
+        if tree["threads"] != torch.get_num_threads():
+            warnings.warn(
+                f"{path.name} was written on {tree['threads']} threads and continues on {torch.get_num_threads()}: "
+                "the result will not be that of an uninterrupted run bit by bit",
+                stacklevel=2,
+            )
         self.alg.load(tree["algorithm"], None, True)
         self.env.load_state(tree["environment"])
         torch.set_rng_state(tree["random"])
@@ -204,18 +212,18 @@ def train(
     torch.set_num_threads(threads)
     torch.manual_seed(stream_seed(cfg.seed, "training"))
     env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads, identified)
+    teacher_checkpoint = latest_checkpoint(run.checkpoints, "teacher")
+    student_checkpoint = latest_checkpoint(run.checkpoints, "student")
     writer = SummaryWriter(str(run.path / "tensorboard"))
 
     def phase(name: str, rl_cfg: dict[str, Any], iterations: int) -> PhaseRunner:
         return PhaseRunner(name, env, run, rl_cfg, iterations, cfg.checkpoint_every, writer, progress)
 
     teacher = phase("teacher", teacher_cfg(cfg), cfg.teacher.iterations)
-    student_checkpoint = latest_checkpoint(run.checkpoints, "student")
-    teacher_checkpoint = latest_checkpoint(run.checkpoints, "teacher")
     if teacher_checkpoint is not None:
         teacher.restore(teacher_checkpoint)
-        if student_checkpoint is None:
-            run.forget_after("teacher", teacher.current_learning_iteration)
+    if student_checkpoint is None:
+        run.forget_after("teacher", teacher.current_learning_iteration)
     teacher.learn(init_at_random_ep_len=True)
 
     student = phase("student", student_cfg(cfg), cfg.student.iterations)

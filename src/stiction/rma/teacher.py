@@ -68,6 +68,8 @@ class TeacherPPO(PPO):
             self.adaptation_optimizer.step()
             total["adaptation"] += adaptation.item() / self.adaptation_batches
             total["estimator"] += estimator.item() / self.adaptation_batches
+        # PPO clips the gradient norm of the whole actor and clears only what it trains: leave nothing behind for it.
+        self.adaptation_optimizer.zero_grad()
         return total
 
     def save(self) -> dict:

@@ -31,8 +31,11 @@ def find_robot(name: str) -> RobotSpec:
         module_name = f"stiction.robots.{name}"
     try:
         module = importlib.import_module(module_name)
-    except ImportError as error:
-        raise StictionError(f"robot {name!r}: the module {module_name!r} cannot be imported: {error}") from error
+    except (ImportError, ValueError, TypeError) as error:
+        raise StictionError(
+            f"robot {name!r}: the module {module_name!r} cannot be imported: {error}; "
+            "install it, or name its folder in PYTHONPATH"
+        ) from error
     robot = getattr(module, variable or "ROBOT", None)
     if not isinstance(robot, RobotSpec):
         raise StictionError(f"robot {name!r}: {module_name}.{variable or 'ROBOT'} is not a RobotSpec")

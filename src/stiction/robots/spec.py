@@ -16,6 +16,10 @@ JOINTS_PER_LEG = 3
 """Hip abduction, thigh, shank."""
 
 
+DELAY_SAMPLES = 8
+"""Room for delayed controls in every robot's model, in physics steps."""
+
+
 @dataclass(frozen=True)
 class JointSpec:
     """One kind of joint; the same for every leg of a robot."""

@@ -6,13 +6,16 @@ that a policy meets the same joints in both.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 
 from stiction.formats.errors import StictionError
-from stiction.robots.build import DELAY_SAMPLES, build_model
-from stiction.robots.spec import RobotSpec
+from stiction.robots.build import build_model
+from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 from stiction.sim.native import NativeSimulation
+from stiction.sim.protocol import Simulation
 
 BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
@@ -40,7 +43,8 @@ class Fleet:
 
     All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
     `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass
-    after `set_const`). `torque` and `foot_force` lag one physics step, as sensors do.
+    after `set_const`). `torque` and `foot_force` lag one physics step, as sensors do; right
+    after a reset they are those of the standing pose, whatever joint angles the robot was given.
     """
 
     def __init__(
@@ -50,10 +54,12 @@ class Fleet:
         timestep: float = 0.005,
         decimation: int = 4,
         threads: int = 1,
+        backend: Callable[[mujoco.MjModel, int, int], Simulation] = NativeSimulation,
     ) -> None:
         """Build the robots in their standing pose, without dry friction.
 
-        `timestep`: physics step [s]; `decimation`: physics steps in one control period; `threads`: of the simulator.
+        `timestep`: physics step [s]; `decimation`: physics steps in one control period; `threads`: of the simulator;
+        `backend`: makes the batched simulation from model, number and threads.
         """
         if num_envs < 1 or decimation < 1 or not 0 < timestep <= 0.02:
             raise StictionError(
@@ -62,7 +68,7 @@ class Fleet:
             )
         self.spec, self.num_envs, self.timestep, self.decimation = spec, num_envs, timestep, decimation
         self.model = build_model(spec, timestep)
-        self.simulation = simulation = NativeSimulation(self.model, num_envs, threads)
+        self.simulation = simulation = backend(self.model, num_envs, threads)
         joints = slice(BASE_DOFS, None)
         self.qpos, self.qvel = simulation.bind("qpos"), simulation.bind("qvel")
         self.base_position = self.qpos[:, :3]
@@ -204,7 +210,7 @@ class Fleet:
 
     def stale_constants(self, env: int) -> float:
         """Return the largest relative error of the constants derived from masses and inertias."""
-        used, fresh = (self.simulation.batch.get_model(env) for _ in range(2))
+        used, fresh = (self.simulation.materialize(env)[0] for _ in range(2))
         mujoco.mj_setConst(fresh, mujoco.MjData(fresh))
         names = ("body_subtreemass", "body_invweight0", "dof_invweight0", "actuator_acc0")
         pairs = ((np.ravel(getattr(used, name)), np.ravel(getattr(fresh, name))) for name in names)
@@ -217,6 +223,6 @@ class Fleet:
 
     def data(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return one robot as a model and data of its own, positions computed, to render or inspect."""
-        model, data = self.simulation.batch.get_model(env), self.simulation.batch.get_data(env)
+        model, data = self.simulation.materialize(env)
         mujoco.mj_forward(model, data)
         return model, data

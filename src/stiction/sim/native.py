@@ -56,6 +56,10 @@ class NativeSimulation:
             bad |= ~(np.abs(field).sum(axis=1) < mujoco.mjMAXVAL)
         return np.flatnonzero(bad)
 
+    def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Return one simulation's model, with its own parameters, and its state; nothing derived is computed yet."""
+        return self.batch.get_model(env), self.batch.get_data(env)
+
     def state(self) -> dict[str, np.ndarray]:
         """Return a copy of everything the next step depends on, for a checkpoint."""
         return {name: self.bind(name).copy() for name in _STATE if self.bind(name).size}

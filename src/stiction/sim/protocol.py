@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -35,6 +35,18 @@ class Simulation(Protocol):
     def step(self, nstep: int) -> np.ndarray:
         """Advance every simulation by `nstep` physics steps; return the ids of those that blew up, ascending.
 
-        A simulation that blew up is left as it is, its counters cleared: the caller resets it. None is reset silently.
+        A simulation that blew up is left as it is: the caller resets it. None is reset silently.
         """
+        ...
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return a copy of everything the next step depends on, for a checkpoint."""
+        ...
+
+    def load_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restore what `state` returned."""
+        ...
+
+    def materialize(self, env: int) -> tuple[Any, Any]:
+        """Return one simulation as a MuJoCo model and data of its own, to render or to inspect."""
         ...
