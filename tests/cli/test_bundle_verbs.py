@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.formats.results import read_results
+from stiction.cli.terminal import print_rows
+from stiction.formats.results import ResultRow, read_results
 
 WITHOUT = """
 import sys
@@ -97,6 +98,21 @@ def test_evaluate_prints_a_table_and_where_the_report_is(
     out = capsys.readouterr().out
     assert "vx=-0.5" in out
     assert "report.html" in out
+
+
+def test_a_long_name_stays_on_one_line_of_a_narrow_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """A name folded over four lines cannot be copied, nor told from its neighbour."""
+    monkeypatch.setenv("COLUMNS", "60")
+    names = [f"saturn_lite-flat-{method}-20" for method in ("deception", "direct")]
+    numbers = 0.9, 0.1, 0.0, 4.0, None, None, 20.0, None, None, 8
+    identity = "none", 0, "mujoco", "coulomb", 0.2, "flat", "vx=0.5"
+    rows = [ResultRow(name, *identity, *numbers) for name in names]
+    print_rows(rows)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line for line in lines if "saturn" in line] == names
+    assert sum("vx=0.5" in line and "0.90" in line for line in lines) == 2
 
 
 def test_demo_runs_without_torch(bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

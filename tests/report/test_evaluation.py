@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 
 from stiction.formats.errors import StictionError
 from stiction.formats.results import ResultRow, read_results
-from stiction.report.evaluation import draw_budget, lead, make_folder, write_evaluation
+from stiction.report.evaluation import draw_budget, lead, make_folder, results_table, write_evaluation
 
 
 def make_row(policy: str, level: float, command: str, ratio: float | None, falls: float = 0.0) -> ResultRow:
@@ -30,11 +31,18 @@ ROWS = [
 SUMMARY = {
     "command": "stiction evaluate <b>plain</b>",
     "evaluation": {"episodes": 8, "noise": {}},
+    "conditions": {
+        "action_delay": 0.01,
+        "encoder_offset": 0.0,
+        "ground_friction": 1.0,
+        "push_velocity": 0.0,
+        "payload": 0.0,
+    },
     "policies": {"plain": {"method": "none", "seed": 0, "revision": "abc", "digest": "0" * 64, "command": "train"}},
     "revision": "abc",
     "seconds": 1.0,
     "machine": {"cpu": "a processor"},
-    "rows": [],
+    "rows": [asdict(row) | {"group_share": None, "moving_share": 0.37} for row in ROWS],
 }
 
 
@@ -51,6 +59,9 @@ def test_every_file_is_written_and_read_back(tmp_path: Path) -> None:
     assert 'src="http' not in html
     assert "0.95" in html
     assert "0" * 16 in html
+    assert html.count("37%") == len(ROWS)
+    assert "action delay 0.01 s, encoder offset 0 rad, ground friction 1, pushes of 0 m/s" in html
+    assert "while training randomises them" in html
 
 
 def test_the_lead_says_where_each_policy_follows() -> None:
@@ -73,3 +84,9 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(StictionError, match="--out"):
         make_folder(tmp_path / "file")
+
+
+def test_without_the_details_there_is_no_moving_column() -> None:
+    """A column of dashes would read as robots that never moved."""
+    assert ">moving</th>" not in results_table(ROWS)
+    assert ">moving</th>" in results_table(ROWS, SUMMARY["rows"])

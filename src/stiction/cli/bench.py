@@ -16,8 +16,9 @@ from stiction.formats.errors import StictionError
 DESCRIPTION = """Measure throughput side by side in one run, on all cores (or STICTION_THREADS).
 
 rollout_ratio: env-steps/s of the task, with observations, rewards, resets and randomisation, over the bare simulator
-that replays the same states, controls and per-robot parameters on the same threads. iteration_ratio: a whole teacher
-iteration, likewise. Also the deployed policy's step, and an identification."""
+that replays the same states and controls on the same threads, with the per-robot parameters that stand at the end of
+each block. iteration_ratio: a whole teacher iteration, likewise. Also the deployed policy's step, and an
+identification."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,14 @@ def main(arguments: list[str]) -> int:
     note.print("deployed policy and identification ...")
     summary = {
         **timing.summary(),
+        "measured": {
+            "robot": options.robot,
+            "method": options.method,
+            "friction_level": options.friction_level,
+            "num_envs": options.num_envs,
+            "steps_per_block": cfg.teacher.steps,
+            "blocks": options.blocks,
+        },
         "multiply_adds_per_env_step": sizes,
         "policy_step_ms": _policy_step(),
         "identification_seconds": _identification(),

@@ -27,6 +27,8 @@ class EvaluateCfg:
     """Length of an episode [s]; its first 2 s are not measured."""
     seed: int = 0
     """Seed of initial states and sensor noise; the same for every bundle, level and command."""
+    action_delay: float = 0.0
+    """Delay between joint target and motor [s], in whole physics steps, at most 8 of them."""
     robot: str | None = None
     """A robot of your own, `package.module:NAME`; by default the shipped robot that the bundle names."""
     out: Path = Path("stiction-evaluation")
@@ -56,6 +58,7 @@ def main(arguments: list[str]) -> int:
         episodes=cfg.episodes,
         seconds=cfg.seconds,
         seed=cfg.seed,
+        action_delay=cfg.action_delay,
     )
     make_folder(cfg.out)
     bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]

@@ -34,19 +34,27 @@ def work_progress() -> Iterator[Callable[[str, float], None]]:
 
 
 def print_rows(rows: Sequence[ResultRow]) -> None:
-    """Print the main columns of results on standard output."""
-    table = Table()
-    for name in ("policy", "friction", "command", "speed ratio", "error", "falls", "jitter", "tripod"):
-        table.add_column(name, justify="left" if name in ("policy", "command") else "right", overflow="fold")
-    for row in rows:
-        table.add_row(
-            row.policy,
-            f"{100 * row.friction_level:g} %",
-            row.command,
-            "–" if row.speed_ratio is None else f"{row.speed_ratio:.2f}",
-            f"{row.tracking_error:.3f}",
-            f"{row.fall_rate:.0%}",
-            f"{row.joint_jitter:.0f}",
-            "–" if row.tripod_share is None else f"{row.tripod_share:.0%}",
-        )
-    Console().print(table)
+    """Print the main columns of results on standard output, a heading and a table for each policy."""
+    console = Console()
+    for policy in dict.fromkeys(row.policy for row in rows):
+        console.print(policy, style="bold", soft_wrap=True, highlight=False, markup=False)
+        table = Table()
+        for name in ("friction", "command", "speed ratio", "error", "falls", "jitter", "tripod"):
+            table.add_column(name, justify="left" if name == "command" else "right", overflow="fold")
+        for row in rows:
+            if row.policy == policy:
+                table.add_row(*_cells(row))
+        console.print(table)
+
+
+def _cells(row: ResultRow) -> list[str]:
+    """Return a row's cells, a dash where there is no number."""
+    return [
+        f"{100 * row.friction_level:g} %",
+        row.command,
+        "–" if row.speed_ratio is None else f"{row.speed_ratio:.2f}",
+        f"{row.tracking_error:.3f}",
+        f"{row.fall_rate:.0%}",
+        f"{row.joint_jitter:.0f}",
+        "–" if row.tripod_share is None else f"{row.tripod_share:.0%}",
+    ]

@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 GOOD = (0.8, 1.2)
 """Speed ratios that count as following the command [-]."""
 
+MOVING = "moving"
+"""Column that results.csv does not have; it comes from summary.json."""
+
 DEFINITIONS = (
     ("speed ratio", "mean speed along the command over the commanded speed; after a fall the speed counts as zero"),
     ("error", "mean distance of velocity and command, over windows of 1 s, in m/s (in rad/s for a pure turn)"),
@@ -30,15 +33,26 @@ DEFINITIONS = (
         "share of moving steps in which the feet on the ground are exactly one contact group, no foot more or less",
     ),
     ("flight", "share of moving steps with no foot on the ground; a dash where the robot does not move"),
+    (MOVING, "share of all steps in which the robot moves, what tripod and flight are shares of; none after a fall"),
 )
 """What the columns mean, in the order of the table."""
 
 
 CONDITIONS = (
-    "MuJoCo, flat ground, Coulomb friction in every joint, sensor noise as in training; masses, inertias, viscous "
-    "friction and ground as in the robot's specification."
+    "MuJoCo, flat ground, Coulomb friction in every joint, sensor noise as in training. The joints' inertia, viscous "
+    "friction and gains are the nominal ones of the policy's training, masses those of the robot's specification. "
+    "All of these are held fixed here, while training randomises them; so are:"
 )
 """What was not varied."""
+
+FIXED = {
+    "action_delay": "action delay {:g} s",
+    "encoder_offset": "encoder offset {:g} rad",
+    "ground_friction": "ground friction {:g}",
+    "push_velocity": "pushes of {:g} m/s",
+    "payload": "payload {:g} kg",
+}
+"""Words for the entries of the summary's `conditions`."""
 
 
 def write_evaluation(out: Path, rows: Sequence[ResultRow], summary: dict[str, Any]) -> Path:
@@ -120,7 +134,7 @@ def sections(rows: Sequence[ResultRow], summary: dict[str, Any]) -> list[Section
     """Return the sections of the page: figure, table, definitions, what was run."""
     return [
         Section("Friction budget", (budget_picture(rows),)),
-        Section("Every row", (results_table(rows), definitions_table())),
+        Section("Every row", (results_table(rows, summary["rows"]), definitions_table())),
         Section("What was run", run_blocks(summary)),
     ]
 
@@ -131,10 +145,16 @@ def budget_picture(rows: Sequence[ResultRow]) -> Markup:
     return picture(figure_uri(draw_budget(rows)), caption)
 
 
-def results_table(rows: Iterable[ResultRow]) -> Markup:
-    """Return every row as a table."""
-    header = ["policy", "friction", "command", *(name for name, _ in DEFINITIONS), "episodes"]
-    return table(header, [_cells(row) for row in rows])
+def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] = ()) -> Markup:
+    """Return every row as a table.
+
+    `details`: the same rows as in summary.json, for the share of moving steps; without them its column is left out.
+    """
+    names = [name for name, _ in DEFINITIONS if details or name != MOVING]
+    cells = [_cells(row) for row in rows]
+    for line, detail in zip(cells, details, strict=bool(details)):
+        line.insert(-1, _number(detail["moving_share"], ".0%"))
+    return table(["policy", "friction", "command", *names, "episodes"], cells)
 
 
 def definitions_table() -> Markup:
@@ -149,9 +169,11 @@ def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
         for name, policy in summary["policies"].items()
     ]
     evaluation = {name: value for name, value in summary["evaluation"].items() if name != "noise"}
+    fixed = [FIXED[name].format(value) for name, value in summary["conditions"].items()]
     return (
         paragraph(f"Command: {summary['command']}"),
-        paragraph(f"{CONDITIONS} {json.dumps(evaluation)}"),
+        paragraph(f"{CONDITIONS} {', '.join(fixed)}."),
+        paragraph(f"Settings: {json.dumps(evaluation)}"),
         table(["policy", "method", "seed", "revision", "digest", "made by"], policies),
         paragraph(f"Revision {summary['revision']}, {summary['seconds']:.0f} s on {summary['machine']['cpu']}."),
         paragraph("Everything here is simulation; one training seed is one sample. No robot was involved."),

@@ -1,4 +1,10 @@
-"""Throughput, measured side by side in one run: the task against the bare simulator on the same states and threads."""
+"""Throughput, measured side by side in one run: the task against the bare simulator on the same states and threads.
+
+The replay has the states and the joint targets of every step, and the robots' parameters (friction, masses, gains) as
+they are when the block ends: keeping every robot's parameters at every step would cost more than what is measured. A
+robot that ends an episode within the block is drawn anew then, so its earlier steps are replayed with its later
+parameters, and the step that ended the episode with standing targets.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +27,7 @@ from stiction.locomotion.env import LocomotionEnv
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import PhaseRunner, multiply_adds, teacher_cfg
+from stiction.sim.native import NativeSimulation
 
 
 @dataclass(frozen=True)
@@ -28,7 +35,7 @@ class Timing:
     """Env-steps per second of the three things timed, one entry a block, all blocks in one run."""
 
     bare: tuple[float, ...]
-    """`Batch.step` alone, replaying the states and controls of the task's block."""
+    """`Batch.step` alone, replaying the block's states and controls with the parameters of its end."""
     rollout: tuple[float, ...]
     """`LocomotionEnv.step`: observations, rewards, resets and randomisation on."""
     iteration: tuple[float, ...]
@@ -66,8 +73,14 @@ def _timed_rollout(env: LocomotionEnv, actions: torch.Tensor) -> tuple[float, li
 
 
 def _timed_replay(env: LocomotionEnv, states: list[dict[str, np.ndarray]]) -> float:
-    """Replay the states through the bare batch; return the seconds of its `step` alone, the task left as it was."""
+    """Replay the states through the bare batch; return the seconds of its `step` alone.
+
+    The simulation's state is put back. Derived fields (torques, contacts) are those of the replay until the task's
+    next step computes them anew; its stored observation does not change.
+    """
     simulation, seconds = env.fleet.simulation, 0.0
+    if not isinstance(simulation, NativeSimulation):
+        raise TypeError(f"the bare simulator is MuJoCo's Batch; the task runs on {type(simulation).__name__}")
     after = simulation.state()
     for state in states:
         simulation.load_state(state)

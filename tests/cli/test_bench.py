@@ -1,0 +1,64 @@
+"""`stiction bench`: the summary's shape, and a measurement that leaves the task as it was."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stiction.cli.main import main
+from stiction.locomotion.config import TaskCfg
+
+torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to measure training")
+pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to measure training")
+
+
+def flat(tree: Any, name: str = "") -> dict[str, np.ndarray]:
+    """Return the leaves of a nested state by their path, copied."""
+    if isinstance(tree, dict):
+        return {path: leaf for key, value in tree.items() for path, leaf in flat(value, f"{name}.{key}").items()}
+    return {name: np.array(tree.numpy() if isinstance(tree, torch.Tensor) else tree)}
+
+
+def test_the_summary_says_what_the_ratios_were_computed_from(capsys: pytest.CaptureFixture) -> None:
+    """With one block, each ratio is the quotient of the rates beside it."""
+    assert main(["bench", "--robot", "go1", "--num-envs", "4", "--blocks", "1", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    rates = {name: spread["median"] for name, spread in summary["env_steps_per_second"].items()}
+    assert set(rates) == {"bare", "rollout", "iteration"}
+    assert min(rates.values()) > 0
+    assert summary["rollout_ratio"] == pytest.approx(rates["rollout"] / rates["bare"])
+    assert summary["iteration_ratio"] == pytest.approx(rates["iteration"] / rates["bare"])
+    assert summary["rollout_ratio"] > summary["iteration_ratio"]
+    spread = summary["spread"]["rollout_ratio"]
+    assert spread["min"] == spread["median"] == spread["max"] == summary["rollout_ratio"]
+    measured = summary["measured"]
+    assert (measured["robot"], measured["num_envs"], measured["blocks"]) == ("go1", 4, 1)
+    assert set(summary["multiply_adds_per_env_step"]) == {"actor", "critic"}
+    assert summary["identification_seconds"] > 0
+    assert summary["command"] == "stiction bench --robot go1 --num-envs 4 --blocks 1 --json"
+
+
+def test_the_replay_leaves_the_task_as_it_was() -> None:
+    """A robot that was never replayed and one that was take the same next steps, resets included."""
+    from stiction.locomotion.env import LocomotionEnv
+    from stiction.transfer.bench import _timed_replay, _timed_rollout
+
+    cfg = TaskCfg(robot="go1", episode=0.3)
+    replayed, untouched = (LocomotionEnv(cfg, num_envs=4, seed=1) for _ in range(2))
+    actions = torch.randn(30, 4, replayed.num_actions, generator=torch.Generator().manual_seed(0))
+    _, states = _timed_rollout(replayed, actions[:20])
+    _timed_rollout(untouched, actions[:20])
+    before = flat(replayed.state())
+    assert _timed_replay(replayed, states) > 0
+    after = flat(replayed.state())
+    assert before.keys() == after.keys()
+    for name, value in before.items():
+        np.testing.assert_array_equal(after[name], value, err_msg=name)
+    for action in actions[20:]:
+        (one, *rest), (other, *others) = replayed.step(action), untouched.step(action)
+        assert torch.equal(rest[0], others[0])
+        for group in ("proprioception", "history", "privileged", "explicit"):
+            assert torch.equal(one[group], other[group]), group
