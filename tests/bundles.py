@@ -9,13 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stiction.deploy.check import replay
+from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import FILES, write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.golden import Golden
 from stiction.formats.observation import proprioception
 from stiction.robots.catalog import find_robot
+
+SENSORS = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")
 
 
 def make_contract(robot: str = "saturn_lite", **changes) -> Contract:
@@ -96,8 +98,12 @@ def make_golden(contract: Contract, model: bytes, steps: int = 500, seed: int = 
         action=np.zeros((steps, joints), np.float32),
         target=np.zeros((steps, joints)),
     )
-    outputs = replay(load_policy(contract, model), golden)
-    computed = {"observation": outputs.observation, "action": outputs.action, "target": outputs.target}
+    policy, outputs = load_policy(contract, model), []
+    for t in range(steps):
+        if golden.reset[t]:
+            policy.reset()
+        outputs.append(policy.step(Sensors(*(getattr(golden, name)[t] for name in SENSORS)), golden.command[t]))
+    computed = {name: np.stack([getattr(o, name) for o in outputs]) for name in ("observation", "action", "target")}
     return Golden(**({field.name: getattr(golden, field.name) for field in fields(Golden)} | computed))
 
 

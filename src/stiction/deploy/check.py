@@ -77,7 +77,8 @@ def check_bundle(path: Path | str) -> BundleCheck:
 def replay(policy: Policy, golden: Golden) -> PolicyStep:
     """Run the policy over the recorded sensors, step by step; return every step's outputs, shapes (T, ...).
 
-    The last action that enters each observation is the replay's own.
+    The last action that enters each observation is the recorded one, like every other input: two runtimes that round
+    differently would otherwise drift apart over the steps, and the tolerance would have to allow for it.
     """
     steps = []
     for t in range(len(golden)):
@@ -87,4 +88,5 @@ def replay(policy: Policy, golden: Golden) -> PolicyStep:
             golden.quaternion[t], golden.angular_velocity[t], golden.joint_position[t], golden.joint_velocity[t]
         )
         steps.append(policy.step(sensors, golden.command[t]))
+        policy.take_over(golden.action[t])
     return PolicyStep(*(np.stack([getattr(s, name) for s in steps]) for name in ("observation", "action", "target")))
