@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
+from stiction.formats.joints import JointRecord, JointsFile
+from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
 
 SMALL = [
     *("--robot", "go1", "--num-envs", "4", "--json"),
@@ -35,6 +37,37 @@ def test_a_run_leaves_what_the_design_says(tmp_path: Path, capsys: pytest.Captur
     assert "--resume" in capsys.readouterr().err
 
 
+def test_an_identification_becomes_the_nominal_joint(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Recorded in config.json; the level overrides its friction."""
+    number = {"value": 0.02, "std": 0.0, "interval95": [0.02, 0.02]}
+    record = {"inertia": number, "viscous_friction": number, "coulomb_friction": number, "test_condition": "bare_motor"}
+    JointsFile({"shank": JointRecord.from_dict(JointRecord().to_dict() | record, "shank")}).write(
+        tmp_path / "joints.json"
+    )
+    options = ["--joints", str(tmp_path / "joints.json"), "--method", "direct"]
+    assert main(["train", *SMALL, *options, "--out", str(tmp_path / "own")]) == 0
+    header = json.loads((tmp_path / "own" / "config.json").read_text())
+    assert header["identified"]["file"] == "joints.json"
+    assert header["identified"]["values"]["armature"][:3] == [None, None, 0.02]
+    assert main(["train", *SMALL, *options, "--friction-level", "0.1", "--out", str(tmp_path / "level")]) == 0
+    for run, expected in (("own", 0.02), ("level", 0.1 * 35.55)):
+        path = latest_checkpoint(tmp_path / run / "checkpoints", "student")
+        draws = load_checkpoint(path)["environment"]["draws"]["friction"][:, 2]
+        assert ((draws >= 0.8) & (draws <= 1.2)).all()
+        assert main(["export", str(tmp_path / run), "--out", str(tmp_path / f"{run}-bundle")]) == 0
+        contract = json.loads((tmp_path / f"{run}-bundle" / "contract.json").read_text())
+        assert contract["friction"][2] == pytest.approx(expected) and contract["armature"][2] == 0.02
+
+
+def test_resume_with_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """They would be ignored without a word; --json is no setting of the run."""
+    for other in (["--seed", "3"], ["--preset=quick"], ["--out", str(tmp_path)], ["--teacher.iterations", "9"]):
+        assert main(["train", "--resume", str(tmp_path), *other]) == 1
+        assert other[0] in capsys.readouterr().err
+    assert main(["train", f"--resume={tmp_path}", "--json"]) == 1
+    assert "config.json" in capsys.readouterr().err
+
+
 def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """What came, what was expected; no traceback, and no folder left behind."""
     cases = [
@@ -42,13 +75,25 @@ def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.Cap
         (["--joints", str(tmp_path / "none.json")], "none.json"),
         (["--friction-level", "1.5"], "1.5"),
         (["--method", "direct", "--friction-level", "0"], "--method none"),
-        (["--resume", str(tmp_path / "nothing")], "config.json"),
+        (["--num-envs", "0"], "num_envs"),
+        (["--checkpoint-every", "0"], "checkpoint_every"),
+        (["--student.iterations", "0"], "student.iterations"),
+        (["--task.commands.interval", "0"], "interval"),
+        (["--task.randomization.payload", "3", "-2"], "payload"),
+        (["--task.randomization.payload", "-9", "0"], "payload"),
     ]
     for arguments, word in cases:
         assert main(["train", *SMALL, "--out", str(tmp_path / "bad"), *arguments]) == 1, arguments
         error = capsys.readouterr().err
         assert word in error and error.count("\n") == 1, error
     assert not (tmp_path / "bad").exists()
+    assert main(["train", "--resume", str(tmp_path / "nothing")]) == 1
+    assert "config.json" in capsys.readouterr().err
+    (tmp_path / "file").write_text("")
+    for out in (tmp_path / "file", tmp_path / "file" / "run"):
+        assert main(["train", *SMALL, "--out", str(out)]) == 1
+        error = capsys.readouterr().err
+        assert "--out" in error and error.count("\n") == 1, error
 
 
 def test_wrong_usage_is_status_two(capsys: pytest.CaptureFixture) -> None:

@@ -36,3 +36,9 @@ def test_a_figure_becomes_a_png() -> None:
 def test_data_uri_is_base64_of_the_bytes() -> None:
     """`hi` in base64 is `aGk=`."""
     assert data_uri(b"hi", "text/plain") == "data:text/plain;base64,aGk="
+
+
+def test_columns_of_words_align_left_and_numbers_right() -> None:
+    """A definition that hangs on the right edge cannot be read; a dash does not make a column of numbers words."""
+    block = table(["name", "number", "meaning"], [["a", "-1.5", "far"], ["b", "–", "near"], ["c", "12 %", ""]])
+    assert block.count('<td class="words">') == 3 and block.count("<td>") == 3

@@ -29,8 +29,9 @@ class Train:
 
     config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
     """The whole configuration."""
-    preset: Literal["full", "quick"] = "full"
-    """Defaults for everything else: `full` is what results are made with, `quick` is for a first look."""
+    preset: Literal["full", "quick", "paper"] = "full"
+    """Defaults for everything else: `full` is what results are made with, `quick` is for a first look, `paper`
+    randomises the paper's table and no more."""
     out: Path = Path("runs/train")
     """Folder of the run."""
     resume: Path | None = None
@@ -49,29 +50,32 @@ def _preset(arguments: list[str]) -> str:
     return "full"
 
 
-def _identified(file: str | None, joint_names: tuple[str, ...]) -> dict[str, Any] | None:
-    """Read nominal inertia, damping and friction from a `joints.json`, with its name and hash.
-
-    A joint that the file does not name, nor its kind, is None here and stays as the robot's specification has it.
-    """
+def _identified(file: str | None, robot: str) -> dict[str, Any] | None:
+    """Read the nominal joints of a robot from a `joints.json`, with its name and hash; say what is not used."""
     if file is None:
         return None
     from stiction.formats.joints import load_joints
+    from stiction.locomotion.identified import identified_joints
+    from stiction.robots.catalog import find_robot
+    from stiction.sim.fleet import Fleet
 
-    path = Path(file)
-    joints = load_joints(path)
-    known = [name for name in joint_names if {name, name.rpartition("_")[2]} & joints.joints.keys()]
-    if not known:
-        raise StictionError(
-            f"{path} has {', '.join(joints.joints)}; the robot's joints are {', '.join(joint_names[:3])} and so on: "
-            "name the joint, or its kind, when you identify it"
-        )
-    wanted = {"armature": "inertia", "damping": "viscous_friction", "frictionloss": "coulomb_friction"}
-    values: dict[str, list[float | None]] = {}
-    for field_name, quantity in wanted.items():
-        found = dict(zip(known, joints.nominal(known, quantity), strict=True))
-        values[field_name] = [found.get(name) for name in joint_names]
+    path, spec = Path(file), find_robot(robot)
+    found = identified_joints(load_joints(path), spec.joint_names, Fleet(spec, 1).link_inertia())
+    for warning in found.warnings:
+        print(f"stiction train: warning: {warning}", file=sys.stderr)
+    values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
     return {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "values": values}
+
+
+def _only_resume(arguments: list[str]) -> None:
+    """Refuse other options beside --resume: the run goes on as its config.json says, and they would have no effect."""
+    flags = [word.partition("=")[0] for word in arguments if word.startswith("--")]
+    others = [flag for flag in flags if flag not in ("--resume", "--json")]
+    if others:
+        raise StictionError(
+            f"--resume continues a run as it was started, and {', '.join(others)} would have no effect; "
+            "leave it out, or start another run with --out"
+        )
 
 
 def main(arguments: list[str]) -> int:
@@ -88,7 +92,9 @@ def main(arguments: list[str]) -> int:
     from stiction.robots.catalog import find_robot
 
     if options.resume is not None:
+        _only_resume(arguments)
         run = RunDirectory(options.resume)
+        run.resume()
         cfg, identified = run.config(), run.header()["identified"]
     else:
         cfg = options.config
@@ -97,7 +103,8 @@ def main(arguments: list[str]) -> int:
                 f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
                 "use --method none, or a level above 0"
             )
-        identified = _identified(cfg.joints, find_robot(cfg.task.robot).joint_names)
+        cfg.task.randomization.check_robot(find_robot(cfg.task.robot))
+        identified = _identified(cfg.joints, cfg.task.robot)
         run = RunDirectory.create(options.out, cfg, shlex.join(["stiction", "train", *arguments]), identified)
     values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
     with training_progress(cfg, quiet=options.json) as progress:

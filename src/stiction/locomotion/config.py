@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from tyro.conf import arg
 
 from stiction.formats.errors import StictionError
-from stiction.robots.spec import DELAY_SAMPLES
+from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 
 FrictionMethod = Literal["none", "direct", "deception"]
 
@@ -93,6 +93,14 @@ class RandomizationCfg:
         check_spans(self, positive | dict.fromkeys(("damping", "ground_friction", "action_delay"), 0.0) | free)
         if self.push_interval < 0 or self.push_velocity < 0:
             raise StictionError(f"push every {self.push_interval} s with {self.push_velocity} m/s: expected at least 0")
+
+    def check_robot(self, robot: RobotSpec) -> None:
+        """Raise `StictionError` where the ranges do not fit a robot: a payload that takes away more than its trunk."""
+        if robot.base.mass + self.payload[0] <= 0:
+            raise StictionError(
+                f"payload down to {self.payload[0]} kg on a trunk of {robot.base.mass} kg leaves no mass; "
+                "raise the lower end of --task.randomization.payload"
+            )
 
     @classmethod
     def literal(cls) -> RandomizationCfg:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from stiction.formats.errors import StictionError
 from stiction.locomotion.config import FrictionCfg, RandomizationCfg
 from stiction.sim.fleet import Fleet
 
@@ -71,11 +70,7 @@ class Randomizer:
         """Remember the nominal robot. Nothing is drawn before the first `draw`."""
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.base_mass = fleet.spec.base.mass
-        if self.base_mass + cfg.payload[0] <= 0:
-            raise StictionError(
-                f"payload down to {cfg.payload[0]} kg on a trunk of {self.base_mass} kg leaves no mass; "
-                "raise the lower end of --task.randomization.payload"
-            )
+        cfg.check_robot(fleet.spec)
         size = np.array(fleet.spec.base.size)
         self.com_axes = torch.from_numpy(size / size[0]).float()
         num, joints = fleet.num_envs, fleet.spec.num_joints

@@ -12,6 +12,7 @@ import mimetypes
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,8 +59,15 @@ def paragraph(text: str) -> Markup:
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "") -> Markup:
-    """Return a table of plain text; the first column is the row's name, the others align as numbers."""
-    return _block("table", header, [list(row) for row in rows], caption)
+    """Return a table of plain text; the first column is the row's name, columns of numbers align right, words left."""
+    cells = [list(row) for row in rows]
+    words = [any(map(_is_word, column)) for column in zip_longest([""] * len(header), *cells, fillvalue="")]
+    return _block("table", header, cells, words, caption)
+
+
+def _is_number(cell: str) -> bool:
+    """Return whether a cell begins as a number does; a column with one is aligned as numbers, words in it too."""
+    return cell[:1].isdigit() or (cell[:1] in tuple("+-−.") and cell[1:2].isdigit())
 
 
 def picture(uri: str, caption: str = "") -> Markup:

@@ -103,15 +103,16 @@ class TrainCfg:
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             names = ("iterations", "steps", "epochs", "mini_batches")
             counts |= {f"{phase}.{name}": getattr(cfg, name) for name in names}
+        counts["teacher.adaptation_batches"] = self.teacher.adaptation_batches
+        for name, count in counts.items():
+            if count < 1:
+                raise StictionError(f"{name} is {count}; expected at least 1")
+        for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             samples = self.num_envs * cfg.steps
             if samples < cfg.mini_batches:
                 raise StictionError(
                     f"{phase}: {samples} samples a rollout for {cfg.mini_batches} mini-batches; use more robots"
                 )
-        counts["teacher.adaptation_batches"] = self.teacher.adaptation_batches
-        for name, count in counts.items():
-            if count < 1:
-                raise StictionError(f"{name} is {count}; expected at least 1")
         rates = (self.teacher.learning_rate, self.teacher.adaptation_learning_rate, self.student.learning_rate)
         if min(rates) <= 0 or self.seed < 0:
             raise StictionError(

@@ -1,0 +1,76 @@
+"""From an identification to the nominal joints of a simulated robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
+
+
+@dataclass(frozen=True)
+class IdentifiedJoints:
+    """What an identification says about each joint of a robot; None where the robot's own value stays."""
+
+    armature: tuple[float | None, ...]
+    """Rotor inertia [kg m²]: the identified inertia less that of the links it was measured with."""
+    damping: tuple[float | None, ...]
+    """Viscous friction [N m s/rad]."""
+    frictionloss: tuple[float | None, ...]
+    """Coulomb friction [N m]."""
+    warnings: tuple[str, ...]
+    """What was not used, and why."""
+
+
+def identified_joints(file: JointsFile, joint_names: tuple[str, ...], link_inertia: np.ndarray) -> IdentifiedJoints:
+    """Read the nominal joints of a robot from an identification.
+
+    A record stands for the joint of its name, `FL_shank`, or for all of its kind, `shank`. Quantities that are null
+    stay as the robot has them. The simulator adds the links' inertia itself, so it is taken off what was measured on a
+    leg in the air; the inertia of a loaded or unstated test says nothing about the rotor, and is not used.
+
+    `link_inertia`: what the links put on each joint [kg m²], (joints,). Raises `StictionError` where the file holds
+    nothing that can be used for this robot, a linear axis, or an inertia smaller than the links' own.
+    """
+    armature: list[float | None] = []
+    damping: list[float | None] = []
+    frictionloss: list[float | None] = []
+    warnings: dict[str, None] = {}
+    for name, links in zip(joint_names, link_inertia, strict=True):
+        key = name if name in file.joints else name.rpartition("_")[2]
+        record = file.joints.get(key, JointRecord())
+        if record.axis != "rotary":
+            raise StictionError(f"joint {key!r} was identified as a linear axis (kg, N); expected a rotary one")
+        armature.append(_armature(key, record, float(links), warnings))
+        damping.append(_value(record.viscous_friction))
+        frictionloss.append(_value(record.coulomb_friction))
+    if all(value is None for value in (*armature, *damping, *frictionloss)):
+        raise StictionError(
+            f"the file has {', '.join(file.joints)}, and nothing that can be used for {', '.join(joint_names[:3])} and "
+            "so on; name the joint, or its kind, when you identify it"
+        )
+    return IdentifiedJoints(tuple(armature), tuple(damping), tuple(frictionloss), tuple(warnings))
+
+
+def _value(estimate: Estimate | None) -> float | None:
+    """Return an estimate of friction as simulators take it: what is below zero is zero."""
+    return None if estimate is None else max(0.0, estimate.value)
+
+
+def _armature(key: str, record: JointRecord, links: float, warnings: dict[str, None]) -> float | None:
+    """Return the rotor inertia that a record implies, or None where it implies none."""
+    if record.inertia is None:
+        return None
+    if record.test_condition not in ("bare_motor", "in_air"):
+        stated = f"was measured {record.test_condition}" if record.test_condition else "has no test condition"
+        warnings[f"the inertia of {key!r} {stated}: it is not used, and the robot's own rotor inertia stays"] = None
+        return None
+    armature = record.inertia.value - (links if record.test_condition == "in_air" else 0.0)
+    if armature <= 0:
+        raise StictionError(
+            f"joint {key!r}: {record.inertia.value:.4g} kg m² was measured, and the robot's links alone have "
+            f"{links:.4g} in the air; expected more: correct the robot's masses, or identify the bare motor"
+        )
+    return armature
