@@ -1,14 +1,19 @@
 """The demo: every stage runs, the page stands alone, and what is missing is said and costs nothing else."""
 
 import json
+import shlex
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from markupsafe import escape
 
 from bundles import make_bundle, make_contract
 from stiction.cli import demo
 from stiction.cli.main import main
+from stiction.formats.log import LogSetup, write_log
+from stiction.identify.example import example_log
+from stiction.report.demo import DemoClips, render_demo
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -43,6 +48,7 @@ def test_the_page_holds_every_stage_and_needs_no_network(
         0.3,
     ]
     assert any("measured record" in text for text in summary["warnings"])
+    assert summary["joints"]["shank"]["diagnostics"]["verdict"]["text"] in (out / "report.html").read_text()
     page = (out / "report.html").read_text()
     for text in (
         "Friction from a log",
@@ -73,6 +79,25 @@ def test_without_opengl_the_demo_says_so_once_and_goes_on(
     assert captured.err.count("OpenGL is not available") == 1
     assert captured.out.startswith("open this page: ")
     assert "commanded vx=0.5, reached" in (tmp_path / "demo" / "report.html").read_text()
+
+
+def test_the_record_is_identified_as_the_readme_says() -> None:
+    """A reader who runs the README's command finds what the demo shows."""
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    start = readme.index("stiction identify DATA_EMPS.mat")
+    command = shlex.split(readme[start : readme.index("```", start)].replace("\\\n", ""))
+    assert command == ["stiction", "identify", "DATA_EMPS.mat", *demo.EMPS_OPTIONS, "--out", "emps"]
+
+
+def test_warnings_of_an_identification_stand_on_the_page(tmp_path: Path) -> None:
+    """Numbers that are not to be trusted must not look as if they were."""
+    log = tmp_path / "swing.csv"
+    write_log(log, replace(example_log(), setup=LogSetup()))
+    joint = demo._identify("a swing", [str(log), "--out", str(tmp_path / "found")])
+    assert any("test condition" in text for text in joint.record.warnings)
+    page = render_demo([joint], [], [], {}, DemoClips("vx=0.5", 0.2))
+    assert page.count("<p>Warning: ") == len(joint.record.warnings)
+    assert escape(joint.record.diagnostics["verdict"]["text"]) in page
 
 
 def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,6 +58,31 @@ def test_people_get_a_table_and_the_verdict(log: Path, tmp_path: Path, capsys: p
     assert "coulomb_friction" in out and "Provisional" in " ".join(out.split())
 
 
+def test_a_joint_that_nobody_named_is_warned_of(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Training finds joints by name; naming it, even so, or a linear axis, needs no warning."""
+    bare = tmp_path / "bare.csv"
+    bare.write_text(log.read_text().replace(".shank", ""))
+    bare.with_suffix(".json").write_text(log.with_suffix(".json").read_text())
+    for options, warned in (([], True), (["--joint", "joint"], False), (["--axis", "linear"], False)):
+        assert main(["identify", str(bare), *options, "--out", str(tmp_path / "out"), "--json"]) == 0
+        printed = json.loads(capsys.readouterr().out)
+        assert any("--joint FL_shank" in text for text in printed["warnings"]) is warned
+
+
+@pytest.mark.parametrize("name", ["joints.csv", "fit.npz"])
+def test_a_result_never_replaces_a_log_or_its_sidecar(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture, name: str
+) -> None:
+    """`joints.json` beside `joints.csv` would be its sidecar; `fit.npz` may be the log itself."""
+    monkeypatch.chdir(tmp_path)
+    write_log(Path(name), example_log())
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    assert main(["identify", name, "--out", "."]) == 1
+    error = capsys.readouterr().err
+    assert "--out" in error and name in error and error.count("\n") == 1
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

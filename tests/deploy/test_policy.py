@@ -8,7 +8,7 @@ import pytest
 from bundles import linear_network, make_contract, make_network
 from stiction.deploy.observation import Sensors
 from stiction.deploy.onnx_file import OnnxError, external_tensors
-from stiction.deploy.policy import Network, load_policy
+from stiction.deploy.policy import Network, SensorError, load_policy
 from stiction.formats.contract import Contract
 
 onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
@@ -90,3 +90,19 @@ def test_external_weights_within_a_constant_are_found() -> None:
     node = onnx.helper.make_node("Constant", [], ["weights"], value=tensor)
     model = onnx.helper.make_model(onnx.helper.make_graph([node], "g", [], []))
     assert external_tensors(model.SerializeToString()) == ["hidden"]
+
+
+@pytest.mark.parametrize("name", ["quaternion", "angular_velocity", "joint_position", "joint_velocity", "command"])
+def test_a_sensor_that_is_not_finite_is_named(contract: Contract, name: str) -> None:
+    """A broken encoder must not be reported as a broken policy."""
+    policy = load_policy(contract, make_network(contract))
+    good = policy.step(standing_still(contract), np.zeros(3)).observation
+    policy.reset()
+    readings = {key: np.array(value, float) for key, value in vars(standing_still(contract)).items()}
+    readings["command"] = np.zeros(3)
+    readings[name][1] = np.nan
+    command = readings.pop("command")
+    with pytest.raises(SensorError, match=name):
+        policy.step(Sensors(**readings), command)
+    after = policy.step(standing_still(contract), np.zeros(3)).observation
+    np.testing.assert_array_equal(after, good, err_msg="what is not finite stays out of the history")

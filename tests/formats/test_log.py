@@ -107,6 +107,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
         ('{"kp": true}', "expected a number"),
         ('{"kp": NaN}', "expected a number"),
         ('{"axis": "bent"}', "expected one of rotary, linear"),
+        ('{"schema_version": 1, "joints": {}}', "a result of `stiction identify`"),
         ('{"axis": []}', "expected one of rotary, linear"),
     ],
 )

@@ -40,5 +40,6 @@ def test_data_uri_is_base64_of_the_bytes() -> None:
 
 def test_columns_of_words_align_left_and_numbers_right() -> None:
     """A definition that hangs on the right edge cannot be read; a dash does not make a column of numbers words."""
-    block = table(["name", "number", "meaning"], [["a", "-1.5", "far"], ["b", "–", "near"], ["c", "12 %", ""]])
+    rows = [["a", "-1.5", "far"], ["b", "–", "12 away"], ["c", "not known", ""]]
+    block = table(["name", "number", "meaning"], rows)
     assert block.count('<td class="words">') == 3 and block.count("<td>") == 3

@@ -34,10 +34,12 @@ EMPS = Path("emps") / "DATA_EMPS.mat"
 
 EMPS_OPTIONS = (
     *("--columns", "time=t", "position=qm", "target=qg", "torque=vir", "--torque-scale", "35.15065"),
-    *("--kp", "1370750", "--kd", "8557.5"),
+    *("--kp", "1370750", "--kd", "8557.5", "--velocity-delay", "0.001", "--axis", "linear", "--joint", "drive"),
+    *("--torque-source", "motor_side", "--test-condition", "loaded"),
 )
-"""Columns and gains of the record. Its command is in volts, 35.15 N each. Its loop is a position gain of 160.18/s
-around a speed gain of 243.45 V s/m: a PD controller with kd = 243.45 * 35.15 N s/m and kp = 160.18/s * kd."""
+"""Columns, gains and set-up of the record, as in README.md. Its command is in volts, 35.15 N each. Its loop is a
+position gain of 160.18/s around a speed gain of 243.45 V s/m: a PD controller with kd = 243.45 * 35.15 N s/m and
+kp = 160.18/s * kd, whose speed is one sample late."""
 
 
 @dataclass(frozen=True)
@@ -112,9 +114,8 @@ def _identify_record(out: Path, warnings: list[str]) -> list[DemoJoint]:
         where = f"{folder} has no {EMPS}" if folder else "STICTION_DATA names no folder"
         warnings.append(f"The measured record of a linear drive was left out: {where}.")
         return []
-    options = ["--axis", "linear", "--joint", "drive", "--torque-source", "motor_side", "--test-condition", "loaded"]
     title = "a linear drive, measured (EMPS, nonlinearbenchmark.org)"
-    return [_identify(title, [str(record), *EMPS_OPTIONS, *options, "--out", str(out / "emps")])]
+    return [_identify(title, [str(record), *EMPS_OPTIONS, "--out", str(out / "emps")])]
 
 
 def _identify(title: str, arguments: list[str]) -> DemoJoint:
@@ -132,7 +133,7 @@ def _identify(title: str, arguments: list[str]) -> DemoJoint:
     folder = Path(arguments[arguments.index("--out") + 1])
     (name, record), *_ = load_joints(folder / "joints.json").joints.items()
     found, cloud, *_ = joint_sections(name, record, read_fit(folder / "fit.npz", name))
-    return DemoJoint(title, command, record.diagnostics["verdict"]["text"], (found.blocks[0], *cloud.blocks))
+    return DemoJoint(title, command, name, record, (found.blocks[0], *cloud.blocks))
 
 
 def _find_policies(cfg: DemoCfg, warnings: list[str]) -> list[Path]:
@@ -180,7 +181,10 @@ def _evaluate(
 
     level = round(checks[0].bundle.contract.friction_level, 6) or LEVEL if checks else LEVEL
     rows: list[ResultRow] = []
-    summary: dict[str, Any] = {"command": shlex.join(["stiction", "demo", *arguments])}
+    summary: dict[str, Any] = {
+        "command": shlex.join(["stiction", "demo", *arguments]),
+        "joints": {joint.name: joint.record.to_dict() for joint in joints},
+    }
     if checks:
         rows, evaluated = _walk(cfg, checks, level)
         summary |= evaluated

@@ -23,6 +23,10 @@ The log is CSV or NPZ with columns time, position.<joint>, target.<joint>, torqu
 too) with a column mapping. Gains, torque limit and so on come from flags or from LOG.json beside the log."""
 
 
+RESULTS = ("joints.json", "fit.npz", "report.html")
+"""What is written into --out."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class IdentifyConfig(IdentifySetup):
     """Options of the verb."""
@@ -45,6 +49,7 @@ def main(arguments: list[str]) -> int:
     from stiction.identify.pipeline import identify_joint
     from stiction.identify.readers import open_log, parse_columns
 
+    _keep_inputs(config.log, config.out)
     console = Console(stderr=True)
     setup = IdentifySetup(**{item.name: getattr(config, item.name) for item in fields(IdentifySetup)})
     with console.status("reading, fitting, simulating"):
@@ -58,6 +63,16 @@ def main(arguments: list[str]) -> int:
         show(Console(), result.name, result.record)
         console.print(f"page: {config.out / 'report.html'}", highlight=False, soft_wrap=True)
     return 0
+
+
+def _keep_inputs(log: Path, out: Path) -> None:
+    """Refuse a folder in which a result would overwrite the log, or be taken for its sidecar by the next run."""
+    inputs = (log.resolve(), log.resolve().with_suffix(".json"))
+    for name in RESULTS:
+        if (out / name).resolve() in inputs:
+            raise StictionError(
+                f"--out {out} would put {name} where {log.name} has itself or its sidecar; choose another --out"
+            )
 
 
 def write_results(folder: Path, joints: JointsFile, fits: dict) -> None:

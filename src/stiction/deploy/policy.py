@@ -10,6 +10,7 @@ import onnxruntime
 from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.deploy.onnx_file import OnnxError, external_tensors
 from stiction.formats.contract import Contract
+from stiction.formats.errors import StictionError
 
 INPUT, OUTPUT = "observation", "action"
 """Names of the network's one input and one output."""
@@ -74,6 +75,10 @@ class PolicyStep:
     """Joint targets [rad], shape (*batch, J)."""
 
 
+class SensorError(StictionError):
+    """A measured or commanded quantity that no policy should act on."""
+
+
 class Policy:
     """Sensors and command in, joint targets out; holds the history and the last action of every robot."""
 
@@ -103,7 +108,14 @@ class Policy:
             sensors: what the robots measure now.
             command: commanded velocity, forward, sideways [m/s], turn [rad/s], shape (*batch, 3).
 
+        Raises:
+            SensorError: a sensor or the command is NaN or infinite.
+
         """
+        for name, value in {**vars(sensors), "command": command}.items():
+            if not np.isfinite(value).all():
+                kind = "command" if name == "command" else f"sensor {name!r}"
+                raise SensorError(f"the {kind} is not finite (NaN or infinite); stop the robot and find out why")
         observation = self._builder.step(sensors, command, self._last_action)
         clip = np.float32(self.contract.action_clip)
         action = np.clip(self._network(np.atleast_2d(observation)), -clip, clip).reshape(self._last_action.shape)

@@ -24,6 +24,9 @@ from stiction.formats.errors import StictionError
 SIGNALS = ("position", "velocity", "target", "torque")
 """What a log may hold per joint."""
 
+UNNAMED = "joint"
+"""Name of a joint that neither the columns nor the user named."""
+
 Columns = dict[str, np.ndarray]
 """Column name -> values, shape (num_samples,)."""
 
@@ -110,7 +113,7 @@ def assemble(path: Path, table: Columns, columns: Mapping[str, str] | None, join
             raise LogError(f"{path.name}: no column {missing[0]!r}; the columns are {_listed(table)}")
         time_name = columns.get("time", "time")
         signals = {role: table[name] for role, name in columns.items() if role != "time"}
-        joints = {joint or "joint": JointSignals(**signals)} if signals else {}
+        joints = {joint or UNNAMED: JointSignals(**signals)} if signals else {}
     else:
         time_name, joints = "time", _canonical(table, joint)
     if time_name not in table:
@@ -129,7 +132,7 @@ def _canonical(table: Columns, joint: str | None) -> dict[str, JointSignals]:
     for name, values in table.items():
         signal, dot, owner = name.partition(".")
         if signal in SIGNALS:
-            found.setdefault(owner if dot else (joint or "joint"), {})[signal] = values
+            found.setdefault(owner if dot else (joint or UNNAMED), {})[signal] = values
     return {owner: JointSignals(**signals) for owner, signals in found.items()}
 
 
@@ -229,6 +232,11 @@ def read_setup(path: Path) -> LogSetup:
 def setup_from_dict(data: Any, source: str) -> LogSetup:
     """Build a setup from plain data; `source` is named in messages."""
     names = [item.name for item in fields(LogSetup)]
+    if isinstance(data, dict) and {"schema_version", "joints"} <= data.keys():
+        raise LogError(
+            f"{source}: this is a result of `stiction identify`, found where the log's sidecar belongs; "
+            "rename the log, or move the result to a folder of its own"
+        )
     if not isinstance(data, dict) or set(data) - set(names):
         raise LogError(f"{source}: expected an object with some of the fields {', '.join(names)}, got {str(data)[:80]}")
     choices = {"torque_source": TORQUE_SOURCES, "test_condition": TEST_CONDITIONS, "axis": AXES}

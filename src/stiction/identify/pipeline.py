@@ -10,7 +10,7 @@ import numpy as np
 from stiction.formats.errors import StictionError
 from stiction.formats.fit import FitSignals
 from stiction.formats.joints import PARAMETERS, JointRecord
-from stiction.formats.log import Log
+from stiction.formats.log import UNNAMED, Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
 from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
 from stiction.identify.output_error import OutputError, fit_output_error
@@ -62,6 +62,8 @@ def identify_joint(log: Log, joint: str | None = None, setup: IdentifySetup | No
     simulated, mismatch = _simulate(signals, prepared, regression, setup)
     record = _record(signals, prepared, regression, simulated, mismatch, setup)
     warnings = find_warnings(record, signals, prepared.velocity, has_target=raw.target is not None)
+    if name == UNNAMED and joint is None and record.axis == "rotary":
+        warnings += (NAMELESS,)
     return Identification(
         name, replace(record, warnings=warnings), _fit_signals(signals, prepared, regression, simulated)
     )
@@ -152,6 +154,12 @@ def _record(
 UNDECLARED = (
     "where torque was measured was not declared: taken as the motor's side (current or command, joint friction not in "
     "it); declare it with --torque-source"
+)
+
+
+NAMELESS = (
+    f"nobody named the joint, so it is called {UNNAMED!r}: `stiction train --joints` finds a robot's joints by name or "
+    "kind; give --joint FL_shank, or --joint shank for all of its kind"
 )
 
 

@@ -43,7 +43,7 @@ def identified_joints(file: JointsFile, joint_names: tuple[str, ...], link_inert
         record = file.joints.get(key, JointRecord())
         if record.axis != "rotary":
             raise StictionError(f"joint {key!r} was identified as a linear axis (kg, N); expected a rotary one")
-        armature.append(_armature(key, record, float(links), warnings))
+        armature.append(_armature(name, key, record, float(links), warnings))
         damping.append(_value(record.viscous_friction))
         frictionloss.append(_value(record.coulomb_friction))
     if all(value is None for value in (*armature, *damping, *frictionloss)):
@@ -59,18 +59,22 @@ def _value(estimate: Estimate | None) -> float | None:
     return None if estimate is None else max(0.0, estimate.value)
 
 
-def _armature(key: str, record: JointRecord, links: float, warnings: dict[str, None]) -> float | None:
-    """Return the rotor inertia that a record implies, or None where it implies none."""
+def _armature(name: str, key: str, record: JointRecord, links: float, warnings: dict[str, None]) -> float | None:
+    """Return the rotor inertia of joint `name` that its record, `key`, implies, or None where it implies none."""
     if record.inertia is None:
         return None
     if record.test_condition not in ("bare_motor", "in_air"):
         stated = f"was measured {record.test_condition}" if record.test_condition else "has no test condition"
         warnings[f"the inertia of {key!r} {stated}: it is not used, and the robot's own rotor inertia stays"] = None
         return None
-    armature = record.inertia.value - (links if record.test_condition == "in_air" else 0.0)
-    if armature <= 0:
+    measured = record.inertia.value
+    if measured <= 0:
+        raise StictionError(f"joint {name!r}: an inertia of {measured:.4g} kg m²; expected a positive number")
+    if record.test_condition == "bare_motor":
+        return measured
+    if measured <= links:
         raise StictionError(
-            f"joint {key!r}: {record.inertia.value:.4g} kg m² was measured, and the robot's links alone have "
-            f"{links:.4g} in the air; expected more: correct the robot's masses, or identify the bare motor"
+            f"joint {name!r}: {measured:.4g} kg m² was measured in the air, and the robot's links alone have "
+            f"{links:.4g}; expected more: correct the robot's masses, or identify the bare motor"
         )
-    return armature
+    return measured - links

@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import METHODS
+from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow
 from stiction.report.evaluation import budget_picture, definitions_table, follows, results_table, run_blocks
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, row, table
@@ -24,8 +25,10 @@ class DemoJoint:
     """Which joint, and where its log comes from."""
     command: str
     """The command that identified it."""
-    verdict: str
-    """What its friction means, in words."""
+    name: str
+    """The joint's name in the log."""
+    record: JointRecord
+    """What was found, the verdict and the warnings with it."""
     blocks: tuple[Markup, ...]
     """Table and pictures of the identification."""
 
@@ -143,7 +146,9 @@ def _lead(rows: Sequence[ResultRow], clips: DemoClips) -> str:
 
 def _joint_section(joint: DemoJoint) -> Section:
     """Return one identification."""
-    blocks = paragraph(joint.verdict), *joint.blocks, paragraph(f"By hand: {joint.command}")
+    notes = (paragraph(f"Warning: {warning}") for warning in joint.record.warnings)
+    verdict = joint.record.diagnostics["verdict"]["text"]
+    blocks = paragraph(verdict), *notes, *joint.blocks, paragraph(f"By hand: {joint.command}")
     return Section(f"Friction from a log: {joint.title}", blocks)
 
 

@@ -65,9 +65,13 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "
     return _block("table", header, cells, words, caption)
 
 
-def _is_number(cell: str) -> bool:
-    """Return whether a cell begins as a number does; a column with one is aligned as numbers, words in it too."""
-    return cell[:1].isdigit() or (cell[:1] in tuple("+-−.") and cell[1:2].isdigit())
+BLANKS = ("", "-", "–", "none", "not known")
+"""What stands in a column of numbers where there is no number."""
+
+
+def _is_word(cell: str) -> bool:
+    """Return whether a cell is text: not blank, and not begun by a digit, a sign or a decimal point."""
+    return cell not in BLANKS and not (cell[0].isdigit() or cell[0] in "+-−.")
 
 
 def picture(uri: str, caption: str = "") -> Markup:
