@@ -100,7 +100,7 @@ INTRODUCTION = (
     "Two numbers say how bad it is: friction over the motor's largest torque, f/τ_max, and the dead band, f/kp: the "
     "error of position below which a position-controlled joint does nothing at all.",
     "This page finds the friction in a log, says whether it matters, and compares policies that were trained with and "
-    "without it. Everything on it was computed just now, on this machine.",
+    "without it. Every identification and every walk on it was computed just now, on this machine.",
 )
 
 METHODS_TEXT = (
@@ -109,8 +109,9 @@ METHODS_TEXT = (
 )
 
 BUDGET_TEXT = (
-    "Read it from left to right: with more friction in the joints a policy gets slower, and its line leaves the green "
-    "band. The highest tested level up to which each policy stayed within the band and no robot fell:"
+    "Read it from left to right, towards more friction in the joints: a policy that does not cope with it gets slower, "
+    "and its line leaves the green band. The highest tested level up to which each policy stayed within the band and no "
+    "robot fell:"
 )
 
 CHECK_TEXT = (
