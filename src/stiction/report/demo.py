@@ -110,8 +110,8 @@ METHODS_TEXT = (
 
 BUDGET_TEXT = (
     "Read it from left to right, towards more friction in the joints: a policy that does not cope with it gets slower, "
-    "and its line leaves the green band. The highest tested level up to which each policy stayed within the band and no "
-    "robot fell:"
+    "and its line leaves the green band. The highest tested level up to which each policy stayed within the band and "
+    "no robot fell:"
 )
 
 CHECK_TEXT = (
