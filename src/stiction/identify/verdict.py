@@ -84,8 +84,8 @@ def _judgement(high: float) -> str:
     else:
         word = "A policy that was trained without friction will probably lose much of its speed"
     return (
-        f"{word}. Provisional: in simulations of one robot, one training seed, such a policy still followed 0.5 m/s with "
-        "friction of 1 % of the torque limit, and reached 79 to 85 % of it at 10 %, 51 to 61 % at 20 %."
+        f"{word}. Provisional: in simulations of one robot, one training seed, such a policy still followed "
+        "0.5 m/s with friction of 1 % of the torque limit, and reached 79 to 85 % of it at 10 %, 51 to 61 % at 20 %."
     )
 
 

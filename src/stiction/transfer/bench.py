@@ -26,7 +26,7 @@ from stiction.locomotion.config import FrictionMethod
 from stiction.locomotion.env import LocomotionEnv
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory
-from stiction.rma.runner import PhaseRunner, multiply_adds, teacher_cfg
+from stiction.rma.runner import PhaseRunner, multiply_adds, teacher_cfg, torch_threads
 from stiction.sim.native import NativeSimulation
 
 
@@ -62,7 +62,7 @@ class Timing:
 def _timed_rollout(env: LocomotionEnv, actions: torch.Tensor) -> tuple[float, list[dict[str, np.ndarray]]]:
     """Step the task with `actions`, (steps, N, joints); return the seconds of `step` alone and each state before it."""
     states, seconds = [], 0.0
-    with torch.no_grad():
+    with torch.no_grad(), torch_threads(1):
         for action in actions:
             before = env.fleet.simulation.state()
             start = time.perf_counter()
