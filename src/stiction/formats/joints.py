@@ -171,11 +171,15 @@ class JointsFile:
         """Every joint's warnings, with the joint's name in front."""
         return tuple(f"{name}: {text}" for name, record in self.joints.items() for text in record.warnings)
 
+    def key(self, joint: str) -> str | None:
+        """Return the name that `FL_shank` is recorded under: its own, else its kind, `shank`; None where neither is."""
+        return next((name for name in (joint, joint.rpartition("_")[2]) if name in self.joints), None)
+
     def record(self, joint: str) -> JointRecord:
         """Return the record of `FL_shank`: under that name, else under its kind, `shank`; else raise `JointsError`."""
-        for name in (joint, joint.rpartition("_")[2]):
-            if name in self.joints:
-                return self.joints[name]
+        key = self.key(joint)
+        if key is not None:
+            return self.joints[key]
         raise JointsError(f"no record for joint {joint!r} or its kind; the file has {', '.join(self.joints)}")
 
     def nominal(self, joints: Sequence[str], quantity: str) -> tuple[float, ...]:

@@ -39,8 +39,8 @@ def identified_joints(file: JointsFile, joint_names: tuple[str, ...], link_inert
     frictionloss: list[float | None] = []
     warnings: dict[str, None] = {}
     for name, links in zip(joint_names, link_inertia, strict=True):
-        key = name if name in file.joints else name.rpartition("_")[2]
-        record = file.joints.get(key, JointRecord())
+        key = file.key(name)
+        record = file.joints[key] if key is not None else JointRecord()
         if record.axis != "rotary":
             raise StictionError(f"joint {key!r} was identified as a linear axis (kg, N); expected a rotary one")
         armature.append(_armature(name, key, record, float(links), warnings))
@@ -59,7 +59,7 @@ def _value(estimate: Estimate | None) -> float | None:
     return None if estimate is None else max(0.0, estimate.value)
 
 
-def _armature(name: str, key: str, record: JointRecord, links: float, warnings: dict[str, None]) -> float | None:
+def _armature(name: str, key: str | None, record: JointRecord, links: float, warnings: dict[str, None]) -> float | None:
     """Return the rotor inertia of joint `name` that its record, `key`, implies, or None where it implies none."""
     if record.inertia is None:
         return None

@@ -10,6 +10,9 @@ from rsl_rl.modules import MLP
 from tensordict import TensorDict
 from torch import nn
 
+GROUPS = ["proprioception", "history", "privileged", "explicit"]
+"""Every observation group; each model picks what it may see."""
+
 
 class HistoryEncoder(nn.Module):
     """Reads o_H: every frame through one linear layer, then an MLP over all frames."""
@@ -53,7 +56,7 @@ class RMAActor(MLPModel):
         latent_source: str = "privileged",
     ) -> None:
         """Build from the sizes of the observation groups."""
-        size = {name: obs[name].shape[-1] for name in ("proprioception", "history", "privileged", "explicit")}
+        size = {name: obs[name].shape[-1] for name in GROUPS}
         self.latent_dim = size["proprioception"] + size["explicit"] + latent
         super().__init__(obs, obs_groups, obs_set, output_dim, hidden_dims, "elu", False, distribution_cfg)
         encoder = (size["history"], size["proprioception"], history_frame, history)
@@ -109,7 +112,7 @@ class RMACritic(MLPModel):
         history: tuple[int, ...],
     ) -> None:
         """Build from the sizes of the observation groups."""
-        size = {name: obs[name].shape[-1] for name in ("proprioception", "history", "privileged", "explicit")}
+        size = {name: obs[name].shape[-1] for name in GROUPS}
         encoded = history[-1] // 2
         self.latent_dim = sum(size.values()) - size["history"] + encoded
         super().__init__(obs, obs_groups, obs_set, output_dim, hidden_dims, "elu")

@@ -23,11 +23,8 @@ from stiction.formats.reproducibility import num_threads, stream_seed
 from stiction.locomotion.env import LocomotionEnv
 from stiction.rma.checkpoint import keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.rma.config import TrainCfg
-from stiction.rma.models import RMAActor, StudentPolicy
+from stiction.rma.models import GROUPS, RMAActor, StudentPolicy
 from stiction.rma.run import RunDirectory
-
-GROUPS = ["proprioception", "history", "privileged", "explicit"]
-"""Every observation group; each model picks what it may see."""
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
 """Called after every iteration with phase, iteration, iterations, figures."""
@@ -263,16 +260,16 @@ def train(
 
 def multiply_adds(teacher: PhaseRunner) -> dict[str, int]:
     """Return the multiply-adds of one forward pass: actor with adaptation and estimator, and critic."""
+    frames = teacher.env.layout.history_length
 
-    def count(module: torch.nn.Module, frames: int = 1) -> int:
+    def count(module: torch.nn.Module) -> int:
         total = 0
         for name, layer in module.named_modules():
             if isinstance(layer, torch.nn.Linear):
                 total += layer.in_features * layer.out_features * (frames if ".embed." in name else 1)
         return total
 
-    frames = teacher.env.layout.history_length
-    return {"actor": count(teacher.alg.actor, frames), "critic": count(teacher.alg.critic, frames)}
+    return {"actor": count(teacher.alg.actor), "critic": count(teacher.alg.critic)}
 
 
 def load_student(run: RunDirectory) -> StudentPolicy:
