@@ -1,12 +1,15 @@
 """Intervals that stay honest when residuals are correlated in time, as those of a real joint always are.
 
 Textbook least squares counts every sample as new information; a residual that persists for a second makes its
-intervals many times too narrow. Here the log is cut into blocks longer than the residuals' memory, and the spread of
-the blocks' contributions gives the covariance: the cluster-robust "sandwich", with Student's t for blocks − 1 degrees
-of freedom.
+intervals many times too narrow. Here the log is cut into blocks longer than the residual's memory. The spread of the
+blocks' contributions gives the covariance (the cluster-robust "sandwich"), and resampling whole blocks, a block
+bootstrap, gives the distribution of each estimate's studentised error: how many of its own standard deviations it may
+be off. Few or uneven blocks make that reach larger than Student's t would have it.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import t as student
@@ -21,6 +24,32 @@ FEWEST_BLOCKS = 8
 
 MEMORIES = 8.0
 """Length of a block in correlation times of the residual."""
+
+DRAWS = 999
+"""Resamples of a bootstrap: the 95 % point of that many is known to within one per cent of probability."""
+
+LARGEST_REACH = 2.0
+"""Bootstrapped reach over Student's beyond which a handful of blocks is a poor witness of itself: it is cut there."""
+
+SEED = 20_251
+"""Of the bootstrap's draws: the same log gives the same intervals."""
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """What each block of a log adds to the estimating equations A δ = g; B blocks, P parameters."""
+
+    curvature: np.ndarray
+    """A of each block, ZᵀW, shape (B, P, P)."""
+    gradient: np.ndarray
+    """g of each block, Zᵀr, shape (B, P)."""
+    rows: int
+    """Rows in all."""
+
+    @property
+    def count(self) -> int:
+        """Number of blocks."""
+        return len(self.gradient)
 
 
 def correlation_time(residual: np.ndarray) -> float:
@@ -44,25 +73,70 @@ def block_count(residual: np.ndarray) -> int:
     return int(np.clip(wanted, FEWEST_BLOCKS, MOST_BLOCKS))
 
 
-def block_covariance(jacobian: np.ndarray, residual: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """Return the covariance of least-squares estimates, shape (num_parameters, num_parameters).
+def make_blocks(
+    jacobian: np.ndarray, residual: np.ndarray, block: np.ndarray, instrument: np.ndarray | None = None
+) -> Blocks:
+    """Sum the estimating equations over blocks.
 
-    jacobian: shape (num_rows, num_parameters); residual: shape (num_rows,); block: index of each row's block from 0,
-    shape (num_rows,). H⁻¹ (Σ_blocks g gᵀ) H⁻¹ with H = JᵀJ, g = Jᵀr within a block, and the usual small-sample factor.
+    jacobian: W, shape (num_rows, P); residual: r, shape (num_rows,); block: index of each row's block from 0, shape
+    (num_rows,); instrument: Z, shape (num_rows, P), W itself by default, which is least squares. Empty blocks drop out.
     """
-    count = int(block.max()) + 1
-    sums = np.stack([np.bincount(block, column * residual, count) for column in jacobian.T], axis=1)
-    rows, parameters = jacobian.shape
-    bread = np.linalg.inv(jacobian.T @ jacobian)
-    factor = count / (count - 1) * (rows - 1) / (rows - parameters)
-    return factor * bread @ (sums.T @ sums) @ bread
+    left = jacobian if instrument is None else instrument
+    order = np.argsort(block, kind="stable")
+    starts = np.flatnonzero(np.diff(block[order], prepend=-1))
+    pairs = np.split(order, starts[1:])
+    curvature = np.stack([left[rows].T @ jacobian[rows] for rows in pairs])
+    gradient = np.stack([left[rows].T @ residual[rows] for rows in pairs])
+    return Blocks(curvature, gradient, len(residual))
+
+
+def robust_covariance(blocks: Blocks) -> np.ndarray:
+    """Return the covariance of the estimates, shape (P, P): A⁻¹ (Σ_blocks g gᵀ) A⁻ᵀ with the small-sample factor."""
+    bread = np.linalg.inv(blocks.curvature.sum(axis=0))
+    parameters = bread.shape[0]
+    factor = blocks.count / (blocks.count - 1) * (blocks.rows - 1) / max(blocks.rows - parameters, 1)
+    return factor * bread @ (blocks.gradient.T @ blocks.gradient) @ bread.T
+
+
+def bootstrap_reach(blocks: Blocks) -> np.ndarray:
+    """Return the 95 % point of each estimate's studentised error, |δ| / std, by resampling blocks; shape (P,).
+
+    At least Student's point for B − 1 degrees of freedom, at most `LARGEST_REACH` times it.
+    """
+    least = float(student.ppf(0.975, blocks.count - 1))
+    draws = np.random.default_rng(SEED).multinomial(blocks.count, np.full(blocks.count, 1 / blocks.count), DRAWS)
+    curvature = np.einsum("db,bij->dij", draws, blocks.curvature)
+    scale = 1 / np.sqrt(np.einsum("bii->i", blocks.curvature).clip(1e-300))
+    solvable = np.linalg.cond(curvature * np.outer(scale, scale)) < 1e10
+    draws, curvature = draws[solvable], curvature[solvable]
+    if len(draws) < DRAWS // 2:
+        return np.full(len(scale), LARGEST_REACH * least)
+    bread = np.linalg.inv(curvature)
+    change = np.einsum("dij,db,bj->di", bread, draws, blocks.gradient)
+    left = blocks.gradient[None] - np.einsum("bij,dj->dbi", blocks.curvature, change)
+    influence = np.einsum("dij,dbj->dbi", bread, left)
+    spread = np.sqrt(np.einsum("db,dbi->di", draws, influence**2).clip(1e-300))
+    reach = np.quantile(np.abs(change) / spread, 0.95, axis=0)
+    return np.clip(reach, least, LARGEST_REACH * least)
+
+
+def with_intervals(
+    values: np.ndarray, covariance: np.ndarray, reach: np.ndarray | float
+) -> tuple[Estimate, ...]:
+    """Return each value with its standard deviation and its 95 % interval, `reach` deviations to each side."""
+    deviations = np.sqrt(np.diag(covariance))
+    ends = np.broadcast_to(reach, deviations.shape) * deviations
+    return tuple(
+        Estimate(float(value), float(std), (float(value - end), float(value + end)))
+        for value, std, end in zip(values, deviations, ends, strict=True)
+    )
+
+
+def block_covariance(jacobian: np.ndarray, residual: np.ndarray, block: np.ndarray) -> np.ndarray:
+    """Return the covariance of least-squares estimates, shape (num_parameters, num_parameters); see `make_blocks`."""
+    return robust_covariance(make_blocks(jacobian, residual, block))
 
 
 def estimates(values: np.ndarray, covariance: np.ndarray, freedom: int) -> tuple[Estimate, ...]:
     """Return each value with its standard deviation and Student's 95 % interval, `freedom` degrees of freedom."""
-    reach = float(student.ppf(0.975, freedom))
-    deviations = np.sqrt(np.diag(covariance))
-    return tuple(
-        Estimate(float(value), float(std), (float(value - reach * std), float(value + reach * std)))
-        for value, std in zip(values, deviations, strict=True)
-    )
+    return with_intervals(values, covariance, float(student.ppf(0.975, freedom)))
