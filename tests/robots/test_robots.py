@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from stiction.formats.errors import StictionError
-from stiction.robots.build import box_inertia, build_model
+from stiction.robots.build import build_model
 from stiction.robots.catalog import find_robot, robot_names
+from stiction.robots.spec import box_inertia
 from stiction.sim.fleet import Fleet
 
 

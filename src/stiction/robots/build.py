@@ -9,19 +9,13 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from stiction.robots.spec import DELAY_SAMPLES, LegSpec, LinkSpec, RobotSpec
+from stiction.robots.spec import DELAY_SAMPLES, LegSpec, LinkSpec, RobotSpec, box_inertia
 
 FRICTION_D0 = 0.999
 """Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2.
 Measured under 90 % of a friction of 30 % of the torque limit, time constant two steps, the fastest joint of either
 robot: 0.0032 rad/s at steps of 5 ms, 0.0064 rad/s at 10 ms; with MuJoCo's default 0.9, 0.35 rad/s. The default
 simulates 1.4 times faster."""
-
-
-def box_inertia(mass: float, size: tuple[float, float, float]) -> np.ndarray:
-    """Return the principal moments of a uniform box [kg m²], shape (3,). `size` is its full extent [m]."""
-    x, y, z = size
-    return mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
 
 
 def _add_link(

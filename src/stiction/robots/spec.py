@@ -71,6 +71,12 @@ class LinkSpec:
     """Full extent along x, y, z in the link's frame [m]."""
 
 
+def box_inertia(mass: float, size: tuple[float, float, float]) -> np.ndarray:
+    """Return the principal moments of a uniform box [kg m²], shape (3,). `size` is its full extent [m]."""
+    x, y, z = size
+    return mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+
+
 @dataclass(frozen=True)
 class RobotSpec:
     """A legged robot with any number of three-jointed legs."""

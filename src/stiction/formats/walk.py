@@ -1,0 +1,269 @@
+"""The log of a walking robot: what its joints, its IMU and its feet measured, and how. NPZ, never pickled.
+
+Every stage that has a robot walk writes this one form, in simulation and on hardware, and every stage that learns from
+a walk reads it. What a log does not say, such as the friction of a simulated robot's joints, is not in it on purpose:
+who identifies a log knows no more than on a robot.
+
+The archive holds one array per field of `WalkLog` that is not None, with the field's name, and `header`, a text: a JSON
+object with `schema`, `schema_version`, and every field of `WalkHeader`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import zipfile
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.formats.golden import DAMAGED
+from stiction.formats.log import TORQUE_SOURCES
+
+SCHEMA = "stiction-walk"
+"""What the header of every such log says."""
+
+SCHEMA_VERSION = 1
+"""Raised when a reader of the older form would misunderstand the newer one."""
+
+MAX_BYTES = 512 * 2**20
+"""Largest size of the arrays together, unpacked [B]: an hour of 18 joints at 500 Hz."""
+
+MAX_HEADER = 2**16
+"""Longest header [characters]."""
+
+LARGEST_JITTER = 0.5
+"""Largest deviation of a time step from the period, in periods: beyond, samples were dropped or doubled."""
+
+
+class WalkError(StictionError):
+    """A walking log that cannot be read; the message names the file and the field."""
+
+
+@dataclass(frozen=True)
+class WalkHeader:
+    """What the signals cannot say."""
+
+    robot: str
+    """Name of the robot: `saturn_lite`."""
+    joint_names: tuple[str, ...]
+    """Names of the joints, in the order of every signal over joints: `FL_hip`, ..."""
+    foot_names: tuple[str, ...]
+    """Names of the feet, in the order of `foot_contact`: `FL_foot`, ..."""
+    period: float
+    """Time between two samples [s]."""
+    kp: tuple[float, ...]
+    """Proportional gains of the joint controllers [N m/rad]."""
+    kd: tuple[float, ...]
+    """Derivative gains of the joint controllers [N m s/rad]."""
+    torque_limit: tuple[float, ...]
+    """Largest torques of the motors [N m]."""
+    torque_source: str = "motor_side"
+    """`motor_side` (current or command: joint friction not in it) or `output_side` (behind the gear: in it)."""
+    recorded_in: str = "robot"
+    """`robot`, or the engine of the simulation: `mujoco`."""
+    policy: str = ""
+    """Name of the policy that walked, empty if there was none."""
+    command: str = ""
+    """What it was told, where that did not change: `vx=0.5`."""
+    noise: dict[str, float] = field(default_factory=dict)
+    """Name of a sensor's error -> its size, as far as known: in a simulated log what was added, on a robot the data
+    sheet's."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no log has."""
+        _expect(_texts((self.robot, self.recorded_in)), "robot, recorded_in", (self.robot, self.recorded_in), "texts")
+        for name in ("joint_names", "foot_names"):
+            value = getattr(self, name)
+            unique = len(set(value)) == len(value) and (len(value) > 0 or name == "foot_names")
+            _expect(_texts(value) and unique, name, value, "different names")
+        _expect(_number(self.period) and 1e-5 <= self.period <= 0.1, "period", self.period, "1e-5 to 0.1 s")
+        for name, least in (("kp", 0.0), ("kd", 0.0), ("torque_limit", 1e-9)):
+            value = getattr(self, name)
+            right = len(value) == len(self.joint_names) and all(_number(n) and n >= least for n in value)
+            _expect(right, name, value, f"{len(self.joint_names)} numbers of at least {least:g}, one per joint")
+        _expect(self.torque_source in TORQUE_SOURCES, "torque_source", self.torque_source, " or ".join(TORQUE_SOURCES))
+        _expect(all(isinstance(t, str) for t in (self.policy, self.command)), "policy, command", self.policy, "texts")
+        named = isinstance(self.noise, dict) and all(map(_number, self.noise.values()))
+        _expect(named, "noise", self.noise, "an object of numbers")
+
+
+@dataclass(frozen=True)
+class WalkLog:
+    """One walk of one robot: T samples, J joints, L feet. What was not measured is None."""
+
+    header: WalkHeader
+    """What the signals cannot say."""
+    time: np.ndarray
+    """Since the start [s], one period apart, shape (T,)."""
+    joint_position: np.ndarray
+    """Measured angles [rad], shape (T, J)."""
+    joint_velocity: np.ndarray
+    """Measured velocities [rad/s], shape (T, J)."""
+    joint_target: np.ndarray
+    """Angles that the policy asked for [rad], shape (T, J)."""
+    angular_velocity: np.ndarray
+    """Gyroscope: angular velocity of the base in the base frame [rad/s], shape (T, 3)."""
+    quaternion: np.ndarray
+    """Orientation of the base as the IMU estimates it, w x y z, shape (T, 4)."""
+    joint_torque: np.ndarray | None = None
+    """Torque of the motors at the joint, mean over the period that follows [N m], shape (T, J)."""
+    specific_force: np.ndarray | None = None
+    """Accelerometer at the base's origin: acceleration minus gravity, base frame [m/s²], shape (T, 3)."""
+    linear_velocity: np.ndarray | None = None
+    """Velocity of the base in the base frame, where something measures it [m/s], shape (T, 3)."""
+    foot_contact: np.ndarray | None = None
+    """Whether each foot bears load, bool, shape (T, L)."""
+    velocity_command: np.ndarray | None = None
+    """Commanded velocity: forward, sideways [m/s], turn [rad/s], shape (T, 3)."""
+
+    def __post_init__(self) -> None:
+        """Refuse signals of the wrong shape, type or value, and time that does not run evenly."""
+        joints, feet = len(self.header.joint_names), len(self.header.foot_names)
+        widths = {name: joints for name in ("joint_position", "joint_velocity", "joint_target", "joint_torque")}
+        widths |= {"quaternion": 4, "foot_contact": feet}
+        samples = self.time.shape[0] if isinstance(self.time, np.ndarray) and self.time.ndim == 1 else 0
+        _expect(samples >= 2, "time", samples, "at least two samples in one dimension")
+        for name in SIGNALS:
+            array = getattr(self, name)
+            if array is None and name in OPTIONAL:
+                continue
+            shape = (samples,) if name == "time" else (samples, widths.get(name, 3))
+            kind = "b" if name == "foot_contact" else "f"
+            right = isinstance(array, np.ndarray) and array.shape == shape and array.dtype.kind == kind
+            found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+            _expect(right, name, found, f"{'bool' if kind == 'b' else 'float'} {shape}")
+            _expect(kind == "b" or bool(np.isfinite(array).all()), name, "not finite everywhere", "finite numbers")
+        uneven = float(np.abs(np.diff(self.time) / self.header.period - 1).max())
+        expected = f"{self.header.period} s, the period, within {LARGEST_JITTER:.0%}"
+        _expect(uneven <= LARGEST_JITTER, "time", f"uneven by {uneven:.3g} periods", expected)
+        length = np.linalg.norm(self.quaternion, axis=1)
+        _expect(bool(np.abs(length - 1).max() < 0.01), "quaternion", "not of length 1", "unit quaternions w x y z")
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.time)
+
+
+SIGNALS = tuple(item.name for item in fields(WalkLog) if item.name != "header")
+"""Names of the arrays."""
+
+OPTIONAL = ("joint_torque", "specific_force", "linear_velocity", "foot_contact", "velocity_command")
+"""Arrays that a log may lack."""
+
+
+def _number(value: object) -> bool:
+    """Return whether a value is a finite number and not a bool."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _texts(values: Any) -> bool:
+    """Return whether all values are texts that are not empty."""
+    return all(isinstance(value, str) and value.strip() for value in values)
+
+
+def _expect(condition: bool, name: str, value: object, expected: str) -> None:
+    """Raise `WalkError` naming the field unless the condition holds."""
+    if not condition:
+        raise WalkError(f"walking log, field {name!r}: {str(value)[:80]}; expected {expected}")
+
+
+def write_walk(path: Path, log: WalkLog) -> None:
+    """Write a log as NPZ, whole or not at all: signals in single precision, time in double."""
+    arrays: dict[str, np.ndarray] = {}
+    for name in SIGNALS:
+        array = getattr(log, name)
+        if array is not None:
+            arrays[name] = array if array.dtype == bool or name == "time" else array.astype(np.float32)
+    header = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION} | asdict(log.header)
+    arrays["header"] = np.array(json.dumps(header, allow_nan=False))
+    part = path.with_name(path.name + ".part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with part.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **arrays)
+        part.replace(path)
+    except OSError as error:
+        raise WalkError(f"cannot write {path}: {error.strerror or error}; choose another folder") from error
+
+
+def is_walk(path: Path) -> bool:
+    """Return whether a file is a walking log by its looks: an archive with a `header` and a `quaternion`."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return {"header.npy", "quaternion.npy"} <= set(archive.namelist())
+    except DAMAGED:
+        return False
+
+
+def read_walk(path: Path) -> WalkLog:
+    """Read a log; nothing in it is executed, and nothing is allocated that the file does not hold.
+
+    Raises:
+        WalkError: not such a log, another version, a field missing, unknown, of the wrong type, shape or value.
+
+    """
+    arrays = _unpack(path)
+    text = arrays.pop("header", np.array(0))
+    if text.dtype.kind != "U" or text.ndim != 0:
+        raise WalkError(f"{path.name}: no header; expected a walking log of evaluate --log or of deploy")
+    if unknown := sorted(set(arrays) - set(SIGNALS)):
+        raise WalkError(f"{path.name}: unknown array {unknown[0]!r}; expected some of {', '.join(SIGNALS)}")
+    if missing := [name for name in SIGNALS if name not in arrays and name not in OPTIONAL]:
+        raise WalkError(f"{path.name}: no array {missing[0]!r}; log it")
+    try:
+        header = _read_header(str(text))
+        doubles = {name: a if a.dtype.kind != "f" else a.astype(np.float64) for name, a in arrays.items()}
+        return WalkLog(header, **doubles)
+    except WalkError as error:
+        raise WalkError(f"{path.name}: {error}") from error
+
+
+def _read_header(text: str) -> WalkHeader:
+    """Parse and check the header."""
+    try:
+        data = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise WalkError(f"the header is not JSON ({str(error)[:80]})") from error
+    if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
+        raise WalkError(f"the header does not say {SCHEMA!r}; expected a log of evaluate --log or of deploy")
+    version = data.pop("schema_version", None)
+    if version != SCHEMA_VERSION:
+        raise WalkError(f"schema version {version!r}; this program reads version {SCHEMA_VERSION}")
+    known = {item.name for item in fields(WalkHeader)}
+    if odd := sorted(known ^ data.keys()):
+        raise WalkError(f"header field {odd[0]!r} is missing or unknown")
+    for name in ("joint_names", "foot_names", "kp", "kd", "torque_limit"):
+        if not isinstance(data[name], list):
+            raise WalkError(f"header field {name!r} is {str(data[name])[:80]}; expected a list")
+        data[name] = tuple(data[name])
+    return WalkHeader(**data)
+
+
+def _unpack(path: Path) -> dict[str, np.ndarray]:
+    """Return the arrays of an NPZ file, after its entries were found to hold what their headers say."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            total = sum(entry.file_size for entry in entries)
+            if total > MAX_BYTES or len(entries) > 2 * len(SIGNALS):
+                raise WalkError(f"{path.name}: {len(entries)} arrays of {total} bytes; at most {MAX_BYTES} are read")
+            return {entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in entries}
+    except DAMAGED as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)[:120]
+        raise WalkError(f"cannot read {path.name}: {reason}; expected a walking log (NPZ)") from error
+
+
+def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
+    """Read one array; raise `ValueError` where its size is not the entry's, before memory is set aside for it."""
+    with archive.open(entry) as file:
+        version = np.lib.format.read_magic(file)
+        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, kind = read(file, max_header_size=10_000)
+    if kind.hasobject or math.prod(shape) * kind.itemsize > entry.file_size or kind.itemsize > 4 * MAX_HEADER:
+        raise ValueError(f"the array {entry.filename!r} is not plain numbers of the size that it declares")
+    with archive.open(entry) as file:
+        return np.lib.format.read_array(file, allow_pickle=False)
