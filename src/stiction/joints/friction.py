@@ -2,28 +2,48 @@
 
 The paper writes f = −b_c sign(θ') and leaves θ' = 0 open. Here friction at rest takes whatever value holds the joint,
 up to a limit: that is what makes it *static* friction.
+
+Every law is a chain of straight pieces in |θ'| for each direction, for a joint on a straight piece is a linear system
+and its motion is known in closed form. Friction at rest goes up to the value of the first piece at zero.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from stiction.formats.errors import StictionError
 
+KNOTS = (0.0, 0.19, 0.4, 0.84, 1.15, 1.43, 1.76, 2.33)
+"""Ends of the secants of exp(−x²), the last value being taken as zero: they are off by less than 1 % of its height."""
+
+SECANTS = (*(float(np.exp(-(x**2))) for x in KNOTS[:-1]), 0.0)
+"""exp(−x²) at the knots."""
+
+
+class Piece(NamedTuple):
+    """f = level + slope |θ'| from the speed `start` to the start of the next piece, the last one without end."""
+
+    start: float
+    """[rad/s]."""
+    level: float
+    """Where the straight line meets θ' = 0 [N m]."""
+    slope: float
+    """[N m s/rad]."""
+
 
 class FrictionLaw(Protocol):
-    """What a simulator asks of a friction law: how much holds a joint at rest, and how much brakes it in motion."""
+    """What a simulator asks of a friction law."""
 
     @property
-    def breakaway(self) -> float:
-        """Largest torque that friction holds at rest [N m]."""
+    def load_coefficient(self) -> float:
+        """Friction per torque that the load transmits, at every speed and at rest [1]."""
         ...
 
-    def sliding(self, velocity: np.ndarray) -> np.ndarray:
-        """Return the size of the friction torque at a velocity that is not zero [N m], not negative."""
+    def pieces(self, direction: int) -> tuple[Piece, ...]:
+        """Return the friction of the unloaded joint turning in `direction`, 1 or -1, continuous from zero speed on."""
         ...
 
 
@@ -33,30 +53,140 @@ class Coulomb:
 
     level: float
     """b_c [N m]."""
+    load_coefficient = 0.0
 
     def __post_init__(self) -> None:
         """Refuse friction that would drive the joint."""
-        if not self.level >= 0:
-            raise StictionError(f"Coulomb friction {self.level}: expected a number that is not negative")
+        _not_negative("Coulomb friction", self.level)
 
-    @property
-    def breakaway(self) -> float:
-        """Coulomb's law makes no difference between rest and motion."""
-        return self.level
-
-    def sliding(self, velocity: np.ndarray) -> np.ndarray:
-        """Return b_c at every speed."""
-        return np.full(np.shape(velocity), self.level)
+    def pieces(self, direction: int) -> tuple[Piece, ...]:
+        """Return b_c, whatever the direction."""
+        return (Piece(0.0, self.level, 0.0),)
 
 
-def friction_torque(law: FrictionLaw, velocity: np.ndarray, applied: np.ndarray) -> np.ndarray:
+@dataclass(frozen=True)
+class Asymmetric:
+    """Coulomb and viscous friction of each direction; forward means θ' > 0. `Joint.viscous` is zero beside it."""
+
+    forward: float
+    """b_c forward [N m]."""
+    backward: float
+    """b_c backward [N m]."""
+    viscous_forward: float = 0.0
+    """B forward [N m s/rad]."""
+    viscous_backward: float = 0.0
+    """B backward [N m s/rad]."""
+    load_coefficient = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse friction that would drive the joint."""
+        _not_negative("Coulomb friction forward", self.forward)
+        _not_negative("Coulomb friction backward", self.backward)
+        if not np.isfinite([self.viscous_forward, self.viscous_backward]).all():
+            raise StictionError(
+                f"viscous friction {self.viscous_forward} and {self.viscous_backward}: expected finite numbers"
+            )
+
+    def pieces(self, direction: int) -> tuple[Piece, ...]:
+        """Return b_c + B |θ'| of the direction."""
+        if direction > 0:
+            return (Piece(0.0, self.forward, self.viscous_forward),)
+        return (Piece(0.0, self.backward, self.viscous_backward),)
+
+
+@dataclass(frozen=True)
+class Stribeck:
+    """f = b_c + (b_s − b_c) exp(−(θ'/v_s)²): more friction at rest than in motion, as in lubricated gears.
+
+    The Gaussian is a chain of secants (`KNOTS`), within 1 % of b_s − b_c of it.
+    """
+
+    coulomb: float
+    """b_c, at high speed [N m]."""
+    static: float
+    """b_s, at rest [N m]."""
+    velocity: float
+    """v_s [rad/s]."""
+    load_coefficient = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse friction that would drive the joint, and a fall without width."""
+        _not_negative("Coulomb friction", self.coulomb)
+        _not_negative("static friction", self.static)
+        if not (self.velocity > 0 and np.isfinite(self.velocity)):
+            raise StictionError(f"Stribeck velocity {self.velocity}: expected a positive number")
+
+    def pieces(self, direction: int) -> tuple[Piece, ...]:
+        """Return the secants and the level behind them, whatever the direction."""
+        speeds = [self.velocity * knot for knot in KNOTS]
+        values = [self.coulomb + (self.static - self.coulomb) * height for height in SECANTS]
+        chain = []
+        for index in range(len(speeds) - 1):
+            slope = (values[index + 1] - values[index]) / (speeds[index + 1] - speeds[index])
+            chain.append(Piece(speeds[index], values[index] - slope * speeds[index], slope))
+        return (*chain, Piece(speeds[-1], self.coulomb, 0.0))
+
+
+@dataclass(frozen=True)
+class LoadDependent:
+    """f = b_c + c |load|, the load being the torque that reaches the joint from outside: gravity and known torques."""
+
+    level: float
+    """b_c without load [N m]."""
+    load_coefficient: float
+    """c [1]."""
+
+    def __post_init__(self) -> None:
+        """Refuse friction that would drive the joint."""
+        _not_negative("Coulomb friction", self.level)
+        _not_negative("load coefficient", self.load_coefficient)
+
+    def pieces(self, direction: int) -> tuple[Piece, ...]:
+        """Return b_c, whatever the direction; the simulator adds c |load|."""
+        return (Piece(0.0, self.level, 0.0),)
+
+
+def _not_negative(name: str, value: float) -> None:
+    """Raise `StictionError` unless the value is finite and not negative."""
+    if not (value >= 0 and np.isfinite(value)):
+        raise StictionError(f"{name} {value}: expected a number that is not negative")
+
+
+def breakaway(law: FrictionLaw, direction: int, load: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return the largest torque in `direction`, 1 or -1, that friction holds at rest [N m], in the shape of `load`.
+
+    load: torque that reaches the joint from outside [N m], of either sign.
+    """
+    return law.pieces(direction)[0].level + law.load_coefficient * np.abs(load)
+
+
+def sliding(law: FrictionLaw, velocity: np.ndarray, load: np.ndarray | float = 0.0) -> np.ndarray:
+    """Return the size of the friction of a moving joint, viscous friction of the law included [N m].
+
+    velocity: θ' [rad/s], not zero; load: torque from outside [N m]. Shapes broadcast.
+    """
+    velocity, load = np.broadcast_arrays(np.asarray(velocity, float), np.asarray(load, float))
+    size = law.load_coefficient * np.abs(load)
+    for direction in (1, -1):
+        pieces = law.pieces(direction)
+        speed = direction * velocity
+        chosen = np.clip(np.searchsorted([piece.start for piece in pieces], speed, "right") - 1, 0, None)
+        levels, slopes = (np.array([getattr(piece, name) for piece in pieces]) for name in ("level", "slope"))
+        size = size + np.where(speed > 0, levels[chosen] + slopes[chosen] * speed, 0.0)
+    return size
+
+
+def friction_torque(
+    law: FrictionLaw, velocity: np.ndarray, applied: np.ndarray, load: np.ndarray | float = 0.0
+) -> np.ndarray:
     """Return f of I q'' + B q' = τ + f [N m]: against the motion, or at rest against what is applied.
 
-    velocity: θ' [rad/s], zero means at rest; applied: every other torque on the joint [N m]. Shapes broadcast.
+    velocity: θ' [rad/s], zero means at rest; applied: every other torque on the joint [N m]; load: the part of it that
+    comes from outside [N m]. Shapes broadcast.
     """
-    velocity, applied = np.broadcast_arrays(np.asarray(velocity, float), np.asarray(applied, float))
-    holding = -np.clip(applied, -law.breakaway, law.breakaway)
-    return np.where(velocity == 0, holding, -np.sign(velocity) * law.sliding(velocity))
+    velocity, applied, load = np.broadcast_arrays(*(np.asarray(part, float) for part in (velocity, applied, load)))
+    holding = -np.clip(applied, -breakaway(law, -1, load), breakaway(law, 1, load))
+    return np.where(velocity == 0, holding, -np.sign(velocity) * sliding(law, velocity, load))
 
 
 def dead_band(level: float, kp: float) -> float:

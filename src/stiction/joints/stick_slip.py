@@ -1,0 +1,255 @@
+"""Stick and slip at exact instants: a joint on one straight piece of its friction after another.
+
+A stop, a break-away or a new piece of the friction law inside a sample is solved for, so there is no sign(v) to
+chatter. Saturation of the motor begins and ends on samples.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from stiction.joints.friction import FrictionLaw, Piece
+from stiction.joints.pd import PDGains
+from stiction.joints.regime import Regime, State
+
+FIRST_STRETCH = 64
+"""Samples computed at once after an event; doubled while nothing happens."""
+
+SHORTEST = 1e-9
+"""A slide from rest that is shorter than this share of a sample is rest."""
+
+MOST_EVENTS = 100
+"""Events within one sample; a joint with more of them rests until the next one."""
+
+
+class Phase(NamedTuple):
+    """A time in which nothing changes but the state: whole samples from `first` to `last`, or part of one sample."""
+
+    first: int
+    """Sample at which the phase begins, or in which it lies."""
+    last: int
+    """Sample at which it ends; `first` if it is part of the sample interval after `first`."""
+    begin: float
+    """Seconds from sample `first` to the beginning."""
+    end: float
+    """Seconds from sample `first` to the end."""
+    sign: int
+    """-1 or 1 while sliding that way, 0 at rest."""
+    side: int
+    """-1 or 1 while the motor is at that limit, else 0."""
+    piece: int
+    """Piece of the friction law, counted from rest."""
+    start: State
+    """q and q' at the beginning."""
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """What moves: I q'' + B q' + spring q + friction = motor + push."""
+
+    inertia: float
+    """I [kg m²]."""
+    viscous: float
+    """B [N m s/rad]."""
+    friction: FrictionLaw
+    """Dry friction; what the law adds under load is in `load_friction`."""
+    spring: float
+    """Torque per angle that the link itself needs, the slope of gravity [N m/rad]."""
+    push: np.ndarray
+    """Known torque, straight between samples [N m], shape (num_samples,)."""
+    load_friction: np.ndarray
+    """Dry friction beyond the law's own, straight between samples [N m], shape (num_samples,)."""
+
+
+class _Way(NamedTuple):
+    """One piece of friction in one direction under one state of the motor."""
+
+    regime: Regime
+    drive: np.ndarray
+    """u at the samples [rad/s²], shape (num_samples,)."""
+    slow: float
+    """Speed at which the piece begins [rad/s]."""
+    fast: float
+    """Speed at which it ends [rad/s]."""
+
+
+class StickSlip:
+    """One run of a mechanism under its controller; `phases` says afterwards how it went."""
+
+    def __init__(self, mechanism: Mechanism, gains: PDGains, step: float, target: np.ndarray) -> None:
+        """Prepare a run; step [s]; target: a [rad], shape (num_samples,)."""
+        self.mechanism, self.gains, self.step, self.target = mechanism, gains, step, target
+        self.phases: list[Phase] = []
+        self.pieces: dict[int, tuple[Piece, ...]] = {sign: mechanism.friction.pieces(sign) for sign in (-1, 1)}
+        self.limited = bool(np.isfinite(gains.torque_limit))
+        self.loaded = bool(mechanism.load_friction.any())
+        self._regimes: dict[tuple[float, float], Regime] = {}
+        self._ways: dict[tuple[int, int, int], _Way] = {}
+
+    def way(self, sign: int, side: int, piece: int) -> _Way:
+        """Return the linear system of sliding in direction `sign` on `piece`, the motor in state `side`."""
+        key = (sign, side, piece)
+        if key not in self._ways:
+            joint, gains, pieces = self.mechanism, self.gains, self.pieces[sign]
+            kp, kd = (0.0, 0.0) if side else (gains.strength * gains.kp, gains.strength * gains.kd)
+            law = pieces[piece]
+            pair = (kp + joint.spring) / joint.inertia, (joint.viscous + law.slope + kd) / joint.inertia
+            if pair not in self._regimes:
+                self._regimes[pair] = Regime(*pair, self.step)
+            motor = side * gains.torque_limit if side else kp * self.target
+            drive = (motor + joint.push - sign * (law.level + joint.load_friction)) / joint.inertia
+            fast = pieces[piece + 1].start if piece + 1 < len(pieces) else np.inf
+            self._ways[key] = _Way(self._regimes[pair], drive, law.start, fast)
+        return self._ways[key]
+
+    def pull(self, index: slice | int, position: float) -> np.ndarray:
+        """Return the torque on a joint at rest at samples `index`, friction apart [N m]."""
+        joint, gains = self.mechanism, self.gains
+        motor = (gains.strength * gains.kp) * (self.target[index] - position)
+        if self.limited:
+            motor = np.clip(motor, -gains.torque_limit, gains.torque_limit)
+        return motor + (joint.push[index] - joint.spring * position)
+
+    def sides(self, index: slice | int, position: np.ndarray | float, velocity: np.ndarray | float) -> np.ndarray:
+        """Return -1 or +1 where the controller asks for more than the motor gives, else 0."""
+        gains = self.gains
+        asked = gains.strength * (gains.kp * (self.target[index] - position) - gains.kd * velocity)
+        return np.where(np.abs(asked) <= gains.torque_limit, 0, np.sign(asked)).astype(int)
+
+    def rest(self, index: int, position: float) -> int:
+        """Return the first sample after `index` that friction no longer holds, or the number of samples."""
+        length = FIRST_STRETCH
+        while index + 1 < len(self.target):
+            ahead = slice(index + 1, index + 1 + length)
+            pull = self.pull(ahead, position)
+            if self.loaded:
+                more = self.mechanism.load_friction[ahead]
+                free = (pull > self.pieces[1][0].level + more) | (-pull > self.pieces[-1][0].level + more)
+            else:
+                free = (pull > self.pieces[1][0].level) | (-pull > self.pieces[-1][0].level)
+            first = int(free.argmax())
+            if free[first]:
+                return index + 1 + first
+            index, length = index + len(free), 2 * length
+        return len(self.target)
+
+    def break_away(self, index: int, since: float, position: float) -> tuple[float, int]:
+        """Return when a joint that rests `since` seconds after sample `index` breaks away, and which way.
+
+        The instant is in seconds after the sample; the way is 0 if the joint rests until the next sample.
+        """
+        first, last = (float(self.pull(index + ahead, position)) for ahead in (0, 1))
+        dry, drier = self.mechanism.load_friction[index : index + 2]
+        soonest, way = self.step, 0
+        for sign in (1, -1):
+            hold = self.pieces[sign][0].level
+            begin, end = sign * first - hold - dry, sign * last - hold - drier
+            if begin + (end - begin) * since / self.step > 0:
+                return since, sign
+            if end > 0:
+                moment = max(since, self.step * begin / (begin - end))
+                if moment < soonest:
+                    soonest, way = moment, sign
+        return soonest, way
+
+    def cross(self, index: int, state: State, sign: int, side: int, piece: int) -> tuple[State, int, int]:
+        """Return state, direction and piece at sample `index + 1`, solving for every event on the way.
+
+        sign: -1, 0 (at rest) or 1; side: the motor's state, kept over the sample.
+        """
+        since, from_rest = 0.0, False
+        for _ in range(MOST_EVENTS):
+            if sign == 0:
+                moment, sign = self.break_away(index, since, state[0])
+                self._note(index, since, moment, 0, side, 0, state)
+                if sign == 0:
+                    return state, 0, 0
+                since, piece, from_rest = moment, 0, True
+            regime, drives, slow, fast = self.way(sign, side, piece)
+            slope = float(drives[index + 1] - drives[index]) / self.step
+            drive, left = float(drives[index]) + slope * since, self.step - since
+            final = regime.inside(state, drive, slope, left)
+            speed = final[1] * sign
+            if slow <= speed <= fast:
+                self._note(index, since, self.step, sign, side, piece, state)
+                return final, (sign if final[1] else 0), piece
+            edge = slow if speed < slow else fast
+            elapsed = regime.reach(state, drive, slope, left, sign * edge)
+            if edge == 0 and from_rest and elapsed < SHORTEST * self.step:
+                break
+            self._note(index, since, since + elapsed, sign, side, piece, state)
+            state, since = (regime.inside(state, drive, slope, elapsed)[0], sign * edge), since + elapsed
+            if edge == 0:
+                sign, from_rest = 0, False
+            else:
+                piece += 1 if speed > fast else -1
+        state = (state[0], 0.0)
+        self._note(index, since, self.step, 0, side, 0, state)
+        return state, 0, 0
+
+    def _note(self, index: int, begin: float, end: float, sign: int, side: int, piece: int, start: State) -> None:
+        """Keep a phase inside the sample interval after `index`."""
+        if end > begin:
+            self.phases.append(Phase(index, index, begin, end, sign, side, piece, start))
+
+    def run(self, position: float, velocity: float) -> np.ndarray:
+        """Return q and q' at every sample; shape (2, num_samples)."""
+        motion = np.empty((2, len(self.target)))
+        index, state, length, side = 0, (position, velocity), FIRST_STRETCH, 0
+        sign = int(np.sign(velocity))
+        piece = self._piece(sign, abs(velocity))
+        motion[:, 0] = state
+        while index < len(self.target) - 1:
+            if sign == 0:
+                free = self.rest(index, state[0])
+                motion[:, index:free] = [[state[0]], [0.0]]
+                held = free - 1 - index
+                if held:
+                    self.phases.append(Phase(index, free - 1, 0.0, held * self.step, 0, 0, 0, state))
+                if free == len(self.target):
+                    break
+                index = free - 1
+                side = int(self.sides(free, state[0], 0.0)) if self.limited else 0
+                state, sign, piece = self.cross(index, state, 0, side, 0)
+                index += 1
+            else:
+                side = int(self.sides(index, *state)) if self.limited else 0
+                ahead, last, left_piece = self._slide(index, state, sign, side, piece, length)
+                length = max(FIRST_STRETCH, last) if left_piece else 2 * length
+                motion[:, index : index + last + 1] = ahead[:, : last + 1]
+                if last:
+                    self.phases.append(Phase(index, index + last, 0.0, last * self.step, sign, side, piece, state))
+                index, state = index + last, (float(ahead[0, last]), float(ahead[1, last]))
+                if left_piece:
+                    state, sign, piece = self.cross(index, state, sign, side, piece)
+                    index += 1
+            motion[:, index] = state
+        return motion
+
+    def _slide(
+        self, index: int, state: State, sign: int, side: int, piece: int, length: int
+    ) -> tuple[np.ndarray, int, bool]:
+        """Return the motion ahead, how many samples of it hold, and whether the sample after them leaves the piece."""
+        regime, drive, slow, fast = self.way(sign, side, piece)
+        ahead = regime.stretch(state, drive[index : index + length + 1])
+        speed = sign * ahead[1]
+        left = speed <= slow if slow == 0 else speed < slow
+        if fast < np.inf:
+            left |= speed > fast
+        left[0] = False
+        events = left
+        if self.limited:
+            changed = self.sides(slice(index, index + length + 1), ahead[0], ahead[1]) != side
+            changed[0] = False
+            events = left | changed
+        first = int(events.argmax())
+        if not events[first]:
+            return ahead, ahead.shape[1] - 1, False
+        return (ahead, first - 1, True) if left[first] else (ahead, first, False)
+
+    def _piece(self, sign: int, speed: float) -> int:
+        """Return the piece of the law that holds at a speed [rad/s]."""
+        return max(sum(piece.start <= speed for piece in self.pieces[sign]) - 1, 0) if sign else 0
