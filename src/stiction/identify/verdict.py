@@ -1,26 +1,24 @@
-"""Does this friction matter? A provisional answer in words, with the numbers that it rests on."""
+"""Does this friction matter? A provisional answer in words, with the numbers that it rests on, and what to train."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import Any
 
 from stiction.formats.joints import Estimate
-
-FELT = 0.05
-"""Share of the torque limit up to which a policy trained without friction still reached 90 % of a commanded 0.5 m/s, in
-`results/flat-ground`: one simulated 32 kg hexapod, one training seed, Coulomb friction."""
-
-SEVERE = 0.10
-"""Share at which the same policy fell under 80 %, backward; at 0.20 it reached 61 % forward and 51 % backward."""
-
-MARGIN = 2.0
-"""Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
-
-TRAINABLE = 0.8
-"""Levels from here on leave the motor too little to walk with; training refuses them."""
-
-CONDITIONS = {"bare_motor": "on a bare motor", "in_air": "on a leg in the air", "loaded": "under load"}
+from stiction.identify.evidence import (
+    FELT,
+    FELT_BAND,
+    MARGIN,
+    METHOD,
+    RANGE,
+    TRAINABLE,
+    effect,
+    friction_level,
+    friction_settings,
+)
+from stiction.identify.reference import CONDITIONS, Placement, Quantity, place
+from stiction.identify.what_if import WhatIf, what_if
 
 
 @dataclass(frozen=True)
@@ -30,36 +28,59 @@ class Verdict:
     level: float | None
     """`--friction-level` to train at, or None without a torque limit, and beyond what can be trained."""
     text: str
-    """The same in words."""
+    """The same in words, with the comparison."""
+    placement: tuple[Placement, ...] = ()
+    """Rank of ratio and dead band among public joints of the same condition."""
+    what_if: tuple[WhatIf, ...] = ()
+    """Seals removed, and wear."""
+
+    @property
+    def range(self) -> tuple[float, float] | None:
+        """Friction that training then draws, as shares of the torque limit, lowest and highest."""
+        return None if self.level is None else (RANGE[0] * self.level, RANGE[1] * self.level)
+
+    @property
+    def training(self) -> dict[str, Any] | None:
+        """The fields of `task.friction` in a run's configuration; None where no level can be proposed."""
+        return None if self.level is None else friction_settings(self.level)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for the diagnostics of `joints.json`."""
+        return {
+            "friction_level": self.level,
+            "range": None if self.range is None else list(self.range),
+            "training": self.training,
+            "text": self.text,
+            "placement": [item.to_dict() for item in self.placement],
+            "what_if": [item.to_dict() for item in self.what_if],
+        }
 
 
 def verdict(
-    coulomb: Estimate, ratio: Estimate | None, dead_band: Estimate | None, condition: str | None, axis: str = "rotary"
+    coulomb: Estimate | None,
+    ratio: Estimate | None,
+    dead_band: Estimate | None,
+    condition: str | None,
+    axis: str = "rotary",
 ) -> Verdict:
     """Judge a joint by f/τ_max and f/kp with their intervals.
 
-    coulomb: f [N m]; ratio: f/τ_max [1]; dead_band: f/kp [rad]; condition: one of `CONDITIONS` or None; axis: `rotary`
-    or `linear`. What is None is said to be unknown.
+    coulomb: f [N m], or None where only ratios are known, from a log without torque; ratio: f/τ_max [1]; dead_band:
+    f/kp [rad]; condition: `bare_motor`, `in_air`, `loaded` or None; axis: `rotary` or `linear`. What is None is said to
+    be unknown. A linear axis is not compared with legs, and no training is proposed for it.
     """
-    unit = "rad" if axis == "rotary" else "m"
-    measured = CONDITIONS.get(condition or "", "under a condition that was not stated")
-    parts, level = [], None
-    if ratio is None:
-        parts.append(
-            "Without the motor's torque limit it cannot be said whether this friction matters: --torque-limit."
-        )
-    else:
-        parts.append(f"Dry friction takes {_span(ratio, 100, ' %')} of the torque limit, measured {measured}.")
-        if axis == "rotary":
-            high = max(ratio.interval95[1], 0.0)
-            level = math.ceil(100 * high * (1.0 if condition == "loaded" else MARGIN) - 1e-9) / 100
-            parts.append(_judgement(high))
-    if dead_band is not None:
-        band = _span(dead_band, 1, f" {unit}")
-        parts.append(f"The joint ignores position errors up to f/kp = {band} at the gains of the log.")
-    if coulomb.interval95[0] <= 0:
-        parts.append("The interval of the dry friction reaches zero: this log does not prove that there is any.")
-    if condition != "loaded" and axis == "rotary":
+    leg = axis == "rotary"
+    parts = [*_measured(coulomb, ratio, dead_band, condition, leg)]
+    placement: tuple[Placement, ...] = ()
+    if leg:
+        known: dict[Quantity, Estimate | None] = {"friction_ratio": ratio, "dead_band": dead_band}
+        places = (place(value, condition, name) for name, value in known.items() if value is not None)
+        placement = tuple(item for item in places if item is not None)
+        parts += [item.text for item in placement]
+    level = friction_level(ratio, condition) if leg and ratio is not None else None
+    if ratio is not None and leg:
+        parts += _judgement(ratio, dead_band, condition)
+    if leg and condition != "loaded":
         parts.append(
             "This is a lower bound for a leg that carries the robot: friction grows with load, and only a log under a "
             "known load can tell by how much."
@@ -70,22 +91,62 @@ def verdict(
         )
         level = None
     if level is not None:
-        margin = "" if condition == "loaded" else f" (the upper end times {MARGIN:g}, a margin chosen, not measured)"
-        parts.append(f"To cover it, train with --friction-level {level:.2f}{margin}.")
-    return Verdict(level, " ".join(parts))
+        parts.append(_proposal(level, condition))
+    return Verdict(level, " ".join(parts), placement, what_if(ratio, dead_band, condition) if leg else ())
 
 
-def _judgement(high: float) -> str:
-    """Return what the evidence so far says about friction of at most `high` times the torque limit."""
-    if high < FELT:
-        word = "By itself it probably does not trouble a walking policy"
-    elif high < SEVERE:
-        word = "It may slow down a policy that was trained without friction"
+def _measured(
+    coulomb: Estimate | None, ratio: Estimate | None, dead_band: Estimate | None, condition: str | None, leg: bool
+) -> list[str]:
+    """Say what was found, under which condition, and what is not known."""
+    measured = CONDITIONS.get(condition or "", "under a condition that was not stated")
+    parts = []
+    if ratio is None:
+        parts.append(
+            "Without the motor's torque limit it cannot be said whether this friction matters: --torque-limit."
+        )
     else:
-        word = "A policy that was trained without friction will probably lose much of its speed"
-    return (
-        f"{word}. Provisional: in simulations of one robot, one training seed, such a policy still followed "
+        parts.append(f"Dry friction takes {_span(ratio, 100, ' %')} of the torque limit, measured {measured}.")
+    if dead_band is not None:
+        band = _span(dead_band, 1, " rad" if leg else " m")
+        parts.append(f"The joint ignores position errors up to f/kp = {band} at the gains of the log.")
+    known = coulomb or ratio or dead_band
+    if coulomb is None and known is not None:
+        parts.append(
+            "No torque was measured: these are in units of the command, in which the motor's strength cancels; newton "
+            "metres are not known."
+        )
+    if known is not None and known.interval95[0] <= 0:
+        parts.append("The interval of the dry friction reaches zero: this log does not prove that there is any.")
+    return parts
+
+
+def _judgement(ratio: Estimate, dead_band: Estimate | None, condition: str | None) -> list[str]:
+    """Say what the evidence so far says about friction of at most the interval's upper end."""
+    high = max(ratio.interval95[1], 0.0)
+    parts = [
+        f"{effect(high)}. Provisional: in simulations of one robot, one training seed, such a policy still followed "
         "0.5 m/s with friction of 1 % of the torque limit, and reached 79 to 85 % of it at 10 %, 51 to 61 % at 20 %."
+    ]
+    if condition != "loaded" and effect(MARGIN * high) != effect(high):
+        parts.append(f"At {MARGIN:g} times that, which a loaded leg may have: {effect(MARGIN * high).lower()}.")
+    if dead_band is not None and high < FELT and dead_band.interval95[1] > FELT_BAND:
+        parts.append(
+            f"But the dead band is wider than the {FELT_BAND:g} rad that went with 5 % in those simulations: at "
+            "such low gains the same friction is felt more."
+        )
+    return parts
+
+
+def _proposal(level: float, condition: str | None) -> str:
+    """Say what to train with."""
+    margin = "" if condition == "loaded" else f" (the upper end times {MARGIN:g}, a margin chosen, not measured)"
+    if level == 0:
+        return "There is no friction to train for: --method none."
+    low, high = (100 * end * level for end in RANGE)
+    return (
+        f"To cover it, train with --method {METHOD} --friction-level {level:.2f}{margin}: each robot's friction is "
+        f"then drawn between {low:g} and {high:.3g} % of the torque limit."
     )
 
 

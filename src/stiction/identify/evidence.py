@@ -1,0 +1,57 @@
+"""What the simulations so far say about joint friction, and what to train with because of it.
+
+The evidence is `results/flat-ground`: one simulated 32 kg hexapod, one training seed, Coulomb friction, 0.5 m/s. Every
+sentence that rests on it is called provisional.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from stiction.formats.joints import Estimate
+
+FELT = 0.05
+"""Share of the torque limit up to which a policy trained without friction still reached 90 % of a commanded 0.5 m/s, in
+`results/flat-ground`."""
+
+FELT_BAND = 0.0225
+"""Largest dead band that went with `FELT` there [rad]: 5 % of 45 N m at kp 100."""
+
+SEVERE = 0.10
+"""Share at which the same policy fell under 80 %, backward; at 0.20 it reached 61 % forward and 51 % backward."""
+
+MARGIN = 2.0
+"""Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
+
+TRAINABLE = 0.8
+"""Levels from here on leave the motor too little to walk with; training refuses them."""
+
+METHOD = "deception"
+"""Way to train: in `results/flat-ground` it alone stayed within 20 % of the command from no friction to 30 %."""
+
+RANGE = (0.0, 1.2)
+"""What `METHOD` multiplies the level with, as `stiction.locomotion.config` has it."""
+
+
+def effect(high: float) -> str:
+    """Return what friction of `high` times the torque limit does to a policy that never met it."""
+    if high < FELT:
+        return "By itself it probably does not trouble a walking policy"
+    if high < SEVERE:
+        return "It may slow down a policy that was trained without friction"
+    return "A policy that was trained without friction will probably lose much of its speed"
+
+
+def friction_settings(level: float) -> dict[str, Any]:
+    """Return the fields of `FrictionCfg` that train at a level; at level 0 there is nothing to train for."""
+    return {"method": METHOD if level > 0 else "none", "level": level, "law": "coulomb", "per": "robot"}
+
+
+def friction_level(ratio: Estimate, condition: str | None) -> float:
+    """Return the level that covers a ratio: the upper end, times `MARGIN` unless it was loaded, up to a whole per cent.
+
+    May be `TRAINABLE` or more; who proposes it has to check.
+    """
+    high = max(ratio.interval95[1], 0.0)
+    return math.ceil(100 * high * (1.0 if condition == "loaded" else MARGIN) - 1e-9) / 100
