@@ -6,7 +6,10 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.formats.joints import JointRecord, JointsFile
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.training import write_training
+from stiction.identify.proposal import propose
+from stiction.locomotion.config import FrictionCfg
 from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
 
 SMALL = [
@@ -62,6 +65,49 @@ def test_an_identification_becomes_the_nominal_joint(tmp_path: Path, capsys: pyt
         assert main(["export", str(tmp_path / run), "--out", str(tmp_path / f"{run}-bundle")]) == 0
         contract = json.loads((tmp_path / f"{run}-bundle" / "contract.json").read_text())
         assert contract["friction"][2] == pytest.approx(expected) and contract["armature"][2] == 0.02
+
+
+def test_a_proposal_of_identify_is_what_is_trained(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The worst joint, 1.8 % in the air, doubled and rounded up, is level 0.04, and that is what the run records."""
+    ratios = {"thigh": 0.01, "shank": 0.018}
+    records = {
+        name: JointRecord(friction_ratio=Estimate(high, 0.001, (0.5 * high, high)), test_condition="in_air")
+        for name, high in ratios.items()
+    }
+    proposal = propose(JointsFile(records))
+    write_training(tmp_path / "training.json", proposal)
+    source = ["--friction-from", str(tmp_path / "training.json")]
+    assert main(["train", *SMALL, *source, "--out", str(tmp_path / "run")]) == 0
+    config = json.loads((tmp_path / "run" / "config.json").read_text())["config"]["task"]["friction"]
+    assert config == proposal["friction"] == {"method": "deception", "level": 0.04, "law": "coulomb", "per": "robot"}
+    friction = FrictionCfg(**config)
+    assert [end * friction.level for end in friction.range] == proposal["range"]
+    capsys.readouterr()
+    for other in ("--method=direct", "--friction-level", "--task.friction.per"):
+        value = [] if "=" in other else ["0.1" if "level" in other else "joint"]
+        assert main(["train", *SMALL, *source, other, *value, "--out", str(tmp_path / "two")]) == 1
+        assert other.partition("=")[0] in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("friction", "said"),
+    [
+        (None, "proposes no joint friction"),
+        ({"method": "deception"}, "missing or unknown"),
+        ({"method": "magic", "level": 0.1, "law": "coulomb", "per": "robot"}, "'magic'"),
+        ({"method": "direct", "level": "0.1", "law": "coulomb", "per": "robot"}, "'0.1'"),
+        ({"method": "direct", "level": 0.9, "law": "coulomb", "per": "robot"}, "0.9"),
+    ],
+)
+def test_a_bad_proposal_is_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture, friction: dict | None, said: str
+) -> None:
+    """The file may have been edited by hand."""
+    write_training(tmp_path / "training.json", {"friction": friction, "text": "no ratio"})
+    options = ["--friction-from", str(tmp_path / "training.json"), "--out", str(tmp_path / "run")]
+    assert main(["train", *SMALL, *options]) == 1
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1 and not (tmp_path / "run").exists()
 
 
 def test_resume_with_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 
 from stiction.formats.joints import Estimate
@@ -52,3 +54,68 @@ def test_a_linear_axis_is_not_a_leg() -> None:
     """Policies and training levels are about legs."""
     text = verdict(FRICTION, ratio(0.2), Estimate(1e-5, 1e-6, (0.8e-5, 1.2e-5)), "loaded", "linear")
     assert text.level is None and "policy" not in text.text and " m (95 %" in text.text
+
+
+def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
+    """Level 0.06: friction is drawn from 0 to 7.2 % of the limit."""
+    told = verdict(FRICTION, ratio(0.0512), None, "loaded")
+    assert told.range == (0.0, pytest.approx(0.072)) and "between 0 and 7.2 %" in told.text
+    assert told.training == {"method": "deception", "level": 0.06, "law": "coulomb", "per": "robot"}
+    assert f"--method {told.training['method']} --friction-level 0.06" in told.text
+    nothing = verdict(FRICTION, Estimate(-0.01, 0.001, (-0.02, 0.0)), None, "loaded")
+    assert nothing.level == 0 and nothing.training["method"] == "none" and "--method none" in nothing.text
+
+
+def test_friction_without_newton_metres_is_judged_by_its_ratio() -> None:
+    """A log of positions alone: the words say whose units these are, and an interval over zero is still noticed."""
+    told = verdict(None, ratio(0.02), Estimate(0.02, 0.001, (0.018, 0.022)), "in_air")
+    assert told.level == 0.04 and "newton metres are not known" in told.text
+    assert "does not prove" in verdict(None, Estimate(0.01, 0.01, (-0.01, 0.03)), None, "in_air").text
+    assert "newton metres" not in verdict(None, None, None, None).text
+
+
+def test_a_joint_stands_among_joints_of_its_condition() -> None:
+    """Ratio and dead band are placed; nothing is where nobody said what hung on the motor."""
+    told = verdict(FRICTION, ratio(0.02), Estimate(0.02, 0.001, (0.018, 0.022)), "in_air")
+    assert [item.quantity for item in told.placement] == ["friction_ratio", "dead_band"]
+    assert all(item.text in told.text and item.condition == "in_air" for item in told.placement)
+    assert verdict(FRICTION, ratio(0.02), None, None).placement == ()
+
+
+def test_a_wide_dead_band_is_not_excused_by_a_small_ratio() -> None:
+    """3 % looks harmless, but the robot behind that judgement had gains at which 5 % was 0.0225 rad."""
+    wide, narrow = (Estimate(band, 1e-3, (0.9 * band, 1.1 * band)) for band in (0.03, 0.01))
+    assert "felt more" in verdict(FRICTION, ratio(0.03), wide, "loaded").text
+    assert "felt more" not in verdict(FRICTION, ratio(0.03), narrow, "loaded").text
+
+
+def test_what_a_load_may_do_is_said_where_it_changes_the_judgement() -> None:
+    """3 % in the air may be 6 % under load, which the evidence calls slower; 1 % may be 2 %, which it does not."""
+    assert (
+        "At 2 times that, which a loaded leg may have: it may slow" in verdict(FRICTION, ratio(0.03), None, None).text
+    )
+    assert "At 2 times" not in verdict(FRICTION, ratio(0.01), None, "in_air").text
+    assert "At 2 times" not in verdict(FRICTION, ratio(0.03), None, "loaded").text
+
+
+def test_seals_and_wear_are_worked_out_and_labelled() -> None:
+    """0.3, 1.5, 2 and 3 times 10 % under load; three times 30 % is beyond training."""
+    band = Estimate(0.02, 0.001, (0.018, 0.022))
+    cases = verdict(FRICTION, ratio(0.1), band, "loaded").what_if
+    assert [case.level for case in cases] == [0.03, 0.15, 0.2, 0.3]
+    assert [case.dead_band.value for case in cases] == pytest.approx([0.006, 0.03, 0.04, 0.06])
+    assert all(case.text.startswith("What if ") for case in cases) and "the paper saw 70 % less" in cases[0].text
+    assert all("not measured" in case.text for case in cases[1:])
+    worst = verdict(FRICTION, ratio(0.3), band, "loaded").what_if[-1]
+    assert worst.level is None and "mend the joint" in worst.text
+    assert verdict(FRICTION, None, None, None).what_if == ()
+    assert verdict(FRICTION, ratio(0.1), band, "loaded", "linear").what_if == ()
+
+
+def test_the_plain_data_go_through_json() -> None:
+    """Pages and the command line draw it from `joints.json`."""
+    told = verdict(FRICTION, ratio(0.02), None, "in_air")
+    data = json.loads(json.dumps(told.to_dict(), allow_nan=False))
+    assert data["friction_level"] == told.level and data["text"] == told.text
+    assert data["what_if"][0]["friction_ratio"]["value"] == pytest.approx(0.3 * 0.018)
+    assert data["placement"][0]["count"] == told.placement[0].count and data["what_if"][0]["dead_band"] is None

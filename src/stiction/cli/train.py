@@ -6,13 +6,14 @@ import hashlib
 import json
 import shlex
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tyro
 
 from stiction.formats.errors import StictionError
+from stiction.locomotion.config import FrictionCfg
 from stiction.rma.config import PRESETS, TrainCfg
 
 DESCRIPTION = """Train a teacher (PPO, sees everything) and its student (sees what the robot measures) for a robot.
@@ -34,6 +35,8 @@ class Train:
     randomises the paper's table and no more."""
     out: Path = Path("runs/train")
     """Folder of the run."""
+    friction_from: Path | None = None
+    """A `training.json` of `stiction identify`; its method and level go in place of --method and --friction-level."""
     resume: Path | None = None
     """Continue the run in this folder; all other options come from its config.json."""
     json: bool = False
@@ -60,11 +63,27 @@ def _identified(file: str | None, robot: str) -> dict[str, Any] | None:
     from stiction.sim.fleet import Fleet
 
     path, spec = Path(file), find_robot(robot)
-    found = identified_joints(load_joints(path), spec.joint_names, Fleet(spec, 1).link_inertia())
+    limits = spec.joint_values("torque_limit")
+    found = identified_joints(load_joints(path), spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
     for warning in found.warnings:
         print(f"stiction train: warning: {warning}", file=sys.stderr)
     values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
     return {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "values": values}
+
+
+def _friction_from(path: Path, cfg: TrainCfg, arguments: list[str]) -> TrainCfg:
+    """Return the configuration with the friction that a `training.json` proposes; refuse flags that say otherwise."""
+    from stiction.formats.configuration import from_plain
+    from stiction.formats.training import read_training
+
+    own = ("--method", "--friction-level", "--task.friction.")
+    given = [flag for word in arguments if (flag := word.partition("=")[0].replace("_", "-")).startswith(own)]
+    if given:
+        raise StictionError(
+            f"--friction-from {path} and {', '.join(given)} both set the friction; leave one of them out"
+        )
+    friction = from_plain(FrictionCfg, read_training(path)["friction"], f"{path.name}: friction")
+    return replace(cfg, task=replace(cfg.task, friction=friction))
 
 
 def _only_resume(arguments: list[str]) -> None:
@@ -98,6 +117,8 @@ def main(arguments: list[str]) -> int:
         cfg, identified = run.config(), run.header()["identified"]
     else:
         cfg = options.config
+        if options.friction_from is not None:
+            cfg = _friction_from(options.friction_from, cfg, arguments)
         if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
             raise StictionError(
                 f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "

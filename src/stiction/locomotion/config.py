@@ -48,9 +48,14 @@ class FrictionCfg:
     the paper's explanation of why its wide range works needs exactly those."""
 
     def __post_init__(self) -> None:
-        """Refuse a level that no motor could overcome."""
-        if self.level is not None and not 0.0 <= self.level < 0.8:
-            raise StictionError(f"friction level {self.level}: expected a fraction of the torque limit in [0, 0.8)")
+        """Refuse a level that no motor could overcome, and, from a file, words that mean nothing."""
+        number = self.level is None or (isinstance(self.level, int | float) and not isinstance(self.level, bool))
+        if not number or (self.level is not None and not 0.0 <= self.level < 0.8):
+            raise StictionError(f"friction level {self.level!r}: expected a fraction of the torque limit in [0, 0.8)")
+        choices = {"method": tuple(FRICTION_RANGES), "law": ("coulomb",), "per": ("robot", "joint")}
+        for name, allowed in choices.items():
+            if getattr(self, name) not in allowed:
+                raise StictionError(f"friction {name} {getattr(self, name)!r}: expected one of {', '.join(allowed)}")
 
     @property
     def range(self) -> tuple[float, float]:

@@ -24,28 +24,33 @@ class IdentifiedJoints:
     """What was not used, and why."""
 
 
-def identified_joints(file: JointsFile, joint_names: tuple[str, ...], link_inertia: np.ndarray) -> IdentifiedJoints:
+def identified_joints(
+    file: JointsFile, joint_names: tuple[str, ...], link_inertia: np.ndarray, torque_limit: np.ndarray
+) -> IdentifiedJoints:
     """Read the nominal joints of a robot from an identification.
 
     A record stands for the joint of its name, `FL_shank`, or for all of its kind, `shank`. Quantities that are null
     stay as the robot has them. The simulator adds the links' inertia itself, so it is taken off what was measured on a
-    leg in the air; the inertia of a loaded or unstated test says nothing about the rotor, and is not used.
+    leg in the air; the inertia of a loaded or unstated test says nothing about the rotor, and is not used. Where no
+    torque was measured, friction is known as a share of the torque limit alone, in units of the command, and that share
+    of the robot's own limit is taken.
 
-    `link_inertia`: what the links put on each joint [kg m²], (joints,). Raises `StictionError` where the file holds
-    nothing that can be used for this robot, a linear axis, or an inertia smaller than the links' own.
+    `link_inertia`: what the links put on each joint [kg m²], (joints,); `torque_limit` [N m], (joints,). Raises
+    `StictionError` where the file holds nothing that can be used for this robot, a linear axis, or an inertia smaller
+    than the links' own.
     """
     armature: list[float | None] = []
     damping: list[float | None] = []
     frictionloss: list[float | None] = []
     warnings: dict[str, None] = {}
-    for name, links in zip(joint_names, link_inertia, strict=True):
+    for name, links, limit in zip(joint_names, link_inertia, torque_limit, strict=True):
         key = file.key(name)
         record = file.joints[key] if key is not None else JointRecord()
         if record.axis != "rotary":
             raise StictionError(f"joint {key!r} was identified as a linear axis (kg, N); expected a rotary one")
         armature.append(_armature(name, key, record, float(links), warnings))
         damping.append(_value(record.viscous_friction))
-        frictionloss.append(_value(record.coulomb_friction))
+        frictionloss.append(_friction(key, record, float(limit), warnings))
     if all(value is None for value in (*armature, *damping, *frictionloss)):
         raise StictionError(
             f"the file has {', '.join(file.joints)}, and nothing that can be used for {', '.join(joint_names[:3])} and "
@@ -57,6 +62,18 @@ def identified_joints(file: JointsFile, joint_names: tuple[str, ...], link_inert
 def _value(estimate: Estimate | None) -> float | None:
     """Return an estimate of friction as simulators take it: what is below zero is zero."""
     return None if estimate is None else max(0.0, estimate.value)
+
+
+def _friction(key: str | None, record: JointRecord, limit: float, warnings: dict[str, None]) -> float | None:
+    """Return the Coulomb friction [N m] of a joint whose motor gives `limit`, from newton metres or from the ratio."""
+    if record.coulomb_friction is not None or record.friction_ratio is None:
+        return _value(record.coulomb_friction)
+    ratio = max(0.0, record.friction_ratio.value)
+    warnings[
+        f"the friction of {key!r} is known in units of the command only, no torque was measured: {100 * ratio:.3g} % "
+        "of the robot's own torque limit is taken, as if the motor had its nominal strength"
+    ] = None
+    return ratio * limit
 
 
 def _armature(name: str, key: str | None, record: JointRecord, links: float, warnings: dict[str, None]) -> float | None:

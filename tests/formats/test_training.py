@@ -1,0 +1,43 @@
+"""`training.json`: written, read, and refused where it is something else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.formats.training import read_training, write_training
+
+
+def test_what_was_written_is_read(tmp_path: Path) -> None:
+    """The version is added, nothing is lost."""
+    write_training(tmp_path / "training.json", {"friction": {"level": 0.1}, "text": "μ"})
+    assert read_training(tmp_path / "training.json") == {"schema_version": 1, "friction": {"level": 0.1}, "text": "μ"}
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"{", "not JSON"),
+        (b"\xff", "not JSON"),
+        (b"[" * 100_000, "not JSON"),
+        (b"[]", "version None"),
+        (b'{"schema_version": 1, "joints": {}}', "'friction'"),
+        (b'{"schema_version": 2, "friction": {}}', "version 2"),
+        (b'{"schema_version": 1, "friction": null, "text": "no\\nratio"}', "no ratio"),
+    ],
+)
+def test_anything_else_is_refused_with_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+    """A joints.json given by mistake, a broken file, a proposal of nothing."""
+    (tmp_path / "training.json").write_bytes(content)
+    with pytest.raises(StictionError, match=said) as caught:
+        read_training(tmp_path / "training.json")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    """A folder is not a file either."""
+    for path in (tmp_path / "none.json", tmp_path):
+        with pytest.raises(StictionError, match="cannot read"):
+            read_training(path)

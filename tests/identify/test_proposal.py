@@ -1,0 +1,51 @@
+"""What is proposed for a whole robot."""
+
+from __future__ import annotations
+
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.identify.evidence import METHOD, RANGE, friction_settings
+from stiction.identify.proposal import judge, propose
+from stiction.locomotion.config import FRICTION_RANGES, FrictionCfg
+
+
+def record(high: float, condition: str | None = "loaded", **changes) -> JointRecord:
+    """Return a joint whose ratio is at most `high`."""
+    ratio = Estimate(0.9 * high, 0.05 * high, (0.8 * high, high))
+    return JointRecord(**({"friction_ratio": ratio, "test_condition": condition} | changes))
+
+
+def test_what_is_proposed_is_what_training_takes() -> None:
+    """Method, range and fields are written twice, for identification does not import training."""
+    assert FRICTION_RANGES[METHOD] == RANGE
+    assert FrictionCfg(**friction_settings(0.1)) == FrictionCfg(method="deception", level=0.1)
+    assert FrictionCfg(**friction_settings(0.0)).range == (0.0, 0.0)
+
+
+def test_the_worst_joint_sets_the_level() -> None:
+    """3 % under load is level 0.03; 2 % in the air, doubled, is 0.04: that one."""
+    told = propose(JointsFile({"FL_thigh": record(0.03), "FL_shank": record(0.02, "in_air"), "FL_hip": JointRecord()}))
+    assert told["friction"]["level"] == 0.04 and told["range"] == [0.0, 1.2 * 0.04]
+    assert {name: joint["friction_level"] for name, joint in told["joints"].items()} == {
+        "FL_thigh": 0.03,
+        "FL_shank": 0.04,
+        "FL_hip": None,
+    }
+    assert "FL_shank, the worst of 2" in told["text"] and "not asked: FL_hip" in told["text"]
+    assert "margin" in told["text"] and "provisional" in told["text"]
+
+
+def test_no_level_is_proposed_where_none_is_known_or_trainable() -> None:
+    """Null, with the reason; a good joint does not hide a seized one, and a drive's rail is no leg."""
+    for records, said in (
+        ({"shank": JointRecord()}, "--torque-limit"),
+        ({"shank": record(0.9), "hip": record(0.01)}, "shank would need"),
+        ({"rail": record(0.1, axis="linear")}, "no rotary joint"),
+    ):
+        told = propose(JointsFile(records))
+        assert told["friction"] is None and told["range"] is None and said in told["text"]
+
+
+def test_a_record_without_newton_metres_is_judged() -> None:
+    """A log without torque knows ratio and dead band."""
+    told = judge(record(0.02, "in_air"))
+    assert told.level == 0.04 and "units of the command" in told.text
