@@ -1,19 +1,28 @@
 """Logs of motors whose parameters are known: the paper's two shank motors, simulated with the noise of real ones.
 
+Beside them stand motors with the richer friction laws, and a leg in the air; their extra numbers are invented.
+
 For trying the program without a robot, and for tests: what comes out can be compared with what went in.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import lfilter
 
+from stiction.formats.errors import StictionError
 from stiction.formats.log import JointSignals, Log, LogSetup
-from stiction.joints.friction import Coulomb
-from stiction.joints.pd import PDGains
-from stiction.joints.simulate import Joint, simulate
+from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
+from stiction.joints.gravity import Gravity
+from stiction.joints.pd import PDGains, pd_torque
+from stiction.joints.simulate import Joint, Trajectory, simulate
+
+FINE = 10
+"""Steps of the simulation per sample where samples are taken at uneven instants."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +42,20 @@ GO1 = Motor("go1_shank", Joint(0.0121, 0.0342, Coulomb(0.0481), 0.01), PDGains(2
 
 SATURN_LITE = Motor("saturn_lite_shank", Joint(0.0145, 0.0704, Coulomb(0.442), -0.05), PDGains(20.0, 0.5, 45.0))
 """Means of the paper's table; the offset is invented."""
+
+ASYMMETRIC = Motor("asymmetric_shank", Joint(0.0145, 0.0, Asymmetric(0.5, 0.38, 0.06, 0.08)), PDGains(20.0, 0.5, 45.0))
+"""Saturn Lite's shank, its friction not the same both ways."""
+
+STRIBECK = Motor("stribeck_shank", Joint(0.0145, 0.0704, Stribeck(0.442, 0.65, 0.4), -0.05), PDGains(20.0, 0.5, 45.0))
+"""Saturn Lite's shank with half as much friction again at rest."""
+
+LEG = Motor("leg_in_air", Joint(0.06, 0.0704, Coulomb(0.442), -0.05, Gravity(2.2, 0.4)), PDGains(20.0, 1.0, 45.0))
+"""Saturn Lite's shank motor with a lower leg on it that hangs in the air."""
+
+LOADED_LEG = Motor(
+    "loaded_leg", Joint(0.06, 0.0704, LoadDependent(0.35, 0.08), -0.05, Gravity(2.2, 0.4)), PDGains(20.0, 1.0, 45.0)
+)
+"""The same leg, its friction growing with what it carries."""
 
 
 @dataclass(frozen=True)
@@ -69,6 +92,23 @@ class SensorNoise:
     """White noise of the current sensor [N m]."""
     ripple: float = 0.02
     """Disturbance of the current sensor, correlated over 20 ms [N m]."""
+    in_loop: bool = True
+    """Whether the controller acts on the noisy angle and velocity, so that their noise moves the joint, as in a real
+    loop; else noise is in the log alone."""
+    jitter: float = 0.0
+    """Standard deviation of the instants at which samples are taken about an even grid, as a share of its step."""
+    stamps: Literal["true", "even"] = "true"
+    """Whether the log's time is that of the samples or the even grid."""
+
+    def __post_init__(self) -> None:
+        """Refuse jitter that would put samples out of order."""
+        if not 0 <= self.jitter <= 0.1:
+            raise StictionError(f"jitter {self.jitter}: expected a share of the step from 0 to 0.1")
+
+    @classmethod
+    def white(cls, position: float, torque: float) -> SensorNoise:
+        """Return white noise of the logged position [rad] and torque [N m] and nothing else, none of it in the loop."""
+        return cls(position=position, resolution=0.0, velocity=0.0, torque=torque, ripple=0.0, in_loop=False)
 
 
 def example_log(
@@ -76,33 +116,57 @@ def example_log(
     excitation: Excitation | None = None,
     noise: SensorNoise | None = None,
     seed: int = 0,
+    load: np.ndarray | None = None,
 ) -> Log:
     """Simulate a log; the same seed gives the same log.
 
-    The controller acts on the noisy angle and velocity, so their noise moves the joint, as in a real loop.
+    load: known torque on the joint from outside at the excitation's samples [N m], shape (num_samples,); it is logged.
     """
     noise, rng = noise or SensorNoise(), np.random.default_rng(seed)
     time, target = (excitation or Excitation()).target()
     step = float(time[1] - time[0])
     angle = noise.position * rng.standard_normal(len(time))
     speed = _correlated(rng, len(time), noise.velocity, 0.005 / step)
-    felt = target - angle - motor.gains.kd / motor.gains.kp * speed
-    made = simulate(motor.joint, motor.gains, step, felt, position=float(target[0]))
+    felt = target - angle - motor.gains.kd / motor.gains.kp * speed if noise.in_loop else target
+    sampled = time
+    if noise.jitter > 0:
+        wander = np.clip(noise.jitter * rng.standard_normal(len(time)), -0.4, 0.4) * step
+        sampled = np.clip(time + wander, time[0], time[-1])
+        made = _between(motor, time, felt, sampled, load)
+        target = np.interp(sampled, time, target)
+        load = None if load is None else np.interp(sampled, time, load)
+    else:
+        made = simulate(motor.joint, motor.gains, step, felt, position=float(target[0]), load=load)
     position = made.position + angle
     if noise.resolution > 0:
         position = np.round(position / noise.resolution) * noise.resolution
     torque = made.torque + noise.torque * rng.standard_normal(len(time))
     torque += _correlated(rng, len(time), noise.ripple, 0.02 / step)
-    signals = JointSignals(position=position, target=target, torque=torque)
+    signals = JointSignals(position=position, target=target, torque=torque, disturbance=load)
     setup = LogSetup(
         kp=motor.gains.kp,
         kd=motor.gains.kd,
         torque_limit=motor.gains.torque_limit,
         torque_source="motor_side",
-        test_condition="bare_motor",
+        test_condition="in_air" if motor.joint.gravity else "bare_motor",
         axis="rotary",
     )
-    return Log(motor.name, time, {"shank": signals}, setup)
+    return Log(motor.name, sampled if noise.stamps == "true" else time, {"shank": signals}, setup)
+
+
+def _between(
+    motor: Motor, time: np.ndarray, target: np.ndarray, instants: np.ndarray, load: np.ndarray | None
+) -> Trajectory:
+    """Simulate on a finer grid and return what happens at `instants` [s], shape (num_samples,)."""
+    step = float(time[1] - time[0]) / FINE
+    fine = step * np.arange(FINE * (len(time) - 1) + 1)
+    finer = None if load is None else np.interp(fine, time, load)
+    goal = np.interp(fine, time, target)
+    made = simulate(motor.joint, motor.gains, step, goal, position=float(target[0]), load=finer)
+    position = CubicHermiteSpline(fine, made.position, made.velocity)(instants)
+    velocity = np.interp(instants, fine, made.velocity)
+    torque = pd_torque(motor.gains, np.interp(instants, time, target), position, velocity)
+    return Trajectory(position, velocity, torque)
 
 
 def _correlated(rng: np.random.Generator, count: int, std: float, memory: float) -> np.ndarray:

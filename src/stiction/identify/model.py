@@ -11,8 +11,14 @@ k its strength (1 where the torque is in N m), and d a known torque from outside
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
+
+from stiction.formats.errors import StictionError
+from stiction.joints.friction import Asymmetric, Coulomb, FrictionLaw, LoadDependent, Stribeck
+from stiction.joints.gravity import Gravity
+from stiction.joints.simulate import Joint
 
 Law = Literal["coulomb", "asymmetric", "stribeck", "load"]
 
@@ -49,3 +55,28 @@ class Model:
     def names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order in which estimators hold them."""
         return PARAMETERS_OF[self.law] + (GRAVITY if self.gravity else ())
+
+    def joint(self, values: Sequence[float]) -> Joint:
+        """Return the joint with these parameter values, in the order of `names`, motor strength apart.
+
+        Raises `StictionError` where no joint has them: inertia not positive, or friction that would drive it.
+        """
+        if len(values) != len(self.names):
+            raise StictionError(f"{len(values)} values for {', '.join(self.names)}: expected {len(self.names)}")
+        of = {name: float(value) for name, value in zip(self.names, values)}
+        friction: FrictionLaw
+        viscous, offset = of.get("viscous_friction", 0.0), of.get("offset", 0.0)
+        if self.law == "asymmetric":
+            # What pushes one way all the time and friction that differs by direction are the same torque: so the law
+            # may have less than no friction in one direction, as long as there is friction on the whole.
+            forward, backward = of["coulomb_friction_forward"], of["coulomb_friction_backward"]
+            middle, offset = 0.5 * (forward + backward), 0.5 * (forward - backward)
+            friction = Asymmetric(middle, middle, of["viscous_friction_forward"], of["viscous_friction_backward"])
+        elif self.law == "stribeck":
+            friction = Stribeck(of["coulomb_friction"], of["static_friction"], of["stribeck_velocity"])
+        elif self.law == "load":
+            friction = LoadDependent(of["coulomb_friction"], of["load_coefficient"])
+        else:
+            friction = Coulomb(of["coulomb_friction"])
+        gravity = Gravity(of["gravity_sin"], of["gravity_cos"]) if self.gravity else None
+        return Joint(of["inertia"], viscous, friction, offset, gravity)
