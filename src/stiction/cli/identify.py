@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
     from stiction.identify.pipeline import identify_joint
-    from stiction.identify.readers import open_log, parse_columns
+    from stiction.identify.logs import open_log, parse_columns
 
     _keep_inputs(config.log, config.out)
     console = Console(stderr=True)

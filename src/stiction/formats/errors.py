@@ -6,3 +6,7 @@ class StictionError(Exception):
 
     The command line prints the message on standard error and exits with status 1, without a traceback.
     """
+
+
+class LogError(StictionError):
+    """A log that cannot be read, or that does not hold what was asked of it."""

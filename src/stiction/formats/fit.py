@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.formats.errors import StictionError
-from stiction.formats.log import read_npz_arrays
+from stiction.formats.tables import read_npz_arrays
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,8 @@ def read_fit(path: Path, joint: str) -> FitSignals:
     needed = {item.name for item in fields(FitSignals)[:7]}
     if needed - set(found):
         raise StictionError(f"{path.name}: no {sorted(needed - set(found))[0]} of joint {joint!r}; run identify again")
+    if any(values.ndim != 1 or values.dtype.kind != "f" for values in found.values()):
+        raise StictionError(f"{path.name}: a signal of joint {joint!r} is no vector of numbers; run identify again")
     if len({len(values) for values in found.values()}) != 1:
         raise StictionError(f"{path.name}: the signals of joint {joint!r} differ in length; run identify again")
-    return FitSignals(**found)
+    return FitSignals(**{name: values.astype(float) for name, values in found.items()})

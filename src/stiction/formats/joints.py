@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.formats.errors import StictionError
-from stiction.formats.log import AXES, TEST_CONDITIONS, TORQUE_SOURCES
+from stiction.formats.sidecar import AXES, TEST_CONDITIONS, TORQUE_SOURCES
 
 SCHEMA_VERSION = 1
 """Raised when a reader of the older form would misunderstand the newer one."""

@@ -37,7 +37,7 @@ class IdentifySetup:
 
     def with_sidecar(self, sidecar: LogSetup) -> IdentifySetup:
         """Return the setup with what is None filled from the log's sidecar."""
-        own = {item.name: getattr(self, item.name) for item in fields(LogSetup)}
+        own = {item.name: getattr(self, item.name) for item in fields(LogSetup) if hasattr(self, item.name)}
         return replace(self, **{name: getattr(sidecar, name) for name, value in own.items() if value is None})
 
     def check(self) -> None:

@@ -12,7 +12,7 @@ from scipy.io import savemat
 
 from stiction.formats.errors import StictionError
 from stiction.formats.log import LogError
-from stiction.identify.readers import open_log, parse_columns
+from stiction.identify.logs import open_log, parse_columns
 
 
 def test_a_mapping_is_parsed() -> None:

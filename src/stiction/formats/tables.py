@@ -1,0 +1,220 @@
+"""Tables of numbers with named columns, as CSV or NPZ: read whole or not at all, and nothing that executes code.
+
+A matrix in an NPZ file, shape (num_samples, num_joints), becomes the columns `name_0`, `name_1`, ...
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import zipfile
+import zlib
+from pathlib import Path
+
+import numpy as np
+
+from stiction.formats.errors import LogError
+
+Columns = dict[str, np.ndarray]
+"""Column name -> values, shape (num_samples,)."""
+
+LARGEST_TABLE = 2**29
+"""Bytes that a file, or what it inflates to, may have: a day of one joint at 100 Hz, an hour of twelve at 1 kHz."""
+
+WIDEST_MATRIX = 256
+"""More columns than this are no joints."""
+
+
+def read_bytes(path: Path) -> bytes:
+    """Read a file of a bounded size; raise `LogError` where that cannot be done."""
+    try:
+        size = path.stat().st_size
+        if size > LARGEST_TABLE:
+            raise LogError(f"{path.name}: {size} bytes; at most {LARGEST_TABLE} are read: cut the log into parts")
+        return path.read_bytes()
+    except OSError as error:
+        raise LogError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+def read_csv(path: Path) -> tuple[Columns, tuple[str, ...]]:
+    """Read a comma-separated file whose first line names the columns and whose every cell is a number.
+
+    A last line without an end may have been cut in the middle of a number, and nothing in it would show it. It is left
+    out, and the notes, the second thing returned, say so; where it is short of cells, the file was cut, and is refused.
+    """
+    content = read_bytes(path)
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise LogError(f"{path.name}: not a text file (byte {error.start} is not UTF-8); expected CSV") from error
+    if not text.strip():
+        raise LogError(f"{path.name}: the file is empty; expected a header that names the columns, and rows of numbers")
+    first, _, body = text.partition("\n")
+    names = _header(path, first)
+    body, notes = _whole_lines(path, body, names)
+    if not body.strip():
+        raise LogError(f"{path.name}: no samples after the header")
+    try:
+        values = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, ndmin=2, dtype=float)
+    except ValueError as error:
+        raise LogError(f"{path.name}: {_first_fault(body, names) or str(error)[:160]}") from error
+    if values.shape[1] != len(names):
+        raise LogError(f"{path.name}: {_first_fault(body, names)}")
+    return dict(zip(names, values.T.copy(), strict=True)), notes
+
+
+def _header(path: Path, first: str) -> list[str]:
+    """Return the columns' names."""
+    try:
+        names = [name.strip() for name in next(csv.reader([first.rstrip("\r")], strict=True), [])]
+    except csv.Error as error:
+        raise LogError(
+            f"{path.name}: the header cannot be read ({error}); expected names separated by commas"
+        ) from error
+    if not all(names) or not names or len(set(names)) != len(names):
+        raise LogError(f"{path.name}: the header is {first[:80]!r}; expected one different name a column")
+    if len(names) == 1 and (mark := next((mark for mark in ";\t" if mark in first), "")):
+        raise LogError(f"{path.name}: the columns are separated by {mark!r}; expected commas, and decimal points")
+    return names
+
+
+def _whole_lines(path: Path, body: str, names: list[str]) -> tuple[str, tuple[str, ...]]:
+    """Return the lines that have an end, and a note on the one that has none."""
+    whole, _, last = body.rpartition("\n")
+    if not last.strip():
+        return body, ()
+    number = whole.count("\n") + (3 if whole else 2)
+    if last.count(",") + 1 != len(names):
+        raise LogError(
+            f"{path.name}: line {number}, the last, has {last.count(',') + 1} values and no end, the header names "
+            f"{len(names)} columns: the file was cut off; get it again, or take that line out"
+        )
+    return whole + "\n" if whole else "", (
+        f"line {number}, the last, has no line end and may be cut off in a number: it is left out",
+    )
+
+
+def _first_fault(body: str, names: list[str]) -> str:
+    """Return what is wrong with the first line that is not one number a column; the file's first line is the header."""
+    for number, line in enumerate(body.split("\n"), 2):
+        cells = line.split(",")
+        if not line.strip():
+            continue
+        if len(cells) != len(names):
+            return f"line {number} has {len(cells)} values, the header names {len(names)} columns"
+        for name, cell in zip(names, cells, strict=True):
+            try:
+                float(cell)
+            except ValueError:
+                return f"line {number}: {cell.strip()[:40]!r} in column {name!r} is not a number"
+    return ""
+
+
+def read_npz(path: Path) -> Columns:
+    """Read an NPZ table: its arrays must be of one length; matrices become columns, single numbers and text are left
+    out.
+    """
+    columns: Columns = {}
+    for name, array in read_npz_arrays(path).items():
+        if array.dtype.kind not in "fiu" or array.ndim == 0:
+            continue
+        if array.ndim > 2 or (array.ndim == 2 and not 1 <= array.shape[1] <= WIDEST_MATRIX):
+            raise LogError(
+                f"{path.name}: array {name!r} has shape {array.shape}; expected samples, or samples by joints"
+            )
+        columns |= split_matrix(name, array)
+    lengths = sorted({len(array) for array in columns.values()})
+    if len(lengths) != 1:
+        raise LogError(f"{path.name}: arrays of lengths {lengths}; expected one length for all")
+    return columns
+
+
+def split_matrix(name: str, array: np.ndarray) -> Columns:
+    """Return a vector as one column, and a matrix, shape (num_samples, num_joints), as `name_0`, `name_1`, ..."""
+    if array.ndim == 1:
+        return {name: array.astype(float)}
+    return {f"{name}_{index}": column.astype(float) for index, column in enumerate(array.T)}
+
+
+def read_npz_arrays(path: Path) -> Columns:
+    """Read the arrays of an NPZ file, numbers or text of any shape; pickled objects are refused.
+
+    Every member is inflated whole, so that its checksum is compared, and only after the sizes that it declares.
+    """
+    content = read_bytes(path)
+    if not zipfile.is_zipfile(io.BytesIO(content)):
+        raise LogError(f"{path.name}: not an NPZ file, which is a ZIP archive of arrays; write it with numpy.savez")
+    arrays = {}
+    for member, data in read_archive(path.name, content).items():
+        try:
+            arrays[member.removesuffix(".npy")] = _parse_array(data)
+        except (*BROKEN_ARRAY, RecursionError) as error:
+            raise LogError(
+                f"{path.name}: not a readable NPZ file of plain arrays ({member}: {str(error)[:120]})"
+            ) from error
+    return arrays
+
+
+def read_archive(source: str, content: bytes) -> dict[str, bytes]:
+    """Return the members of a ZIP archive, name -> bytes; refuse one that would inflate to too much.
+
+    source: the file's name, for messages.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as archive:
+            entries = archive.infolist()
+            total = sum(entry.file_size for entry in entries)
+            if total > LARGEST_TABLE:
+                raise LogError(f"{source}: would inflate to {total} bytes; at most {LARGEST_TABLE} are read")
+            names = [entry.filename for entry in entries]
+            if len(set(names)) != len(names):
+                raise LogError(f"{source}: the archive has a member twice; write it again")
+            members = {entry.filename: archive.read(entry) for entry in entries}
+    except BROKEN_ARCHIVE as error:
+        raise LogError(f"{source}: not a readable archive ({str(error)[:120]})") from error
+    for entry in entries:
+        if len(members[entry.filename]) != entry.file_size:
+            raise LogError(f"{source}: {entry.filename} is shorter than it says; get the file again")
+    return members
+
+
+def _parse_array(data: bytes) -> np.ndarray:
+    """Return the array of an NPY file, whose header must account for every byte."""
+    file = io.BytesIO(data)
+    version = np.lib.format.read_magic(file)
+    readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+    if version not in readers:
+        raise ValueError(f"array format version {version} is not known")
+    shape, fortran_order, dtype = readers[version](file)
+    if dtype.hasobject or dtype.kind not in "fiubU":
+        raise ValueError(f"{dtype} is not a plain number or text")
+    size = math.prod(shape) * dtype.itemsize
+    if min(shape, default=0) < 0 or size != len(data) - file.tell():
+        raise ValueError(f"shape {shape} of {dtype} does not fit {len(data) - file.tell()} bytes")
+    if size == 0:
+        return np.zeros(shape, dtype)
+    flat = np.frombuffer(data, dtype, offset=file.tell())
+    return flat.reshape(shape, order="F" if fortran_order else "C")
+
+
+BROKEN_ARCHIVE = (
+    *(OSError, ValueError, EOFError, KeyError, IndexError, zipfile.BadZipFile, zlib.error, NotImplementedError),
+    *(RuntimeError, AttributeError, MemoryError, OverflowError, zipfile.LargeZipFile),
+)
+"""What the zip reader and the inflater let through for damaged files."""
+
+BROKEN_ARRAY = (ValueError, SyntaxError, TypeError, KeyError, MemoryError, OverflowError, UnicodeDecodeError)
+"""What NumPy's reader of array headers lets through."""
+
+
+def write_csv(path: Path, table: Columns) -> None:
+    """Write columns of one length with nine significant digits, time with fifteen: it may count from 1970."""
+    formats = ["%.15g" if name == "time" else "%.9g" for name in table]
+    rows = np.column_stack(list(table.values()))
+    np.savetxt(path, rows, fmt=formats, delimiter=",", header=",".join(table), comments="")
+
+
+def write_npz(path: Path, table: Columns) -> None:
+    """Write columns as arrays of doubles."""
+    np.savez_compressed(path, allow_pickle=False, **table)
