@@ -142,7 +142,7 @@ class StickSlip:
         The instant is in seconds after the sample; the way is 0 if the joint rests until the next sample.
         """
         first, last = (float(self.pull(index + ahead, position)) for ahead in (0, 1))
-        dry, drier = self.mechanism.load_friction[index : index + 2]
+        dry, drier = (float(more) for more in self.mechanism.load_friction[index : index + 2])
         soonest, way = self.step, 0
         for sign in (1, -1):
             hold = self.pieces[sign][0].level

@@ -1,0 +1,181 @@
+"""How a simulated joint would have moved, had one of its parameters been a little different: exact derivatives.
+
+Between two events the change s of the angle obeys the joint's own equation, linearised about the motion,
+I s'' + D s' + K s = φ(t), with φ the torque that the parameter's change amounts to. Events move with the parameter:
+where the joint comes to rest s' ends; where it turns round without resting, s' is multiplied by the ratio of the
+accelerations after and before; where it breaks away inside a sample, or friction passes to its next piece, the
+acceleration is continuous and nothing happens. All samples and events together are one banded linear system.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.lapack import dtbtrs
+
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Joint, Trajectory, mean_slope
+
+
+@dataclass(frozen=True)
+class Course:
+    """A simulated motion cut at every sample and event; pairs are values at the begin and the end of each step.
+
+    Arrays of shape (num_steps,), pairs of shape (2, num_steps).
+    """
+
+    sign: np.ndarray
+    """-1 or 1 while sliding that way, 0 at rest."""
+    side: np.ndarray
+    """-1 or 1 while the motor is at that limit, else 0."""
+    piece: np.ndarray
+    """Piece of the friction law, counted from rest."""
+    span: np.ndarray
+    """Length of the step [s]."""
+    kind: np.ndarray
+    """Steps of the same number are the same linear system over the same span."""
+    instant: np.ndarray
+    """Pair: time in samples."""
+    position: np.ndarray
+    """Pair: θ [rad]."""
+    velocity: np.ndarray
+    """Pair: θ' [rad/s]."""
+    acceleration: np.ndarray
+    """Pair: θ'' [rad/s²]."""
+    target: np.ndarray
+    """Pair: a [rad]."""
+    load: np.ndarray
+    """Pair: torque that reaches the joint from outside, gravity included [N m]."""
+    samples: np.ndarray
+    """Index of the step that begins at each sample, for the last sample the number of steps; shape (num_samples,)."""
+
+
+def course(
+    joint: Joint, gains: PDGains, step: float, target: np.ndarray, made: Trajectory, load: np.ndarray | None = None
+) -> Course:
+    """Cut a simulated motion; the arguments are those of `simulate` and what it returned."""
+    first, last, begin, end = (
+        np.array([getattr(phase, n) for phase in made.phases]) for n in ("first", "last", "begin", "end")
+    )
+    count = np.maximum(last - first, 1)
+    of = np.repeat(np.arange(len(count)), count)
+    ahead = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+    sample, whole = first[of] + ahead, (last > first)[of]
+    start = np.array([phase.start for phase in made.phases])[of]
+    instant = np.append(np.where(whole, sample, sample + begin[of] / step), len(target) - 1.0)
+    position = np.append(np.where(whole, made.position[sample], start[:, 0]), made.position[-1])
+    velocity = np.append(np.where(whole, made.velocity[sample], start[:, 1]), made.velocity[-1])
+    sign, side, piece = (np.array([getattr(phase, n) for phase in made.phases])[of] for n in ("sign", "side", "piece"))
+
+    def pair(values: np.ndarray) -> np.ndarray:
+        return np.stack([values[:-1], values[1:]])
+
+    grid, numbers = np.arange(len(target)), np.arange(len(of))
+    outside = np.zeros(len(instant)) if load is None else np.interp(instant, grid, load)
+    if joint.gravity is not None:
+        outside = outside - joint.gravity.torque(position)
+    cut = Course(
+        sign=sign,
+        side=side,
+        piece=piece,
+        span=np.where(whole, step, (end - begin)[of]),
+        kind=np.where(whole, -1 - (sign + 1) - 3 * (side + 1) - 9 * piece, numbers),
+        instant=pair(instant),
+        position=pair(position),
+        velocity=pair(velocity),
+        acceleration=np.empty((2, len(of))),
+        target=pair(np.interp(instant, grid, target)),
+        load=pair(outside),
+        samples=np.append(np.flatnonzero(whole | (begin[of] == 0.0)), len(of)),
+    )
+    cut.acceleration[:] = _acceleration(joint, gains, cut)
+    return cut
+
+
+def _laws(joint: Joint, cut: Course) -> tuple[np.ndarray, np.ndarray]:
+    """Return level and slope of the friction piece of each step, shape (num_steps,) each."""
+    level, slope = np.zeros(len(cut.sign)), np.zeros(len(cut.sign))
+    for way in (-1, 1):
+        sliding = cut.sign == way
+        pieces = np.array(joint.friction.pieces(way))
+        level[sliding], slope[sliding] = pieces[cut.piece[sliding], 1], pieces[cut.piece[sliding], 2]
+    return level, slope
+
+
+def _acceleration(joint: Joint, gains: PDGains, cut: Course) -> np.ndarray:
+    """Return θ'' at both ends of each step [rad/s²], zero at rest."""
+    asked = gains.strength * (gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity)
+    level, slope = _laws(joint, cut)
+    motor = np.where(cut.side == 0, asked, cut.side * min(gains.torque_limit, 1e300))
+    dry = cut.sign * (level + joint.friction.load_coefficient * np.abs(cut.load)) + slope * cut.velocity
+    force = motor + cut.load - joint.offset - joint.viscous * cut.velocity - dry
+    return np.where(cut.sign == 0, 0.0, force / joint.inertia)
+
+
+def vary(joint: Joint, gains: PDGains, cut: Course, torque: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Return the changes of θ and θ' at every sample, shape (2, num_samples, num_changes).
+
+    torque: φ at both ends of each step, shape (2, num_steps, num_changes) [N m per unit]; what it is at rest does not
+    matter. start: changes of θ and θ' at the first sample, shape (2, num_changes).
+    """
+    spring, slope = 0.0, np.zeros_like(cut.load)
+    moving = (cut.sign != 0).astype(float)
+    if joint.gravity is not None:
+        spring = mean_slope(joint.gravity, cut.position[0])
+        felt = 1.0 - cut.sign * joint.friction.load_coefficient * np.sign(cut.load)
+        slope = moving * (joint.gravity.slope(cut.position) * felt - spring) / joint.inertia
+    free = cut.side == 0
+    stiffness = (gains.strength * gains.kp * free + spring) / joint.inertia
+    damping = (gains.strength * gains.kd * free + joint.viscous + _laws(joint, cut)[1]) / joint.inertia
+    response = _responses(stiffness, damping, cut.span, cut.kind)
+    rest = cut.sign == 0
+    response[rest] = 0.0
+    response[rest, 0, 0] = 1.0
+    # At the end of a step the change of the velocity goes on, ends or is turned round.
+    keep = np.ones(len(rest))
+    turning = cut.sign[:-1] * cut.sign[1:] < 0
+    before, after = cut.acceleration[1, :-1][turning], cut.acceleration[0, 1:][turning]
+    keep[:-1][turning] = np.divide(after, before, out=np.zeros_like(after), where=before != 0)
+    keep[:-1][(cut.sign[1:] == 0) | (cut.sign[:-1] == 0)] = 0.0
+    response[:, 1] *= keep[:, None]
+    transition, late = response[:, :, :2], response[:, :, 3]
+    early = response[:, :, 2] - late
+    torque = torque * (moving / joint.inertia)[:, None]
+    right = np.empty((len(rest) + 1, 2, torque.shape[2]))
+    right[0] = start
+    right[1:] = early[:, :, None] * torque[0][:, None, :] + late[:, :, None] * torque[1][:, None, :]
+    diagonals = np.zeros((4, len(rest) + 1, 2))
+    diagonals[0] = 1.0
+    diagonals[0, 1:, 0] += late[:, 0] * slope[1]
+    diagonals[1, 1:, 0] = late[:, 1] * slope[1]
+    diagonals[1, :-1, 1] = -transition[:, 0, 1]
+    diagonals[2, :-1, 0] = early[:, 0] * slope[0] - transition[:, 0, 0]
+    diagonals[2, :-1, 1] = -transition[:, 1, 1]
+    diagonals[3, :-1, 0] = early[:, 1] * slope[0] - transition[:, 1, 0]
+    size = 2 * len(rest) + 2
+    solved, _ = dtbtrs(np.asfortranarray(diagonals.reshape(4, size)), right.reshape(size, -1), uplo="L")
+    return np.moveaxis(solved.reshape(len(rest) + 1, 2, -1)[cut.samples], 1, 0)
+
+
+def _responses(stiffness: np.ndarray, damping: np.ndarray, span: np.ndarray, kind: np.ndarray) -> np.ndarray:
+    """Return what q and q' are after each step: per unit of q, of q', of a constant input and of one from 0 to 1.
+
+    Shape (num_steps, 2, 4). The matrix exponential, by Taylor series with squaring, once per different step.
+    """
+    _, chosen, of = np.unique(kind, return_index=True, return_inverse=True)
+    stiffness, damping, span = stiffness[chosen], damping[chosen], span[chosen]
+    matrix = np.zeros((len(span), 4, 4))
+    matrix[:, 0, 1], matrix[:, 1, 0], matrix[:, 1, 1] = span, -stiffness * span, -damping * span
+    matrix[:, 1, 2], matrix[:, 2, 3] = span, 1.0
+    # The norm in units in which angle and velocity are of one size.
+    largest = float((np.abs(damping) * span + np.sqrt(np.abs(stiffness)) * span).max(initial=0.0))
+    halvings = max(0, int(np.ceil(np.log2(max(largest, 1e-9)))) + 1)
+    matrix /= 2.0**halvings
+    power = exponential = np.broadcast_to(np.eye(4), matrix.shape)
+    for order in range(1, 15):
+        power = power @ matrix / order
+        exponential = exponential + power
+    for _ in range(halvings):
+        exponential = exponential @ exponential
+    return exponential[of, :2]
