@@ -15,7 +15,7 @@ from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.locomotion.config import NoiseCfg
 from stiction.transfer.golden import record_golden
-from stiction.transfer.rollout import Rollout, _tilted, friction_at, robot_of
+from stiction.transfer.rollout import Rollout, friction_at, robot_of, tilted
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -101,8 +101,8 @@ def test_noise_stays_within_its_bounds_and_zero_noise_is_none(contract: Contract
 
 def test_a_small_tilt_adds_roll_and_pitch() -> None:
     """(1, a, b, 0) turns by 2a about x and 2b about y."""
-    tilted = _tilted(np.array([[1.0, 0.0, 0.0, 0.0]]), np.array([[1.0, 0.005, -0.01]]))
-    np.testing.assert_allclose(roll_pitch(tilted), [[0.01, -0.02]], atol=2e-4)
+    turned = tilted(np.array([[1.0, 0.0, 0.0, 0.0]]), np.array([[1.0, 0.005, -0.01]]))
+    np.testing.assert_allclose(roll_pitch(turned), [[0.01, -0.02]], atol=2e-4)
 
 
 def test_a_bundle_cannot_name_a_module_to_import() -> None:

@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
-from stiction.formats.golden import DAMAGED
-from stiction.formats.log import TORQUE_SOURCES
+from stiction.formats.errors import LogError
+from stiction.formats.sidecar import TORQUE_SOURCES
+from stiction.formats.tables import BROKEN_ARCHIVE, read_npz_arrays
 
 SCHEMA = "stiction-walk"
 """What the header of every such log says."""
@@ -29,17 +29,11 @@ SCHEMA = "stiction-walk"
 SCHEMA_VERSION = 1
 """Raised when a reader of the older form would misunderstand the newer one."""
 
-MAX_BYTES = 512 * 2**20
-"""Largest size of the arrays together, unpacked [B]: an hour of 18 joints at 500 Hz."""
-
-MAX_HEADER = 2**16
-"""Longest header [characters]."""
-
 LARGEST_JITTER = 0.5
 """Largest deviation of a time step from the period, in periods: beyond, samples were dropped or doubled."""
 
 
-class WalkError(StictionError):
+class WalkError(LogError):
     """A walking log that cannot be read; the message names the file and the field."""
 
 
@@ -195,7 +189,7 @@ def is_walk(path: Path) -> bool:
     try:
         with zipfile.ZipFile(path) as archive:
             return {"header.npy", "quaternion.npy"} <= set(archive.namelist())
-    except DAMAGED:
+    except BROKEN_ARCHIVE:
         return False
 
 
@@ -203,10 +197,10 @@ def read_walk(path: Path) -> WalkLog:
     """Read a log; nothing in it is executed, and nothing is allocated that the file does not hold.
 
     Raises:
-        WalkError: not such a log, another version, a field missing, unknown, of the wrong type, shape or value.
+        LogError: not such a log, another version, a field missing, unknown, of the wrong type, shape or value.
 
     """
-    arrays = _unpack(path)
+    arrays = read_npz_arrays(path)
     text = arrays.pop("header", np.array(0))
     if text.dtype.kind != "U" or text.ndim != 0:
         raise WalkError(f"{path.name}: no header; expected a walking log of evaluate --log or of deploy")
@@ -241,29 +235,3 @@ def _read_header(text: str) -> WalkHeader:
             raise WalkError(f"header field {name!r} is {str(data[name])[:80]}; expected a list")
         data[name] = tuple(data[name])
     return WalkHeader(**data)
-
-
-def _unpack(path: Path) -> dict[str, np.ndarray]:
-    """Return the arrays of an NPZ file, after its entries were found to hold what their headers say."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
-            total = sum(entry.file_size for entry in entries)
-            if total > MAX_BYTES or len(entries) > 2 * len(SIGNALS):
-                raise WalkError(f"{path.name}: {len(entries)} arrays of {total} bytes; at most {MAX_BYTES} are read")
-            return {entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in entries}
-    except DAMAGED as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)[:120]
-        raise WalkError(f"cannot read {path.name}: {reason}; expected a walking log (NPZ)") from error
-
-
-def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> np.ndarray:
-    """Read one array; raise `ValueError` where its size is not the entry's, before memory is set aside for it."""
-    with archive.open(entry) as file:
-        version = np.lib.format.read_magic(file)
-        read = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, _, kind = read(file, max_header_size=10_000)
-    if kind.hasobject or math.prod(shape) * kind.itemsize > entry.file_size or kind.itemsize > 4 * MAX_HEADER:
-        raise ValueError(f"the array {entry.filename!r} is not plain numbers of the size that it declares")
-    with archive.open(entry) as file:
-        return np.lib.format.read_array(file, allow_pickle=False)

@@ -145,23 +145,28 @@ class Rollout:
         drawn = self._uniform(5 + 2 * joints)
         tilt = np.hstack([np.ones((len(drawn), 1)), noise.roll_pitch / 2 * drawn[:, 3:5]])
         return Sensors(
-            quaternion=_tilted(fleet.base_quaternion, tilt),
+            quaternion=tilted(fleet.base_quaternion, tilt),
             angular_velocity=fleet.base_angular_velocity + noise.angular_velocity * drawn[:, :3],
             joint_position=fleet.joint_position + noise.joint_position * drawn[:, 5 : 5 + joints],
             joint_velocity=fleet.joint_velocity + noise.joint_velocity * drawn[:, 5 + joints :],
         )
 
-    def step(self, command: np.ndarray) -> Moment:
-        """Advance by one control period under the commanded velocities, shape (N, 3)."""
+    def act(self, command: np.ndarray) -> tuple[Sensors, PolicyStep]:
+        """Sense, and set the policy's joint targets under the commanded velocities, shape (N, 3); no time passes."""
         sensors = self.sense()
         step = self._policy.step(sensors, command)
         self.fleet.set_targets(step.target)
+        return sensors, step
+
+    def step(self, command: np.ndarray) -> Moment:
+        """Advance by one control period under the commanded velocities, shape (N, 3)."""
+        sensors, step = self.act(command)
         blown_up = self.fleet.step()
         self._policy.reset(np.isin(np.arange(self.fleet.num_envs), blown_up))
         return Moment(sensors, step, blown_up)
 
 
-def _tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+def tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
     """Return quaternions, shape (N, 4), times the small rotations 1 + a i + b j, shape (N, 3): rolls 2a, pitches 2b."""
     w, x, y, z = quaternion.T
     one, a, b = tilt.T

@@ -1,0 +1,114 @@
+"""From a walking log to how every leg and the base moved: differences of what was measured, nothing filtered.
+
+A sample holds the state at its time and the torque over the period that follows. So the rates that belong to the torque
+are those over the same period: forward differences of angle and angular velocity. The acceleration is the second
+difference of the angle. What depends on the state alone (Coriolis forces) takes the logged velocities.
+
+Filtering waits until the equations are written down (`rows.py`): an equation that holds at every sample also holds for
+any weighted mean of neighbouring samples, whereas the products of filtered signals are not the filtered products.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.walk import WalkError, WalkLog
+from stiction.identify.walking.leg import BaseMotion, LegMotion
+from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
+
+GRAVITY = 9.81
+"""Where there is no accelerometer, gravity is all of the specific force [m/s²]."""
+
+
+@dataclass(frozen=True)
+class WalkMotion:
+    """A walk, T samples."""
+
+    period: float
+    """Time between samples [s]."""
+    base: BaseMotion
+    """Motion of the base."""
+    legs: tuple[LegMotion, ...]
+    """Motion of each leg, in the order of the robot's legs."""
+    torque: np.ndarray
+    """Torque of the motors [N m], shape (T, J)."""
+    rate: np.ndarray
+    """Mean joint velocity over the period that follows each sample, as friction sees it [rad/s], shape (T, J)."""
+    upward: np.ndarray
+    """Direction up in the base frame, unit vectors, shape (T, 3)."""
+    measured_torque: bool
+    """Whether the torque was logged; else it is that of the PD law with the log's gains."""
+    measured_acceleration: bool
+    """Whether there was an accelerometer."""
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return len(self.torque)
+
+
+def walk_motion(log: WalkLog, spec: RobotSpec) -> WalkMotion:
+    """Return the motion in a log of the robot `spec`.
+
+    Raises `WalkError` where the log is not of this robot, or its torque has the joint friction in it.
+    """
+    if log.header.joint_names != spec.joint_names:
+        raise WalkError(
+            f"the log has the joints {', '.join(log.header.joint_names[:4])}, ..., robot {spec.name!r} "
+            f"{', '.join(spec.joint_names[:4])}, ...; name the robot that walked with --robot"
+        )
+    if log.header.torque_source == "output_side":
+        raise WalkError(
+            "torque source output_side: a sensor behind the gear does not see the joint's friction; "
+            "log the motor's current or command (motor_side)"
+        )
+    period = log.header.period
+    acceleration = second_difference(log.joint_position, period)
+    up = gravity_direction(log.quaternion)
+    base = BaseMotion(
+        angular_velocity=log.angular_velocity,
+        angular_acceleration=forward_difference(log.angular_velocity, period),
+        specific_force=GRAVITY * up if log.specific_force is None else log.specific_force,
+    )
+    signals = (log.joint_position, log.joint_velocity, acceleration)
+    cuts = [slice(JOINTS_PER_LEG * index, JOINTS_PER_LEG * (index + 1)) for index in range(len(spec.legs))]
+    legs = tuple(LegMotion(*(signal[:, cut] for signal in signals)) for cut in cuts)
+    torque = log.joint_torque
+    return WalkMotion(
+        period=period,
+        base=base,
+        legs=legs,
+        torque=controller_torque(log) if torque is None else torque,
+        rate=forward_difference(log.joint_position, period),
+        upward=up,
+        measured_torque=torque is not None,
+        measured_acceleration=log.specific_force is not None,
+    )
+
+
+def forward_difference(values: np.ndarray, period: float) -> np.ndarray:
+    """Return the mean rate over the period after each sample, shape of `values`, (T, ...); the last one twice."""
+    rate = np.diff(values, axis=0) / period
+    return np.concatenate([rate, rate[-1:]])
+
+
+def second_difference(values: np.ndarray, period: float) -> np.ndarray:
+    """Return the acceleration at each sample, shape of `values`, (T, ...); zero at both ends."""
+    acceleration = np.zeros_like(values)
+    acceleration[1:-1] = (values[2:] - 2 * values[1:-1] + values[:-2]) / period**2
+    return acceleration
+
+
+def gravity_direction(quaternion: np.ndarray) -> np.ndarray:
+    """Return the world's upward direction in the base frame, shape (T, 3), of orientations w x y z, shape (T, 4)."""
+    w, x, y, z = quaternion.T
+    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+
+
+def controller_torque(log: WalkLog) -> np.ndarray:
+    """Return kp (target - θ) - kd θ' within the limit [N m], shape (T, J): what the motors were asked for."""
+    header = log.header
+    error = log.joint_target - log.joint_position
+    torque = np.array(header.kp) * error - np.array(header.kd) * log.joint_velocity
+    return np.clip(torque, -np.array(header.torque_limit), np.array(header.torque_limit))

@@ -1,0 +1,63 @@
+"""How a walking log is read: choices of the method, and what the user declares about the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from math import isfinite
+
+from stiction.formats.errors import StictionError
+
+
+@dataclass(frozen=True)
+class WalkSetup:
+    """Choices and declarations."""
+
+    mass_known: bool = False
+    """The user declares that the robot's masses, payload included, are known: without, nothing is said about load."""
+    payload: float = 0.0
+    """Mass that the trunk carries beyond its own [kg], spread over the trunk."""
+    centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Centre of mass of the trunk with what it carries, in the base frame [m]."""
+    mass_error: float = 0.02
+    """95 % bound of the relative error of the whole robot's mass [1], if it is declared known: a scale's and a
+    payload's errors."""
+    centre_error: float = 0.01
+    """95 % bound of the error of the trunk's centre of mass along each axis [m]: what balancing on an edge finds."""
+    link_mass_error: float = 0.05
+    """95 % bound of the relative error of the links' masses [1]. What this does to an estimate widens its interval;
+    data sheets and drawings are seldom better."""
+    torque_zero_error: float = 0.01
+    """95 % bound of the motor's torque at no current over its limit [1]: zero of the current sensor, and gravity turned
+    by a wrong encoder zero. It matters to joints that move one way only in swing."""
+    specific_force_error: float = 0.1
+    """95 % bound of the constant error of the specific force along each axis [m/s²]: accelerometer bias, tilt of its
+    mounting."""
+    neglected_acceleration: float = 1.0
+    """The same where there is no accelerometer and gravity stands in for the specific force [m/s²]: the base of the
+    simulated hexapod accelerates by about this much (rms) as it walks, in step with its legs."""
+    smoothing: float = 0.04
+    """Length of the smoothing window [s], a Hann window: at 200 Hz it leaves a twentieth of the encoder's noise in the
+    acceleration, and a swing of 0.15 s still has rows clear of its ends."""
+    swing_margin: float = 0.015
+    """Left out after lift-off and before touch-down [s]: feet unload and load over some milliseconds."""
+    stop_margin: float = 0.015
+    """Left out around samples at which a joint hardly moves [s]: friction may take any value there, and in simulators
+    it fades within a few steps of a stop."""
+    slow: float = 0.1
+    """Speed under which a joint hardly moves [rad/s]: over ten times the noise of a differentiated 15-bit encoder."""
+    limit_margin: float = 0.03
+    """Left out beside the joint's limits [rad], where the stop pushes back."""
+    clearance: float = 0.015
+    """Height of a foot above the lowest one from which it is in swing, where the log has no contacts [m]. It takes
+    ground that is nearly flat."""
+
+    def __post_init__(self) -> None:
+        """Refuse what has no meaning."""
+        for item in fields(self):
+            value = getattr(self, item.name)
+            if item.name in ("mass_known", "payload", "centre_of_mass"):
+                continue
+            if not (isfinite(value) and value >= 0):
+                raise StictionError(f"{item.name} {value}: expected a number that is not negative")
+        if not (isfinite(self.payload) and all(map(isfinite, self.centre_of_mass))):
+            raise StictionError("payload and centre of mass: expected finite numbers")

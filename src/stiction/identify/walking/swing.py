@@ -1,0 +1,168 @@
+"""Unloaded friction, from the legs in swing.
+
+A leg in swing is a known mechanism on a base whose motion the IMU measures: what moves its links, τ_links, follows from
+the recorded motion (`leg.py`). The rest of the motor's torque is the joint's own:
+
+    τ - τ_links = armature θ'' + B θ' + b_c sign(θ') + offset.
+
+Every sample gives this equation; a short Hann window averages neighbouring ones, within a swing and away from reversals
+of the joint, so that encoder noise in θ'' averages out while the equation stays true. The offset takes up what is
+constant in a swing: a wrong encoder zero turns gravity a little. It is known to be small, and that is used, since many
+joints move one way only in swing: without it their friction and offset could not be told apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.walk import WalkLog
+from stiction.identify.walking.blocks import BlockFit, fit_blocks
+from stiction.identify.walking.leg import BaseMotion, LegMotion, leg_effort
+from stiction.identify.walking.motion import WalkMotion
+from stiction.identify.walking.phases import feet_down, grow, hann_weights, slow_samples, smooth, swings
+from stiction.identify.walking.setup import WalkSetup
+from stiction.robots.spec import JOINTS_PER_LEG, LegSpec, RobotSpec
+
+PARAMETERS = ("armature", "viscous_friction", "coulomb_friction")
+"""What every joint of a fit shares; each joint has an offset of its own besides."""
+
+FEWEST_SWINGS = 8
+"""Fewer swings say too little about their own spread."""
+
+FEWEST_ROWS = 40
+"""Fewest rows of a fit: as many as two swings have."""
+
+WIDEST = 0.05
+"""Half-width of the Coulomb friction's interval over the torque limit beyond which there is no answer [1]: from "not
+worth a thought" to "retrain" is no wider."""
+
+
+@dataclass(frozen=True)
+class SwingRows:
+    """The equations of one joint in swing, R rows, smoothed."""
+
+    joint: str
+    """Name of the joint."""
+    acceleration: np.ndarray
+    """θ'' [rad/s²], shape (R,)."""
+    velocity: np.ndarray
+    """θ' [rad/s], shape (R,)."""
+    direction: np.ndarray
+    """sign(θ') [1], shape (R,): without reversals in the window, exactly ±1."""
+    load: np.ndarray
+    """|τ| sign(θ') [N m], shape (R,)."""
+    torque: np.ndarray
+    """τ - τ_links [N m], shape (R,)."""
+    systematic: np.ndarray
+    """Change of `torque` by links that are heavier by `link_mass_error` (row 0), and by the error of the specific force
+    along x, y, z [N m], shape (4, R)."""
+    swing: np.ndarray
+    """Number of the swing, different between legs, shape (R,)."""
+    sample: np.ndarray
+    """Number of the sample in the log, shape (R,)."""
+
+
+def swing_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup) -> list[SwingRows]:
+    """Return the equations of every joint, in the order of the robot's joints."""
+    weights = hann_weights(setup.smoothing, motion.period)
+    down = feet_down(log, motion, spec, setup)
+    rows: list[SwingRows] = []
+    for index, (leg, moving) in enumerate(zip(spec.legs, motion.legs, strict=True)):
+        phase = swings(down[:, index], round(setup.swing_margin / motion.period))
+        phase = np.where(phase > 0, phase + index * len(motion), 0)
+        links = leg_effort(spec, leg, moving, motion.base).torque
+        errors = _specific_force_effects(spec, leg, moving) * (
+            setup.specific_force_error if motion.measured_acceleration else setup.neglected_acceleration
+        )
+        for joint in range(JOINTS_PER_LEG):
+            number = JOINTS_PER_LEG * index + joint
+            systematic = np.concatenate([setup.link_mass_error * links[None, :, joint], errors[:, :, joint]])
+            kind = (spec.hip, spec.thigh, spec.shank)[joint]
+            angle = moving.position[:, joint]
+            stopped = (angle < kind.lower + setup.limit_margin) | (angle > kind.upper - setup.limit_margin)
+            rate = motion.rate[:, number]
+            unclear = (phase == 0) | stopped | slow_samples(rate, setup, motion.period)
+            clear = ~grow(unclear, len(weights) // 2)
+            direction = np.sign(rate)
+            torque = motion.torque[:, number]
+            signals = (
+                *(moving.acceleration[:, joint], rate, direction, np.abs(torque) * direction),
+                *(torque - links[:, joint], *systematic),
+            )
+            table = smooth(np.stack(signals, axis=1), weights)[clear].T
+            rows.append(SwingRows(spec.joint_names[number], *table[:5], table[5:], phase[clear], np.flatnonzero(clear)))
+    return rows
+
+
+def _specific_force_effects(spec: RobotSpec, leg: LegSpec, moving: LegMotion) -> np.ndarray:
+    """Return the change of the links' torques per m/s² of specific force along x, y, z [kg m], shape (3, T, 3)."""
+    still = np.zeros_like(moving.position)
+    held = LegMotion(moving.position, still, still)
+    return np.stack(
+        [
+            leg_effort(spec, leg, held, BaseMotion(still, still, np.broadcast_to(axis, still.shape))).torque
+            for axis in np.eye(3)
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class SwingFit:
+    """Friction of one joint, or of several that were taken to be alike."""
+
+    joints: tuple[str, ...]
+    """The joints behind it."""
+    fit: BlockFit | None
+    """Parameters as in `PARAMETERS`, then an offset per joint; None where the swings do not tell."""
+    refusal: str
+    """Why there is no fit; empty if there is one."""
+    rows: int
+    """Number of equations."""
+    swings: int
+    """Number of swings that they come from."""
+
+
+def fit_swing(rows: list[SwingRows], torque_limit: float, setup: WalkSetup) -> SwingFit:
+    """Fit armature, viscous and Coulomb friction that are the same for all joints in `rows`, and an offset each.
+
+    torque_limit: of these joints' motors [N m].
+    """
+    used = [joint for joint in rows if len(joint.torque)]
+    names = tuple(joint.joint for joint in rows)
+    count = sum(len(joint.torque) for joint in used)
+    number = len(np.unique(np.concatenate([joint.swing for joint in used]))) if used else 0
+    if count < FEWEST_ROWS or number < FEWEST_SWINGS:
+        return SwingFit(
+            names,
+            None,
+            f"{number} swings and {count} samples in which it clearly moves; expected at least {FEWEST_SWINGS} and "
+            f"{FEWEST_ROWS}: log for longer, or walk so that this joint moves (hips: sideways, turning)",
+            count,
+            number,
+        )
+    fit = _fit(used, torque_limit * setup.torque_zero_error / 2)
+    low, high = fit.estimate(PARAMETERS.index("coulomb_friction")).interval95
+    if not high - low <= 2 * WIDEST * torque_limit:
+        reason = (
+            f"the interval of its dry friction, {low:.3g} to {high:.3g} N m, is too wide to tell anything: dry and "
+            "viscous friction and offset look alike: log for longer, at different speeds and in different directions"
+        )
+        return SwingFit(names, None, reason, count, number)
+    return SwingFit(names, fit, "", count, number)
+
+
+def _fit(used: list[SwingRows], zero: float) -> BlockFit:
+    """Fit the shared parameters and the offsets, which are known to be zero within `zero` [N m], one deviation."""
+    owner = np.repeat(np.arange(len(used)), [len(joint.torque) for joint in used])
+    shared = [
+        np.concatenate([getattr(joint, name) for joint in used]) for name in ("acceleration", "velocity", "direction")
+    ]
+    return fit_blocks(
+        regressor=np.concatenate([np.stack(shared, axis=1), np.eye(len(used))[owner]], axis=1),
+        target=np.concatenate([joint.torque for joint in used]),
+        block=np.concatenate([joint.swing for joint in used]),
+        systematic=np.concatenate([joint.systematic for joint in used], axis=1),
+        prior=np.array([np.inf] * len(PARAMETERS) + [zero] * len(used)),
+    )
