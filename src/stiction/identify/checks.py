@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from stiction.formats.log import JointSignals, Log, LogError
+from stiction.formats.errors import LogError
+from stiction.formats.log import JointSignals, Log
+from stiction.identify.timing import Grid, Timing, even_grid, resample
 
 FEWEST_SAMPLES = 200
 """Below this no interval can be trusted."""
-
-LARGEST_JITTER = 0.05
-"""Largest departure of a sample interval from the median, as a share of it; more calls for resampling."""
 
 LARGEST_VALUE = 1e9
 """In SI units no joint has more of anything."""
@@ -25,6 +24,15 @@ SMALLEST_RANGE = 1e-12
 
 LARGEST_JUMP = 50.0
 """A step from sample to sample this many times the 99th percentile of all steps is a damaged sample, not physics."""
+
+FEWEST_VALUES = 10
+"""A measured signal with fewer different values is constant but for its last digit."""
+
+LARGEST_REACH = 20.0
+"""No leg's joint turns three times round [rad]; in degrees every gait passes this."""
+
+LARGEST_TORQUE = 2000.0
+"""More than any joint of a legged robot delivers [N m]."""
 
 FEWEST_REVERSALS = 4
 """The velocity must change sign this often: friction and offset differ only in what they do when the joint turns."""
@@ -43,24 +51,32 @@ class Uniform:
     """Time between samples [s]."""
     position: np.ndarray
     """θ [rad]."""
-    torque: np.ndarray
-    """τ [N m]."""
+    torque: np.ndarray | None
+    """τ [N m], or None if it was not logged."""
     target: np.ndarray | None
     """a [rad], or None if it was not logged."""
     velocity: np.ndarray | None
     """θ' as logged [rad/s], or None."""
+    disturbance: np.ndarray | None = None
+    """d, a known torque from outside [N m], or None."""
+    valid: np.ndarray = field(default_factory=lambda: np.ones(0, dtype=bool))
+    """False where so many samples are missing that the signals are guesses; by default True everywhere."""
+    timing: Timing | None = None
+    """How good the stamps were, or None if nobody looked."""
+
+    def __post_init__(self) -> None:
+        """Take every sample as valid unless something else was said."""
+        if len(self.valid) == 0:
+            object.__setattr__(self, "valid", np.ones(len(self.time), dtype=bool))
 
 
 def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float = 1.0) -> Uniform:
     """Check one joint's signals and put them on an even grid.
 
-    torque_scale: N m per unit of the torque column. Raises `LogError`.
+    torque_scale: N m per unit of the torque column. The position must be there, and the torque or the target. Raises
+    `LogError`.
     """
-    for role in ("position", "torque"):
-        if getattr(signals, role) is None:
-            raise LogError(
-                f"{log.source}: joint {joint!r} has no {role}; log {role}.{joint} or map a column to it: {role}=NAME"
-            )
+    _check_presence(log, joint, signals)
     table = {
         "time": log.time,
         **{name: values for name, values in vars(signals).items() if values is not None},
@@ -75,53 +91,95 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
             )
     if len(log.time) < FEWEST_SAMPLES:
         raise LogError(f"{log.source}: {len(log.time)} samples; at least {FEWEST_SAMPLES} are needed")
-    step = _check_time(log)
-    for name in ("position", "torque"):
-        _check_signal(f"{log.source}: {name} of joint {joint!r}", table[name])
-    grid = np.arange(len(log.time)) * step
-    elapsed = log.time - log.time[0]
-    even = {name: np.interp(grid, elapsed, values) for name, values in table.items() if name != "time"}
+    grid, timing = even_grid(log.source, log.time)
+    for name in ("position", "torque" if signals.torque is not None else "target"):
+        _check_signal(f"{log.source}: {name} of joint {joint!r}", name, table[name], grid)
+    even = {
+        name: resample(grid, values, command=name in ("target", "disturbance"))
+        for name, values in table.items()
+        if name != "time"
+    }
     return Uniform(
-        grid, step, even["position"], torque_scale * even["torque"], even.get("target"), even.get("velocity")
+        time=grid.times,
+        step=grid.step,
+        position=even["position"],
+        torque=torque_scale * even["torque"] if "torque" in even else None,
+        target=even.get("target"),
+        velocity=even.get("velocity"),
+        disturbance=even.get("disturbance"),
+        valid=grid.valid,
+        timing=timing,
     )
 
 
-def _check_signal(name: str, values: np.ndarray) -> None:
-    """Refuse a signal that hardly varies, and one with a sample that is out of line with its neighbours."""
-    if len(np.unique(values)) < 10 or np.ptp(values) < SMALLEST_RANGE:
+def _check_presence(log: Log, joint: str, signals: JointSignals) -> None:
+    """Refuse a joint without position, and one without torque whose torque cannot be computed from the target."""
+    if signals.position is None:
         raise LogError(
-            f"{name} is (nearly) constant at {values[0]:.6g}; "
+            f"{log.source}: joint {joint!r} has no position; log position.{joint} or map a column to it: position=NAME"
+        )
+    if signals.torque is None and signals.target is None:
+        raise LogError(
+            f"{log.source}: joint {joint!r} has no torque and no target; log torque.{joint}, or target.{joint} from "
+            "which the controller's gains give the torque, or map a column: torque=NAME"
+        )
+
+
+def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None:
+    """Refuse a signal that hardly varies, and one with samples that are out of line with their neighbours.
+
+    A position that jumps is damaged, for no joint does; torque may jump and stay, but not there and back at once. What
+    lies beyond a missing sample is no neighbour. A target may do what it likes.
+    """
+    if np.ptp(values) < SMALLEST_RANGE or (name != "target" and len(np.unique(values)) < FEWEST_VALUES):
+        raise LogError(
+            f"{where} is (nearly) constant at {values[0]:.6g}; "
             "the joint must move: log a sine of the target at two frequencies"
         )
-    steps = np.abs(np.diff(values))
-    usual = float(np.percentile(steps, 99))
-    worst = int(np.argmax(steps))
-    if usual > 0 and steps[worst] > LARGEST_JUMP * usual:
+    if name == "target":
+        return
+    near = np.diff(grid.stamps) < 1.5 * grid.step
+    changes = np.where(near, np.diff(values[grid.kept]), 0.0)
+    sizes = np.abs(changes)
+    if name == "torque":
+        back = np.append(np.where(changes[1:] * changes[:-1] < 0, sizes[1:], 0.0), 0.0)
+        sizes = np.minimum(sizes, back)
+    usual = float(np.percentile(np.abs(changes), 99))
+    worst = int(np.argmax(sizes))
+    if usual > 0 and sizes[worst] > LARGEST_JUMP * usual:
+        before, after = grid.kept[worst], grid.kept[worst + 1]
         raise LogError(
-            f"{name} jumps from {values[worst]:.6g} to {values[worst + 1]:.6g} at sample {worst + 2}, over "
+            f"{where} jumps from {values[before]:.6g} to {values[after]:.6g} at sample {after + 1}, over "
             f"{LARGEST_JUMP:.0f} times its usual step; cut damaged samples out or log again"
         )
 
 
-def _check_time(log: Log) -> float:
-    """Return the sampling step [s]; refuse time that stands, runs backwards, jumps or is not in seconds."""
-    intervals = np.diff(log.time)
-    wrong = np.flatnonzero(intervals <= 0)
-    if len(wrong):
-        what = "stands still" if intervals[wrong[0]] == 0 else "runs backwards"
-        raise LogError(f"{log.source}: time {what} at sample {wrong[0] + 2}; expected strictly increasing stamps")
-    middle = float(np.median(intervals))
-    if not 1e-5 <= middle <= 0.1:
-        raise LogError(
-            f"{log.source}: one sample every {middle:.3g} s; expected 1e-5 s to 0.1 s: are the stamps in seconds?"
+def unit_warnings(signals: Uniform, axis: str = "rotary") -> tuple[str, ...]:
+    """Return sentences on signals that are probably not in SI units; on a linear axis none is known.
+
+    What a joint cannot do is refused elsewhere; what it can do but rarely does is said here.
+    """
+    if axis != "rotary":
+        return ()
+    found = []
+    reach = float(np.ptp(signals.position))
+    if reach > LARGEST_REACH:
+        found.append(
+            f"the position covers {reach:.3g} rad, over {reach / (2 * np.pi):.1f} turns: is it in degrees, or at the "
+            "motor instead of the joint? The result is wrong then"
         )
-    uneven = np.flatnonzero(np.abs(intervals / middle - 1) > LARGEST_JITTER)
-    if len(uneven):
-        raise LogError(
-            f"{log.source}: {len(uneven)} sample intervals differ from {middle:.4g} s by over {LARGEST_JITTER:.0%}, "
-            f"the first at sample {uneven[0] + 2} ({intervals[uneven[0]]:.4g} s); cut the gap out or resample evenly"
-        )
-    return float((log.time[-1] - log.time[0]) / (len(log.time) - 1))
+    if signals.target is not None:
+        ratio = float(np.std(signals.target)) / max(float(np.std(signals.position)), 1e-300)
+        for factor, word in ((180 / np.pi, "target"), (np.pi / 180, "position")):
+            if abs(np.log(max(ratio, 1e-300) / factor)) < 0.5:
+                found.append(f"the target moves {ratio:.3g} times as far as the position: is the {word} in degrees?")
+    if signals.torque is not None:
+        peak = float(np.abs(signals.torque).max())
+        if peak > LARGEST_TORQUE:
+            found.append(
+                f"the torque reaches {peak:.4g} N m: is it in other units, N mm, mA or counts? Give --torque-scale"
+            )
+    return tuple(found)
 
 
 def check_excitation(source: str, velocity: np.ndarray, step: float) -> None:

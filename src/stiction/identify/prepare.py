@@ -57,6 +57,8 @@ def prepare(signals: Uniform, cutoff: float | None = None) -> Prepared:
 
     cutoff: corner of the filter [Hz]; None chooses it by `choose_cutoff`. Raises `StictionError` if no sample is left.
     """
+    if signals.torque is None:
+        raise StictionError("no torque in the log: inverse dynamics needs it; log torque.<joint>")
     rate = 1 / signals.step
     if cutoff is not None and not 0 < cutoff < rate / 2:
         raise StictionError(f"cutoff {cutoff} Hz: expected between 0 and half the sampling rate, {rate / 2:.4g} Hz")

@@ -1,0 +1,244 @@
+"""When the samples were taken: what the stamps say, how good they are, and the even grid that they are brought onto.
+
+Stamps jitter, come twice, come late, and samples are lost. Signals are interpolated by cubic splines, all of them by
+the same linear rule, so that a linear relation between them (the torque of a PD law, say) survives; stairs, which a
+spline would ring at, are held. Long gaps are bridged by straight lines and marked as not valid.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from stiction.formats.errors import LogError
+
+SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.1
+"""Between these lies the step of every log that can be used [s]."""
+
+LARGEST_LOSS = 0.2
+"""Share of samples that may be missing, be double or be out of order: beyond, the log is not what it says."""
+
+LONGEST_SETBACK = 20
+"""Steps by which a stamp may lag behind the latest one; more is a second log in the same file, or a clock that was
+set."""
+
+LONGEST_BRIDGE = 3
+"""Samples missing in a row that interpolation may replace: friction shows in how the joint turns round, which takes
+longer than this at any rate worth logging at."""
+
+MARGIN = 2
+"""Samples on either side of a long gap that are not valid either: what was interpolated there leans on one side."""
+
+EVEN = 1e-3
+"""Departure from even stamps, in steps, that no clock's jitter is smaller than."""
+
+STAIRS = 0.2
+"""Share of samples that repeat the one before, from which on a command counts as stairs."""
+
+NOTABLE_JITTER = 0.02
+"""Jitter, in steps, that is worth a warning."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """How good the stamps of a log are."""
+
+    samples: int
+    """Samples in the log."""
+    rate: float
+    """Samples per second [Hz]."""
+    jitter: float
+    """Standard deviation of the interval between samples that follow each other, in steps [1]."""
+    duplicated: int
+    """Samples whose stamp another one had already; they were left out."""
+    disordered: int
+    """Samples older than one before them; they were put in order."""
+    dropped: int
+    """Samples that are missing in between."""
+    longest_gap: float
+    """Longest time between two samples [s]."""
+    synthetic: bool
+    """The stamps are exactly even: jitter, if there was any, cannot be seen."""
+
+    def warnings(self) -> tuple[str, ...]:
+        """Return what went wrong with the stamps and what was done, one sentence each."""
+        found = []
+        step = 1 / self.rate
+        if self.jitter > NOTABLE_JITTER:
+            found.append(
+                f"the time stamps jitter by {self.jitter:.1%} of a step: the signals were interpolated to even times, "
+                "which is right if the stamps say when the samples were taken, and adds noise if they say when they "
+                "arrived"
+            )
+        if self.duplicated:
+            found.append(f"{self.duplicated} samples have the time stamp of another one and were left out")
+        if self.disordered:
+            found.append(f"{self.disordered} samples came out of order and were put in order by their time stamps")
+        if self.dropped:
+            found.append(
+                f"{self.dropped} samples of {self.samples + self.dropped} are missing, the longest gap takes "
+                f"{self.longest_gap:.4g} s: up to {LONGEST_BRIDGE} in a row were interpolated"
+                + (", longer gaps are not used" if self.longest_gap > (LONGEST_BRIDGE + 1.5) * step else "")
+            )
+        return tuple(found)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Even times, and where the samples that were kept lie among them."""
+
+    step: float
+    """Time between points of the grid [s]."""
+    times: np.ndarray
+    """The grid, from zero [s], shape (num_points,)."""
+    kept: np.ndarray
+    """Indices of the log's samples that count, in the order of their stamps, shape (num_kept,)."""
+    stamps: np.ndarray
+    """Their stamps, from zero [s], shape (num_kept,)."""
+    valid: np.ndarray
+    """False in a long gap and beside it, shape (num_points,)."""
+    on_grid: bool
+    """The samples lie on the points of the grid, so that nothing needs to be interpolated."""
+
+
+def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
+    """Return the even grid for stamps [s], shape (num_samples,), and what was found out about them.
+
+    source: the log's name, for messages. Raises `LogError` for stamps from which no time can be told: not in seconds,
+    running backwards at large, more than a fifth of the samples missing or double.
+    """
+    samples = len(time)
+    setbacks = np.maximum.accumulate(time) - time
+    kept = np.argsort(time, kind="stable")
+    fresh = np.concatenate(([True], np.diff(time[kept]) > 0))
+    kept = kept[fresh]
+    duplicated, disordered = samples - len(kept), int(np.count_nonzero(setbacks > 0))
+    _refuse_standing(source, samples, len(kept))
+    stamps = time[kept] - time[kept[0]]
+    step = _middle_step(source, stamps)
+    _refuse_backwards(source, setbacks, disordered, step)
+    step, points = _refined(stamps, step)
+    dropped = max(0, points + 1 - len(kept))
+    if dropped > LARGEST_LOSS * points:
+        raise LogError(
+            f"{source}: {dropped} of {points + 1} samples are missing at one every {step:.4g} s; expected at most "
+            f"{LARGEST_LOSS:.0%}: cut the log to a part without gaps, or log at an even rate"
+        )
+    times = np.arange(points + 1) * step
+    intervals = np.diff(stamps)
+    near = (intervals if dropped == 0 else intervals[intervals < 1.5 * step]) / step
+    off = np.abs(stamps - step * np.rint(stamps / step)) / step
+    resolution = 4 * np.finfo(np.float32).eps * float(np.abs(time).max()) / step
+    even = bool(off.max() <= max(EVEN, min(resolution, 0.01)) or _rounded(stamps, step))
+    timing = Timing(
+        samples=samples,
+        rate=1 / step,
+        jitter=0.0 if even or len(near) < 2 else float(np.std(near)),
+        duplicated=duplicated,
+        disordered=disordered,
+        dropped=dropped,
+        longest_gap=float(intervals.max()),
+        synthetic=even,
+    )
+    return Grid(step, times, kept, stamps, _valid(times, stamps, step), even), timing
+
+
+def _refuse_standing(source: str, samples: int, fresh: int) -> None:
+    """Refuse stamps many of which are equal."""
+    if samples - fresh > LARGEST_LOSS * samples:
+        raise LogError(
+            f"{source}: time stands still: {samples - fresh} of {samples} samples have the stamp of another one; log "
+            "stamps with more digits, or give the rate instead (--rate)"
+        )
+
+
+def _refuse_backwards(source: str, setbacks: np.ndarray, disordered: int, step: float) -> None:
+    """Refuse stamps that are more than a little out of order."""
+    far = np.flatnonzero(setbacks > LONGEST_SETBACK * step)
+    if len(far) or disordered > LARGEST_LOSS * len(setbacks):
+        place = int(far[0] if len(far) else np.flatnonzero(setbacks > 0)[0])
+        raise LogError(
+            f"{source}: time runs backwards at sample {place + 1}, by {setbacks[place]:.4g} s: are there several logs "
+            "in one file? Cut them apart"
+        )
+
+
+def _middle_step(source: str, stamps: np.ndarray) -> float:
+    """Return the median interval [s]; refuse what is not in seconds."""
+    step = float(np.median(np.diff(stamps)))
+    if not SHORTEST_STEP <= step <= LONGEST_STEP:
+        raise LogError(
+            f"{source}: one sample every {step:.3g} s; expected {SHORTEST_STEP:g} s to {LONGEST_STEP:g} s: are the "
+            "stamps in seconds?"
+        )
+    return step
+
+
+def _refined(stamps: np.ndarray, step: float) -> tuple[float, int]:
+    """Return the step [s] and the number of steps in the log, from the median interval, which jitter makes uncertain.
+
+    Each interval is rounded to whole steps, so that the errors of neighbours cancel; a line through stamps against
+    steps then gives a better step, by which they are counted again.
+    """
+    if stamps[-1] < 2 * len(stamps) * step:
+        for _ in range(2):
+            index = np.concatenate(([0.0], np.cumsum(np.rint(np.diff(stamps) / step))))
+            if np.ptp(index) == 0:
+                break
+            step = float(np.polyfit(index, stamps, 1)[0])
+    points = max(1, int(np.rint(stamps[-1] / step)))
+    return float(stamps[-1] / points), points
+
+
+def _rounded(stamps: np.ndarray, step: float) -> bool:
+    """Return whether even stamps were rounded to a coarser unit: few different intervals, and no drift from even.
+
+    At 400 Hz in whole milliseconds the intervals are 2 and 3 ms, but the samples were taken every 2.5 ms.
+    """
+    intervals = np.unique(np.round(np.diff(stamps), 9))
+    spread = float(np.ptp(intervals))
+    if not 2 <= len(intervals) <= 3 or spread > step:
+        return False
+    residual = stamps - step * np.arange(len(stamps))
+    return bool(np.ptp(residual) <= 1.05 * spread)
+
+
+def _valid(times: np.ndarray, stamps: np.ndarray, step: float) -> np.ndarray:
+    """Return False for the points of the grid in a long gap, or within `MARGIN` points of one."""
+    valid = np.ones(len(times), dtype=bool)
+    for place in np.flatnonzero(np.diff(stamps) > (LONGEST_BRIDGE + 1.5) * step):
+        first = np.searchsorted(times, stamps[place] - (MARGIN - 0.5) * step)
+        last = np.searchsorted(times, stamps[place + 1] + (MARGIN - 0.5) * step)
+        valid[first:last] = False
+    return valid
+
+
+def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarray:
+    """Return a signal on the grid, shape (num_points,).
+
+    values: the signal at all samples of the log, shape (num_samples,). Signals go through cubic splines, an error of
+    fourth order in the step; long gaps are bridged by straight lines. command: the signal may be stairs, held between
+    changes, and then is held here.
+    """
+    kept = values[grid.kept]
+    if grid.on_grid and len(kept) == len(grid.times):
+        return kept.copy()
+    if command and is_stairs(kept):
+        place = np.searchsorted(grid.stamps, grid.times + EVEN * grid.step, side="right") - 1
+        return kept[np.clip(place, 0, len(kept) - 1)]
+    result = np.interp(grid.times, grid.stamps, kept)
+    breaks = np.flatnonzero(np.diff(grid.stamps) > (LONGEST_BRIDGE + 1.5) * grid.step) + 1
+    for part in np.split(np.arange(len(kept)), breaks):
+        if len(part) < 4:
+            continue
+        inside = (grid.times >= grid.stamps[part[0]]) & (grid.times <= grid.stamps[part[-1]])
+        spline = make_interp_spline(grid.stamps[part], kept[part], k=3)
+        result[inside] = spline(grid.times[inside])
+    return result
+
+
+def is_stairs(values: np.ndarray) -> bool:
+    """Return whether a signal, shape (num_samples,), is held between changes, as a command is that comes slowly."""
+    return bool(np.mean(np.diff(values) == 0) > STAIRS)
