@@ -182,14 +182,15 @@ def _refined(stamps: np.ndarray, step: float) -> tuple[float, int]:
     Each interval is rounded to whole steps, so that the errors of neighbours cancel; a line through stamps against
     steps then gives a better step, by which they are counted again.
     """
-    if stamps[-1] < 2 * len(stamps) * step:
+    points = int(np.rint(min(stamps[-1] / step, 1e15)))
+    if points < 2 * len(stamps):
         for _ in range(2):
             index = np.concatenate(([0.0], np.cumsum(np.rint(np.diff(stamps) / step))))
-            if np.ptp(index) == 0:
+            points = int(index[-1])
+            if points == 0:
                 break
             step = float(np.polyfit(index, stamps, 1)[0])
-    points = max(1, int(np.rint(stamps[-1] / step)))
-    return float(stamps[-1] / points), points
+    return float(stamps[-1] / max(points, 1)), max(points, 1)
 
 
 def _rounded(stamps: np.ndarray, step: float) -> bool:
