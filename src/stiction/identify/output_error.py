@@ -2,15 +2,14 @@
 
 The residual is simulated − measured (the paper minimises reference − measurement, which measures the controller). In a
 closed loop the position hardly depends on the parameters and the torque does, so both are fitted, each in units of its
-own residual's size. No derivative of a noisy signal enters.
-
-A controller whose velocity is late by δ (a difference over samples, a filter) brakes with kd (θ' − δ θ''), to first
-order: it takes δ kd off the inertia that the position shows, and nothing off the inertia that the torque shows.
+own residual's size; without torque, the position alone. No derivative of a noisy signal enters. The state at the first
+sample is fitted with the rest: taken from the first few samples it would cost precision everywhere.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -18,92 +17,246 @@ from scipy.optimize import least_squares
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import Estimate
 from stiction.identify.checks import Uniform
+from stiction.identify.closed_loop import EXTRAS, START, ClosedLoop, Response
 from stiction.identify.intervals import block_count, block_covariance, estimates
-from stiction.joints.friction import Coulomb
-from stiction.joints.pd import PDGains, pd_torque
-from stiction.joints.simulate import Joint, Trajectory, simulate
+from stiction.identify.model import Model
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Trajectory
 
-TOLERANCES = (1e-3, 1e-6)
-"""Fits, the weights of position and torque renewed before each: relative change of the cost at which each ends. For ten
-thousand rows 1e-6 is a tenth of a standard deviation, and the last step of a Gauss-Newton search is far smaller."""
+FIRST_CHANGE = 1e-3
+"""The first fit, whose residuals weigh position against torque in the second, ends at this relative change of cost."""
+
+LAST_CHANGE = 1e-2
+"""The second ends where chi² changes by less: a tenth of a standard deviation. The last step of a Gauss-Newton search
+is far smaller than the one before it."""
+
+MOST_TRIALS = 60
+"""Simulations after which a fit ends where it is."""
+
+LARGEST_PREDICTION = 0.2
+"""Change of the motion up to which its derivatives are trusted to predict it, as the guess of a simulation [rad]."""
 
 LARGEST_CONDITION = 1e6
-"""Condition number of the scaled Jacobian beyond which a parameter has dropped out: a joint that never moves, say."""
+"""Condition number of the Jacobian with unit columns beyond which parameters are not told apart."""
 
-DIFFERENCE = 1e-4
-"""Step of the numerical derivatives, in units of each parameter's scale."""
+PART = 1e-3
+"""Share of a parameter in a direction that nothing is known of, from which on it is not identified."""
+
+WIDEST = {"delay": 0.02, "encoder_bias": 0.5, "log_bias": 0.5, "motor_strength": 0.5}
+"""Standard deviation beyond which an unknown of the loop counts as not identified: its prior knowledge is better."""
+
+STILL = 0.02
+"""Share of the top speed under which the joint is taken to start from rest, its speed not fitted."""
+
+HOPELESS = 1e3
+"""Residual, in units of its size, where there is no such joint."""
+
+LOWEST = {
+    "coulomb_friction": 0.0,
+    "static_friction": 0.0,
+    "load_coefficient": 0.0,
+    "delay": 0.0,
+}
+"""Bounds; inertia, Stribeck velocity and motor strength stay above a hundredth of where they start."""
 
 
 @dataclass(frozen=True)
 class OutputError:
     """A joint whose simulation follows the log."""
 
-    estimates: tuple[Estimate, ...]
-    """Inertia, viscous friction, Coulomb friction, offset."""
+    estimates: dict[str, Estimate]
+    """What was identified of the model's parameters and of the loop's unknowns. Without torque in units in which the
+    motor's strength is 1."""
+    unidentified: tuple[str, ...]
+    """Names of what was to be fitted and does not show in this log, or not apart from the others."""
     simulated: Trajectory
-    """The simulation with these values."""
+    """The simulation with these values; position and torque as the log would have them."""
     relative_errors: dict[str, float]
-    """|simulated − measured| / |measured| for position and torque."""
+    """|simulated − measured| / |measured| for position, velocity and, where there is, torque."""
+    residuals: dict[str, np.ndarray]
+    """Simulated − measured for position and, where there is, torque; zero at samples that do not count. Shape
+    (num_samples,) each."""
+    names: tuple[str, ...]
+    """What the columns of the Jacobian belong to: everything that was identified, and the start."""
+    jacobian: dict[str, np.ndarray]
+    """Derivatives of the residuals by `names`, shape (num_samples, num_names) each."""
+    evaluations: int
+    """Simulations that the search took."""
 
 
 def fit_output_error(
-    signals: Uniform, gains: PDGains, start: tuple[float, ...], speed: float, velocity_delay: float = 0.0
-) -> OutputError | None:
-    """Fit the four parameters to position and torque; None if the best simulation does not depend on all of them.
+    signals: Uniform,
+    gains: PDGains,
+    model: Model,
+    start: Mapping[str, float],
+    velocity: np.ndarray,
+    *,
+    velocity_delay: float = 0.0,
+    delay: float = 0.0,
+    unknown: tuple[str, ...] = (),
+    known: Mapping[str, float] | None = None,
+) -> OutputError:
+    """Fit the model's parameters, and unknowns of the loop, to position and torque, or to position alone.
 
-    signals: with a target; start: inertia, viscous, Coulomb, offset from the regression; speed: θ' at the first sample
-    [rad/s]; velocity_delay: δ [s]. Raises `StictionError` for a delay that would take away half of the inertia.
+    signals: with a target; start: where the search begins, for each of `model.names`; velocity: filtered θ' [rad/s],
+    shape (num_samples,); velocity_delay: how late the controller's velocity is beyond its loop [s]; delay: how late the
+    loop is, known or, if unknown, where the search begins [s]; unknown: which of `EXTRAS` to fit; known: parameters of
+    the model that are not to be fitted. Raises `StictionError` for names that are none of these, for delays that would
+    take away half of the inertia, and where the simulation cannot begin.
     """
-    borrowed = velocity_delay * gains.kd
-    if not 0 <= borrowed < 0.5 * start[0]:
+    fixed = dict(known or {})
+    missing = set(model.names) - set(start) - set(fixed)
+    wrong = (set(unknown) - set(EXTRAS)) | (set(fixed) - set(model.names)) | missing
+    if wrong:
         raise StictionError(
-            f"velocity delay {velocity_delay} s: with kd {gains.kd:.4g} and inertia {start[0]:.4g} expected 0 "
-            f"to {0.5 * start[0] / gains.kd:.3g} s"
+            f"output error: {', '.join(sorted(wrong))}: expected a start or a known value for each of "
+            f"{', '.join(model.names)}, and unknowns among {', '.join(EXTRAS)}"
         )
-    target = np.asarray(signals.target)
-    begin = float(np.mean(signals.position[:3]))
-    measured = np.stack([signals.position, signals.torque])
-    friction = float(np.std(signals.torque))
-    scale = np.array([abs(start[0]), abs(start[1]) + friction / np.ptp(signals.position), friction, friction])
+    if not 0 <= delay < np.inf:
+        raise StictionError(f"delay {delay} s: expected a number that is not negative")
+    fixed["delay"] = delay
+    top, first = float(np.abs(velocity).max()), float(np.mean(signals.position[:3]))
+    free = {name: float(start[name]) for name in model.names if name not in fixed}
+    free |= {name: {"delay": delay, "motor_strength": gains.strength}.get(name, 0.0) for name in unknown}
+    free["start_position"] = first
+    if abs(velocity[0]) > STILL * top:
+        free["start_velocity"] = float(velocity[0])
+    else:
+        fixed["start_velocity"] = 0.0
+    loop = ClosedLoop(signals, gains, model, {name: value for name, value in fixed.items() if name not in free})
+    loop.velocity_delay = velocity_delay
+    search = _Search(loop, signals, free)
+    return _result(search, search.fit(), velocity)
 
-    def run(values: np.ndarray) -> Trajectory:
-        inertia, viscous, coulomb, offset = (float(value) for value in values * scale)
-        joint = Joint(inertia - borrowed, viscous, Coulomb(coulomb), offset)
-        made = simulate(joint, gains, signals.step, target, begin, speed)
-        late = np.interp(signals.time - velocity_delay, signals.time, made.velocity)
-        return replace(made, torque=pd_torque(gains, target, made.position, late))
 
-    def residual(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        made = run(values)
-        return ((np.stack([made.position, made.torque]) - measured) * weights).ravel()
+class _Search:
+    """The least-squares problem: residuals and derivatives of the samples that count, each signal in its own unit."""
 
-    values = np.array(start) / scale
-    values[2] = max(values[2], 1e-3)
-    bounds = ([max(1e-2, 1.1 * borrowed / scale[0]), -np.inf, 0.0, -np.inf], np.inf)
-    for tolerance in TOLERANCES:
-        size = np.std(residual(values, np.ones((2, 1))).reshape(2, -1), axis=1, keepdims=True)
-        weights = 1 / np.maximum(size, 1e-9 * np.std(measured, axis=1, keepdims=True))
-        fit = least_squares(
-            residual,
-            values,
-            bounds=bounds,
-            args=(weights,),
-            diff_step=DIFFERENCE,
-            x_scale=1.0,
-            xtol=1e-6,
-            ftol=tolerance,
-        )
-        values = fit.x
-    if not np.linalg.cond(fit.jac) < LARGEST_CONDITION:
-        return None
-    rows = fit.fun.reshape(2, -1)
-    count = min(block_count(row) for row in rows)
-    block = np.tile(np.arange(rows.shape[1]) * count // rows.shape[1], 2)
-    covariance = block_covariance(fit.jac, fit.fun, block) * np.outer(scale, scale)
-    made = run(values)
-    errors = np.linalg.norm(rows / weights, axis=1) / np.linalg.norm(measured, axis=1)
+    def __init__(self, loop: ClosedLoop, signals: Uniform, free: dict[str, float]) -> None:
+        self.loop, self.names, self.start = loop, tuple(free), np.array(list(free.values()))
+        self.measured = {"position": signals.position}
+        if signals.torque is not None:
+            self.measured["torque"] = signals.torque
+        self.valid = np.asarray(signals.valid, bool)
+        self.weights = dict.fromkeys(self.measured, 1.0)
+        self.evaluations = 0
+        self._latest: tuple[bytes, Response] | None = None
+        self._accepted: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
+
+    def respond(self, values: np.ndarray) -> Response:
+        """Simulate, unless it was done just before; the motion around the last derivatives is the guess."""
+        if self._latest is None or self._latest[0] != values.tobytes():
+            guess = self.measured["position"]
+            if self._accepted is not None:
+                at, guess, both = self._accepted
+                change = both[0] @ (values - at)
+                if np.abs(change).max() < LARGEST_PREDICTION:
+                    guess = guess + change
+            self.evaluations += 1
+            self._latest = values.tobytes(), self.loop.run(dict(zip(self.names, values)), guess)
+        return self._latest[1]
+
+    def residuals(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Return simulated − measured of each signal, zero where a sample does not count."""
+        response = self.respond(values)
+        return {
+            name: np.where(self.valid, getattr(response, name) - measured, 0.0)
+            for name, measured in self.measured.items()
+        }
+
+    def jacobian(self, values: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the derivatives of the residuals, shape (num_samples, num_names) each."""
+        response = self.respond(values)
+        if self._accepted is None or not np.array_equal(self._accepted[0], values):
+            both = self.loop.derivatives(response, dict(zip(self.names, values)), self.names)
+            self._accepted = np.array(values), response.made.position, both
+        both = np.where(self.valid[:, None], self._accepted[2], 0.0)
+        return dict(zip(self.measured, both))
+
+    def weighted(self, values: np.ndarray) -> np.ndarray:
+        """Return all residuals in units of their sizes; a joint that cannot be is hopeless, not an error."""
+        try:
+            rows = self.residuals(values)
+        except StictionError:
+            return np.full(len(self.measured) * len(self.valid), HOPELESS)
+        return np.concatenate([self.weights[name] * row for name, row in rows.items()])
+
+    def slopes(self, values: np.ndarray) -> np.ndarray:
+        """Return the derivatives of `weighted`."""
+        return np.concatenate([self.weights[name] * rows for name, rows in self.jacobian(values).items()])
+
+    def fit(self) -> np.ndarray:
+        """Return the values with which the simulation follows the log best."""
+        values = np.array(self.start)
+        lower = [LOWEST.get(name, -np.inf) for name in self.names]
+        for place, name in enumerate(self.names):
+            if name in ("inertia", "stribeck_velocity", "motor_strength"):
+                lower[place] = 1e-2 * values[place]
+            elif name in LOWEST:
+                values[place] = max(values[place], 1e-6)
+        for tolerance in (FIRST_CHANGE, LAST_CHANGE / (2 * self.valid.sum())):
+            for name, row in self.residuals(values).items():
+                size = float(np.std(row[self.valid]))
+                self.weights[name] = 1.0 / max(size, 1e-9 * float(np.std(self.measured[name])))
+            fit = least_squares(
+                self.weighted,
+                values,
+                self.slopes,
+                (lower, np.inf),
+                x_scale="jac",
+                xtol=1e-10,
+                ftol=tolerance,
+                gtol=None,
+                max_nfev=MOST_TRIALS,
+            )
+            values = fit.x
+        return values
+
+
+def unidentified(jacobian: np.ndarray, names: tuple[str, ...]) -> tuple[list[int], set[str]]:
+    """Return the columns that together hold all that is known, and the names of which nothing is known apart.
+
+    jacobian: shape (num_rows, num_names), in units of the residual's size. A direction in which nothing changes takes
+    every name that has a part in it along: of inertia over strength one knows the ratio and neither.
+    """
+    length = np.linalg.norm(jacobian, axis=0)
+    kept = [place for place in range(len(names)) if length[place] > 0]
+    lost = {name for place, name in enumerate(names) if length[place] == 0}
+    while kept:
+        _, sizes, directions = np.linalg.svd(np.linalg.qr(jacobian[:, kept] / length[kept], mode="r"))
+        if sizes[-1] * LARGEST_CONDITION > sizes[0]:
+            break
+        parts = np.abs(directions[-1])
+        lost |= {names[kept[place]] for place in np.flatnonzero(parts > PART)}
+        del kept[int(np.argmax(parts))]
+    return kept, lost
+
+
+def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> OutputError:
+    """Put intervals to the values, and measure how well the simulation follows."""
+    response, rows, columns = search.respond(values), search.residuals(values), search.jacobian(values)
+    weighted, slopes = search.weighted(values), search.slopes(values)
+    kept, lost = unidentified(slopes, search.names)
+    names = tuple(search.names[place] for place in kept)
+    count = min(block_count(row[search.valid]) for row in rows.values())
+    block = np.tile(np.arange(len(velocity)) * count // len(velocity), len(rows))
+    counted = np.tile(search.valid, len(rows))
+    covariance = block_covariance(slopes[counted][:, kept], weighted[counted], block[counted])
+    found = dict(zip(names, estimates(values[kept], covariance, count - 1), strict=True))
+    lost |= {name for name, widest in WIDEST.items() if name in found and not found[name].std < widest}
+    made = Trajectory(response.position, response.made.velocity, response.torque, response.made.phases)
+    compared = {name: (rows[name], measured) for name, measured in search.measured.items()}
+    compared["velocity"] = (np.where(search.valid, made.velocity - velocity, 0.0), velocity)
     return OutputError(
-        estimates(values * scale, covariance, count - 1),
-        made,
-        {"position": float(errors[0]), "torque": float(errors[1])},
+        estimates={name: value for name, value in found.items() if name not in lost and name not in START},
+        unidentified=tuple(name for name in search.names if name in lost and name not in START),
+        simulated=made,
+        relative_errors={
+            name: float(np.linalg.norm(row) / np.linalg.norm(measured[search.valid]))
+            for name, (row, measured) in compared.items()
+        },
+        residuals=rows,
+        names=names,
+        jacobian={name: column[:, kept] for name, column in columns.items()},
+        evaluations=search.evaluations,
     )

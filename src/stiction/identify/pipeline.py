@@ -13,6 +13,7 @@ from stiction.formats.joints import PARAMETERS, JointRecord
 from stiction.formats.log import UNNAMED, Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
 from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
+from stiction.identify.model import Model
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.position import position_torque
 from stiction.identify.prepare import Prepared, prepare
@@ -93,8 +94,9 @@ def _simulate(
     mismatch = controller_mismatch(signals, gains, late, prepared.cutoff)
     if mismatch > LARGEST_MISMATCH:
         return None, mismatch
-    start = tuple(estimate.value for estimate in regression.estimates)
-    return fit_output_error(signals, gains, start, float(prepared.velocity[0]), setup.velocity_delay), mismatch
+    start = {name: estimate.value for name, estimate in zip(PARAMETERS, regression.estimates)}
+    fit = fit_output_error(signals, gains, Model(), start, prepared.velocity, velocity_delay=setup.velocity_delay)
+    return (None if fit.unidentified else fit), mismatch
 
 
 def _record(
@@ -129,8 +131,7 @@ def _record(
         "verdict": {"friction_level": judged.level, "text": judged.text},
     }
     if simulated is not None:
-        found = dict(zip(PARAMETERS, simulated.estimates, strict=True))
-        diagnostics["output_error"] = {name: estimate.to_dict() for name, estimate in found.items()}
+        diagnostics["output_error"] = {name: found.to_dict() for name, found in simulated.estimates.items()}
         diagnostics["output_error"]["relative_errors"] = simulated.relative_errors
         diagnostics["disagreement"] = disagreement(regression, simulated)
     return JointRecord(
@@ -170,7 +171,8 @@ def disagreement(regression: Regression, simulated: OutputError) -> dict[str, di
     and the combined deviation is a rough yardstick.
     """
     result = {}
-    for name, a, b in zip(PARAMETERS, regression.estimates, simulated.estimates, strict=True):
+    for name, a in zip(PARAMETERS, regression.estimates, strict=True):
+        b = simulated.estimates[name]
         gap = abs(a.value - b.value)
         result[name] = {
             "sigmas": gap / max(float(np.hypot(a.std, b.std)), 1e-300),

@@ -1,0 +1,149 @@
+"""The closed loop as a function of its unknowns: what the log would have shown, and the derivatives of that.
+
+A loop that is late by d as a whole computes its torque from target, angle and speed of d ago. To second order in d
+this is a loop without delay whose target is late by d, on a joint with inertia I − kd d + kp d²/2 and viscous friction
+B − kp d (from θ(t − d) = θ − d θ' + d² θ''/2 in kp θ + kd θ', the term kd d² θ'''/2 left out). A velocity that is late
+by a further δ (a difference over samples, a filter) takes δ kd more off the inertia that the position shows, and
+nothing off the one that the torque shows. At the torque limit, where nothing of this holds, the same joint is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.identify.checks import Uniform
+from stiction.identify.model import Model
+from stiction.identify.sensitivity import parameter_torques, strength_torque
+from stiction.joints.gravity import Gravity
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Joint, Trajectory, simulate
+from stiction.joints.variation import course, vary
+
+EXTRAS = ("delay", "encoder_bias", "log_bias", "motor_strength")
+"""What may be unknown about the loop. `delay`: d [s]. `encoder_bias`: the encoder that loop and log share reads this
+much more than the angle that gravity knows [rad]; only gravity shows it, and only if gravity_sin or gravity_cos is
+known. `log_bias`: the log's angle reads this much more than the loop's own [rad]; with torque it shows as an offset of
+the position that the torque lacks; without torque it is one with the joint's offset. `motor_strength`: torque delivered
+over the torque asked for [1], the log's torque being the one asked for; only a known load shows it."""
+
+START = ("start_position", "start_velocity")
+"""θ [rad] and θ' [rad/s] at the first sample, in the loop's frame; of no interest, but they must be fitted too."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """What the log would have shown; arrays of shape (num_samples,)."""
+
+    made: Trajectory
+    """The motion in the loop's frame."""
+    position: np.ndarray
+    """As the log has it [rad]."""
+    torque: np.ndarray
+    """Asked for by the controller, as late as it is [N m]."""
+    joint: Joint
+    """What was simulated, delays included."""
+    gains: PDGains
+    """Gains with the motor's strength."""
+
+
+class ClosedLoop:
+    """One joint under its controller, following the target of a log."""
+
+    def __init__(
+        self, signals: Uniform, gains: PDGains, model: Model, fixed: dict[str, float], velocity_delay: float = 0.0
+    ) -> None:
+        """`fixed`: unknowns whose value is known; the others come with each call. velocity_delay: δ [s]."""
+        self.signals, self.gains, self.model, self.velocity_delay = signals, gains, model, velocity_delay
+        self.fixed = dict.fromkeys(EXTRAS, 0.0) | {"motor_strength": gains.strength} | fixed
+        self.goal = np.asarray(signals.target, float)
+        self.rate = np.gradient(self.goal, signals.step)
+
+    def at(self, values: np.ndarray, time: float) -> np.ndarray:
+        """Return `values` of shape (num_samples,) or (num_samples, n) as they were `time` seconds before."""
+        if time == 0.0:
+            return values
+        late = time / self.signals.step
+        before, share = int(np.floor(late)), late - np.floor(late)
+        index = np.arange(len(values)) - before
+        last = len(values) - 1
+        newer, older = values[np.clip(index, 0, last)], values[np.clip(index - 1, 0, last)]
+        return newer + share * (older - newer)
+
+    def run(self, free: dict[str, float], guess: np.ndarray | None = None) -> Response:
+        """Simulate; raises `StictionError` where there is no such joint, or delays would take half of its inertia.
+
+        free: values of what is not fixed; guess: roughly the motion [rad], shape (num_samples,).
+        """
+        values = self.fixed | free
+        delay, bias = values["delay"], values["encoder_bias"]
+        joint = self.model.joint([values[name] for name in self.model.names])
+        gains = replace(self.gains, strength=values["motor_strength"])
+        kp, kd = gains.strength * gains.kp, gains.strength * gains.kd
+        late = kd * (delay + self.velocity_delay) - 0.5 * kp * delay**2
+        if not late < 0.5 * joint.inertia:
+            raise StictionError(
+                f"{'velocity delay' if delay == 0 else 'delays'} {self.velocity_delay + delay:.4g} s: with kd "
+                f"{kd:.4g} and inertia {joint.inertia:.4g} expected 0 to {0.5 * joint.inertia / kd:.3g} s"
+            )
+        if joint.gravity is not None and bias != 0:
+            sine, cosine = np.sin(bias), np.cos(bias)
+            weight = joint.gravity
+            joint = replace(
+                joint, gravity=Gravity(weight.sin * cosine + weight.cos * sine, weight.cos * cosine - weight.sin * sine)
+            )
+        joint = replace(joint, inertia=joint.inertia - late, viscous=joint.viscous - kp * delay)
+        signals, target = self.signals, self.at(self.goal, delay)
+        made = simulate(
+            joint,
+            gains,
+            signals.step,
+            target,
+            values["start_position"],
+            values["start_velocity"],
+            signals.disturbance,
+            guess,
+        )
+        asked = self._asked(gains, target, made, delay)
+        limit = gains.torque_limit / gains.strength
+        return Response(made, made.position + values["log_bias"], np.clip(asked, -limit, limit), joint, gains)
+
+    def _asked(self, gains: PDGains, target: np.ndarray, made: Trajectory, delay: float) -> np.ndarray:
+        """Return what the controller asks for, before any limit [N m], shape (num_samples,)."""
+        velocity = self.at(made.velocity, delay + self.velocity_delay)
+        return gains.kp * (target - self.at(made.position, delay)) - gains.kd * velocity
+
+    def derivatives(self, response: Response, free: dict[str, float], names: tuple[str, ...]) -> np.ndarray:
+        """Return the derivatives of position and torque by `names`, shape (2, num_samples, num_names)."""
+        values, signals, made = self.fixed | free, self.signals, response.made
+        delay, strength = values["delay"], values["motor_strength"]
+        kp, kd, late = self.gains.kp, self.gains.kd, delay + self.velocity_delay
+        target = self.at(self.goal, delay)
+        cut = course(response.joint, response.gains, signals.step, target, made, signals.disturbance)
+        torques = parameter_torques(self.model, values, response.joint, cut, values["encoder_bias"])
+        nothing, free_motor = np.zeros_like(cut.load), cut.side == 0
+        grid = np.arange(len(target))
+        rate = np.interp(cut.instant, grid, self.at(self.rate, delay))
+        torques |= dict.fromkeys((*START, "log_bias"), nothing)
+        torques["delay"] = strength * (
+            (kd - kp * delay) * cut.acceleration + kp * cut.velocity - kp * free_motor * rate
+        )
+        torques["motor_strength"] = strength_torque(self.gains, cut) + (
+            (kd * late - 0.5 * kp * delay**2) * cut.acceleration + kp * delay * cut.velocity
+        )
+        torques["encoder_bias"] = nothing
+        if response.joint.gravity is not None:
+            felt = 1.0 - cut.sign * response.joint.friction.load_coefficient * np.sign(cut.load)
+            torques["encoder_bias"] = response.joint.gravity.slope(cut.position) * felt
+        start = np.array([[name == wanted for name in names] for wanted in START], float)
+        changes = vary(response.joint, response.gains, cut, np.stack([torques[name] for name in names], axis=2), start)
+        asked = -kp * self.at(changes[0], delay) - kd * self.at(changes[1], late)
+        if "delay" in names:
+            speed, growth = self.at(made.velocity, delay), self.at(np.gradient(made.velocity, signals.step), late)
+            asked[:, names.index("delay")] += kp * (speed - self.at(self.rate, delay)) + kd * growth
+        asked[np.abs(self._asked(response.gains, target, made, delay)) * strength > self.gains.torque_limit] = 0.0
+        if "log_bias" in names:
+            changes[0][:, names.index("log_bias")] += 1.0
+        return np.stack([changes[0], asked])
