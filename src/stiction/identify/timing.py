@@ -37,6 +37,9 @@ EVEN = 1e-3
 STAIRS = 0.2
 """Share of samples that repeat the one before, from which on a command counts as stairs."""
 
+FIRST_STAMPS = 256
+"""Stamps with which the search for the step starts."""
+
 NOTABLE_JITTER = 0.02
 """Jitter, in steps, that is worth a warning."""
 
@@ -179,18 +182,23 @@ def _middle_step(source: str, stamps: np.ndarray) -> float:
 def _refined(stamps: np.ndarray, step: float) -> tuple[float, int]:
     """Return the step [s] and the number of steps in the log, from the median interval, which jitter makes uncertain.
 
-    Each interval is rounded to whole steps, so that the errors of neighbours cancel; a line through stamps against
-    steps then gives a better step, by which they are counted again.
+    The step is the period with which the stamps agree best: that at which |Σ exp(2πi t/step)| is largest, sought in the
+    first stamps around the median, then more and more finely in twice as many. Jitter and missing samples do not move
+    it, where counting intervals would add up their errors.
     """
-    points = int(np.rint(min(stamps[-1] / step, 1e15)))
-    if points < 2 * len(stamps):
-        for _ in range(2):
-            index = np.concatenate(([0.0], np.cumsum(np.rint(np.diff(stamps) / step))))
-            points = int(index[-1])
-            if points == 0:
-                break
-            step = float(np.polyfit(index, stamps, 1)[0])
-    return float(stamps[-1] / max(points, 1)), max(points, 1)
+    length = min(FIRST_STAMPS, len(stamps))
+    candidates = step * np.arange(0.65, 1.35, 0.25 / length)
+    while True:
+        angles = 2 * np.pi * stamps[:length] / candidates[:, None]
+        step = float(candidates[np.argmax(np.abs(np.exp(1j * angles).mean(axis=1)))])
+        if length == len(stamps):
+            break
+        length = min(2 * length, len(stamps))
+        candidates = step * (1 + np.arange(-4, 5) / (8 * length))
+    phase = float(np.angle(np.exp(2j * np.pi * stamps / step).mean())) / (2 * np.pi)
+    index = np.rint(np.minimum(stamps / step, 1e15) - phase)
+    points = max(1, int(index[-1] - index[0]))
+    return float(stamps[-1] / points), points
 
 
 def _rounded(stamps: np.ndarray, step: float) -> bool:
