@@ -13,6 +13,7 @@ from stiction.formats.reproducibility import limit_library_threads
 VERBS = {
     "demo": "run the whole line on small real input and write one page that explains it",
     "identify": "find a joint's inertia and friction from a log, with intervals",
+    "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
     "train": "train a teacher and a student for a robot, with or without joint friction",
     "evaluate": "drive a policy bundle over friction levels and commands, and tabulate what it reached",
     "export": "turn a training run into a policy bundle that can be checked",

@@ -1,0 +1,85 @@
+"""`stiction convert` as a user types it."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import main
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
+
+MODEL = '<mujoco><worldbody><body><joint name="FL_calf_joint"/><geom size="1"/></body></worldbody></mujoco>'
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with an identification and a model."""
+    friction = Estimate(0.4, 0.01, (0.38, 0.42))
+    record = JointRecord(coulomb_friction=friction, viscous_friction=friction, test_condition="in_air")
+    JointsFile({"shank": record}).write(tmp_path / "joints.json")
+    (tmp_path / "robot.xml").write_text(MODEL)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("target", "word"),
+    [("mujoco", "frictionloss"), ("urdf", "<dynamics"), ("isaaclab", "dynamic_friction"), ("webots", "staticFriction")],
+)
+def test_every_target_has_a_snippet(folder: Path, capsys: pytest.CaptureFixture, target: str, word: str) -> None:
+    """On standard output, and as JSON with what to mind."""
+    assert main(["convert", "joints.json", "--to", target]) == 0
+    text = capsys.readouterr().out
+    assert word in text
+    assert main(["convert", "joints.json", "--to", target, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["text"] == text and told["joints"] == {"shank": "shank"} and told["notes"] and told["to"] == target
+
+
+def test_a_model_is_patched_into_another_file(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    """The notes go to standard error; the model itself stays."""
+    options = ["--to", "mujoco", "--model", "robot.xml", "--joint-map", "shank=*_calf_joint", "--out", "new.xml"]
+    assert main(["convert", "joints.json", *options]) == 0
+    told = capsys.readouterr()
+    assert told.out == "" and "note: " in told.err and "new.xml: FL_calf_joint" in told.err
+    assert 'frictionloss="0.4"' in (folder / "new.xml").read_text()
+    assert (folder / "robot.xml").read_text() == MODEL
+    (folder / "sub").mkdir()
+    assert main(["convert", "joints.json", *options[:-1], "sub/new.xml", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["joints"] == {"FL_calf_joint": "shank"}
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--to", "mujoco", "--model", "none.xml"], "cannot read none.xml"),
+        (["--to", "mujoco", "--model", "joints.json"], "not well-formed XML"),
+        (["--to", "urdf", "--model", "robot.xml"], "expected <robot>"),
+        (["--to", "mujoco", "--model", "robot.xml"], "no joint of the model takes the record 'shank'"),
+        (["--to", "mujoco", "--joint-map", "shank=*_calf"], "wildcards need a --model"),
+        (["--to", "mujoco", "--timestep", "-1"], "timestep -1.0"),
+        (["--to", "mujoco", "--assumed-load", "3"], "--assumed-load is for --to isaaclab"),
+        (["--to", "webots", "--model", "robot.xml"], "--model is for --to mujoco and urdf"),
+        (["--to", "urdf", "--out", "no/where"], "cannot write no/where"),
+        (["--to", "urdf", "--out", "./joints.json"], "would be overwritten"),
+    ],
+)
+def test_what_a_user_can_mend_is_one_line(
+    folder: Path, capsys: pytest.CaptureFixture, options: list[str], said: str
+) -> None:
+    """Status 1, nothing on standard output."""
+    assert main(["convert", "joints.json", *options]) == 1
+    told = capsys.readouterr()
+    assert told.out == "" and said in told.err and told.err.count("\n") == 1
+
+
+@pytest.mark.parametrize("link", [os.symlink, os.link])
+def test_the_model_is_not_overwritten_under_another_name(folder: Path, capsys: pytest.CaptureFixture, link) -> None:
+    """A link is the same file."""
+    link("robot.xml", "other.xml")
+    options = ["--to", "mujoco", "--model", "robot.xml", "--joint-map", "shank=FL_calf_joint", "--out", "other.xml"]
+    assert main(["convert", "joints.json", *options]) == 1
+    assert "would be overwritten" in capsys.readouterr().err and (folder / "robot.xml").read_text() == MODEL
