@@ -14,8 +14,8 @@ from stiction.formats.errors import StictionError
 
 DESCRIPTION = """Write identified friction, damping and rotor inertia as a simulator reads them.
 
-Without --model: a snippet to paste. With --model (MJCF or URDF): the model with its joints changed and everything else,
-comments included, as it was. What the simulator cannot hold, and what is not known, is left out, and a comment says so.
+Without --model: a snippet to paste. With --model (MJCF, URDF, PROTO or world): the model with its joints changed, and
+all else, comments included, as it was. What the simulator cannot hold, or nobody knows, is left out; a comment says so.
 
 Example: stiction convert joints.json --to mujoco --model robot.xml --joint-map shank='*_calf_joint' --out new.xml"""
 
@@ -29,7 +29,7 @@ class Convert:
     to: Literal["mujoco", "urdf", "isaaclab", "webots"]
     """The simulator, or format."""
     model: Path | None = None
-    """A MJCF or URDF file to put the values into; it is not changed itself."""
+    """A MJCF, URDF, PROTO or world to put the values into; it is not changed itself."""
     joint_map: tuple[str, ...] = ()
     """RECORDED=MODEL pairs, where names differ; MODEL may have wildcards if --model is given. For isaaclab it is a
     regular expression."""

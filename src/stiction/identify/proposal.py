@@ -6,6 +6,7 @@ from typing import Any
 
 from stiction.formats.joints import JointRecord, JointsFile
 from stiction.identify.evidence import RANGE, TRAINABLE, friction_level, friction_settings
+from stiction.identify.reference import CONDITIONS
 from stiction.identify.verdict import Verdict, verdict
 
 
@@ -55,7 +56,7 @@ def propose(file: JointsFile) -> dict[str, Any]:
 def _reason(file: JointsFile, levels: dict[str, float], worst: str) -> str:
     """Say which joint sets the level, and which joints were not asked."""
     condition = file.joints[worst].test_condition
-    stated = condition or "under no stated condition"
+    stated = CONDITIONS.get(condition or "", "under no stated condition")
     text = f"provisional; level of {worst}, the worst of {len(levels)}, measured {stated}"
     if condition != "loaded":
         text += ", with a margin chosen, not measured, for the load that was not on it"

@@ -6,7 +6,7 @@ import pytest
 
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import Estimate, JointRecord
-from stiction.identify.convert.physics import beyond_coulomb, joint_physics, one_line
+from stiction.identify.convert.physics import beyond_coulomb, joint_physics, one_line, record_notes
 
 
 def number(value: float) -> Estimate:
@@ -75,6 +75,14 @@ def test_richer_laws_are_not_lost_without_a_word() -> None:
     assert len(beyond_coulomb(record)) == 5
     assert not any("static_friction" in note for note in beyond_coulomb(record, frozenset({"static_friction"})))
     assert beyond_coulomb(shank(offset=Estimate(0.01, 0.1, (-0.2, 0.2)), friction_law={"law": "coulomb"})) == []
+
+
+def test_a_record_is_explained_once_for_all_its_joints() -> None:
+    """Four legs do not say the same thing four times; a rotor without a place is named."""
+    joints = [joint_physics("shank", shank(), name) for name in ("FL", "FR")] + [joint_physics("hip", shank())]
+    notes = record_notes(joints, rotor="no place")
+    assert [note.partition(":")[0] for note in notes] == ["shank", "shank", "hip", "hip"]
+    assert notes[1] == "shank: no place: 0.03 is left out" and len(record_notes(joints)) == 2
 
 
 def test_a_comment_stays_one_line() -> None:

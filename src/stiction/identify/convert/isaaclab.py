@@ -7,7 +7,7 @@ torque that the joint transmits, so that no number in N m can be converted witho
 
 from __future__ import annotations
 
-from stiction.identify.convert.physics import Conversion, JointPhysics, beyond_coulomb, number, one_line
+from stiction.identify.convert.physics import Conversion, JointPhysics, number, record_notes
 
 
 def isaaclab_snippet(joints: list[JointPhysics], assumed_load: float | None = None) -> Conversion:
@@ -65,7 +65,4 @@ def _notes(joints: list[JointPhysics], assumed_load: float | None) -> list[str]:
         notes.append(
             "the coefficients are right at the assumed load alone; viscous friction goes to the actuator there"
         )
-    for joint in joints:
-        own = (*joint.notes, *beyond_coulomb(joint.record, frozenset({"static_friction"})))
-        notes += [f"{joint.name}: {note}" for note in own]
-    return [one_line(note) for note in notes]
+    return notes + record_notes(joints, kept=frozenset({"static_friction"}))

@@ -63,12 +63,17 @@ class Markup:
         return found
 
     def edited(self, edits: list[Edit]) -> str:
-        """Return the document with some stretches of bytes replaced; they must not overlap."""
-        pieces, at = [], 0
-        for start, end, new in sorted(edits):
-            pieces += [self.data[at:start], new]
-            at = end
-        return b"".join([*pieces, self.data[at:]]).decode("utf-8")
+        """Return the document with `edits` made."""
+        return edited(self.data, edits)
+
+
+def edited(data: bytes, edits: list[Edit]) -> str:
+    """Return UTF-8 data as text with some stretches of bytes replaced; they must not overlap."""
+    pieces, at = [], 0
+    for start, end, new in sorted(edits):
+        pieces += [data[at:start], new]
+        at = end
+    return b"".join([*pieces, data[at:]]).decode("utf-8")
 
 
 def read_model(path: Path) -> bytes:

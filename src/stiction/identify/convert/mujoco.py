@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from stiction.formats.errors import StictionError
 from stiction.identify.convert.markup import Edit, Markup, Tag, set_attributes, xml_comment
-from stiction.identify.convert.physics import Conversion, JointPhysics, beyond_coulomb, number, one_line
+from stiction.identify.convert.physics import Conversion, JointPhysics, number, one_line, record_notes
 
 FRICTION_D0 = 0.999
 """Impedance of the dry-friction constraint; as `stiction.robots.build` has it, where it is measured."""
@@ -102,9 +102,7 @@ def _notes(joints: list[JointPhysics], timestep: float) -> list[str]:
         'integrate with <option integrator="implicitfast"/>; for no creep at all, noslip_iterations="3"',
         "damping here is the joint's own; the controller's kd belongs to the actuator",
     ]
-    for joint in joints:
-        notes += [f"{joint.name}: {note}" for note in (*joint.notes, *beyond_coulomb(joint.record))]
-    return [one_line(note) for note in notes]
+    return notes + record_notes(joints)
 
 
 def _class_name(name: str) -> str:

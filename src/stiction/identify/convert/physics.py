@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import Estimate, JointRecord
+from stiction.identify.reference import CONDITIONS
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -
             "torque"
         )
     if record.test_condition != "loaded" and friction is not None:
-        stated = record.test_condition or "under no stated condition"
+        stated = CONDITIONS.get(record.test_condition or "", "under no stated condition")
         notes.append(f"dry friction was measured {stated}: a lower bound for a joint that carries load")
     return JointPhysics(name or recorded, recorded, record, friction, damping, armature, tuple(notes))
 
@@ -82,6 +83,20 @@ def beyond_coulomb(record: JointRecord, kept: frozenset[str] = frozenset()) -> l
     if offset is not None and not offset.interval95[0] <= 0 <= offset.interval95[1]:
         notes.append(f"the constant torque that the motor had to supply, {number(offset.value)}, is not represented")
     return notes
+
+
+def record_notes(joints: list[JointPhysics], kept: frozenset[str] = frozenset(), rotor: str | None = None) -> list[str]:
+    """Return what is left out of each record, once, however many joints take it.
+
+    kept: see `beyond_coulomb`; rotor: what to say of a rotor inertia that the simulator has no place for.
+    """
+    notes: dict[str, None] = {}
+    for joint in joints:
+        own = [*joint.notes, *beyond_coulomb(joint.record, kept)]
+        if rotor is not None and joint.armature is not None:
+            own.append(f"{rotor}: {number(joint.armature)} is left out")
+        notes |= dict.fromkeys(one_line(f"{joint.recorded}: {note}") for note in own)
+    return list(notes)
 
 
 def number(value: float) -> str:

@@ -16,7 +16,7 @@ from stiction.identify.convert.markup import parse_markup, read_model
 from stiction.identify.convert.mujoco import model_joints, mujoco_snippet, patch_mujoco
 from stiction.identify.convert.physics import Conversion, JointPhysics, joint_physics
 from stiction.identify.convert.urdf import patch_urdf, urdf_joints, urdf_snippet
-from stiction.identify.convert.webots import webots_snippet
+from stiction.identify.convert.webots import patch_webots, webots_joints, webots_snippet
 
 Target = Literal["mujoco", "urdf", "isaaclab", "webots"]
 
@@ -40,9 +40,10 @@ class ConvertOptions:
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and value > 0):
                 raise StictionError(f"{name} {value}: expected a positive number")
-        for name, needed in (("timestep", ("mujoco",)), ("assumed_load", ("isaaclab",)), ("model", ("mujoco", "urdf"))):
-            if getattr(self, name) is not None and to not in needed:
-                raise StictionError(f"--{name.replace('_', '-')} is for --to {' and '.join(needed)}; leave it out")
+        needed = {"timestep": ("mujoco",), "assumed_load": ("isaaclab",), "model": ("mujoco", "urdf", "webots")}
+        for name, targets in needed.items():
+            if getattr(self, name) is not None and to not in targets:
+                raise StictionError(f"--{name.replace('_', '-')} is for --to {', '.join(targets)}; leave it out")
         wild = [pair for pair in self.joint_map if set("*?[") & set(pair)]
         if wild and self.model is None and to != "isaaclab":
             raise StictionError(f"--joint-map {wild[0]!r}: wildcards need a --model whose joints they can match")
@@ -57,7 +58,10 @@ def convert(file: JointsFile, to: Target, options: ConvertOptions | None = None)
     options.check(to)
     pairs = parse_joint_map(options.joint_map)
     if options.model is not None:
-        markup = parse_markup(read_model(options.model), options.model.name)
+        data, where = read_model(options.model), options.model.name
+        if to == "webots":
+            return patch_webots(data, where, _joints(file, pairs, list(webots_joints(data, where))))
+        markup = parse_markup(data, where)
         names = model_joints(markup) if to == "mujoco" else urdf_joints(markup)
         joints = _joints(file, pairs, list(names))
         return patch_mujoco(markup, joints, options.timestep) if to == "mujoco" else patch_urdf(markup, joints)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from stiction.formats.errors import StictionError
 from stiction.identify.convert.markup import Edit, Markup, Tag, set_attributes, xml_comment
-from stiction.identify.convert.physics import Conversion, JointPhysics, beyond_coulomb, number, one_line
+from stiction.identify.convert.physics import Conversion, JointPhysics, number, one_line, record_notes
 
 TYPES = {"rotary": ("revolute", "continuous"), "linear": ("prismatic",)}
 """Kind of axis -> joint types that fit it."""
@@ -87,13 +87,7 @@ def _notes(joints: list[JointPhysics]) -> list[str]:
         "MuJoCo reads damping and friction from a URDF, with default solver settings under which the joint creeps "
         "below its friction: better --to mujoco. SAPIEN's loader drops the friction. Measure what yours does with it",
     ]
-    for joint in joints:
-        rotor = []
-        if joint.armature is not None:
-            rotor = [f"URDF has no rotor inertia: give {number(joint.armature)} to the simulator by its own means"]
-        own = (*joint.notes, *rotor, *beyond_coulomb(joint.record))
-        notes += [f"{joint.name}: {note}" for note in own]
-    return [one_line(note) for note in notes]
+    return notes + record_notes(joints, rotor="URDF has no rotor inertia, give it to the simulator by its own means")
 
 
 def _safe(name: str) -> str:
