@@ -128,7 +128,7 @@ def _record(
         "controller_mismatch": mismatch,
         "output_error": None,
         "disagreement": None,
-        "verdict": {"friction_level": judged.level, "text": judged.text},
+        "verdict": judged.to_dict(),
     }
     if simulated is not None:
         diagnostics["output_error"] = {name: found.to_dict() for name, found in simulated.estimates.items()}
