@@ -89,7 +89,7 @@ def fit_blocks(
 def _knowledge(
     scaled: np.ndarray, target: np.ndarray, scale: np.ndarray, prior: np.ndarray | None
 ) -> tuple[np.ndarray, float]:
-    """Return the weight of each prior in the normal equations of scaled columns, shape (P,), and the residual's size."""
+    """Return the weight of each prior in the normal equations of scaled columns, (P,), and the residual's size."""
     if prior is None:
         return np.zeros(len(scale)), 0.0
     size = float(np.std(target - scaled @ np.linalg.lstsq(scaled, target, rcond=None)[0]))

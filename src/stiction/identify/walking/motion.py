@@ -107,8 +107,14 @@ def gravity_direction(quaternion: np.ndarray) -> np.ndarray:
 
 
 def controller_torque(log: WalkLog) -> np.ndarray:
-    """Return kp (target - θ) - kd θ' within the limit [N m], shape (T, J): what the motors were asked for."""
-    header = log.header
-    error = log.joint_target - log.joint_position
-    torque = np.array(header.kp) * error - np.array(header.kd) * log.joint_velocity
-    return np.clip(torque, -np.array(header.torque_limit), np.array(header.torque_limit))
+    """Return kp (target - θ) - kd θ' within the limit [N m], shape (T, J): what the motors were asked for.
+
+    The mean over the period that follows each sample: of the law at both ends, under the target of its start.
+    """
+    header, limit = log.header, np.array(log.header.torque_limit)
+    later = [np.concatenate([signal[1:], signal[-1:]]) for signal in (log.joint_position, log.joint_velocity)]
+    asked = [
+        np.clip(np.array(header.kp) * (log.joint_target - position) - np.array(header.kd) * velocity, -limit, limit)
+        for position, velocity in ((log.joint_position, log.joint_velocity), later)
+    ]
+    return (asked[0] + asked[1]) / 2

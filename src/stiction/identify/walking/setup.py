@@ -29,12 +29,16 @@ class WalkSetup:
     torque_zero_error: float = 0.01
     """95 % bound of the motor's torque at no current over its limit [1]: zero of the current sensor, and gravity turned
     by a wrong encoder zero. It matters to joints that move one way only in swing."""
+    strength_error: float = 0.2
+    """95 % bound of what a motor gives over what it is asked for, less 1, where no torque was logged [1]: the range in
+    which training varies it."""
     specific_force_error: float = 0.1
     """95 % bound of the constant error of the specific force along each axis [m/s²]: accelerometer bias, tilt of its
     mounting."""
-    neglected_acceleration: float = 1.0
+    neglected_acceleration: float = 2.5
     """The same where there is no accelerometer and gravity stands in for the specific force [m/s²]: the base of the
-    simulated hexapod accelerates by about this much (rms) as it walks, in step with its legs."""
+    simulated hexapod accelerates by 1 to 3.5 (rms, by axis) as it walks, in step with its legs. The feet on the ground
+    do not help: its acceleration by their joints and the gyroscope was measured to be no better than none."""
     smoothing: float = 0.04
     """Length of the smoothing window [s], a Hann window: at 200 Hz it leaves a twentieth of the encoder's noise in the
     acceleration, and a swing of 0.15 s still has rows clear of its ends."""

@@ -56,8 +56,8 @@ class SwingRows:
     torque: np.ndarray
     """τ - τ_links [N m], shape (R,)."""
     systematic: np.ndarray
-    """Change of `torque` by links that are heavier by `link_mass_error` (row 0), and by the error of the specific force
-    along x, y, z [N m], shape (4, R)."""
+    """Change of `torque` [N m] by links that are heavier by `link_mass_error`, by the error of the specific force along
+    x, y, z, and, where the torque was not logged, by its lateness of half a period, shape (5, R)."""
     swing: np.ndarray
     """Number of the swing, different between legs, shape (R,)."""
     sample: np.ndarray
@@ -66,34 +66,64 @@ class SwingRows:
 
 def swing_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup) -> list[SwingRows]:
     """Return the equations of every joint, in the order of the robot's joints."""
-    weights = hann_weights(setup.smoothing, motion.period)
     down = feet_down(log, motion, spec, setup)
     rows: list[SwingRows] = []
     for index, (leg, moving) in enumerate(zip(spec.legs, motion.legs, strict=True)):
         phase = swings(down[:, index], round(setup.swing_margin / motion.period))
         phase = np.where(phase > 0, phase + index * len(motion), 0)
         links = leg_effort(spec, leg, moving, motion.base).torque
-        errors = _specific_force_effects(spec, leg, moving) * (
-            setup.specific_force_error if motion.measured_acceleration else setup.neglected_acceleration
-        )
+        systematic = _systematic(spec, leg, moving, motion, links, setup)
         for joint in range(JOINTS_PER_LEG):
             number = JOINTS_PER_LEG * index + joint
-            systematic = np.concatenate([setup.link_mass_error * links[None, :, joint], errors[:, :, joint]])
-            kind = (spec.hip, spec.thigh, spec.shank)[joint]
-            angle = moving.position[:, joint]
-            stopped = (angle < kind.lower + setup.limit_margin) | (angle > kind.upper - setup.limit_margin)
-            rate = motion.rate[:, number]
-            unclear = (phase == 0) | stopped | slow_samples(rate, setup, motion.period)
-            clear = ~grow(unclear, len(weights) // 2)
-            direction = np.sign(rate)
-            torque = motion.torque[:, number]
-            signals = (
-                *(moving.acceleration[:, joint], rate, direction, np.abs(torque) * direction),
-                *(torque - links[:, joint], *systematic),
-            )
-            table = smooth(np.stack(signals, axis=1), weights)[clear].T
-            rows.append(SwingRows(spec.joint_names[number], *table[:5], table[5:], phase[clear], np.flatnonzero(clear)))
+            late = np.gradient(motion.torque[:, number]) / 2 * (not motion.measured_torque)
+            errors = np.concatenate([systematic[:, :, joint], late[None]])
+            rows.append(_joint_rows(spec, motion, number, links[:, joint], errors, phase, setup))
     return rows
+
+
+def _joint_rows(
+    spec: RobotSpec,
+    motion: WalkMotion,
+    number: int,
+    links: np.ndarray,
+    errors: np.ndarray,
+    phase: np.ndarray,
+    setup: WalkSetup,
+) -> SwingRows:
+    """Return the equations of joint `number`; links: τ_links, (T,); errors: systematic, (5, T); phase: swings, (T,)."""
+    index, joint = divmod(number, JOINTS_PER_LEG)
+    kind, moving, rate = (spec.hip, spec.thigh, spec.shank)[joint], motion.legs[index], motion.rate[:, number]
+    angle = moving.position[:, joint]
+    stopped = (angle < kind.lower + setup.limit_margin) | (angle > kind.upper - setup.limit_margin)
+    unclear = (phase == 0) | stopped | slow_samples(rate, setup, motion.period)
+    weights = hann_weights(setup.smoothing, motion.period)
+    clear = ~grow(unclear, len(weights) // 2)
+    torque, direction = motion.torque[:, number], np.sign(rate)
+    if not motion.measured_acceleration:
+        # What is neglected keeps step with the legs, so at worst it has friction's own sign throughout.
+        errors = np.concatenate([errors[:1], np.abs(errors[1:4]) * direction, errors[4:]])
+    signals = (moving.acceleration[:, joint], rate, direction, np.abs(torque) * direction, torque - links, *errors)
+    table = smooth(np.stack(signals, axis=1), weights)[clear].T
+    return SwingRows(
+        joint=spec.joint_names[number],
+        acceleration=table[0],
+        velocity=table[1],
+        direction=table[2],
+        load=table[3],
+        torque=table[4],
+        systematic=table[5:],
+        swing=phase[clear],
+        sample=np.flatnonzero(clear),
+    )
+
+
+def _systematic(
+    spec: RobotSpec, leg: LegSpec, moving: LegMotion, motion: WalkMotion, links: np.ndarray, setup: WalkSetup
+) -> np.ndarray:
+    """Return the change of the torques left for the joints by heavier links and wrong specific force, (4, T, 3)."""
+    share = setup.link_mass_error if motion.measured_torque else np.hypot(setup.link_mass_error, setup.strength_error)
+    error = setup.specific_force_error if motion.measured_acceleration else setup.neglected_acceleration
+    return np.concatenate([share * links[None], error * _specific_force_effects(spec, leg, moving)])
 
 
 def _specific_force_effects(spec: RobotSpec, leg: LegSpec, moving: LegMotion) -> np.ndarray:

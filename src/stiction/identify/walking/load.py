@@ -1,0 +1,190 @@
+"""Load-dependent friction of a walking robot: swing and stance together, or the reason why not.
+
+Friction is b + c |τ| here: c is friction per torque of the motor. Swing settles b where the torque is small, stance
+adds the torques of a robot's weight. Each family of equations is weighted by the size of its own residuals. A block is
+half a second of the walk, with swing and stance of all legs in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stiction.formats.joints import Estimate
+from stiction.formats.walk import WalkLog
+from stiction.identify.walking.blocks import BlockFit, fit_blocks
+from stiction.identify.walking.leg import Trunk
+from stiction.identify.walking.motion import WalkMotion
+from stiction.identify.walking.phases import hann_weights
+from stiction.identify.walking.setup import WalkSetup
+from stiction.identify.walking.stance import BODY, FRICTION, KINDS, StanceRows, stance_rows
+from stiction.identify.walking.swing import FEWEST_SWINGS, SwingRows
+from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
+
+BLOCK = 0.5
+"""Length of a block [s], one or two steps of a walk."""
+
+FEWEST_ROWS = 600
+"""Fewest equations of the base: half a second of stance at 200 Hz, all joints moving, gives 150."""
+
+WIDEST = 0.05
+"""Half-width of a load coefficient's interval beyond which there is no answer [1]."""
+
+TENSION = 1.5
+"""Errors of mass, centre of mass or specific force beyond this many of their declared bounds are no small errors."""
+
+LAW_ERROR = 0.05
+"""Friction is not exactly linear in the motor's torque, which is not exactly the load of gears and bearings: share of
+the coefficient by which its interval is widened [1]. A choice."""
+
+
+@dataclass(frozen=True)
+class LoadFit:
+    """Friction of each kind of joint with and without load; or a refusal."""
+
+    refusal: str
+    """Why there is nothing; empty if there is something."""
+    laws: dict[str, dict[str, Estimate]]
+    """Kind -> A, B, b and c by the names of `FRICTION`; kinds whose c is not told are missing."""
+    refused: dict[str, str]
+    """Kind -> why its c is not told."""
+    body: dict[str, Estimate]
+    """Errors of the body that were found, by the names of `BODY`."""
+    condition: float | None = None
+    """Condition number of the regressor with unit columns."""
+    rows: int = 0
+    """Equations of the base."""
+    partial: dict[str, tuple[np.ndarray, ...]] = field(default_factory=dict)
+    """Kind -> load and friction in stance with everything else taken off, as forces on the body [N], each shape (R,):
+    slope c. For the page."""
+
+
+def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[SwingRows], setup: WalkSetup) -> LoadFit:
+    """Find what the load adds to friction, or say why that cannot be known from this log."""
+    if refusal := _missing(motion, setup):
+        return LoadFit(refusal, {}, {}, {})
+    trunk = Trunk.of(spec, setup.payload, setup.centre_of_mass)
+    stance = stance_rows(log, motion, spec, trunk, setup)
+    thin = max(1, len(hann_weights(setup.smoothing, motion.period)) // 2)
+    regressor, target, sample, systematic, size = _stack(stance, swing, thin)
+    blocks = sample // round(BLOCK / motion.period)
+    if len(stance.target) < FEWEST_ROWS or len(np.unique(blocks)) < FEWEST_SWINGS:
+        return LoadFit(
+            f"{len(stance.target)} equations of the base in {len(np.unique(blocks))} half seconds; expected at least "
+            f"{FEWEST_ROWS} and {FEWEST_SWINGS}: log for longer",
+            *({}, {}, {}),
+        )
+    limit = np.array(log.header.torque_limit)
+    bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
+    prior = np.concatenate([np.full(12, np.inf), setup.torque_zero_error * limit, bounds]) / 2
+    fit = fit_blocks(regressor, target, blocks, systematic, prior)
+    start = regressor.shape[1] - len(BODY)
+    body = {name: fit.estimate(start + index) for index, name in enumerate(BODY)}
+    tense = [
+        f"{name} by {estimate.value:.3g} (declared within {bound:g})"
+        for (name, estimate), bound in zip(body.items(), bounds, strict=True)
+        if abs(estimate.value) > TENSION * bound
+    ]
+    if tense:
+        return LoadFit(
+            "the walk does not fit the declared masses and centre of mass: it is off in "
+            f"{', '.join(tense)}: weigh the robot, and state --payload and --centre-of-mass; or the torque's unit is "
+            "wrong",
+            *({}, {}, body),
+            condition=fit.condition,
+            rows=len(stance.target),
+        )
+    laws, refused = _laws(fit)
+    resting = regressor[-len(stance.target) :]
+    partial = {kind: tuple(size * part for part in _partial(resting, fit, KINDS.index(kind))) for kind in laws}
+    return LoadFit("", laws, refused, body, fit.condition, len(stance.target), partial)
+
+
+def _missing(motion: WalkMotion, setup: WalkSetup) -> str:
+    """Return what must be there and is not, or nothing."""
+    if not setup.mass_known:
+        return (
+            "in stance the forces on the feet, which nobody measured, absorb the joints' friction, and what the body's "
+            "six equations leave needs known masses and centre of mass: weigh the robot as it walked and declare it "
+            "with --mass-known (--payload, --centre-of-mass)"
+        )
+    if not motion.measured_torque:
+        return "the motors' torque was not logged, and what load does to friction is judged by it: log the torque"
+    if not motion.measured_acceleration:
+        return "there was no accelerometer, and the body's equations need its acceleration: log the specific force"
+    return ""
+
+
+def _stack(
+    stance: StanceRows, swing: list[SwingRows], thin: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """Return regressor, target, sample and systematic change of all equations, and the size of stance's residual [N].
+
+    Each family of equations is over the size of its residual. Columns: A, B, b, c of each kind, every motor's torque
+    zero, the body's errors. Every `thin`-th swing equation is
+    taken: neighbours share their samples.
+    """
+    joints, friction = stance.zero.shape[1], stance.friction.shape[1]
+    width = friction + joints + stance.body.shape[1]
+    blocks = []
+    for number, rows in enumerate(swing):
+        part = np.zeros((len(rows.torque), width))
+        first = number % JOINTS_PER_LEG * len(FRICTION)
+        signals = (rows.acceleration, rows.velocity, rows.direction, rows.load)
+        part[:, first : first + len(FRICTION)] = np.stack(signals, axis=1)
+        part[:, friction + number] = 1.0
+        blocks.append(part[::thin])
+    families = (
+        (
+            np.concatenate(blocks),
+            np.concatenate([rows.torque[::thin] for rows in swing]),
+            np.concatenate([rows.sample[::thin] for rows in swing]),
+            np.concatenate([rows.systematic[0, ::thin] for rows in swing]),
+        ),
+        (
+            np.concatenate([stance.friction, stance.zero, stance.body], axis=1),
+            stance.target,
+            stance.sample,
+            stance.links,
+        ),
+    )
+    sizes = [_residual_size(regressor, target) for regressor, target, _, _ in families]
+    regressor = np.concatenate([family[0] / size for family, size in zip(families, sizes, strict=True)])
+    target = np.concatenate([family[1] / size for family, size in zip(families, sizes, strict=True)])
+    systematic = np.concatenate([family[3] / size for family, size in zip(families, sizes, strict=True)])
+    return regressor, target, np.concatenate([family[2] for family in families]), systematic[None], sizes[1]
+
+
+def _residual_size(regressor: np.ndarray, target: np.ndarray) -> float:
+    """Return the standard deviation of what a family of equations leaves when it is fitted alone."""
+    if not len(target):
+        return 1.0
+    return max(1e-9, float(np.std(target - regressor @ np.linalg.lstsq(regressor, target, rcond=1e-8)[0])))
+
+
+def _laws(fit: BlockFit) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]]:
+    """Return what is known of each kind, and why not of the others."""
+    laws, refused = {}, {}
+    for number, kind in enumerate(KINDS):
+        law = {name: fit.estimate(len(FRICTION) * number + index) for index, name in enumerate(FRICTION)}
+        load = law["load_coefficient"]
+        half = float(np.hypot((load.interval95[1] - load.interval95[0]) / 2, LAW_ERROR * load.value))
+        if half > WIDEST:
+            refused[kind] = (
+                f"the interval of the {kind}s' load coefficient, ±{half:.2g}, is too wide to tell anything: log for "
+                "longer, walk so that these joints move while they carry load"
+            )
+            continue
+        std = float(np.hypot(load.std, LAW_ERROR * load.value / 2))
+        law["load_coefficient"] = Estimate(load.value, std, (load.value - half, load.value + half))
+        laws[kind] = law
+    return laws, refused
+
+
+def _partial(regressor: np.ndarray, fit: BlockFit, kind: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return load and friction of one kind in stance with everything else regressed off, each shape (R,)."""
+    column = len(FRICTION) * kind + FRICTION.index("load_coefficient")
+    others = np.delete(regressor, column, axis=1)
+    load = regressor[:, column] - others @ np.linalg.lstsq(others, regressor[:, column], rcond=1e-8)[0]
+    return load, fit.values[column] * load + fit.residual[-len(regressor) :]

@@ -1,0 +1,208 @@
+"""A walking log, start to end: motion, swing, stance, and a record for every joint that the walk tells about."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.walk import WalkHeader, WalkLog
+from stiction.formats.walk_fit import WalkFit
+from stiction.identify.proposal import judge
+from stiction.identify.walking.leg import BaseMotion, LegMotion, leg_effort
+from stiction.identify.walking.load import LoadFit, fit_load
+from stiction.identify.walking.motion import WalkMotion, walk_motion
+from stiction.identify.walking.phases import feet_down
+from stiction.identify.walking.setup import WalkSetup
+from stiction.identify.walking.stance import KINDS
+from stiction.identify.walking.swing import SwingFit, SwingRows, fit_swing, swing_rows
+from stiction.joints.friction import dead_band, friction_ratio
+from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
+
+GAIT_SHOWN = 4.0
+"""Length of the gait that the page draws [s]."""
+
+
+@dataclass(frozen=True)
+class WalkIdentification:
+    """What a walk told."""
+
+    joints: JointsFile
+    """A record under each joint's own name where its own swings tell; else its kind's, from all legs together."""
+    load: LoadFit
+    """What is known about friction under load, or why nothing is."""
+    fit: WalkFit
+    """For the page."""
+
+
+def identify_walk(log: WalkLog, spec: RobotSpec, setup: WalkSetup | None = None) -> WalkIdentification:
+    """Identify the joints of a walking robot.
+
+    A joint's own swings are asked first. Where they do not tell, the joints of its kind are taken to be alike and their
+    swings are put together, under the kind's name. Where those do not tell either, the kind's record says why, and its
+    numbers are null. Raises `StictionError` where the log is not of this robot, or no joint is told.
+    """
+    setup = setup or WalkSetup()
+    motion = walk_motion(log, spec)
+    rows = swing_rows(log, motion, spec, setup)
+    limits = log.header.torque_limit
+    own = [fit_swing([joint], limit, setup) for joint, limit in zip(rows, limits, strict=True)]
+    load = fit_load(log, motion, spec, rows, setup)
+    links = standing_inertia(spec)
+    records: dict[str, JointRecord] = {}
+    chosen: dict[str, SwingFit] = {}
+    for number, fit in enumerate(own):
+        if fit.fit is not None:
+            chosen[spec.joint_names[number]] = fit
+    for kind, first in zip(KINDS, range(JOINTS_PER_LEG), strict=True):
+        if any(own[number].fit is None for number in range(first, len(own), JOINTS_PER_LEG)):
+            chosen[kind] = fit_swing(rows[first::JOINTS_PER_LEG], limits[first], setup)
+    if all(fit.fit is None for fit in chosen.values()):
+        raise StictionError(f"this walk tells nothing about any joint: shanks: {chosen['shank'].refusal}")
+    for name, fit in chosen.items():
+        number = _number(name, spec)
+        record = _record(fit, log.header, number, float(links[number]), load, motion)
+        records[name] = replace(record, warnings=_warnings(name, fit, record, own, spec, log, motion, load))
+    return WalkIdentification(JointsFile(records), load, _walk_fit(log, motion, spec, setup, rows, chosen, load))
+
+
+def _number(name: str, spec: RobotSpec) -> int:
+    """Return the number of a joint, or of the first one of a kind."""
+    return KINDS.index(name) if name in KINDS else spec.joint_names.index(name)
+
+
+def standing_inertia(spec: RobotSpec) -> np.ndarray:
+    """Return the inertia that the links put on each joint in the standing pose, all others held [kg m²], shape (J,)."""
+    angles = spec.joint_values("standing").reshape(-1, JOINTS_PER_LEG)
+    still = np.zeros((1, JOINTS_PER_LEG))
+    base = BaseMotion(still, still, still)
+    return np.array(
+        [
+            leg_effort(spec, leg, LegMotion(angle[None], still, unit[None]), base).torque[0, joint]
+            for leg, angle in zip(spec.legs, angles, strict=True)
+            for joint, unit in enumerate(np.eye(JOINTS_PER_LEG))
+        ]
+    )
+
+
+def _record(
+    swing: SwingFit, header: WalkHeader, number: int, links: float, load: LoadFit, motion: WalkMotion
+) -> JointRecord:
+    """Return a joint's record, warnings apart.
+
+    The inertia is that of a leg in the air: rotor, and links in the standing pose, whoever uses it takes those off.
+    Where no torque was logged, the motor's strength is unknown: newton metres are null, the ratios stay.
+    """
+    kind, limit, kp = KINDS[number % JOINTS_PER_LEG], header.torque_limit[number], header.kp[number]
+    settings: dict[str, Any] = {
+        "test_condition": "in_air",
+        "torque_source": header.torque_source if motion.measured_torque else None,
+        "kp": kp,
+        "kd": header.kd[number],
+        "torque_limit": limit,
+    }
+    law = load.laws.get(kind)
+    if law is not None:
+        settings["load_coefficient"] = law["load_coefficient"]
+        settings["friction_law"] = {"law": "load", "load": "|motor torque| [N m]"} | {
+            name: estimate.to_dict() for name, estimate in law.items()
+        }
+    diagnostics: dict[str, Any] = {
+        "method": "walking",
+        "joints": list(swing.joints),
+        "swings": swing.swings,
+        "samples_used": swing.rows,
+        "output_error": None,
+        "disagreement": None,
+        "load": {"refusal": load.refusal or load.refused.get(kind, ""), "equations": load.rows},
+    }
+    if swing.fit is None:
+        record = JointRecord(**settings, diagnostics=diagnostics)
+    else:
+        rotor, viscous, coulomb = (swing.fit.estimate(index) for index in range(3))
+        diagnostics |= {
+            "scaled_condition_number": swing.fit.condition,
+            "rms_residual": float(np.std(swing.fit.residual)),
+            "rotor_inertia": rotor.to_dict(),
+            "coulomb_friction_by_heavier_links": float(swing.fit.shifts[0, 2]),
+        }
+        settings["friction_ratio"] = coulomb.scaled(friction_ratio(1.0, limit))
+        settings["dead_band"] = coulomb.scaled(dead_band(1.0, kp)) if kp > 0 else None
+        if motion.measured_torque:
+            settings |= {"viscous_friction": viscous, "coulomb_friction": coulomb}
+            settings["inertia"] = _shifted(rotor, links)
+            settings["offset"] = swing.fit.estimate(3) if len(swing.joints) == 1 else None
+        else:
+            settings["combinations"] = {"coulomb_friction/strength": coulomb, "viscous_friction/strength": viscous}
+        record = JointRecord(**settings, diagnostics=diagnostics)
+    return replace(record, diagnostics=diagnostics | {"verdict": judge(record).to_dict()})
+
+
+def _shifted(estimate: Estimate, by: float) -> Estimate:
+    """Return an estimate of the quantity plus an exactly known number."""
+    low, high = estimate.interval95
+    return Estimate(estimate.value + by, estimate.std, (low + by, high + by))
+
+
+def _warnings(
+    name: str,
+    swing: SwingFit,
+    record: JointRecord,
+    own: list[SwingFit],
+    spec: RobotSpec,
+    log: WalkLog,
+    motion: WalkMotion,
+    load: LoadFit,
+) -> tuple[str, ...]:
+    """Return what a reader should know before trusting a record."""
+    found = []
+    if swing.fit is None:
+        found.append(f"nothing is known: {swing.refusal}")
+    elif name in KINDS:
+        silent = [joint for joint, fit in zip(spec.joint_names, own, strict=True) if fit.fit is None]
+        alike = ", ".join(joint for joint in silent if joint.endswith(f"_{name}"))
+        found.append(f"swings of all {name}s together, as if alike, for those whose own do not tell: {alike}")
+    if record.friction_ratio is not None and record.friction_ratio.interval95[0] <= 0:
+        found.append("the interval of coulomb_friction reaches zero: the walk does not show that there is any")
+    if not motion.measured_torque:
+        found.append(
+            "torque was not logged: what the controller asked for stands in, so newton metres are null; friction is "
+            "known as a share of the motor's command"
+        )
+    if not motion.measured_acceleration:
+        found.append("there was no accelerometer: the base's acceleration is neglected, and intervals are wide for it")
+    if log.foot_contact is None:
+        found.append("foot contact was not logged: feet clear of the lowest one are taken to swing, as on flat ground")
+    refusal = load.refusal or load.refused.get(KINDS[_number(name, spec) % JOINTS_PER_LEG], "")
+    if refusal:
+        found.append(f"friction under load is not known: {refusal}")
+    return tuple(found)
+
+
+def _walk_fit(
+    log: WalkLog,
+    motion: WalkMotion,
+    spec: RobotSpec,
+    setup: WalkSetup,
+    rows: list[SwingRows],
+    chosen: dict[str, SwingFit],
+    load: LoadFit,
+) -> WalkFit:
+    """Collect what the page draws: clouds under the names of the records."""
+    clouds = {}
+    for name, fit in chosen.items():
+        if fit.fit is not None:
+            members = [joint for joint in rows if joint.joint in fit.joints]
+            armature = float(fit.fit.values[0])
+            clouds[name] = (
+                np.concatenate([joint.velocity for joint in members]),
+                np.concatenate([joint.torque - armature * joint.acceleration for joint in members]),
+            )
+    shown = slice(0, round(GAIT_SHOWN / motion.period))
+    down = feet_down(log, motion, spec, setup)[shown]
+    gait = {foot: column for foot, column in zip(spec.foot_names, down.T, strict=True)}
+    partial = {kind: (parts[0], parts[1]) for kind, parts in load.partial.items()}
+    return WalkFit(clouds, log.time[shown] - log.time[0], gait, partial)

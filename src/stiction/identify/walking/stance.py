@@ -1,0 +1,166 @@
+"""Friction under load, from the whole robot in stance: what the six equations of the base still say.
+
+A foot on the ground feels a force F that nobody measures. Its leg's three joint equations,
+
+    J^T F = τ_links + A θ'' + B θ' + b sign(θ') + c |τ| sign(θ') - τ      (J: Jacobian of the contact point),
+
+have three unknowns in F: whatever the joints' friction is, some F fits it exactly. So no leg in stance tells anything
+about its own friction. Solved for F, they leave the six equations of the base, in which the joints' torques do not
+occur: what moves the whole robot, W, known from masses and IMU, is the sum of the feet's forces and moments,
+
+    W = Σ_legs G (τ_links + A θ'' + B θ' + b sign(θ') + c |τ| sign(θ') - τ),     G = [J^-T; p × J^-T],
+
+linear in A, B, b and c. Gravity is by far the largest part of W, and an error of the mass looks much like friction
+that always points the same way: masses and centre of mass must be known, and their remaining errors are unknowns here,
+held by what is known about them. If they want to go further than that, mass or centre of mass is not what was declared,
+and nothing is said about load.
+
+A joint that hardly moves has friction of unknown size and direction: that torque is one more unknown, which is
+eliminated from the sample's equations, and a sample with more of those than `MOST_STILL` is left out. Legs in swing
+have F = 0 and drop out; their own equations (`swing.py`) join the fit and settle A, B and b where load is small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.walk import WalkLog
+from stiction.identify.walking.leg import Trunk, foot_position, leg_effort, point_jacobian, trunk_wrench
+from stiction.identify.walking.motion import WalkMotion
+from stiction.identify.walking.phases import feet_down, grow, hann_weights, slow_samples, smooth
+from stiction.identify.walking.setup import WalkSetup
+from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
+
+KINDS = ("hip", "thigh", "shank")
+"""Joints of one kind share their friction here."""
+
+FRICTION = ("armature", "viscous_friction", "coulomb_friction", "load_coefficient")
+"""Parameters of each kind, A, B, b and c."""
+
+BODY = ("mass", "centre_x", "centre_y", "centre_z", "force_x", "force_y", "force_z")
+"""Errors of the whole robot's mass [1], of the trunk's centre of mass [m], and of the specific force [m/s²]."""
+
+MOST_STILL = 4
+"""Joints of legs on the ground that may hardly move: of six equations at least two remain."""
+
+ARM = 0.3
+"""Moments are divided by this length [m], about a leg's, so that all six equations are forces."""
+
+
+@dataclass(frozen=True)
+class StanceRows:
+    """The base's equations, R rows: six for each sample used, smoothed."""
+
+    friction: np.ndarray
+    """Columns A, B, b, c of hip, thigh and shank, shape (R, 12)."""
+    zero: np.ndarray
+    """Columns of each motor's torque at no current, shape (R, J)."""
+    body: np.ndarray
+    """Columns of the body's errors, `BODY`, shape (R, 7)."""
+    target: np.ndarray
+    """What friction has to explain [N], shape (R,)."""
+    links: np.ndarray
+    """Change of the target by links heavier by `link_mass_error`, the trunk lighter by as much [N], shape (R,)."""
+    sample: np.ndarray
+    """Number of the sample in the log, shape (R,)."""
+
+
+@dataclass(frozen=True)
+class _Body:
+    """The robot's six equations before anything is eliminated, T samples."""
+
+    arms: np.ndarray
+    """G: force and moment on the body per torque of each joint, zero for legs in swing, shape (T, 6, J)."""
+    effort: np.ndarray
+    """τ_links [N m], shape (T, J)."""
+    trunk: np.ndarray
+    """Force and moment that move the trunk, shape (T, 6)."""
+    legs: np.ndarray
+    """Force and moment that move the legs' links, shape (T, 6)."""
+
+
+def stance_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk, setup: WalkSetup) -> StanceRows:
+    """Return the base's equations of a walk."""
+    body = _body(log, motion, spec, trunk, setup)
+    resting = [slow_samples(rate, setup, motion.period) for rate in motion.rate.T]
+    still = np.stack(resting, axis=1) & (np.abs(body.arms).sum(axis=1) > 0)
+    legs_mass = spec.mass - spec.base.mass
+    heavier = body.legs - legs_mass / trunk.mass * body.trunk - np.einsum("tij,tj->ti", body.arms, body.effort)
+    target = body.trunk + body.legs - np.einsum("tij,tj->ti", body.arms, body.effort - motion.torque)
+    columns = (
+        _friction_columns(motion, body.arms),
+        body.arms,
+        _body_columns(motion, trunk, legs_mass, body.trunk + body.legs),
+        target[:, :, None],
+        setup.link_mass_error * heavier[:, :, None],
+    )
+    table = np.concatenate(columns, axis=2)
+    table[:, 3:] /= ARM
+    rows, sample = _reduce(table, still, hann_weights(setup.smoothing, motion.period))
+    friction, zero = len(KINDS) * len(FRICTION), len(KINDS) * len(FRICTION) + spec.num_joints
+    return StanceRows(rows[:, :friction], rows[:, friction:zero], rows[:, zero:-2], rows[:, -2], rows[:, -1], sample)
+
+
+def _body(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk, setup: WalkSetup) -> _Body:
+    """Return what the legs and the trunk need, and how the joints of legs that may be down act on the body."""
+    arms, effort = np.zeros((len(motion), 6, spec.num_joints)), np.zeros((len(motion), spec.num_joints))
+    wrench = np.zeros((len(motion), 6))
+    down, margin = feet_down(log, motion, spec, setup), round(setup.swing_margin / motion.period)
+    for index, (leg, moving) in enumerate(zip(spec.legs, motion.legs, strict=True)):
+        cut = slice(JOINTS_PER_LEG * index, JOINTS_PER_LEG * (index + 1))
+        links = leg_effort(spec, leg, moving, motion.base)
+        wrench += links.wrench
+        effort[:, cut] = links.torque
+        # The foot is a ball on ground taken as level: it touches straight under its centre.
+        contact = foot_position(spec, leg, moving.position) - spec.foot_radius * motion.upward
+        force = np.linalg.inv(np.swapaxes(point_jacobian(spec, leg, moving.position, contact), 1, 2))
+        bearing = grow(down[:, index], margin)[:, None, None]
+        arms[:, :, cut] = bearing * np.concatenate([force, np.cross(contact[:, :, None], force, axis=1)], axis=1)
+    return _Body(arms, effort, trunk_wrench(trunk, motion.base), wrench)
+
+
+def _friction_columns(motion: WalkMotion, arms: np.ndarray) -> np.ndarray:
+    """Return the columns A, B, b, c of each kind of joint, shape (T, 6, 12)."""
+    direction = np.sign(motion.rate)
+    acceleration = np.concatenate([leg.acceleration for leg in motion.legs], axis=1)
+    signals = (acceleration, motion.rate, direction, np.abs(motion.torque) * direction)
+    columns = [
+        np.einsum("tij,tj->ti", arms[:, :, kind::JOINTS_PER_LEG], signal[:, kind::JOINTS_PER_LEG])
+        for kind in range(len(KINDS))
+        for signal in signals
+    ]
+    return np.stack(columns, axis=2)
+
+
+def _body_columns(motion: WalkMotion, trunk: Trunk, legs_mass: float, wrench: np.ndarray) -> np.ndarray:
+    """Return the columns of `BODY`, shape (T, 6, 7): what stands on the other side of the equation, hence the sign.
+
+    wrench: that moves the whole robot, shape (T, 6). An error of the specific force acts on the whole mass at the
+    common centre of mass; the legs', which changes little, is taken at the base's origin.
+    """
+    whole, lever = trunk.mass + legs_mass, trunk.mass * np.array(trunk.centre)
+    none = np.zeros_like(motion.base.specific_force)
+    shifts = [
+        np.concatenate([none, trunk.mass * np.cross(axis, motion.base.specific_force)], axis=1) for axis in np.eye(3)
+    ]
+    pushes = [
+        np.broadcast_to(np.concatenate([whole * axis, np.cross(lever, axis)]), wrench.shape) for axis in np.eye(3)
+    ]
+    return -np.stack([wrench, *shifts, *pushes], axis=2)
+
+
+def _reduce(table: np.ndarray, still: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eliminate the joints that hardly move, smooth, and keep a row in half a window.
+
+    table: friction, arms, body, target and its change as columns, shape (T, 6, 12 + J + 7 + 2); still: shape (T, J).
+    Returns rows, shape (R, columns), and the sample of each, shape (R,).
+    """
+    first = len(KINDS) * len(FRICTION)
+    unknown = table[:, :, first : first + still.shape[1]] * still[:, None]
+    table = table - unknown @ (np.linalg.pinv(unknown, rcond=1e-9) @ table)
+    half = len(weights) // 2
+    kept = np.arange(half, len(table) - half, max(1, half))
+    kept = kept[~grow(still.sum(axis=1) > MOST_STILL, half)[kept]]
+    return smooth(table, weights)[kept].reshape(-1, table.shape[2]), np.repeat(kept, 6)
