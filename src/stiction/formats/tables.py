@@ -8,6 +8,8 @@ from __future__ import annotations
 import csv
 import io
 import math
+import tokenize
+import warnings
 import zipfile
 import zlib
 from pathlib import Path
@@ -149,7 +151,7 @@ def read_npz_arrays(path: Path) -> Columns:
     for member, data in read_archive(path.name, content).items():
         try:
             arrays[member.removesuffix(".npy")] = _parse_array(data)
-        except (*BROKEN_ARRAY, RecursionError) as error:
+        except BROKEN_ARRAY as error:
             raise LogError(
                 f"{path.name}: not a readable NPZ file of plain arrays ({member}: {str(error)[:120]})"
             ) from error
@@ -186,7 +188,9 @@ def _parse_array(data: bytes) -> np.ndarray:
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in readers:
         raise ValueError(f"array format version {version} is not known")
-    shape, fortran_order, dtype = readers[version](file)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # a header by Python 2 is read all the same
+        shape, fortran_order, dtype = readers[version](file)
     if dtype.hasobject or dtype.kind not in "fiubU":
         raise ValueError(f"{dtype} is not a plain number or text")
     size = math.prod(shape) * dtype.itemsize
@@ -204,7 +208,10 @@ BROKEN_ARCHIVE = (
 )
 """What the zip reader and the inflater let through for damaged files."""
 
-BROKEN_ARRAY = (ValueError, SyntaxError, TypeError, KeyError, MemoryError, OverflowError, UnicodeDecodeError)
+BROKEN_ARRAY = (
+    *(ValueError, SyntaxError, TypeError, KeyError, MemoryError, OverflowError, RecursionError),
+    *(tokenize.TokenError, IndexError, AttributeError),
+)
 """What NumPy's reader of array headers lets through."""
 
 

@@ -1,28 +1,36 @@
-"""MATLAB version 5 files as named columns. Nothing in such a file is executed."""
+"""MATLAB version 5 files (`save -v6`, `-v7`) as named columns. Nothing in such a file is executed.
+
+The format: after 128 bytes of header come elements, each a type, a size and as many bytes; a matrix is an element of
+elements (flags, dimensions, name, numbers), a compressed element holds another, deflated. It is read here and not by
+scipy.io, which a damaged size can crash, and the whole process with it.
+"""
 
 from __future__ import annotations
 
-import io
 import math
-import warnings
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from scipy.io import loadmat, whosmat
-from scipy.io.matlab import MatReadError, MatReadWarning
 
 from stiction.formats.errors import LogError
 from stiction.formats.tables import LARGEST_TABLE, WIDEST_MATRIX, Columns, read_bytes, split_matrix
 
-COMPRESSED = 15
-"""Type of an element that holds a deflated one."""
+COMPRESSED, MATRIX = 15, 14
+"""Types of elements that hold others."""
 
-NUMBERS = ("double", "single", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")
-"""Classes of variables that may be signals."""
+NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+"""Type of an element -> NumPy's name of its numbers, without the byte order."""
 
-_BROKEN = (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError, OSError, NotImplementedError)
-_BROKEN_NUMBERS = (OverflowError, MemoryError, zlib.error, UnicodeDecodeError, AttributeError, MatReadWarning)
+NUMERIC_CLASSES = range(6, 16)
+"""Classes of matrices that hold numbers: double, single, and integers of 8 to 64 bits."""
+
+COMPLEX = 0x08
+"""Flag of a matrix with an imaginary part, which no signal has."""
+
+ORDERS = {b"IM": "<", b"MI": ">"}
+"""Mark in the header -> byte order."""
 
 
 def read_mat(path: Path) -> Columns:
@@ -34,18 +42,10 @@ def read_mat(path: Path) -> Columns:
     if not content.startswith(b"MATLAB 5.0 MAT-file"):
         raise LogError(f"{path.name}: not a MATLAB 5.0 file; in MATLAB save it again with -v7 or -v6, or as CSV")
     try:
-        _check_elements(content)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", MatReadWarning)
-            listed = whosmat(io.BytesIO(content))
-            sizes = {name: math.prod(shape) for name, shape, kind in listed if kind in NUMBERS and len(shape) == 2}
-            if 8 * sum(sizes.values()) > LARGEST_TABLE or min(sizes.values(), default=0) < 0:
-                raise ValueError(f"{sum(sizes.values())} numbers; at most {LARGEST_TABLE // 8} are read")
-            loaded = loadmat(io.BytesIO(content), variable_names=list(sizes)) if sizes else {}
-    except (*_BROKEN, *_BROKEN_NUMBERS) as error:
+        variables = _variables(content)
+    except (ValueError, zlib.error) as error:
         raise LogError(f"{path.name}: damaged MATLAB file ({str(error)[:120]})") from error
-    arrays = {name: _upright(loaded[name]) for name in sizes if isinstance(loaded.get(name), np.ndarray)}
-    arrays = {name: array for name, array in arrays.items() if array.dtype.kind in "fiu" and array.size > 1}
+    arrays = {name: _upright(array) for name, array in variables.items() if array.size > 1}
     longest = max((len(values) for values in arrays.values()), default=0)
     columns: Columns = {}
     for name, array in arrays.items():
@@ -63,32 +63,79 @@ def _upright(array: np.ndarray) -> np.ndarray:
     return array if array.shape[0] >= array.shape[1] else array.T
 
 
-def _check_elements(content: bytes) -> None:
-    """Walk the elements of the file; raise `ValueError` if one is cut off or would inflate to too much."""
-    order = {b"IM": "little", b"MI": "big"}.get(content[126:128])
+def _variables(content: bytes) -> dict[str, np.ndarray]:
+    """Return the real, numeric matrices of two dimensions by name; raise `ValueError` for a damaged file."""
+    order = ORDERS.get(content[126:128])
     if order is None:
         raise ValueError("no byte order in the header")
-    place, total = 128, 0
-    while place < len(content):
-        kind = int.from_bytes(content[place : place + 4], order)  # type: ignore[arg-type]
-        size = int.from_bytes(content[place + 4 : place + 8], order)  # type: ignore[arg-type]
-        body = content[place + 8 : place + 8 + size]
-        if place + 8 > len(content) or len(body) != size:
-            raise ValueError(f"cut off: an element of {size} bytes, {len(content) - place - 8} are left")
+    found: dict[str, np.ndarray] = {}
+    left = LARGEST_TABLE
+    for kind, body in _elements(content[128:], order, padded=False):
         if kind == COMPRESSED:
-            total += _inflated_size(body, LARGEST_TABLE - total)
-        place += 8 + size
+            inner = _inflated(body, left)
+            left -= len(inner)
+            elements = list(_elements(inner, order, padded=False))
+            if len(elements) != 1:
+                raise ValueError(f"a compressed element holds {len(elements)} variables; expected one")
+            kind, body = elements[0]
+        variable = _matrix(body, order) if kind == MATRIX else None
+        if variable is None:
+            continue
+        name, array = variable
+        if name in found:
+            raise ValueError(f"the variable {name[:40]!r} comes twice")
+        found[name] = array
+    return found
 
 
-def _inflated_size(data: bytes, limit: int) -> int:
-    """Return what a deflated element inflates to; raise `ValueError` beyond `limit` or where the end is missing."""
-    inflater, size = zlib.decompressobj(), 0
-    while not inflater.eof:
-        piece = inflater.decompress(data, 2**20)
-        data = inflater.unconsumed_tail
-        size += len(piece)
-        if size > limit:
-            raise ValueError(f"inflates to more than {limit} bytes")
-        if not piece and not data:
-            raise ValueError("cut off: the end of a compressed variable is missing")
-    return size
+def _elements(data: bytes, order: str, padded: bool = True) -> Iterator[tuple[int, bytes]]:
+    """Yield type and content of the elements; padded: each starts at a multiple of eight bytes."""
+    place = 0
+    while place < len(data):
+        if len(data) - place < 8:
+            raise ValueError("cut off in front of an element")
+        kind, size = (int(word) for word in np.frombuffer(data, f"{order}u4", 2, place))
+        start, end = place + 8, place + 8 + size
+        if kind >> 16:  # a small element: size and type in one word, the content in the next
+            kind, size = kind & 0xFFFF, kind >> 16
+            start, end = place + 4, place + 4 + size
+            if size > 4:
+                raise ValueError(f"a small element of {size} bytes")
+        if end > len(data):
+            raise ValueError(f"cut off: an element of {size} bytes, {len(data) - start} are left")
+        yield kind, data[start:end]
+        place = max(end, place + 8)
+        if padded:
+            place = min(-(-place // 8) * 8, len(data))
+
+
+def _matrix(data: bytes, order: str) -> tuple[str, np.ndarray] | None:
+    """Return name and numbers of a matrix, or None for what is no real matrix of numbers in two dimensions."""
+    elements = _elements(data, order)
+    flags, shape, name = (next(elements, (0, b""))[1] for _ in range(3))
+    if len(flags) != 8:
+        raise ValueError("a variable without flags")
+    word = int(np.frombuffer(flags, f"{order}u4", 1)[0])
+    if word & 0xFF not in NUMERIC_CLASSES or (word >> 8) & COMPLEX or len(shape) != 8:
+        return None
+    rows, columns = (int(size) for size in np.frombuffer(shape, f"{order}i4"))
+    kind, numbers = next(elements, (0, b""))
+    if kind not in NUMBERS:
+        raise ValueError(f"numbers of type {kind}")
+    dtype = np.dtype(order + NUMBERS[kind])
+    if min(rows, columns) < 0 or math.prod((rows, columns, dtype.itemsize)) != len(numbers):
+        raise ValueError(f"{rows} by {columns} numbers of {dtype} in {len(numbers)} bytes")
+    if next(elements, None) is not None:
+        raise ValueError("a variable with more than its numbers")
+    return name.decode("latin-1"), np.frombuffer(numbers, dtype).reshape((rows, columns), order="F")
+
+
+def _inflated(data: bytes, limit: int) -> bytes:
+    """Return a deflated element; raise `ValueError` beyond `limit` bytes or where its end is missing."""
+    inflater = zlib.decompressobj()
+    inflated = inflater.decompress(data, limit + 1)
+    if len(inflated) > limit:
+        raise ValueError(f"inflates to more than {LARGEST_TABLE} bytes")
+    if not inflater.eof:
+        raise ValueError("cut off: the end of a compressed variable is missing")
+    return inflated

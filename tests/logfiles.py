@@ -1,0 +1,149 @@
+"""Small valid logs of every kind, for the tests of the readers and for those that damage them."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from mcap.writer import CompressionType
+from mcap_ros2.writer import Writer as RosWriter
+from scipy.io import savemat
+
+from stiction.formats.log import JointSignals, Log, LogSetup, write_log
+from stiction.identify.logs.mcap_file import DEFINITIONS
+
+SAMPLES = 24
+TIME = np.arange(SAMPLES) * 0.005
+POSITION = np.stack([np.sin(9 * TIME), np.cos(7 * TIME)], axis=1)
+TARGET = POSITION + 0.01
+
+
+def canonical(folder: Path, suffix: str) -> Path:
+    """Write a canonical log of two joints and its sidecar."""
+    path = folder / f"log{suffix}"
+    joints = {
+        name: JointSignals(position=POSITION[:, i], target=TARGET[:, i], torque=20 * (TARGET - POSITION)[:, i])
+        for i, name in enumerate(("FL_hip", "FL_calf"))
+    }
+    setup = LogSetup(kp=20.0, torque_source="motor_side", joints={"calf": LogSetup(kp=25.0)})
+    write_log(path, Log("x", TIME, joints, setup))
+    return path
+
+
+def wide_table() -> dict[str, np.ndarray]:
+    """Return the columns of the scripts that log for actuator networks."""
+    columns: dict[str, np.ndarray] = {}
+    for name, values in (
+        ("tau_cal", 21 * (TARGET - POSITION)),
+        ("tau_est", 20 * (TARGET - POSITION)),
+        ("joint_pos", POSITION),
+        ("joint_pos_target", TARGET),
+        ("joint_vel", np.gradient(POSITION, axis=0)),
+    ):
+        columns |= {f"{name}_{index}": values[:, index] for index in range(2)}
+    return columns
+
+
+def wide_csv(folder: Path, time: bool = True) -> Path:
+    """Write that table as CSV."""
+    table = ({"timestamps": TIME} if time else {}) | wide_table()
+    path = folder / "motor.csv"
+    np.savetxt(path, np.column_stack(list(table.values())), delimiter=",", header=",".join(table), comments="")
+    return path
+
+
+def pace(folder: Path, **more: Any) -> Path:
+    """Write PACE's tensors as torch does."""
+    import torch
+
+    path = folder / "traj.pt"
+    entries = {"time": TIME, "dof_pos": POSITION, "des_dof_pos": TARGET}
+    torch.save({name: torch.from_numpy(value).float() for name, value in entries.items()} | more, path)
+    return path
+
+
+def matlab(folder: Path, compressed: bool = True) -> Path:
+    """Write matrices with wide names."""
+    path = folder / "log.mat"
+    savemat(path, {"t": TIME, "dof_pos": POSITION, "des_dof_pos": TARGET, "note": "x"}, do_compression=compressed)
+    return path
+
+
+def state(stamp: int, names: list[str], position: list[float], effort: list[float] | None = None) -> dict[str, Any]:
+    """Return a message of joint states, its stamp in nanoseconds."""
+    header = {"stamp": {"sec": stamp // 10**9, "nanosec": stamp % 10**9}, "frame_id": ""}
+    return {"header": header, "name": names, "position": position, "velocity": [], "effort": effort or []}
+
+
+Sent = tuple[str, str, int, dict[str, Any]]
+"""Topic, type, time of receipt [ns], fields."""
+
+
+def mcap(path: Path, sent: list[Sent], compression: CompressionType = CompressionType.ZSTD, crcs: bool = True) -> Path:
+    """Write messages as an MCAP file of ROS 2."""
+    with path.open("wb") as file:
+        writer = RosWriter(file, compression=compression, enable_crcs=crcs)
+        schemas = {kind: writer.register_msgdef(kind, DEFINITIONS[kind]) for kind in {kind for _, kind, _, _ in sent}}
+        for topic, kind, received, fields in sent:
+            writer.write_message(topic, schemas[kind], fields, log_time=received, publish_time=received)
+        writer.finish()
+    return path
+
+
+def ros(folder: Path, compression: CompressionType = CompressionType.ZSTD, crcs: bool = True) -> Path:
+    """Write states and commands of two joints; the command comes in another order, 1 ms before each state."""
+    sent: list[Sent] = []
+    start = 1_700_000_000 * 10**9
+    kind = "sensor_msgs/msg/JointState"
+    for index, time in enumerate(TIME):
+        now = start + round(1e9 * time)
+        command = state(now - 10**6, ["b", "a"], TARGET[index, ::-1].tolist())
+        effort = (20 * (TARGET - POSITION)[index]).tolist()
+        sent.append(("/joint_command", kind, now - 10**6, command))
+        sent.append(("/joint_states", kind, now, state(now, ["a", "b"], POSITION[index].tolist(), effort)))
+    return mcap(folder / "run.mcap", sent, compression, crcs)
+
+
+def bomb_npz(folder: Path, size: int = 2**31) -> Path:
+    """Write an NPZ file of a few kilobytes whose one array would inflate to `size` bytes of zeros."""
+    path = folder / "bomb.npz"
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(buffer, {"descr": "<f8", "fortran_order": False, "shape": (size // 8,)})
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("time.npy", "w") as member:
+        member.write(buffer.getvalue())
+        for _ in range(8):
+            member.write(bytes(2**20))
+    data = bytearray(path.read_bytes())
+    place = data.rindex(b"PK\x01\x02")
+    data[place + 24 : place + 28] = struct.pack("<I", size - 1)
+    path.write_bytes(data)
+    return path
+
+
+def bomb_mcap(folder: Path) -> Path:
+    """Write an MCAP file whose chunk declares few bytes and inflates to 256 MiB."""
+    import zstandard
+    from mcap.data_stream import RecordBuilder
+    from mcap.records import Chunk, DataEnd, Footer, Header
+
+    builder = RecordBuilder()
+    builder.write(b"\x89MCAP0\r\n")
+    Header("ros2", "x").write(builder)
+    chunk = Chunk("zstd", zstandard.compress(bytes(2**28)), 0, 0, 0, 1000)
+    for record in (chunk, DataEnd(0), Footer(0, 0, 0)):
+        record.write(builder)
+    builder.write(b"\x89MCAP0\r\n")
+    path = folder / "bomb.mcap"
+    path.write_bytes(builder.end())
+    return path
+
+
+def sidecar(path: Path, content: Any) -> Path:
+    """Write a log's sidecar."""
+    path.with_suffix(".json").write_text(json.dumps(content))
+    return path
