@@ -145,8 +145,8 @@ def _proposal(level: float, condition: str | None) -> str:
         return "There is no friction to train for: --method none."
     low, high = (100 * end * level for end in RANGE)
     return (
-        f"To cover it, train with --method {METHOD} --friction-level {level:.2f}{margin}: the friction of each robot is "
-        f"then drawn between {low:g} and {high:.3g} % of the torque limit."
+        f"To cover it, train with --method {METHOD} --friction-level {level:.2f}{margin}: the friction of each robot "
+        f"is then drawn between {low:g} and {high:.3g} % of the torque limit."
     )
 
 
