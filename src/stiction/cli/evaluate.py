@@ -31,6 +31,13 @@ class EvaluateCfg:
     """Delay between joint target and motor [s], in whole physics steps, at most 8 of them."""
     robot: str | None = None
     """A robot of your own, `package.module:NAME`; by default the shipped robot that the bundle names."""
+    log: Path | None = None
+    """Also log the walks as a robot would, for `stiction identify`: a folder for one NPZ per bundle, level, command and
+    robot. The first --log-robots episodes, at the physics rate."""
+    log_robots: int = 4
+    """Robots to log per level and command."""
+    log_seconds: float = 10.0
+    """Length of a log [s]; a fall ends it sooner."""
     out: Path = Path("stiction-evaluation")
     """Directory for results.csv, summary.json, friction_budget.svg and .png, and report.html."""
     json: bool = False
@@ -51,6 +58,7 @@ def main(arguments: list[str]) -> int:
     from stiction.report.evaluation import make_folder, write_evaluation
     from stiction.transfer.evaluate import EvaluationCfg
     from stiction.transfer.summary import evaluate_all
+    from stiction.transfer.walk import RecordCfg, log_all
 
     settings = EvaluationCfg(
         friction_levels=cfg.friction_levels,
@@ -60,10 +68,13 @@ def main(arguments: list[str]) -> int:
         seed=cfg.seed,
         action_delay=cfg.action_delay,
     )
+    record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds)
     make_folder(cfg.out)
     bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
     with work_progress() as progress:
         rows, summary = evaluate_all(bundles, settings, cfg.robot, num_threads(), progress)
+        if record is not None and cfg.log is not None:
+            summary["logs"] = log_all(bundles, settings, record, cfg.log, cfg.robot, num_threads(), progress)
     summary = {"command": shlex.join(["stiction", "evaluate", *arguments])} | summary
     write_evaluation(cfg.out, rows, summary)
     if cfg.json:
@@ -71,6 +82,8 @@ def main(arguments: list[str]) -> int:
     else:
         print_rows(rows)
         print(f"report: {cfg.out / 'report.html'}")
+        if cfg.log is not None:
+            print(f"logs: {len(summary['logs'])} in {cfg.log}")
     return 0
 
 

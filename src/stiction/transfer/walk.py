@@ -9,8 +9,10 @@ walk by (the observation's noise) and what is logged (`LogNoiseCfg`) are differe
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +20,7 @@ from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
-from stiction.formats.walk import WalkHeader, WalkLog
+from stiction.formats.walk import WalkHeader, WalkLog, write_walk
 from stiction.sim.fleet import BASE_DOFS, Fleet, rotate_inverse
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.rollout import Rollout, friction_at, robot_of, tilted
@@ -68,7 +70,7 @@ class RecordCfg:
     """Robots per level and command."""
     seconds: float = 10.0
     """Length of a log [s]; a fall ends it sooner."""
-    noise: LogNoiseCfg = LogNoiseCfg()
+    noise: LogNoiseCfg = field(default_factory=LogNoiseCfg)
     """Errors of the sensors."""
 
     def __post_init__(self) -> None:
@@ -96,6 +98,30 @@ class RecordedWalk:
     def file_name(self) -> str:
         """Name for the log's file, without the bundle: `0.1--vx=0.5--0.npz`."""
         return f"{self.level:g}--{self.command}--{self.robot}.npz"
+
+
+def log_all(
+    bundles: Sequence[Bundle],
+    evaluation: EvaluationCfg,
+    cfg: RecordCfg,
+    folder: Path,
+    robot: str | None = None,
+    threads: int = 1,
+    progress: Callable[[str, float], None] = lambda name, share: None,
+) -> list[str]:
+    """Walk several bundles and write their logs into `folder`, `<bundle>--<level>--<command>--<robot>.npz`.
+
+    Returns the names of the files: a robot that fell within `SHORTEST` has none.
+    """
+    written = []
+    for bundle in bundles:
+        walks = record_walks(bundle, evaluation, cfg, robot, threads, partial(progress, f"{bundle.name}, logs"))
+        for walk in walks:
+            if walk.log is not None:
+                name = f"{bundle.name}--{walk.file_name}"
+                write_walk(folder / name, walk.log)
+                written.append(name)
+    return written
 
 
 def record_walks(

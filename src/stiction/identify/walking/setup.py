@@ -57,7 +57,7 @@ class WalkSetup:
 
     def __post_init__(self) -> None:
         """Refuse what has no meaning."""
-        for item in fields(self):
+        for item in fields(WalkSetup):
             value = getattr(self, item.name)
             if item.name in ("mass_known", "payload", "centre_of_mass"):
                 continue

@@ -1,0 +1,229 @@
+"""The page of a walking log, drawn from `joints.json` and `fit.npz` alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from markupsafe import Markup
+
+from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
+from stiction.formats.walk_fit import WalkFit, read_walk_fit
+from stiction.report.page import (
+    COLORS,
+    Section,
+    figure_uri,
+    legend,
+    new_figure,
+    paragraph,
+    picture,
+    render_page,
+    table,
+)
+
+MOST_POINTS = 1500
+"""Points drawn per cloud."""
+
+KINDS = ("hip", "thigh", "shank")
+"""Kinds of joints, one panel each."""
+
+
+def write_walking_page(folder: Path) -> Path:
+    """Write `report.html` beside the `joints.json` and `fit.npz` of `folder`; return its path."""
+    joints = load_joints(folder / "joints.json")
+    fit = read_walk_fit(folder / "fit.npz")
+    sections = [
+        Section("What was found", (_values(joints), _condition(joints))),
+        Section("Friction against speed, legs in swing", (_clouds(joints, fit),)),
+        Section("Friction under load, robot in stance", _load(joints, fit)),
+        Section("Can it be trusted?", (_gait(fit), _diagnostics(joints))),
+    ]
+    page = folder / "report.html"
+    page.write_text(
+        render_page("Joint friction from a walk", sections, _lead(joints), grouped_warnings(joints)), encoding="utf-8"
+    )
+    return page
+
+
+def grouped_warnings(joints: JointsFile) -> list[str]:
+    """Return every warning once, with the joints that it is about in front."""
+    owners: dict[str, list[str]] = {}
+    for name, record in joints.joints.items():
+        for text in record.warnings:
+            owners.setdefault(text, []).append(name)
+    everyone = len(joints.joints)
+    return [f"{'all joints' if len(names) == everyone else ', '.join(names)}: {text}" for text, names in owners.items()]
+
+
+def _kind(name: str) -> str:
+    """Return the kind of a joint, or of a record that stands for a kind."""
+    return name.rpartition("_")[2]
+
+
+def _lead(joints: JointsFile) -> str:
+    """Say what the joint with the most friction means."""
+    known = {name: record for name, record in joints.joints.items() if record.friction_ratio is not None}
+    worst = max(known, key=lambda name: known[name].friction_ratio.interval95[1])  # type: ignore[union-attr]
+    text = known[worst].diagnostics.get("verdict", {}).get("text", "")
+    return f"The joint that may have the most friction for its motor is {worst}. {text}"
+
+
+def _span(estimate: Estimate | None, factor: float = 1.0) -> str:
+    """Return `value (low to high)` with three digits."""
+    if estimate is None:
+        return "not known"
+    low, high = estimate.interval95
+    return f"{factor * estimate.value:.3g} ({factor * low:.3g} to {factor * high:.3g})"
+
+
+def _values(joints: JointsFile) -> Markup:
+    """Tabulate what was found."""
+    header = [
+        "",
+        "dry friction [N m]",
+        "over torque limit [%]",
+        "viscous [N m s/rad]",
+        "per torque of load [1]",
+        "swings",
+    ]
+    rows = [
+        [
+            name,
+            _span(record.coulomb_friction),
+            _span(record.friction_ratio, 100),
+            _span(record.viscous_friction),
+            _span(record.load_coefficient),
+            str(record.diagnostics.get("swings", "")),
+        ]
+        for name, record in joints.joints.items()
+    ]
+    return table(header, rows, "Friction of the unloaded leg, value (95 % interval), and what load adds to it")
+
+
+def _condition(joints: JointsFile) -> Markup:
+    """Say what the numbers rest on."""
+    merged = [name for name in joints.joints if name in KINDS]
+    note = f" Rows named by kind ({', '.join(merged)}) put the swings of all legs together." if merged else ""
+    return paragraph(
+        "Dry and viscous friction are those of legs in swing, without load. An interval covers the spread between "
+        "swings, links up to a few per cent heavier or lighter than stated, and constant errors of the accelerometer "
+        "and the current sensor." + note
+    )
+
+
+def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
+    """Draw torque without links and rotor against speed, a panel a kind, with the fitted law of each record."""
+    figure, axes = new_figure(1, len(KINDS), (9.0, 3.6))
+    for axis, kind in zip(axes, KINDS, strict=True):
+        names = [name for name in fit.swing if _kind(name) == kind]
+        for number, name in enumerate(names):
+            speed, torque = fit.swing[name]
+            color = COLORS[number % len(COLORS)]
+            thin = slice(None, None, max(1, len(speed) * len(names) // MOST_POINTS))
+            axis.plot(speed[thin], torque[thin], ".", markersize=2, alpha=0.3, color=color)
+            _draw_law(axis, joints.joints[name], speed, color, name)
+        axis.set_title(f"{kind}s")
+        axis.set_xlabel("speed [rad/s]")
+        if names:
+            legend(axis)
+        else:
+            axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color="#7d8590")
+    axes[0].set_ylabel("friction [N m]")
+    return picture(
+        figure_uri(figure),
+        "Each dot is a sample of a leg in swing, the torque of links and rotor taken off. The step at zero speed is "
+        "twice the dry friction, the slope is the viscous friction.",
+    )
+
+
+def _draw_law(axis, record: JointRecord, speed: np.ndarray, color: str, name: str) -> None:
+    """Draw a record's law over the speeds that its swings had."""
+    level, slope, offset = record.coulomb_friction, record.viscous_friction, record.offset
+    if level is None or slope is None:
+        return
+    constant = offset.value if offset is not None else 0.0
+    label: str | None = name
+    for side in (speed[speed > 0], speed[speed < 0]):
+        if len(side):
+            ends = np.array([side.min(), side.max()])
+            law = slope.value * ends + level.value * np.sign(ends) + constant
+            axis.plot(ends, law, color=color, linewidth=2, label=label)
+            label = None
+
+
+def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
+    """Draw friction against load for each kind that tells, and say why for the others."""
+    reasons = {
+        _kind(name): text
+        for name, record in joints.joints.items()
+        if (text := record.diagnostics.get("load", {}).get("refusal", ""))
+    }
+    told = dict.fromkeys(reasons.values())
+    blocks = [paragraph(f"Not known{_of(reasons, text)}: {text}.") for text in told]
+    if not fit.load:
+        return tuple(blocks)
+    figure, axes = new_figure(1, len(fit.load), (9.0, 3.6))
+    for axis, (kind, (load, friction)) in zip(axes, fit.load.items(), strict=True):
+        thin = slice(None, None, max(1, len(load) // MOST_POINTS))
+        axis.plot(load[thin], friction[thin], ".", markersize=2.5, alpha=0.4, color=COLORS[0])
+        owners = (record.load_coefficient for name, record in joints.joints.items() if _kind(name) == kind)
+        coefficient = next((estimate for estimate in owners if estimate is not None), None)
+        if coefficient is not None:
+            ends = np.array([load.min(), load.max()])
+            axis.plot(ends, coefficient.value * ends, color=COLORS[1], linewidth=2)
+            for bound in coefficient.interval95:
+                axis.plot(ends, bound * ends, ":", color=COLORS[1], linewidth=1)
+        axis.set_title(f"{kind}s: {_span(coefficient)}", fontsize=8)
+        axis.set_xlabel("load [N]")
+    axes[0].set_ylabel("friction [N]")
+    caption = (
+        "The body's force and moment balance in stance, everything but the friction that grows with torque taken off: "
+        "the slope is the load coefficient, dotted its interval. Dots that do not follow the line are noise."
+    )
+    return (*blocks, picture(figure_uri(figure), caption))
+
+
+def _of(reasons: dict[str, str], text: str) -> str:
+    """Return the kinds that a reason is about, nothing where it is about all."""
+    kinds = [kind for kind, reason in reasons.items() if reason == text]
+    return "" if len(kinds) == len(KINDS) else f" for {', '.join(kinds)}s"
+
+
+def _gait(fit: WalkFit) -> Markup:
+    """Draw which foot bears load when."""
+    figure, (axis,) = new_figure(size=(8.0, 2.4))
+    feet = list(fit.gait)
+    for number, foot in enumerate(feet):
+        down = fit.gait[foot].astype(bool)
+        axis.fill_between(fit.gait_time, number - 0.35, number + 0.35, where=down, color=COLORS[0], step="post")
+    axis.set_yticks(range(len(feet)), [foot.removesuffix("_foot") for foot in feet])
+    axis.invert_yaxis()
+    axis.set_xlabel("time [s]")
+    return picture(
+        figure_uri(figure), "Bars: the foot bears load. The gaps between them are the swings that were used."
+    )
+
+
+def _diagnostics(joints: JointsFile) -> Markup:
+    """Tabulate the numbers behind the fits."""
+    shown = {
+        "swings": "{:.0f}",
+        "samples_used": "{:.0f}",
+        "scaled_condition_number": "{:.3g}",
+        "rms_residual": "{:.2g}",
+        "coulomb_friction_by_heavier_links": "{:+.2g}",
+    }
+    rows = [
+        [name]
+        + [form.format(record.diagnostics[key]) if key in record.diagnostics else "" for key, form in shown.items()]
+        for name, record in joints.joints.items()
+    ]
+    header = [
+        "",
+        "swings",
+        "samples",
+        "condition number",
+        "rms residual [N m]",
+        "dry friction if links are heavier [N m]",
+    ]
+    return table(header, rows, "Diagnostics; the last column is in the intervals already")
