@@ -8,16 +8,16 @@ sample is fitted with the rest: taken from the first few samples it would cost p
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import Estimate
 from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import EXTRAS, START, ClosedLoop, Response
+from stiction.identify.descent import descend
 from stiction.identify.intervals import block_count, block_covariance, estimates
 from stiction.identify.model import Model
 from stiction.joints.pd import PDGains
@@ -27,11 +27,7 @@ FIRST_CHANGE = 1e-3
 """The first fit, whose residuals weigh position against torque in the second, ends at this relative change of cost."""
 
 LAST_CHANGE = 1e-2
-"""The second ends where chi² changes by less: a tenth of a standard deviation. The last step of a Gauss-Newton search
-is far smaller than the one before it."""
-
-MOST_TRIALS = 60
-"""Simulations after which a fit ends where it is."""
+"""The second ends where chi² would fall by less than this: a tenth of a standard deviation."""
 
 LARGEST_PREDICTION = 0.2
 """Change of the motion up to which its derivatives are trusted to predict it, as the guess of a simulation [rad]."""
@@ -51,13 +47,17 @@ STILL = 0.02
 HOPELESS = 1e3
 """Residual, in units of its size, where there is no such joint."""
 
+STRIBECK_SPEEDS = (0.005, 0.5)
+"""Stribeck velocities that the search may try, as shares of the top speed: under the first, the fall of the friction is
+over before it shows; over the second, it looks like less viscous friction."""
+
 LOWEST = {
     "coulomb_friction": 0.0,
     "static_friction": 0.0,
     "load_coefficient": 0.0,
     "delay": 0.0,
 }
-"""Bounds; inertia, Stribeck velocity and motor strength stay above a hundredth of where they start."""
+"""Bounds; inertia and motor strength stay above a hundredth of where they start."""
 
 
 @dataclass(frozen=True)
@@ -125,14 +125,15 @@ def fit_output_error(
         fixed["start_velocity"] = 0.0
     loop = ClosedLoop(signals, gains, model, {name: value for name, value in fixed.items() if name not in free})
     loop.velocity_delay = velocity_delay
-    search = _Search(loop, signals, free)
+    search = _Search(loop, signals, free, top)
     return _result(search, search.fit(), velocity)
 
 
 class _Search:
     """The least-squares problem: residuals and derivatives of the samples that count, each signal in its own unit."""
 
-    def __init__(self, loop: ClosedLoop, signals: Uniform, free: dict[str, float]) -> None:
+    def __init__(self, loop: ClosedLoop, signals: Uniform, free: dict[str, float], top_speed: float) -> None:
+        self.top_speed = top_speed
         self.loop, self.names, self.start = loop, tuple(free), np.array(list(free.values()))
         self.measured = {"position": signals.position}
         if signals.torque is not None:
@@ -185,31 +186,30 @@ class _Search:
         """Return the derivatives of `weighted`."""
         return np.concatenate([self.weights[name] * rows for name, rows in self.jacobian(values).items()])
 
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the least and the largest values that the search may try, shape (num_names,) each."""
+        lower = np.array([LOWEST.get(name, -np.inf) for name in self.names])
+        upper = np.full(len(self.names), np.inf)
+        for place, name in enumerate(self.names):
+            if name in ("inertia", "motor_strength"):
+                lower[place] = 1e-2 * self.start[place]
+            elif name == "stribeck_velocity":
+                lower[place], upper[place] = (share * self.top_speed for share in STRIBECK_SPEEDS)
+        return lower, upper
+
     def fit(self) -> np.ndarray:
         """Return the values with which the simulation follows the log best."""
         values = np.array(self.start)
-        lower = [LOWEST.get(name, -np.inf) for name in self.names]
-        for place, name in enumerate(self.names):
-            if name in ("inertia", "stribeck_velocity", "motor_strength"):
-                lower[place] = 1e-2 * values[place]
-            elif name in LOWEST:
-                values[place] = max(values[place], 1e-6)
-        for tolerance in (FIRST_CHANGE, LAST_CHANGE / (2 * self.valid.sum())):
+        lower, upper = self.bounds()
+        changes: tuple[Callable[[float], float], ...] = (
+            lambda cost: FIRST_CHANGE * cost,
+            lambda cost: 0.5 * LAST_CHANGE,
+        )
+        for enough in changes:
             for name, row in self.residuals(values).items():
                 size = float(np.std(row[self.valid]))
                 self.weights[name] = 1.0 / max(size, 1e-9 * float(np.std(self.measured[name])))
-            fit = least_squares(
-                self.weighted,
-                values,
-                self.slopes,
-                (lower, np.inf),
-                x_scale="jac",
-                xtol=1e-10,
-                ftol=tolerance,
-                gtol=None,
-                max_nfev=MOST_TRIALS,
-            )
-            values = fit.x
+            values = descend(self.weighted, self.slopes, values, lower, upper, enough)
         return values
 
 

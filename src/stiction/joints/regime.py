@@ -75,26 +75,27 @@ class Regime:
                 break
         return position, velocity
 
-    def reach(self, state: State, drive: float, drive_slope: float, span: float, speed: float) -> float:
-        """Return the first instant at which q' passes `speed` for good within `span` [s], 0 if it starts beyond it.
+    def reach(self, state: State, drive: float, drive_slope: float, span: float, speed: float, final: State) -> float:
+        """Return the instant at which q' passes `speed` for good within `span` [s], 0 if it starts beyond it.
 
-        At the end of the span q' is beyond `speed`, seen from where it starts. Newton's method between two brackets.
+        final: the state at the end of the span, where q' is beyond `speed`, seen from where it starts. Newton's method
+        between two brackets, from where q' would pass if q'' were a straight line.
         """
-        final = self.inside(state, drive, drive_slope, span)
         side = 1.0 if final[1] > speed else -1.0
-        begin, end = self.acceleration(state, drive), self.acceleration(final, drive + drive_slope * span)
-        low, gap, moment = 0.0, side * (state[1] - speed), 0.5 * span
-        if gap < 0:
-            moment = span * gap / (gap - side * (final[1] - speed))
-        else:
+        begin = side * self.acceleration(state, drive)
+        growth = (side * self.acceleration(final, drive + drive_slope * span) - begin) / span
+        low, high, gap = 0.0, span, side * (state[1] - speed)
+        if gap >= 0:
             # It starts on the edge: it may turn inwards first, and leave later.
-            if side * begin >= 0 or side * end <= 0:
+            if begin >= 0 or growth <= 0:
                 return 0.0
-            low = span * begin / (begin - end)
-            moment = 0.5 * (low + span)
-            if side * (self.inside(state, drive, drive_slope, low)[1] - speed) >= 0:
+            low, gap = -begin / growth, 0.0
+            if low >= span or side * (self.inside(state, drive, drive_slope, low)[1] - speed) >= 0:
                 return 0.0
-        high = span
+        root = begin * begin - 2.0 * growth * gap
+        moment = -2.0 * gap / (begin + root**0.5) if gap < 0 <= root and begin + root**0.5 > 0 else 2.0 * low
+        if not low < moment < high:
+            moment = 0.5 * (low + high)
         for _ in range(60):
             now = self.inside(state, drive, drive_slope, moment)
             gap = side * (now[1] - speed)
@@ -106,7 +107,8 @@ class Regime:
             guess = moment - gap / rate if rate > 0 else 0.5 * (low + high)
             if not low <= guess <= high:
                 guess = 0.5 * (low + high)
-            if abs(guess - moment) <= 1e-12 * span:
+            # Newton's error is squared by the step that is taken here without looking again.
+            if abs(guess - moment) <= 1e-7 * span:
                 return guess
             moment = guess
         return moment

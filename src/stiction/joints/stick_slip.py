@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from stiction.formats.errors import StictionError
 from stiction.joints.friction import FrictionLaw, Piece
 from stiction.joints.pd import PDGains
 from stiction.joints.regime import Regime, State
@@ -20,6 +21,9 @@ FIRST_STRETCH = 64
 
 SHORTEST = 1e-9
 """A slide from rest that is shorter than this share of a sample is rest."""
+
+STEEPEST = 30.0
+"""Growth of an unstable joint within one sample, as the logarithm, beyond which nothing can be computed."""
 
 MOST_EVENTS = 100
 """Events within one sample; a joint with more of them rests until the next one."""
@@ -97,6 +101,11 @@ class StickSlip:
             kp, kd = (0.0, 0.0) if side else (gains.strength * gains.kp, gains.strength * gains.kd)
             law = pieces[piece]
             pair = (kp + joint.spring) / joint.inertia, (joint.viscous + law.slope + kd) / joint.inertia
+            if -pair[1] * self.step > STEEPEST or -pair[0] * self.step**2 > STEEPEST**2:
+                raise StictionError(
+                    f"a joint that runs away within a sample of {self.step:.3g} s: its friction falls by "
+                    f"{-law.slope:.3g} per unit of speed, or its gravity is {-joint.spring:.3g} per unit of angle"
+                )
             if pair not in self._regimes:
                 self._regimes[pair] = Regime(*pair, self.step)
             motor = side * gains.torque_limit if side else kp * self.target
@@ -177,7 +186,7 @@ class StickSlip:
                 self._note(index, since, self.step, sign, side, piece, state)
                 return final, (sign if final[1] else 0), piece
             edge = slow if speed < slow else fast
-            elapsed = regime.reach(state, drive, slope, left, sign * edge)
+            elapsed = regime.reach(state, drive, slope, left, sign * edge, final)
             if edge == 0 and from_rest and elapsed < SHORTEST * self.step:
                 break
             self._note(index, since, since + elapsed, sign, side, piece, state)
