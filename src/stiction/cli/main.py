@@ -12,6 +12,7 @@ from stiction.formats.reproducibility import limit_library_threads
 
 VERBS = {
     "demo": "run the whole line on small real input and write one page that explains it",
+    "excite": "design the log that identification needs, before the robot is touched",
     "identify": "find a joint's inertia and friction from a log, with intervals",
     "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
     "train": "train a teacher and a student for a robot, with or without joint friction",

@@ -1,0 +1,134 @@
+"""`stiction excite`: design the log that identification needs, before the robot is touched."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import tyro
+from rich.console import Console
+from rich.table import Table
+
+from stiction.formats.design import ExcitationDesign, percent, write_signals
+from stiction.formats.errors import StictionError
+from stiction.formats.log import write_log
+from stiction.identify.excite.setup import ExciteSetup
+from stiction.robots.spec import JointSpec
+
+DESCRIPTION = """Design a log that shows a joint's inertia and friction well: a motion within limits of angle, speed and
+torque, how long to run it, and at which gains. Predicts the standard deviation of each parameter, and shows what a
+single sine or a stiff loop would cost. Guesses of the parameters do: limits hold, and the worst case is judged, over a
+range around them. Writes trajectory.csv (what the controller plays back) with its sidecar, design.json, design.npz and
+report.html."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExciteConfig(ExciteSetup):
+    """Options of the verb."""
+
+    robot: str | None = None
+    """A robot, saturn_lite or go1 or package.module:NAME, whose joint fills in gains, limits, and the bare motor's
+    inertia and friction."""
+    joint: str = "joint"
+    """Name of the joint, FL_shank, or its kind, shank."""
+    out: Path = Path("excite")
+    """Folder for the results."""
+    json: bool = False
+    """Print the machine-readable summary, and nothing else, on standard output."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the verb; return the exit status."""
+    config = tyro.cli(ExciteConfig, args=arguments, prog="stiction excite", description=DESCRIPTION)
+    given = ExciteSetup(**{item.name: getattr(config, item.name) for item in fields(ExciteSetup)})
+    check_name(config.joint)
+    setup = given.filled(robot_joint(config.robot, config.joint) if config.robot else None)
+    from stiction.cli.terminal import work_progress
+    from stiction.identify.excite.plan import design_excitation
+
+    command = shlex.join(["stiction", "excite", *arguments])
+    with work_progress() as progress:
+        made = design_excitation(setup, config.joint, command, progress)
+    text = json.dumps(made.record.to_dict(), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    try:
+        config.out.mkdir(parents=True, exist_ok=True)
+        write_log(config.out / "trajectory.csv", made.trajectory)
+        write_signals(config.out / "design.npz", made.signals)
+        (config.out / "design.json").write_text(text, encoding="utf-8")
+        write_page(config.out)
+    except OSError as error:
+        raise StictionError(f"cannot write to {config.out}: {error.strerror or error}; choose another --out") from error
+    if config.json:
+        print(text, end="")
+    else:
+        show(Console(), made.record, config.out)
+    return 0
+
+
+def write_page(folder: Path) -> None:
+    """Write `report.html` from the files beside it."""
+    from stiction.report.excitation import write_excitation_page
+
+    write_excitation_page(folder)
+
+
+def check_name(joint: str) -> None:
+    """Raise `StictionError` for a name that cannot stand in the header of a log."""
+    if not joint.strip() or any(mark in joint for mark in ',"\r\n'):
+        raise StictionError(f"--joint {joint!r}: expected a name without commas, quotes and line breaks: FL_shank")
+
+
+def robot_joint(robot: str, joint: str) -> JointSpec:
+    """Return what a robot says of a joint, by its name or its kind; raise `StictionError` if it has none such."""
+    from stiction.robots.catalog import find_robot
+
+    spec = find_robot(robot)
+    kinds = {"hip": spec.hip, "thigh": spec.thigh, "shank": spec.shank}
+    kind = joint if joint in kinds else joint.rpartition("_")[2] if joint in spec.joint_names else ""
+    if not kind:
+        raise StictionError(
+            f"robot {spec.name!r} has no joint {joint!r}; give --joint hip, thigh or shank, or one of "
+            f"{', '.join(spec.joint_names)}"
+        )
+    return kinds[kind]
+
+
+def show(console: Console, design: ExcitationDesign, out: Path) -> None:
+    """Print how to run the log, what it will tell and what to type next, for a person."""
+    table = Table("", "guess", "predicted std", "of the guess", "at worst", title=design.joint)
+    for row in design.predicted:
+        numbers = percent(row.relative), percent(row.worst_relative)
+        table.add_row(row.name, f"{row.value:.4g}", f"{row.std:.2g}", *numbers)
+    console.print(table)
+    lines = [design.advice, *run_lines(design, out)]
+    lines += [f"warning: {text}" for text in design.warnings]
+    lines += [f"page: {out / 'report.html'}", f"then: {design.next_command}"]
+    for line in lines:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def times(count: int) -> str:
+    """Return how often in words."""
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")
+
+
+def run_lines(design: ExcitationDesign, out: Path) -> list[str]:
+    """Say how long to run what."""
+    reached, limits, wanted = design.reached, design.limits, design.wanted
+    best = min((sine.worst for sine in design.sines), default=None)
+    lines = [
+        f"Play {out / 'trajectory.csv'} back once at {design.setup['rate']:g} Hz: {design.duration:g} s, the motion of "
+        f"{design.pattern_duration:g} s {times(design.repeats)}; log angle{design.torque_too} at the same rate.",
+        f"Over the range of guesses it goes from {reached['low']:.3g} to {reached['high']:.3g} rad, to "
+        f"{reached['speed']:.3g} rad/s and {reached['torque']:.3g} N m (limits {limits['low']:g} to "
+        f"{limits['high']:g}, {limits['speed']:g}, {limits['torque']:g}).",
+        f"For Coulomb friction to {percent(wanted['relative'])}, {wanted['duration']:g} s are enough.",
+    ]
+    if best is not None:
+        lines.append(
+            f"The best single sine would leave {best / design.worst:.2g} times the worst deviation: it takes "
+            f"{(best / design.worst) ** 2:.2g} times as long to know as much."
+        )
+    return lines

@@ -1,0 +1,217 @@
+"""What `stiction excite` decided: `design.json`, and `design.npz` with the signals that its page draws."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.formats.tables import read_npz_arrays
+
+SCHEMA_VERSION = 1
+"""Raised when a reader of the older form would misunderstand the newer one."""
+
+
+@dataclass(frozen=True)
+class Predicted:
+    """What the log will tell of one parameter."""
+
+    name: str
+    """As in `joints.json`, or a combination with the motor strength k."""
+    value: float
+    """The guess that the prediction rests on."""
+    std: float
+    """Predicted standard deviation (Cramér–Rao) at the guess."""
+    relative: float | None
+    """`std` over `value`; None where the guess is zero [1]."""
+    worst_relative: float | None
+    """The largest over the range of guesses [1]."""
+
+
+@dataclass(frozen=True)
+class OneSine:
+    """What A sin(ωt) tells, of the same duration and within the same limits as the design."""
+
+    frequency: float
+    """[Hz]."""
+    amplitude: float
+    """Of the target: the design's own, or as much of it as the limits allow [rad]."""
+    relative: tuple[float, float, float]
+    """Relative standard deviations of inertia, viscous and Coulomb friction at the guess [1]."""
+    worst: float
+    """Largest of the three over the range of guesses [1]."""
+    correlation: float
+    """Of the estimates of viscous and Coulomb friction at the guess [1]."""
+
+
+@dataclass(frozen=True)
+class GainPoint:
+    """What the design's trajectory tells of Coulomb friction at other gains."""
+
+    kp: float
+    """[N m/rad]."""
+    kd: float
+    """[N m s/rad]."""
+    position_only: float | None
+    """Relative standard deviation of f, positions alone; None where friction holds the joint [1]."""
+    with_torque: float | None
+    """Relative standard deviation of f with torque in the log [1]."""
+    reach: float
+    """Range of the motion over that of the target [1]."""
+
+
+@dataclass(frozen=True)
+class GainTrial:
+    """What gains promised before the search."""
+
+    kp: float
+    """[N m/rad]."""
+    kd: float
+    """[N m s/rad]."""
+    worst: float | None
+    """Largest relative standard deviation over the range of guesses, best of a few motions; None: none fits the
+    limits."""
+    reach: float
+    """Range of that motion over that of its target, for the joint that follows worst [1]."""
+    tracks: bool
+    """Whether a log can be made at these gains."""
+
+
+@dataclass(frozen=True)
+class ExcitationDesign:
+    """A designed log: how to run it, and what it will tell."""
+
+    joint: str
+    """Name of the joint."""
+    setup: dict[str, Any]
+    """Everything that the design was asked for, defaults filled in."""
+    gains: dict[str, float]
+    """kp [N m/rad] and kd [N m s/rad] to run at."""
+    advice: str
+    """Why these gains."""
+    pattern: dict[str, Any]
+    """The motion's parameters."""
+    pattern_duration: float
+    """[s]."""
+    repeats: int
+    """Patterns in the log."""
+    duration: float
+    """Of the log [s]."""
+    limits: dict[str, float]
+    """`low`, `high` [rad], `speed` [rad/s], `torque` [N m]."""
+    reached: dict[str, float]
+    """The same quantities, the furthest that any joint in the range of guesses goes, target included."""
+    predicted: tuple[Predicted, ...]
+    """Each parameter."""
+    correlation: float
+    """Of the estimates of viscous and Coulomb friction at the guess [1]."""
+    d_criterion: float
+    """log det of the bound on the relative deviations of inertia, viscous and Coulomb friction, at the guess."""
+    worst: float
+    """Largest relative standard deviation among those three over the range of guesses: what was made small [1]."""
+    wanted: dict[str, float]
+    """`relative`, the deviation of f asked for [1], and `duration`, the log that it takes in whole patterns [s]."""
+    sines: tuple[OneSine, ...]
+    """One sine instead."""
+    trials: tuple[GainTrial, ...]
+    """Gains that were compared, the given ones first."""
+    sweep: tuple[GainPoint, ...]
+    """What gains do."""
+    warnings: tuple[str, ...]
+    """What the reader must know."""
+    command: str
+    """The command that made it."""
+
+    @property
+    def torque_too(self) -> str:
+        """What to log beside the angle, for sentences."""
+        return "" if self.setup["position_only"] else " and motor torque"
+
+    @property
+    def next_command(self) -> str:
+        """The command for the log that the robot brings back."""
+        name = shlex.quote(self.joint)
+        source = "" if self.setup["position_only"] else " --torque-source motor_side"
+        return (
+            f"stiction identify LOG.csv --joint {name} --kp {self.gains['kp']:g} --kd {self.gains['kd']:g} "
+            f"--torque-limit {self.limits['torque']:g}{source} --out {name}"
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {"schema_version": SCHEMA_VERSION, **asdict(self)}
+
+
+def percent(share: float | None) -> str:
+    """Return a share in per cent with two digits, nothing for None."""
+    return "" if share is None else f"{100 * share:.2g} %"
+
+
+ROWS = {"predicted": Predicted, "sines": OneSine, "trials": GainTrial, "sweep": GainPoint}
+"""Fields that are rows of a record of their own."""
+
+
+def load_design(path: Path) -> ExcitationDesign:
+    """Read `design.json`; raise `StictionError` for a file that is not one."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data.pop("schema_version") != SCHEMA_VERSION:
+            raise StictionError(
+                f"{path.name}: another schema version than {SCHEMA_VERSION}; run `stiction excite` again"
+            )
+        for name, kind in ROWS.items():
+            data[name] = tuple(kind(**row) for row in data[name])
+        return ExcitationDesign(**data)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise StictionError(
+            f"{path.name}: not readable as a design of `stiction excite` ({str(error)[:120]}); run it again"
+        ) from error
+
+
+@dataclass(frozen=True)
+class DesignSignals:
+    """The simulated log; arrays of shape (num_samples,)."""
+
+    time: np.ndarray
+    """[s]."""
+    target: np.ndarray
+    """[rad]."""
+    position: np.ndarray
+    """At the guess [rad]."""
+    velocity: np.ndarray
+    """At the guess [rad/s]."""
+    torque: np.ndarray
+    """At the guess [N m]."""
+    position_low: np.ndarray
+    """Lowest over the range of guesses [rad]."""
+    position_high: np.ndarray
+    """Highest over the range of guesses [rad]."""
+    velocity_low: np.ndarray
+    """Lowest over the range of guesses [rad/s]."""
+    velocity_high: np.ndarray
+    """Highest over the range of guesses [rad/s]."""
+    torque_low: np.ndarray
+    """Lowest over the range of guesses [N m]."""
+    torque_high: np.ndarray
+    """Highest over the range of guesses [N m]."""
+
+
+def write_signals(path: Path, signals: DesignSignals) -> None:
+    """Write `design.npz`."""
+    arrays = {item.name: getattr(signals, item.name).astype(np.float32) for item in fields(DesignSignals)}
+    np.savez_compressed(path, allow_pickle=False, **arrays)
+
+
+def read_signals(path: Path) -> DesignSignals:
+    """Read `design.npz`; raise `StictionError` if a signal is missing or lengths differ."""
+    arrays = read_npz_arrays(path)
+    names = [item.name for item in fields(DesignSignals)]
+    missing = [name for name in names if name not in arrays]
+    if missing or len({len(arrays[name]) for name in names}) != 1:
+        raise StictionError(f"{path.name}: {', '.join(missing) or 'lengths'} wrong; run `stiction excite` again")
+    return DesignSignals(**{name: arrays[name] for name in names})

@@ -1,0 +1,128 @@
+"""The search for the motion that shows a joint best within its limits.
+
+What is made small is the largest relative standard deviation among inertia, viscous and Coulomb friction, in the
+worst of three extreme joints. A simulation needs all three; the D-criterion would trade a vague friction for an inertia
+that is known to ten digits. It does not depend on units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.optimize import differential_evolution
+
+from stiction.formats.errors import StictionError
+from stiction.formats.reproducibility import seed_streams, stream_seed
+from stiction.identify.excite.motion import Pattern
+from stiction.identify.excite.task import Task
+
+WAVES = 3
+"""Sines of the fast part; a fourth bought nothing in trials."""
+
+POPULATION = 24
+"""Motions in one generation of the search."""
+
+GENERATIONS = 7
+"""Generations after the first. Twice as many bought less than 5 % in trials."""
+
+FASTEST = 8.0
+"""Highest frequency that is tried [Hz]."""
+
+BEYOND = 1.5
+"""Highest frequency in units of the loop's own, sqrt(kp/I)/2π; above it the joint hardly follows."""
+
+LARGEST_SHARE = 0.9
+"""Largest share of the slow part that is tried [1]."""
+
+OUT_OF_REACH = 1e6
+"""Score of a motion that fits no limits or shows nothing."""
+
+
+def starters() -> np.ndarray:
+    """Return motions that are reasonable before any search, in the coordinates of `pattern_of`, shape (6, 11)."""
+    waves = [0.4, 0.6, 0.8, 1.0, 0.8, 0.5, 0.0, 0.25, 0.5]
+    single = [0.0, 0.5, 0.7, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]
+    rows = [[share, 0.3, *waves] for share in (0.4, 0.6, 0.9)]
+    rows += [[share, 0.3, *single] for share in (0.0, 0.4, 0.8)]
+    return np.array(rows)
+
+
+def pattern_of(task: Task, point: np.ndarray) -> Pattern:
+    """Return the motion at a point of the unit cube, shape (11,).
+
+    Coordinates: share of the slow part; its frequency; of each sine frequency, amplitude and phase. Both
+    parts swing through the whole room, for a small slow swing would see the friction of one place only; `Task.fitted`
+    makes them fit.
+    """
+    frequencies, amplitudes, phases = np.reshape(point[2:], (3, WAVES))
+    slowest, fastest = 2 * task.rate / task.count, frequency_limit(task)
+    return Pattern(
+        share=float(point[0]) * LARGEST_SHARE,
+        slow_frequency=float(0.5 * slowest * (2.0 / slowest) ** point[1]),
+        slow_amplitude=task.room,
+        frequencies=tuple(float(slowest * (fastest / slowest) ** place) for place in frequencies),
+        amplitudes=tuple(float(value) + 1e-3 for value in amplitudes),
+        phases=tuple(float(2 * np.pi * value) for value in phases),
+        fast_peak=task.room,
+    )
+
+
+def frequency_limit(task: Task) -> float:
+    """Return the highest frequency worth trying [Hz]."""
+    own = float(np.sqrt(task.gains.kp / task.values[0])) / (2 * np.pi)
+    return max(min(FASTEST, BEYOND * own, task.rate / 20), 4 * task.rate / task.count)
+
+
+def score(task: Task, point: np.ndarray) -> float:
+    """Return the largest relative standard deviation, over the extreme joints, for the motion at `point`."""
+    pattern = task.fitted(pattern_of(task, point), [task.lively()])
+    if pattern is None:
+        return OUT_OF_REACH
+    worst = max(task.information(values, pattern, fast=True).worst for values in task.extremes())
+    return worst if np.isfinite(worst) else OUT_OF_REACH
+
+
+def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
+    """Return the best motion found; the same seed gives the same one. `progress` gets the share of the work done.
+
+    Gravity enters at the end, when the motion is made to fit the limits.
+    Raises `StictionError` if no motion within the limits shows anything.
+    """
+    known, light = starters(), task.weightless()
+    drawn = seed_streams(seed, ["first"])["first"].random((POPULATION - len(known), known.shape[1]))
+    done = 0
+
+    def counted(point: np.ndarray) -> float:
+        nonlocal done
+        done += 1
+        progress(min(1.0, done / (POPULATION * (GENERATIONS + 1))))
+        return score(light, point)
+
+    found = differential_evolution(
+        counted,
+        [(0.0, 1.0)] * known.shape[1],
+        init=np.concatenate([known, drawn]),
+        maxiter=GENERATIONS,
+        tol=0.0,
+        polish=False,
+        seed=stream_seed(seed, "search") % 2**32,
+    )
+    if found.fun >= OUT_OF_REACH:
+        raise StictionError(nothing_moves(task))
+    pattern = light.fitted(pattern_of(light, found.x), light.believed())
+    pattern = pattern and task.fitted(pattern, task.believed())
+    if pattern is None:
+        raise StictionError(nothing_moves(task))
+    return pattern
+
+
+def nothing_moves(task: Task) -> str:
+    """Return the one line for limits within which no motion shows anything."""
+    low, high = task.limits.position
+    sag = f", or it hangs {task.sag:.2g} rad below its target" if task.sag else ""
+    return (
+        f"no motion within angles {low:g} to {high:g} rad, {task.limits.speed:g} rad/s and {task.limits.torque:g} N m "
+        f"shows the joint at kp {task.gains.kp:g}: friction of {task.values[2]:g} N m, off by a factor of "
+        f"{task.spread:g}, holds it or throws it beyond a limit{sag}; widen the limits, lower --spread, or change --kp"
+    )

@@ -1,0 +1,178 @@
+"""A design from start to end: choose the gains, search the motion, predict what it tells, explain it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from math import ceil
+
+import numpy as np
+
+from stiction.formats.design import DesignSignals, ExcitationDesign, GainTrial, Predicted
+from stiction.formats.errors import StictionError
+from stiction.formats.log import JointSignals, Log, LogSetup
+from stiction.identify.excite.design import nothing_moves, search
+from stiction.identify.excite.explain import gain_sweep, one_sines
+from stiction.identify.excite.fisher import JUDGED, Information
+from stiction.identify.excite.gains import LEAST_REACH, choose_gains
+from stiction.identify.excite.motion import Pattern
+from stiction.identify.excite.setup import ExciteSetup
+from stiction.identify.excite.task import Task, make_task
+from stiction.joints.pd import PDGains
+
+NEGLIGIBLE = 0.005
+"""Predicted deviations under which the friction law, and not the noise, decides how right the result is."""
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A finished design."""
+
+    record: ExcitationDesign
+    """For `design.json`."""
+    signals: DesignSignals
+    """For `design.npz`."""
+    trajectory: Log
+    """For `trajectory.csv` and its sidecar: what the controller plays back."""
+
+
+def design_excitation(
+    setup: ExciteSetup, joint: str, command: str, progress: Callable[[str, float], None] = lambda name, share: None
+) -> Excitation:
+    """Design the log of one joint; `setup` is filled. `progress` gets the name of the work and its share done.
+
+    Raises `StictionError` where friction holds the joint, or no motion fits the limits.
+    """
+    asked = make_task(setup)
+    gains, trials = choose_gains(asked, setup.fixed_gains, lambda share: progress("gains", share))
+    task = asked.at(gains)
+    pattern = search(task, setup.seed, lambda share: progress("motion", share))
+    signals, reached = simulate_range(task, pattern)
+    beliefs = [task.information(v, pattern, fast=index > 0) for index, v in enumerate(task.believed())]
+    if not all(np.isfinite(belief.worst) for belief in beliefs):
+        raise StictionError(nothing_moves(task))
+    worst_friction = max(belief.relative[2] for belief in beliefs)
+    seconds = task.count / task.rate
+    sines = one_sines(task, max(pattern.slow_amplitude, pattern.fast_peak))
+    sweep = gain_sweep(task, pattern)
+    progress("figures", 1.0)
+    record = ExcitationDesign(
+        joint=joint,
+        setup=asdict(setup),
+        gains={"kp": gains.kp, "kd": gains.kd},
+        advice=advice(asked, gains, trials, setup.fixed_gains),
+        pattern=asdict(pattern),
+        pattern_duration=seconds,
+        repeats=task.repeats,
+        duration=task.total / task.rate,
+        limits=dict(
+            zip(("low", "high", "speed", "torque"), (*task.limits.position, task.limits.speed, task.limits.torque))
+        ),
+        reached=reached,
+        predicted=predictions(beliefs),
+        correlation=beliefs[0].correlation(1, 2),
+        d_criterion=beliefs[0].d_criterion,
+        worst=max(belief.worst for belief in beliefs),
+        wanted={
+            "relative": setup.wanted,
+            "duration": seconds * max(1, ceil(task.repeats * (worst_friction / setup.wanted) ** 2)),
+        },
+        sines=sines,
+        trials=trials,
+        sweep=sweep,
+        warnings=tuple(cautions(task, setup, trials, beliefs)),
+        command=command,
+    )
+    sidecar = LogSetup(kp=gains.kp, kd=gains.kd, torque_limit=task.limits.torque, axis="rotary")
+    trajectory = Log("trajectory.csv", signals.time, {joint: JointSignals(target=signals.target)}, sidecar)
+    return Excitation(record, signals, trajectory)
+
+
+def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[str, float]]:
+    """Simulate the whole log over the range of guesses; return the signals and the furthest that anything goes.
+
+    Raises `StictionError` should the repeated pattern leave the limits where a single one did not.
+    """
+    target = task.whole(pattern)
+    runs = [task.run(values, target) for values in task.believed()]
+    ranges = {
+        f"{name}_{end}": choose(np.stack([getattr(made, name) for made in runs]), axis=0)
+        for name in ("position", "velocity", "torque")
+        for end, choose in (("low", np.min), ("high", np.max))
+    }
+    if max(max(task.use(target, made).values()) for made in runs) > 1:
+        raise StictionError(nothing_moves(task))
+    reached = {
+        "low": float(min(ranges["position_low"].min(), target.min())),
+        "high": float(max(ranges["position_high"].max(), target.max())),
+        "speed": float(max(-ranges["velocity_low"].min(), ranges["velocity_high"].max())),
+        "torque": float(max(-ranges["torque_low"].min(), ranges["torque_high"].max())),
+    }
+    time = np.arange(len(target)) / task.rate
+    first = runs[0]
+    return DesignSignals(time, target, first.position, first.velocity, first.torque, **ranges), reached
+
+
+def predictions(beliefs: list[Information]) -> tuple[Predicted, ...]:
+    """Return each parameter's predicted deviation, nominal (the first belief) and worst."""
+    nominal = beliefs[0]
+    found = []
+    for index, name in enumerate(nominal.names):
+        value, std = float(nominal.values[index]), float(nominal.std[index])
+        relative = std / abs(value) if value else None
+        worst = max(float(b.std[index] / abs(b.values[index])) for b in beliefs) if value else None
+        found.append(Predicted(name, value, std, relative, worst))
+    return tuple(found)
+
+
+def advice(task: Task, gains: PDGains, trials: tuple[GainTrial, ...], fixed: bool) -> str:
+    """Say in a sentence or two why these gains."""
+    own = f"kp {gains.kp:g}, kd {gains.kd:g}"
+    by_kp = {trial.kp: trial for trial in trials}
+    if gains != task.gains:
+        before, after = by_kp[task.gains.kp], by_kp[gains.kp]
+        gain = "" if not (before.worst and after.worst) else f" by a factor of {before.worst / after.worst:.2g}"
+        return (
+            f"Run at {own}, not at the given kp {task.gains.kp:g}, kd {task.gains.kd:g}: the largest relative "
+            f"deviation falls{gain}. Still lower gains do not track, overshoot, or bring less than a tenth. If you "
+            "cannot set gains, design again with --fixed-gains."
+        )
+    if fixed:
+        better = [t for t in trials[1:] if t.tracks and t.worst and trials[0].worst and t.worst < 0.9 * trials[0].worst]
+        best = min(better, key=lambda trial: trial.worst or np.inf, default=None)
+        return f"Run at {own}, as fixed." + (
+            f" kp {best.kp:g} would show more." if best else " Lower ones show no more."
+        )
+    return f"Run at {own}, as given: lower gains do not track, or show less than a tenth more."
+
+
+def cautions(task: Task, setup: ExciteSetup, trials: tuple[GainTrial, ...], beliefs: list[Information]) -> list[str]:
+    """Return what the reader must know before running the log."""
+    found = []
+    most = float(task.values[2]) * task.spread
+    if most >= task.gains.kp * task.room:
+        found.append(
+            f"should friction be {most:g} N m, {task.spread:g} times the guess, it holds the joint at kp "
+            f"{task.gains.kp:g}: if the joint does not move, raise kp above {most / task.room:.3g} and design again"
+        )
+    chosen = next((trial for trial in trials if trial.kp == task.gains.kp), None)
+    if chosen is not None and chosen.reach < LEAST_REACH:
+        found.append(
+            f"at kp {task.gains.kp:g} the joint may cover no more than {chosen.reach:.0%} of what its target does"
+        )
+    if setup.position_only:
+        found.append(
+            "without torque in the log only combinations are known: I/k, (B + k kd)/k, f/k, k being the motor's "
+            "strength; log the motor's current, or add a known load, to separate them"
+        )
+    if setup.resolution > 2 * setup.noise_position:
+        found.append(
+            "the encoder's step is larger than the noise: rounding is counted as white noise, which it is not in slow "
+            "motion; the real deviations may be larger"
+        )
+    if max(float(belief.relative[:JUDGED].max()) for belief in beliefs) < NEGLIGIBLE:
+        found.append(
+            "the noise leaves less than half a per cent: friction that is not quite Coulomb's, timing and cogging will "
+            "decide how right the result is; a longer log does not help against them"
+        )
+    return found

@@ -1,0 +1,140 @@
+"""What is known before a joint is moved: what `stiction excite` takes as flags. No estimator is needed to read it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import hypot, isfinite
+
+from stiction.formats.errors import StictionError
+from stiction.robots.spec import JointSpec
+
+SHORTEST = 4.0
+"""Shortest log that is designed [s]: under it a slow and a fast part do not fit."""
+
+MOST_SAMPLES = 1_000_000
+"""Longest trajectory: half an hour at 500 Hz."""
+
+SLOWEST_RATE = 50.0
+"""Lowest rate of the controller [Hz]: under it a target of straight lines is not what the joint gets."""
+
+
+DEFAULTS = {"kp": 20.0, "kd": 0.5, "torque_limit": 20.0, "inertia": 0.0145, "viscous": 0.07, "coulomb": 0.2}
+"""Where neither the user nor a robot says anything: the paper's Saturn Lite shank under low gains, with friction of the
+usual 1 % of the torque limit."""
+
+FROM_ROBOT = {
+    "kp": "stiffness",
+    "kd": "derivative",
+    "torque_limit": "torque_limit",
+    "inertia": "armature",
+    "viscous": "damping",
+    "coulomb": "frictionloss",
+}
+"""Field of the setup -> field of a robot's joint that fills it in."""
+
+
+@dataclass(frozen=True)
+class ExciteSetup:
+    """The joint, its controller, its limits and its sensors. Guesses do: the design holds over a range around them."""
+
+    kp: float | None = None
+    """Proportional gain of the controller [N m/rad]; from --robot, else 20."""
+    kd: float | None = None
+    """Derivative gain [N m s/rad]; from --robot, else 0.5."""
+    torque_limit: float | None = None
+    """Largest torque of the motor, at the joint [N m]; from --robot, else 20."""
+    position_limits: tuple[float, float] | None = None
+    """Lowest and highest angle [rad]; from --robot, else -0.6 0.6."""
+    start: float | None = None
+    """Angle at which the motion starts and ends, and about which it swings [rad]; by default the middle."""
+    speed_limit: float = 10.0
+    """Largest speed of the joint [rad/s]."""
+    rate: float = 500.0
+    """Samples per second that the controller plays back and the log holds [Hz]."""
+    duration: float = 20.0
+    """Length of the log [s]."""
+    inertia: float | None = None
+    """Guess of I, rotor and whatever hangs on it [kg m²]; from --robot (the bare motor), else 0.0145."""
+    viscous: float | None = None
+    """Guess of B [N m s/rad]; from --robot, else 0.07."""
+    coulomb: float | None = None
+    """Guess of the Coulomb friction f [N m]; from --robot, else 1 % of the torque limit."""
+    spread: float = 2.0
+    """How wrong the guesses of I, B and f may be, as a factor either way; limits hold and the worst case is judged over
+    that range [1]."""
+    gravity_sin: float = 0.0
+    """Guess of the torque that holds the link at an angle of pi/2 [N m]; it is taken to grow with the inertia."""
+    gravity_cos: float = 0.0
+    """Guess of the torque that holds the link at an angle of 0 [N m]."""
+    noise_position: float = 1e-4
+    """White noise of the logged angle [rad]."""
+    noise_torque: float = 0.05
+    """White noise of the logged torque [N m]."""
+    resolution: float = 0.0
+    """Step of the logged angle [rad]; 6.2832 / 2^14 is a 14-bit encoder on the output."""
+    position_only: bool = False
+    """No torque will be logged: what can be known are combinations of the parameters with the motor's strength."""
+    fixed_gains: bool = False
+    """Keep the given gains, even where lower ones would show friction better."""
+    wanted: float = 0.02
+    """Relative standard deviation of f for which the necessary length of the log is given [1]."""
+    seed: int = 0
+    """Seed of the search."""
+
+    def filled(self, joint: JointSpec | None = None) -> ExciteSetup:
+        """Return the setup without None, from a robot's joint or else `DEFAULTS`; raise `StictionError` if absurd."""
+        limits = self.position_limits or ((joint.lower, joint.upper) if joint else (-0.6, 0.6))
+        known = {} if joint is None else {name: getattr(joint, own) for name, own in FROM_ROBOT.items()}
+        own = {name: getattr(self, name) for name in DEFAULTS if getattr(self, name) is not None}
+        values = DEFAULTS | known | own
+        if "coulomb" not in known | own:
+            values["coulomb"] = 0.01 * values["torque_limit"]
+        start = 0.5 * (limits[0] + limits[1]) if self.start is None else self.start
+        setup = replace(self, position_limits=limits, start=start, **values)
+        setup.check()
+        return setup
+
+    def check(self) -> None:
+        """Raise `StictionError` for what no joint, controller or log has; nothing may be None."""
+        for name in ("kp", "torque_limit", "speed_limit", "rate", "duration", "inertia", "coulomb", "wanted"):
+            _expect(name, getattr(self, name), 0.0, "a positive number")
+        for name in ("kd", "viscous", "noise_position", "resolution"):
+            _expect(name, getattr(self, name), -1e-300, "a number that is not negative")
+        if not self.position_only:
+            _expect("noise_torque", self.noise_torque, 0.0, "a positive number")
+        for name in ("start", "gravity_sin", "gravity_cos"):
+            _expect(name, getattr(self, name), -float("inf"), "a finite number")
+        if not 1 <= self.spread <= 10:
+            raise StictionError(f"--spread {self.spread}: expected a factor from 1 (the guesses are right) to 10")
+        if self.seed < 0:
+            raise StictionError(f"--seed {self.seed}: expected a whole number that is not negative")
+        self._check_motion()
+
+    def _check_motion(self) -> None:
+        """Raise `StictionError` for limits and a log in which nothing can move."""
+        low, high = self.position_limits or (0.0, 0.0)
+        if not (isfinite(low) and isfinite(high) and low < high):
+            raise StictionError(
+                f"--position-limits {low} {high}: expected the lower angle, then the higher one, in rad"
+            )
+        if not low < float(self.start or 0.0) < high:
+            raise StictionError(f"--start {self.start}: expected an angle between the limits {low:g} and {high:g}")
+        if self.noise_position == 0 and self.resolution == 0:
+            raise StictionError("--noise-position 0 and --resolution 0: no sensor is perfect; give one of the two")
+        if self.rate < SLOWEST_RATE or self.duration < SHORTEST or self.rate * self.duration > MOST_SAMPLES:
+            raise StictionError(
+                f"--rate {self.rate:g} --duration {self.duration:g}: expected at least {SLOWEST_RATE:g} Hz and "
+                f"{SHORTEST:g} s, and at most {MOST_SAMPLES} samples"
+            )
+        needed = float(self.coulomb or 0.0) + hypot(self.gravity_sin, self.gravity_cos)
+        if needed >= float(self.torque_limit or 0.0):
+            raise StictionError(
+                f"friction and gravity of {needed:.4g} N m against a torque limit of {self.torque_limit:g}: the motor "
+                "could not move the joint; check --coulomb, --gravity-sin, --gravity-cos and --torque-limit"
+            )
+
+
+def _expect(name: str, value: float, above: float, expected: str) -> None:
+    """Raise `StictionError` unless a value is finite and greater than `above`."""
+    if not (isfinite(value) and value > above):
+        raise StictionError(f"--{name.replace('_', '-')} {value}: expected {expected}")

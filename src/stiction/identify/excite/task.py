@@ -1,0 +1,184 @@
+"""What a design is for: the joint as it is believed to be, its controller, its limits; and how a motion is tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from stiction.identify.excite.fisher import Information, LogNoise, information, run
+from stiction.identify.excite.motion import Pattern
+from stiction.identify.excite.setup import ExciteSetup
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Trajectory
+
+SHARE = 0.9
+"""Share of each limit that a design may use in simulation, over the whole range of guesses: what is left is for what
+the simulation lacks."""
+
+LONGEST_PATTERN = 10.0
+"""Rough length of one pattern [s]; longer logs repeat it."""
+
+SCALINGS = 8
+"""Times that a motion is scaled down until it is within its limits: with friction the motion is not proportional."""
+
+BACKING_OFF = 0.98
+"""What a motion is scaled to beyond what proportion asks for, so that few scalings do."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the joint must not exceed."""
+
+    position: tuple[float, float]
+    """Lowest and highest angle, of the target too [rad]."""
+    speed: float
+    """[rad/s]."""
+    torque: float
+    """[N m]."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """Everything that a motion is judged by."""
+
+    values: np.ndarray
+    """Nominal parameters: inertia, viscous, Coulomb, offset and, where gravity pulls, its sine and cosine."""
+    spread: float
+    """Factor by which inertia, viscous and Coulomb friction may be off, either way [1]."""
+    gains: PDGains
+    """The controller; its torque limit is the motor's."""
+    limits: Limits
+    """What must hold."""
+    noise: LogNoise
+    """What the log will have."""
+    start: float
+    """Start pose [rad]."""
+    rate: float
+    """[Hz]."""
+    count: int
+    """Samples in one pattern."""
+    repeats: int
+    """Patterns in the log."""
+    total: int
+    """Samples in the log."""
+
+    @property
+    def room(self) -> float:
+        """Largest swing to either side of the start pose that `SHARE` of the limits allows [rad]."""
+        low, high = self.limits.position
+        return SHARE * min(high - self.start, self.start - low)
+
+    def believed(self) -> list[np.ndarray]:
+        """Return the nominal parameters and the eight corners of their range; gravity goes with the inertia."""
+        corners = []
+        for factors in product((1 / self.spread, self.spread), repeat=3):
+            values = self.values.copy()
+            values[:3] *= factors
+            values[4:] *= factors[0]
+            corners.append(values)
+        return [self.values, *corners] if self.spread > 1 else [self.values]
+
+    def extremes(self) -> list[np.ndarray]:
+        """Return for each of inertia, viscous and dry friction the corner in which it is hardest to see.
+
+        It is small there, what hides it large: friction for the inertia, inertia for both kinds of friction.
+        """
+        corners = self.believed()
+        return corners if len(corners) == 1 else [corners[4], corners[6], corners[7]]
+
+    def lively(self) -> np.ndarray:
+        """Return the corner with the least damping for its inertia: it overshoots most."""
+        corners = self.believed()
+        return corners[5] if len(corners) > 1 else corners[0]
+
+    def weightless(self) -> Task:
+        """Return the task without gravity, which takes ten times longer to simulate and changes little for a search."""
+        return replace(self, values=self.values[:4])
+
+    @property
+    def sag(self) -> float:
+        """How far the heaviest link in the range may hang below its target [rad]."""
+        return float(np.hypot(*self.values[4:])) * self.spread / self.gains.kp if len(self.values) > 4 else 0.0
+
+    def at(self, gains: PDGains) -> Task:
+        """Return the task under other gains."""
+        return replace(self, gains=gains)
+
+    def target(self, pattern: Pattern) -> np.ndarray:
+        """Return one pattern as a target [rad], shape (count,)."""
+        return self.start + pattern.offsets(self.count, self.rate)
+
+    def whole(self, pattern: Pattern) -> np.ndarray:
+        """Return the whole log's target [rad], shape (total + 1,): the patterns, and the start pose at the end."""
+        offsets = np.tile(pattern.offsets(self.count, self.rate), self.repeats)
+        return self.start + np.concatenate([offsets, np.zeros(self.total + 1 - len(offsets))])
+
+    def run(self, values: np.ndarray, target: np.ndarray) -> Trajectory:
+        """Simulate one joint that follows a target."""
+        return run(values, self.gains, 1 / self.rate, target)
+
+    def use(self, target: np.ndarray, made: Trajectory, part: slice = slice(None)) -> dict[str, float]:
+        """Return the share of each limit that a part of a motion uses; position counts from the start pose."""
+        low, high = self.limits.position
+        reach = np.stack([target[part], made.position[part]]) - self.start
+        return {
+            "position": float(np.maximum(reach / (high - self.start), reach / (low - self.start)).max(initial=1e-9)),
+            "speed": float(np.abs(made.velocity[part]).max(initial=1e-9)) / self.limits.speed,
+            "torque": float(np.abs(made.torque[part]).max(initial=1e-9)) / self.limits.torque,
+        }
+
+    def fitted(self, pattern: Pattern, beliefs: list[np.ndarray]) -> Pattern | None:
+        """Return the pattern, each part made small enough for the limits, or None if that cannot be done."""
+        split = pattern.slow_count(self.count)
+        for _ in range(SCALINGS):
+            target = self.target(pattern)
+            runs = [self.run(values, target) for values in beliefs]
+            slow, fast = (
+                max((max(self.use(target, made, part).values()) for made in runs), default=0.0)
+                for part in (slice(0, split), slice(split, None))
+            )
+            if max(slow, fast) <= SHARE * (1 + 1e-9):
+                return pattern
+            pattern = replace(
+                pattern,
+                slow_amplitude=pattern.slow_amplitude * min(1.0, BACKING_OFF * SHARE / slow),
+                fast_peak=pattern.fast_peak * min(1.0, BACKING_OFF * SHARE / fast),
+            )
+        return None
+
+    def reach(self, target: np.ndarray, beliefs: list[np.ndarray]) -> float:
+        """Return the range of the joint's motion over that of the target, the smallest of any of the joints [1]."""
+        return min(float(np.ptp(self.run(values, target).position)) for values in beliefs) / float(np.ptp(target))
+
+    def information(self, values: np.ndarray, pattern: Pattern, fast: bool = False) -> Information:
+        """Return what the log of all patterns tells about one joint: that of one pattern, times their number.
+
+        fast: one-sided differences, for comparing motions.
+        """
+        target = self.target(pattern)
+        one = information(values, self.gains, 1 / self.rate, target, self.noise, fast)
+        return replace(one, covariance=one.covariance / self.repeats)
+
+
+def make_task(setup: ExciteSetup) -> Task:
+    """Return the task of a setup that is filled."""
+    if setup.kp is None or setup.kd is None or setup.torque_limit is None or setup.position_limits is None:
+        raise ValueError("the setup must be filled first")
+    gravity = (setup.gravity_sin, setup.gravity_cos)
+    values = [setup.inertia, setup.viscous, setup.coulomb, 0.0, *(gravity if any(gravity) else ())]
+    total = round(setup.duration * setup.rate)
+    repeats = max(1, round(setup.duration / LONGEST_PATTERN))
+    return Task(
+        values=np.array(values, float),
+        spread=setup.spread,
+        gains=PDGains(setup.kp, setup.kd, setup.torque_limit),
+        limits=Limits(setup.position_limits, setup.speed_limit, setup.torque_limit),
+        noise=LogNoise(setup.noise_position, None if setup.position_only else setup.noise_torque, setup.resolution),
+        start=float(setup.start or 0.0),
+        rate=setup.rate,
+        count=total // repeats,
+        repeats=repeats,
+        total=total,
+    )
