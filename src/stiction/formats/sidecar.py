@@ -74,6 +74,8 @@ class LogSetup:
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON, without the fields that say nothing."""
         data = {key: value for key, value in asdict(self).items() if value is not None and value != () and value != {}}
+        if self.names:
+            data["names"] = list(self.names)
         if self.joints:
             data["joints"] = {name: setup.to_dict() for name, setup in self.joints.items()}
         return data

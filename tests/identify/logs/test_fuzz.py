@@ -88,7 +88,7 @@ def test_a_file_that_was_cut_off_is_refused(tmp_path: Path, kind: str) -> None:
 
 @pytest.mark.parametrize("kind", ["csv", "wide"])
 def test_a_table_that_was_cut_off_is_refused_or_says_so(tmp_path: Path, kind: str) -> None:
-    """CSV promises no number of lines: one without an end is refused where cells are missing, else left out, and said."""
+    """CSV promises no number of lines: one without end is refused if cells are missing, else left out, and said."""
     whole = damage.KINDS[kind](tmp_path)
     data, cut = whole.read_bytes(), tmp_path / "cut.csv"
     values = np.loadtxt(whole, delimiter=",", skiprows=1)

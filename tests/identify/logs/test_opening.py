@@ -1,62 +1,100 @@
-"""Opening logs of every kind."""
+"""The one door: every kind of file comes out as the same log."""
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from scipy.io import savemat
 
-from stiction.formats.errors import StictionError
+import logfiles
 from stiction.formats.log import LogError
-from stiction.identify.logs import open_log, parse_columns
+from stiction.identify.logs import open_log
 
 
-def test_a_mapping_is_parsed() -> None:
-    """`torque=vir` says that the column vir is the torque; a name may hold an equals sign."""
-    assert parse_columns(["time=t", "torque=a=b"]) == {"time": "t", "torque": "a=b"}
+@pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet"])
+def test_canonical_logs_of_every_kind(tmp_path: Path, suffix: str) -> None:
+    """Two joints with their signals, and the sidecar with one part for the calf."""
+    log = open_log(logfiles.canonical(tmp_path, suffix))
+    assert list(log.joints) == ["FL_hip", "FL_calf"] and log.notes == ()
+    np.testing.assert_allclose(log.time, logfiles.TIME)
+    np.testing.assert_allclose(log.joints["FL_calf"].target, logfiles.TARGET[:, 1], rtol=1e-8)
+    assert log.joints["FL_calf"].velocity is None
+    assert (log.setup_of("FL_hip").kp, log.setup_of("FL_calf").kp) == (20, 25)
 
 
-@pytest.mark.parametrize("words", [["position"], ["position="], ["angle=q"], ["time=t", "time=u"]])
-def test_a_bad_mapping_is_refused(words: list[str]) -> None:
-    """The message repeats the word and lists the roles."""
-    with pytest.raises(LogError, match=r"expected ROLE=NAME.*velocity"):
-        parse_columns(words)
+def test_a_wide_table_without_time_needs_a_rate(tmp_path: Path) -> None:
+    """The public scripts write no time: it is declared, by the caller or by the sidecar, and that is noted."""
+    path = logfiles.wide_csv(tmp_path, time=False)
+    with pytest.raises(LogError, match=r"no column of time.*--rate"):
+        open_log(path)
+    log = open_log(path, rate=50)
+    np.testing.assert_allclose(log.time, np.arange(logfiles.SAMPLES) / 50)
+    assert "50 Hz was declared" in log.notes[0]
+    logfiles.sidecar(path, {"rate": 200, "names": ["hip", "knee"]})
+    log = open_log(path)
+    assert log.time[1] == pytest.approx(0.005) and list(log.joints) == ["hip", "knee"]
+    for rate in (0, -1, np.nan, np.inf):
+        with pytest.raises(LogError, match="expected a positive number of samples"):
+            open_log(path, rate=rate)
 
 
-def test_a_matlab_log_is_read(tmp_path: Path) -> None:
-    """Row or column vectors, scalars ignored."""
-    savemat(tmp_path / "x.mat", {"t": np.arange(5.0), "q": np.arange(5.0)[:, None], "kp": 3.0, "other": np.ones(3)})
-    log = open_log(tmp_path / "x.mat", {"time": "t", "position": "q"}, "knee")
-    np.testing.assert_array_equal(log.joint("knee")[1].position, np.arange(5.0))
-    with pytest.raises(LogError, match=r"no column 'kp'; the columns are t, q"):
-        open_log(tmp_path / "x.mat", {"time": "t", "position": "kp"})
+def test_names_are_for_numbered_joints_and_must_fit(tmp_path: Path) -> None:
+    """A list one too short would shift every name."""
+    path = logfiles.wide_csv(tmp_path)
+    assert list(open_log(path, names=("a", "b")).joints) == ["a", "b"]
+    for names in (("a",), ("a", "a"), ("a", "b", "c")):
+        with pytest.raises(LogError, match="names for 2 joints"):
+            open_log(path, names=names)
+    with pytest.raises(LogError, match="the log names its joints, FL_hip, FL_calf"):
+        open_log(logfiles.canonical(tmp_path, ".csv"), names=("a", "b"))
 
 
-def test_a_missing_log_is_named(tmp_path: Path) -> None:
+def test_bare_names_belong_to_the_joint_that_was_named(tmp_path: Path) -> None:
+    """A log of one joint need not repeat its name in every column."""
+    path = tmp_path / "one.csv"
+    path.write_text("t,position,torque\n0,1,2\n1,2,3\n")
+    assert list(open_log(path, joint="hip").joints) == ["hip"]
+    assert list(open_log(path, {"position": "position"}, "knee").joints) == ["knee"]
+
+
+def test_missing_and_unknown_files_are_named(tmp_path: Path) -> None:
     """Whatever the suffix."""
-    for name in ("x.mat", "x.csv", "x"):
+    for name in ("x.mat", "x.csv", "x.mcap", "x"):
         with pytest.raises(LogError, match=f"no log at .*{name}"):
             open_log(tmp_path / name)
+    with pytest.raises(LogError, match=r"is a directory.*\.mcap"):
+        open_log(tmp_path)
+    (tmp_path / "x.pkl").write_bytes(b"\x80\x04.")
+    with pytest.raises(
+        LogError, match=r"unknown kind of log '.pkl'; expected .csv, .npz, .parquet, .mcap, .pt or .mat"
+    ):
+        open_log(tmp_path / "x.pkl")
+    with pytest.raises(LogError, match="names a topic of an MCAP file"):
+        open_log(logfiles.wide_csv(tmp_path), {"state": "/joint_states"})
 
 
-@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(place=st.floats(0, 1), replacement=st.binary(max_size=6), cut=st.integers(0, 6))
-def test_damaged_matlab_gives_a_log_or_the_one_error(
-    tmp_path: Path, place: float, replacement: bytes, cut: int
-) -> None:
-    """The binary reader raises many things; a user sees one."""
-    good = tmp_path / "good.mat"
-    if not good.exists():
-        savemat(good, {"t": np.arange(50.0), "q": np.arange(50.0)}, do_compression=True)
-    data = good.read_bytes()
-    start = int(place * len(data))
-    bad = tmp_path / "bad.mat"
-    bad.write_bytes(data[:start] + replacement + data[start + cut :])
-    try:
-        open_log(bad, {"time": "t", "position": "q"})
-    except StictionError as error:
-        assert str(error)
+@pytest.mark.parametrize(("make", "library"), [(logfiles.ros, "mcap"), (logfiles.canonical, "pyarrow")])
+def test_without_the_extra_one_line_says_what_to_install(tmp_path: Path, make: object, library: str) -> None:
+    """The base install has neither library, and reads everything else."""
+    path = make(tmp_path, ".parquet") if make is logfiles.canonical else make(tmp_path)  # type: ignore[operator]
+    csv = logfiles.canonical(tmp_path, ".csv")
+    code = (
+        "import sys\n"
+        "class Absent:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name.split('.')[0] in ('pyarrow', 'mcap', 'mcap_ros2', 'zstandard', 'lz4', 'torch'):\n"
+        "            raise ModuleNotFoundError(name, name=name)\n"
+        "sys.meta_path.insert(0, Absent())\n"
+        "from pathlib import Path\n"
+        "from stiction.identify.logs import open_log\n"
+        f"open_log(Path({str(csv)!r}))\n"
+        f"try: open_log(Path({str(path)!r}))\n"
+        "except Exception as error: print(type(error).__name__, error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, env=os.environ)
+    assert done.stdout.startswith("LogError") and f"needs {library}" in done.stdout, done.stderr
+    assert 'pip install "stiction[logs]"' in done.stdout and done.stdout.count("\n") == 1
