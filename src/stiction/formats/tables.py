@@ -189,7 +189,7 @@ def _parse_array(data: bytes) -> np.ndarray:
     if version not in readers:
         raise ValueError(f"array format version {version} is not known")
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # a header by Python 2 is read all the same
+        warnings.simplefilter("ignore")  # a header by Python 2, say, is read all the same
         shape, fortran_order, dtype = readers[version](file)
     if dtype.hasobject or dtype.kind not in "fiubU":
         raise ValueError(f"{dtype} is not a plain number or text")
