@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-MOST_TRIALS = 30
+MOST_TRIALS = 40
 """Points tried before the search ends where it is."""
 
 MOST_REFUSALS = 5
@@ -34,8 +34,8 @@ def descend(
     shape (num_parameters,) each; enough: cost -> promised fall of the cost that is not worth another step.
     """
     point = np.clip(start, lower, upper)
-    rows = residual(point)
-    cost, damping, slopes, refused = 0.5 * float(rows @ rows), 1e-4, jacobian(point), 0
+    rows, slopes = residual(point), jacobian(point)
+    cost, damping, growth, refused = 0.5 * float(rows @ rows), 1e-4, 2.0, 0
     for _ in range(MOST_TRIALS):
         step, promised = _step(slopes, rows, (point >= upper).astype(int) - (point <= lower), damping)
         if promised <= enough(cost) or refused > MOST_REFUSALS:
@@ -44,10 +44,12 @@ def descend(
         tried = residual(trial)
         found = 0.5 * float(tried @ tried)
         if found < cost:
+            # The better the model foretold the cost, the less the next step is held back (Nielsen's rule).
+            damping *= max(0.1, 1.0 - (2.0 * (cost - found) / promised - 1.0) ** 3)
             point, rows, cost, slopes = trial, tried, found, jacobian(trial)
-            damping, refused = 0.1 * damping, 0
+            growth, refused = 2.0, 0
         else:
-            damping, refused = max(10 * damping, 1e-4), refused + 1
+            damping, growth, refused = max(growth * damping, 1e-4), 2.0 * growth, refused + 1
     return point
 
 

@@ -42,7 +42,7 @@ WIDEST = {"delay": 0.02, "encoder_bias": 0.5, "log_bias": 0.5, "motor_strength":
 """Standard deviation beyond which an unknown of the loop counts as not identified: its prior knowledge is better."""
 
 STILL = 0.02
-"""Share of the top speed under which the joint is taken to start from rest, its speed not fitted."""
+"""Share of the top speed, its 99th percentile, under which the joint is taken to start from rest."""
 
 HOPELESS = 1e3
 """Residual, in units of its size, where there is no such joint."""
@@ -115,10 +115,10 @@ def fit_output_error(
     if not 0 <= delay < np.inf:
         raise StictionError(f"delay {delay} s: expected a number that is not negative")
     fixed["delay"] = delay
-    top, first = float(np.abs(velocity).max()), float(np.mean(signals.position[:3]))
+    top = float(np.quantile(np.abs(velocity[signals.valid]), 0.99))
     free = {name: float(start[name]) for name in model.names if name not in fixed}
     free |= {name: {"delay": delay, "motor_strength": gains.strength}.get(name, 0.0) for name in unknown}
-    free["start_position"] = first
+    free["start_position"] = float(np.mean(signals.position[:3]))
     if abs(velocity[0]) > STILL * top:
         free["start_velocity"] = float(velocity[0])
     else:
