@@ -96,22 +96,16 @@ def write_results(folder: Path, result) -> None:
 
 def show(console: Console, result) -> None:
     """Print what a `WalkIdentification` found, and its warnings, for a person."""
-    from stiction.report.walking import grouped_warnings
+    from stiction.report.walking import grouped_warnings, span
 
-    table = Table("", "dry friction [N m]", "of torque limit [%]", "viscous [N m s/rad]", "per load [1]", "swings")
+    table = Table("", "dry friction [N m]", "of limit [%]", "viscous", "per load [1]", "swings")
     for name, record in result.joints.joints.items():
-        cells = [
-            "not known"
-            if estimate is None
-            else f"{factor * estimate.value:.3g} ({factor * estimate.interval95[0]:.3g} to "
-            f"{factor * estimate.interval95[1]:.3g})"
-            for estimate, factor in (
-                (record.coulomb_friction, 1),
-                (record.friction_ratio, 100),
-                (record.viscous_friction, 1),
-                (record.load_coefficient, 1),
-            )
-        ]
+        cells = (
+            span(record.coulomb_friction),
+            span(record.friction_ratio, 100),
+            span(record.viscous_friction),
+            span(record.load_coefficient),
+        )
         table.add_row(name, *cells, str(record.diagnostics["swings"]))
     console.print(table)
     for text in grouped_warnings(result.joints):

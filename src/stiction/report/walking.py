@@ -68,12 +68,12 @@ def _lead(joints: JointsFile) -> str:
     return f"The joint that may have the most friction for its motor is {worst}. {text}"
 
 
-def _span(estimate: Estimate | None, factor: float = 1.0) -> str:
-    """Return `value (low to high)` with three digits."""
+def span(estimate: Estimate | None, factor: float = 1.0) -> str:
+    """Return `value ± half-width` of the 95 % interval, with three and two digits."""
     if estimate is None:
         return "not known"
     low, high = estimate.interval95
-    return f"{factor * estimate.value:.3g} ({factor * low:.3g} to {factor * high:.3g})"
+    return f"{factor * estimate.value:.3g} ± {factor * (high - low) / 2:.2g}"
 
 
 def _values(joints: JointsFile) -> Markup:
@@ -89,15 +89,17 @@ def _values(joints: JointsFile) -> Markup:
     rows = [
         [
             name,
-            _span(record.coulomb_friction),
-            _span(record.friction_ratio, 100),
-            _span(record.viscous_friction),
-            _span(record.load_coefficient),
+            span(record.coulomb_friction),
+            span(record.friction_ratio, 100),
+            span(record.viscous_friction),
+            span(record.load_coefficient),
             str(record.diagnostics.get("swings", "")),
         ]
         for name, record in joints.joints.items()
     ]
-    return table(header, rows, "Friction of the unloaded leg, value (95 % interval), and what load adds to it")
+    return table(
+        header, rows, "Friction of the unloaded leg, and what load adds to it; ± is the half-width of the 95 % interval"
+    )
 
 
 def _condition(joints: JointsFile) -> Markup:
@@ -159,9 +161,21 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
         if (text := record.diagnostics.get("load", {}).get("refusal", ""))
     }
     told = dict.fromkeys(reasons.values())
+    carried = {
+        _kind(name): (values["carried_torque"], Estimate.from_dict(values["carried_friction"], name), record)
+        for name, record in joints.joints.items()
+        if (values := record.diagnostics.get("load", {})).get("carried_torque") is not None
+    }
     blocks = [paragraph(f"Not known{_of(reasons, text)}: {text}.") for text in told]
     if not fit.load:
         return tuple(blocks)
+    blocks += [
+        paragraph(
+            f"While its foot is down a {kind} gives {torque:.3g} N m on average; dry friction is then "
+            f"{span(friction)} N m, {span(friction, 100 / (record.torque_limit or 1))} % of the torque limit."
+        )
+        for kind, (torque, friction, record) in carried.items()
+    ]
     figure, axes = new_figure(1, len(fit.load), (9.0, 3.6))
     for axis, (kind, (load, friction)) in zip(axes, fit.load.items(), strict=True):
         thin = slice(None, None, max(1, len(load) // MOST_POINTS))
@@ -173,7 +187,7 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
             axis.plot(ends, coefficient.value * ends, color=COLORS[1], linewidth=2)
             for bound in coefficient.interval95:
                 axis.plot(ends, bound * ends, ":", color=COLORS[1], linewidth=1)
-        axis.set_title(f"{kind}s: {_span(coefficient)}", fontsize=8)
+        axis.set_title(f"{kind}s: {span(coefficient)}", fontsize=8)
         axis.set_xlabel("load [N]")
     axes[0].set_ylabel("friction [N]")
     caption = (

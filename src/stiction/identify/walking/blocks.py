@@ -15,6 +15,9 @@ from scipy.stats import t as student
 
 from stiction.formats.joints import Estimate
 
+SMALLEST_RESIDUAL = 1e-4
+"""Residual over target below which a fit is not believed to be better: a prior keeps some weight [1]."""
+
 
 @dataclass(frozen=True)
 class BlockFit:
@@ -34,10 +37,17 @@ class BlockFit:
     """Target minus fit, shape (R,)."""
 
     def estimate(self, index: int) -> Estimate:
-        """Return one parameter; half-width² = (t std)² + Σ shift², std the spread's alone plus half of every shift."""
-        value = float(self.values[index])
-        spread = float(np.sqrt(self.covariance[index, index]))
-        shift = float(np.linalg.norm(self.shifts[:, index]))
+        """Return one parameter; see `combination`."""
+        return self.combination(np.eye(len(self.values))[index])
+
+    def combination(self, weights: np.ndarray) -> Estimate:
+        """Return a weighted sum of the parameters; weights: shape (P,).
+
+        half-width² = (t std)² + Σ shift². The deviation given is the spread's and half of every shift.
+        """
+        value = float(weights @ self.values)
+        spread = float(np.sqrt(weights @ self.covariance @ weights))
+        shift = float(np.linalg.norm(self.shifts @ weights))
         reach = float(np.hypot(student.ppf(0.975, self.blocks - 1) * spread, shift))
         return Estimate(value, float(np.hypot(spread, shift / 2)), (value - reach, value + reach))
 
@@ -54,7 +64,8 @@ def fit_blocks(
     regressor: shape (R, P); target: shape (R,); block: number of each row's block, any integers, shape (R,);
     systematic: change of the target by each known possible error at its 95 % bound, shape (S, R); prior: standard
     deviation about zero that each parameter is known to have beforehand, infinite where nothing is known, shape (P,).
-    Needs at least two blocks, and a regressor of full rank, prior included, without any one of them.
+    Needs at least two blocks. Raises `numpy.linalg.LinAlgError` where the regressor, prior included, is not of full
+    rank without one of them.
 
     A prior enters as one more equation, weighted by the residual's size; what it contributes to the variance of the
     estimates is computed, since it has no blocks.
@@ -63,10 +74,9 @@ def fit_blocks(
     count = int(block.max()) + 1
     scale = np.linalg.norm(regressor, axis=0)
     scaled = regressor / scale
-    grams = np.zeros((count, scaled.shape[1], scaled.shape[1]))
-    np.add.at(grams, block, scaled[:, :, None] * scaled[:, None, :])
-    sums = np.zeros((count, scaled.shape[1]))
-    np.add.at(sums, block, scaled * target[:, None])
+    parts = [block == number for number in range(count)]
+    grams = np.stack([scaled[part].T @ scaled[part] for part in parts])
+    sums = np.stack([scaled[part].T @ target[part] for part in parts])
     total = sums.sum(axis=0)
     knowledge, size = _knowledge(scaled, target, scale, prior)
     gram = grams.sum(axis=0) + np.diag(knowledge)
@@ -92,5 +102,6 @@ def _knowledge(
     """Return the weight of each prior in the normal equations of scaled columns, (P,), and the residual's size."""
     if prior is None:
         return np.zeros(len(scale)), 0.0
-    size = float(np.std(target - scaled @ np.linalg.lstsq(scaled, target, rcond=None)[0]))
+    rest = target - scaled @ np.linalg.lstsq(scaled, target, rcond=None)[0]
+    size = max(float(np.std(rest)), SMALLEST_RESIDUAL * float(np.sqrt(np.mean(target**2))))
     return (size / (prior * scale)) ** 2, size

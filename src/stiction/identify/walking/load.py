@@ -16,7 +16,7 @@ from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
 from stiction.identify.walking.leg import Trunk
 from stiction.identify.walking.motion import WalkMotion
-from stiction.identify.walking.phases import hann_weights
+from stiction.identify.walking.phases import feet_down, hann_weights
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.stance import BODY, FRICTION, KINDS, StanceRows, stance_rows
 from stiction.identify.walking.swing import FEWEST_SWINGS, SwingRows
@@ -25,8 +25,8 @@ from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
 BLOCK = 0.5
 """Length of a block [s], one or two steps of a walk."""
 
-FEWEST_ROWS = 600
-"""Fewest equations of the base: half a second of stance at 200 Hz, all joints moving, gives 150."""
+FEWEST_ROWS = 300
+"""Fewest equations of the base: an even walk gives some 50 to 200 a second."""
 
 WIDEST = 0.05
 """Half-width of a load coefficient's interval beyond which there is no answer [1]."""
@@ -49,6 +49,8 @@ class LoadFit:
     """Kind -> A, B, b and c by the names of `FRICTION`; kinds whose c is not told are missing."""
     refused: dict[str, str]
     """Kind -> why its c is not told."""
+    carried: dict[str, tuple[float, Estimate]]
+    """Kind -> mean |τ| of legs on the ground [N m], and dry friction b + c |τ| at it [N m]."""
     body: dict[str, Estimate]
     """Errors of the body that were found, by the names of `BODY`."""
     condition: float | None = None
@@ -63,7 +65,7 @@ class LoadFit:
 def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[SwingRows], setup: WalkSetup) -> LoadFit:
     """Find what the load adds to friction, or say why that cannot be known from this log."""
     if refusal := _missing(motion, setup):
-        return LoadFit(refusal, {}, {}, {})
+        return LoadFit(refusal, {}, {}, {}, {})
     trunk = Trunk.of(spec, setup.payload, setup.centre_of_mass)
     stance = stance_rows(log, motion, spec, trunk, setup)
     thin = max(1, len(hann_weights(setup.smoothing, motion.period)) // 2)
@@ -73,7 +75,7 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[Swin
         return LoadFit(
             f"{len(stance.target)} equations of the base in {len(np.unique(blocks))} half seconds; expected at least "
             f"{FEWEST_ROWS} and {FEWEST_SWINGS}: log for longer",
-            *({}, {}, {}),
+            *({}, {}, {}, {}),
         )
     limit = np.array(log.header.torque_limit)
     bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
@@ -91,14 +93,15 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[Swin
             "the walk does not fit the declared masses and centre of mass: it is off in "
             f"{', '.join(tense)}: weigh the robot, and state --payload and --centre-of-mass; or the torque's unit is "
             "wrong",
-            *({}, {}, body),
+            *({}, {}, {}, body),
             condition=fit.condition,
             rows=len(stance.target),
         )
     laws, refused = _laws(fit)
+    carried = {kind: _carried(kind, log, motion, spec, setup, fit) for kind in laws}
     resting = regressor[-len(stance.target) :]
     partial = {kind: tuple(size * part for part in _partial(resting, fit, KINDS.index(kind))) for kind in laws}
-    return LoadFit("", laws, refused, body, fit.condition, len(stance.target), partial)
+    return LoadFit("", laws, refused, carried, body, fit.condition, len(stance.target), partial)
 
 
 def _missing(motion: WalkMotion, setup: WalkSetup) -> str:
@@ -180,6 +183,22 @@ def _laws(fit: BlockFit) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]
         law["load_coefficient"] = Estimate(load.value, std, (load.value - half, load.value + half))
         laws[kind] = law
     return laws, refused
+
+
+def _carried(
+    kind: str, log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup, fit: BlockFit
+) -> tuple[float, Estimate]:
+    """Return the mean |τ| of a kind's joints while their feet are down [N m], and the dry friction at it [N m]."""
+    number = KINDS.index(kind)
+    torque = float(np.abs(motion.torque[:, number::JOINTS_PER_LEG])[feet_down(log, motion, spec, setup)].mean())
+    weights, first = np.zeros(len(fit.values)), len(FRICTION) * number
+    weights[first + FRICTION.index("coulomb_friction")] = 1.0
+    weights[first + FRICTION.index("load_coefficient")] = torque
+    found = fit.combination(weights)
+    slope = float(fit.values[first + FRICTION.index("load_coefficient")])
+    half = float(np.hypot((found.interval95[1] - found.interval95[0]) / 2, LAW_ERROR * slope * torque))
+    std = float(np.hypot(found.std, LAW_ERROR * slope * torque / 2))
+    return torque, Estimate(found.value, std, (found.value - half, found.value + half))
 
 
 def _partial(regressor: np.ndarray, fit: BlockFit, kind: int) -> tuple[np.ndarray, np.ndarray]:

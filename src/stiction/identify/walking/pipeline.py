@@ -106,7 +106,9 @@ def _record(
     }
     law = load.laws.get(kind)
     if law is not None:
+        torque, friction = load.carried[kind]
         settings["load_coefficient"] = law["load_coefficient"]
+        settings["combinations"] = {f"coulomb_friction + {torque:.3g} N m * load_coefficient": friction}
         settings["friction_law"] = {"law": "load", "load": "|motor torque| [N m]"} | {
             name: estimate.to_dict() for name, estimate in law.items()
         }
@@ -117,7 +119,12 @@ def _record(
         "samples_used": swing.rows,
         "output_error": None,
         "disagreement": None,
-        "load": {"refusal": load.refusal or load.refused.get(kind, ""), "equations": load.rows},
+        "load": {
+            "refusal": load.refusal or load.refused.get(kind, ""),
+            "equations": load.rows,
+            "carried_torque": load.carried[kind][0] if law is not None else None,
+            "carried_friction": load.carried[kind][1].to_dict() if law is not None else None,
+        },
     }
     if swing.fit is None:
         record = JointRecord(**settings, diagnostics=diagnostics)

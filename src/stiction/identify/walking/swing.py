@@ -172,7 +172,10 @@ def fit_swing(rows: list[SwingRows], torque_limit: float, setup: WalkSetup) -> S
             count,
             number,
         )
-    fit = _fit(used, torque_limit * setup.torque_zero_error / 2)
+    try:
+        fit = _fit(used, torque_limit * setup.torque_zero_error / 2)
+    except np.linalg.LinAlgError:
+        return SwingFit(names, None, "its swings are all alike: walk at different speeds", count, number)
     low, high = fit.estimate(PARAMETERS.index("coulomb_friction")).interval95
     if not high - low <= 2 * WIDEST * torque_limit:
         reason = (
