@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from stiction.formats.errors import StictionError
-from stiction.joints.friction import Coulomb
+from stiction.joints.friction import Coulomb, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 
@@ -110,3 +110,11 @@ def test_nonsense_is_refused() -> None:
         simulate(Joint(0.01, 0.1, Coulomb(0.1)), WEAK, STEP, np.array([0.0, np.nan]))
     with pytest.raises(StictionError, match="positive inertia"):
         Joint(0.0, 0.1, Coulomb(0.1))
+
+
+def test_a_joint_that_nobody_can_compute_is_refused() -> None:
+    """An inertia of 1e-9 under kd 0.5 has a million time constants in a sample: one line, not a computer that hangs."""
+    with pytest.raises(StictionError, match="time constants in a sample"):
+        simulate(Joint(1e-9, 0.1, Coulomb(0.1)), PDGains(20.0, 0.5), STEP, np.linspace(0, 1, 100))
+    with pytest.raises(StictionError, match="runs away"):
+        simulate(Joint(0.01, 0.0, Stribeck(0.1, 9.0, 1e-6)), PDGains(20.0, 0.5), 1e-5, np.linspace(0, 1, 100))

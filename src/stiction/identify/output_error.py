@@ -44,6 +44,9 @@ WIDEST = {"delay": 0.02, "encoder_bias": 0.5, "log_bias": 0.5, "motor_strength":
 STILL = 0.02
 """Share of the top speed, its 99th percentile, under which the joint is taken to start from rest."""
 
+MOST_PHASES = 300_000
+"""Phases of stick and slip after which the search ends where it is: half a minute. Ordinary logs need a tenth of it."""
+
 HOPELESS = 1e3
 """Residual, in units of its size, where there is no such joint."""
 
@@ -140,7 +143,7 @@ class _Search:
             self.measured["torque"] = signals.torque
         self.valid = np.asarray(signals.valid, bool)
         self.weights = dict.fromkeys(self.measured, 1.0)
-        self.evaluations = 0
+        self.evaluations = self.phases = 0
         self._latest: tuple[bytes, Response] | None = None
         self._accepted: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
@@ -155,6 +158,7 @@ class _Search:
                     guess = guess + change
             self.evaluations += 1
             self._latest = values.tobytes(), self.loop.run(dict(zip(self.names, values)), guess)
+            self.phases += len(self._latest[1].made.phases)
         return self._latest[1]
 
     def residuals(self, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -202,8 +206,8 @@ class _Search:
         values = np.array(self.start)
         lower, upper = self.bounds()
         changes: tuple[Callable[[float], float], ...] = (
-            lambda cost: FIRST_CHANGE * cost,
-            lambda cost: 0.5 * LAST_CHANGE,
+            lambda cost: FIRST_CHANGE * cost if self.phases < MOST_PHASES else np.inf,
+            lambda cost: 0.5 * LAST_CHANGE if self.phases < MOST_PHASES else np.inf,
         )
         for enough in changes:
             for name, row in self.residuals(values).items():

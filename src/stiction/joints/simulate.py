@@ -18,7 +18,7 @@ from stiction.joints.pd import PDGains, pd_torque
 from stiction.joints.stick_slip import Mechanism, Phase, StickSlip
 
 SETTLED = 1e-8
-"""Change of the path between two passes under which gravity and load are taken as known [rad]."""
+"""Change of the path between two passes under which gravity is taken as known [rad]; the next would be far smaller."""
 
 MOST_PASSES = 40
 """Passes after which gravity is declared too strong for the controller."""

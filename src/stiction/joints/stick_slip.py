@@ -25,6 +25,9 @@ SHORTEST = 1e-9
 STEEPEST = 30.0
 """Growth of an unstable joint within one sample, as the logarithm, beyond which nothing can be computed."""
 
+STIFFEST = 1000.0
+"""Time constants in one sample beyond which a joint is too stiff to be worth computing."""
+
 MOST_EVENTS = 100
 """Events within one sample; a joint with more of them rests until the next one."""
 
@@ -105,6 +108,11 @@ class StickSlip:
                 raise StictionError(
                     f"a joint that runs away within a sample of {self.step:.3g} s: its friction falls by "
                     f"{-law.slope:.3g} per unit of speed, or its gravity is {-joint.spring:.3g} per unit of angle"
+                )
+            if pair[1] * self.step > STIFFEST or abs(pair[0]) ** 0.5 * self.step > STIFFEST:
+                raise StictionError(
+                    f"inertia {joint.inertia:.3g} under kp {kp:.4g}, kd {kd:.4g} and friction: over {STIFFEST:.0f} "
+                    f"time constants in a sample of {self.step:.3g} s; expected more inertia, or a finer step"
                 )
             if pair not in self._regimes:
                 self._regimes[pair] = Regime(*pair, self.step)
