@@ -5,13 +5,15 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from stiction.cli.main import main
 from stiction.formats.joints import load_joints
-from stiction.formats.log import Log, LogSetup, write_log
+from stiction.formats.log import Log, write_log
 from stiction.identify.example import SATURN_LITE, example_log
 
 
@@ -29,7 +31,8 @@ def test_json_alone_on_standard_output_and_files_in_the_folder(
     assert main(["identify", str(log), "--out", str(tmp_path / "out"), "--json"]) == 0
     printed = json.loads(capsys.readouterr().out)
     assert set(printed) >= {"joints", "warnings"} and printed["warnings"] == []
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["fit.npz", "joints.json", "report.html"]
+    names = ["fit.npz", "joints.json", "report.html", "training.json"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == names
     joints = load_joints(tmp_path / "out" / "joints.json")
     assert joints.to_dict() == printed
     assert joints.nominal(["FL_shank"], "inertia")[0] == pytest.approx(SATURN_LITE.joint.inertia, rel=0.05)
@@ -40,7 +43,7 @@ def test_a_foreign_log_by_mapping_and_flags(tmp_path: Path, capsys: pytest.Captu
     made = example_log()
     log, signals = tmp_path / "log.csv", made.joints["shank"]
     table = zip(made.time, signals.position, signals.target, signals.torque / 35.15, strict=True)
-    log.write_text("t,qm,qg,vir\n" + "\n".join(",".join(map(repr, map(float, row))) for row in table))
+    log.write_text("t,qm,qg,vir\n" + "\n".join(",".join(map(repr, map(float, row))) for row in table) + "\n")
     flags = "--joint knee --columns time=t position=qm target=qg torque=vir --torque-scale 35.15 --kp 20 --kd 0.5"
     flags += " --torque-limit 45 --torque-source motor_side --test-condition bare_motor --json"
     assert main(["identify", str(log), *flags.split(), "--out", str(tmp_path / "out")]) == 0
@@ -135,10 +138,29 @@ def test_it_needs_neither_torch_nor_mujoco(log: Path, tmp_path: Path) -> None:
     assert json.loads(done.stdout)["joints"]
 
 
-def test_several_joints_call_for_a_choice(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
-    """The joints that there are are listed."""
+def test_every_joint_of_a_log_is_identified(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """One result a joint, side by side; a joint that tells nothing is refused alone, with its reason, and null."""
     made = example_log()
-    both = {"FL_hip": made.joints["shank"], "FR_hip": made.joints["shank"]}
-    write_log(tmp_path / "two.npz", Log("two", made.time, both, LogSetup()))
-    assert main(["identify", str(tmp_path / "two.npz")]) == 1
-    assert "FL_hip, FR_hip" in capsys.readouterr().err
+    still = replace(made.joints["shank"], position=np.zeros(len(made.time)))
+    joints = {"FL_hip": made.joints["shank"], "FR_hip": made.joints["shank"], "RL_hip": still}
+    write_log(tmp_path / "three.npz", Log("three", made.time, joints, made.setup))
+    out = tmp_path / "out"
+    assert main(["identify", str(tmp_path / "three.npz"), "--out", str(out)]) == 0
+    shown = capsys.readouterr()
+    assert "identifying FR_hip: done" in shown.err and "RL_hip: not identified: three.npz: position" in shown.out
+    file = load_joints(out / "joints.json")
+    assert list(file.joints) == ["FL_hip", "FR_hip", "RL_hip"]
+    assert file.joints["FL_hip"].coulomb_friction == file.joints["FR_hip"].coulomb_friction
+    assert file.joints["RL_hip"].coulomb_friction is None
+    assert "<summary>FR_hip</summary>" in (out / "report.html").read_text()
+
+
+def test_where_no_joint_can_be_identified_the_first_reason_counts(
+    tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """One line and status 1, as for a single joint; nothing is written."""
+    made = example_log()
+    still = replace(made.joints["shank"], position=np.zeros(len(made.time)))
+    write_log(tmp_path / "two.npz", Log("two", made.time, {"a": still, "b": still}, made.setup))
+    assert main(["identify", str(tmp_path / "two.npz"), "--out", str(tmp_path / "out")]) == 1
+    assert capsys.readouterr().err.count("\n") == 1 and not (tmp_path / "out").exists()

@@ -14,7 +14,7 @@ from stiction.formats.fit import FitSignals, read_fit, write_fit
 def signals(count: int) -> FitSignals:
     """Return signals that are all the same ramp."""
     ramp = np.arange(float(count))
-    return FitSignals(*[ramp] * 7, target=-ramp)
+    return FitSignals(*[ramp] * 9, target=-ramp)
 
 
 def test_what_is_written_is_read_again(tmp_path: Path) -> None:

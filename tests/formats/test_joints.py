@@ -40,6 +40,7 @@ def test_the_file_has_the_names_of_the_contract(tmp_path: Path) -> None:
     shank = data["joints"]["shank"]
     assert shank["coulomb_friction"] == {"value": 0.442, "std": 0.01, "interval95": [0.42, 0.464]}
     names = {"inertia", "viscous_friction", "coulomb_friction", "offset", "static_friction", "stribeck_velocity"}
+    names |= {"gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay"}
     names |= {"load_coefficient", "friction_ratio", "dead_band", "combinations", "friction_law", "axis"}
     names |= {"test_condition", "torque_source", "kp", "kd", "torque_limit", "diagnostics", "warnings"}
     assert set(shank) == names

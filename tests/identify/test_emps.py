@@ -9,8 +9,8 @@ import pytest
 
 from stiction.formats.joints import Estimate, JointRecord
 from stiction.formats.log import LogError
-from stiction.identify.pipeline import identify_joint
 from stiction.identify.logs import open_log, parse_columns
+from stiction.identify.pipeline import identify_joint
 from stiction.identify.setup import IdentifySetup
 
 GTAU, KP, KV = 35.15065188, 160.18, 243.45

@@ -22,7 +22,7 @@ def signals(noise: float = 0.0) -> Uniform:
 
 def test_derivatives_have_no_delay_and_the_right_size() -> None:
     """A delay of one sample would turn 2 % of the inertia's torque into viscous friction."""
-    prepared = prepare(signals(), cutoff=40.0)
+    prepared = prepare(signals(), np.asarray(signals().torque), cutoff=40.0)
     inner = slice(100, -100)
     np.testing.assert_allclose(prepared.velocity[inner], RATE * np.cos(RATE * TIME)[inner], atol=3e-3 * RATE)
     np.testing.assert_allclose(prepared.acceleration[inner], prepared.torque[inner], atol=3e-3 * RATE**2)
@@ -30,7 +30,7 @@ def test_derivatives_have_no_delay_and_the_right_size() -> None:
 
 def test_samples_near_reversals_are_left_out() -> None:
     """Within one period of the corner around each reversal nothing enters: 25 ms at 40 Hz."""
-    prepared = prepare(signals(), cutoff=40.0)
+    prepared = prepare(signals(), np.asarray(signals().torque), cutoff=40.0)
     turns = (np.arange(30) + 0.5) / 3.0
     distance = np.abs(TIME[prepared.used, None] - turns[None]).min(axis=1)
     assert distance.min() > 0.024
@@ -54,4 +54,4 @@ def test_more_noise_lowers_the_corner() -> None:
 def test_an_impossible_corner_is_refused() -> None:
     """Half the rate is the end of what a log holds."""
     with pytest.raises(StictionError, match="half the sampling rate, 250 Hz"):
-        prepare(signals(), cutoff=300.0)
+        prepare(signals(), np.asarray(signals().torque), cutoff=300.0)

@@ -27,6 +27,8 @@ TRUTH = {
     "static_friction": 0.5,
     "stribeck_velocity": 0.4,
     "load_coefficient": 0.1,
+    "position_slope": 0.2,
+    "position_curvature": 0.3,
     "gravity_sin": 2.0,
     "gravity_cos": 0.5,
 }

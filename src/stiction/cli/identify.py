@@ -1,4 +1,4 @@
-"""`stiction identify`: find a joint's inertia and friction from a log, with intervals."""
+"""`stiction identify`: find the inertia and friction of a robot's joints from a log, with intervals."""
 
 from __future__ import annotations
 
@@ -11,19 +11,24 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from stiction.cli.walking import asks_for_walk
+from stiction.cli.walking import main as walking
 from stiction.formats.errors import StictionError
-from stiction.formats.fit import write_fit
-from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile
+from stiction.formats.fit import FitSignals, write_fit
+from stiction.formats.joints import PARAMETERS, Estimate, JointRecord, JointsFile
 from stiction.identify.setup import IdentifySetup
 
-DESCRIPTION = """Find a joint's inertia, viscous and dry friction from a log with measured torque, say whether the
-friction matters, and write joints.json, fit.npz and report.html.
+DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals, say whether it matters,
+and write joints.json, fit.npz, training.json and report.html.
 
-The log is CSV or NPZ with columns time, position.<joint>, target.<joint>, torque.<joint>, or anything else (MATLAB 5
-too) with a column mapping. Gains, torque limit and so on come from flags or from LOG.json beside the log."""
+The log is CSV, NPZ or Parquet with columns time, position.<joint>, target.<joint>, torque.<joint>, the wide CSV of
+actuator-net scripts, MCAP with JointState messages, PACE's .pt, MATLAB 5, or anything tabular with a column mapping.
+With torque: inertia and friction in SI units. With positions and targets alone: what of them can be known, in units of
+the motor's strength. Gains, torque limit and so on come from flags or from LOG.json beside the log, where each joint
+may have its own. A walking log, as `stiction evaluate --log` writes it, has options of its own: add it, and --help."""
 
 
-RESULTS = ("joints.json", "fit.npz", "report.html")
+RESULTS = ("joints.json", "fit.npz", "training.json", "report.html")
 """What is written into --out."""
 
 
@@ -32,40 +37,58 @@ class IdentifyConfig(IdentifySetup):
     """Options of the verb."""
 
     log: Annotated[Path, tyro.conf.Positional]
-    """The log: .csv, .npz or .mat."""
-    joint: str | None = None
-    """Which joint of the log, and the name it gets; needed where there are several."""
+    """The log: .csv, .npz, .parquet, .mcap, .pt or .mat."""
+    joint: tuple[str, ...] = ()
+    """Joints to identify, every one of the log's by default; the name to give the joint of a log without names."""
+    names: tuple[str, ...] = ()
+    """Names of the joints, in order, for a log that only numbers them."""
     columns: tuple[str, ...] = ()
-    """ROLE=NAME pairs for logs with other column names; roles: time, position, velocity, target, torque."""
+    """ROLE=NAME pairs for logs with other column names; roles: time, position, velocity, target, torque, disturbance;
+    position=q_{joint} for several joints; state=TOPIC command=TOPIC for MCAP."""
+    rate: float | None = None
+    """Samples per second of a log without time stamps [Hz]."""
+    repeat: tuple[Path, ...] = ()
+    """Further logs of the same joints: repeats, hot and cold, with and without a payload. Each may have a sidecar."""
     out: Path = Path("identified")
-    """Folder for joints.json, fit.npz and report.html."""
+    """Folder for joints.json, fit.npz, training.json and report.html."""
     json: bool = False
     """Print the machine-readable summary, and nothing else, on standard output."""
 
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
+    if asks_for_walk(arguments):
+        return walking(arguments)
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
-    from stiction.identify.pipeline import identify_joint
+    from stiction.cli.terminal import work_progress
     from stiction.identify.logs import open_log, parse_columns
+    from stiction.identify.many import identify_log
 
-    _keep_inputs(config.log, config.out)
-    console = Console(stderr=True)
+    for log in (config.log, *config.repeat):
+        keep_inputs(log, config.out)
     setup = IdentifySetup(**{item.name: getattr(config, item.name) for item in fields(IdentifySetup)})
-    with console.status("reading, fitting, simulating"):
-        log = open_log(config.log, parse_columns(config.columns), config.joint)
-        result = identify_joint(log, config.joint, setup)
-        joints = JointsFile({result.name: result.record})
-        write_results(config.out, joints, {result.name: result.fit})
+    columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
+    logs = [open_log(path, columns, name, config.names, config.rate) for path in (config.log, *config.repeat)]
+    with work_progress() as progress:
+        several = len(config.joint or logs[0].joints) > 1
+        found, refused = identify_log(
+            logs[0],
+            setup,
+            config.joint,
+            logs[1:],
+            lambda joint: progress(f"identifying {joint}", 1.0) if several else None,
+        )
+    joints = JointsFile({name: result.record for name, result in found.items()} | refused)
+    write_results(config.out, joints, {name: result.fit for name, result in found.items()})
     if config.json:
         print(json.dumps(joints.to_dict(), indent=2, allow_nan=False, ensure_ascii=False))
     else:
-        show(Console(), result.name, result.record)
-        console.print(f"page: {config.out / 'report.html'}", highlight=False, soft_wrap=True)
+        show(Console(), joints)
+        Console(stderr=True).print(f"page: {config.out / 'report.html'}", highlight=False, soft_wrap=True)
     return 0
 
 
-def _keep_inputs(log: Path, out: Path) -> None:
+def keep_inputs(log: Path, out: Path) -> None:
     """Refuse a folder in which a result would overwrite the log, or be taken for its sidecar by the next run."""
     inputs = (log.resolve(), log.resolve().with_suffix(".json"))
     for name in RESULTS:
@@ -75,34 +98,82 @@ def _keep_inputs(log: Path, out: Path) -> None:
             )
 
 
-def write_results(folder: Path, joints: JointsFile, fits: dict) -> None:
-    """Write `joints.json`, `fit.npz` and `report.html`; raise `StictionError` if the folder cannot be written."""
+def write_results(folder: Path, joints: JointsFile, fits: dict[str, FitSignals]) -> None:
+    """Write what there is to write; raise `StictionError` if the folder cannot be written."""
+    from stiction.formats.training import write_training
+    from stiction.identify.proposal import propose
     from stiction.report.identification import write_identification_page
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         joints.write(folder / "joints.json")
+        write_training(folder / "training.json", propose(joints))
         write_fit(folder / "fit.npz", fits)
         write_identification_page(folder)
     except OSError as error:
         raise StictionError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
 
 
-def show(console: Console, name: str, record: JointRecord) -> None:
-    """Print what both estimators found, the verdict and the warnings for a person."""
-    from stiction.report.identification import unit
+def show(console: Console, joints: JointsFile) -> None:
+    """Print what was found, what it means, and the warnings, for a person."""
+    found = {name: record for name, record in joints.joints.items() if record.diagnostics}
+    if len(found) == 1:
+        for name, record in found.items():
+            console.print(_one(name, record))
+            console.print(record.diagnostics["verdict"]["text"], highlight=False)
+            console.print(record.friction_law["text"] if record.friction_law else "", highlight=False)
+    elif found:
+        console.print(_several(found))
+    said: dict[str, list[str]] = {}
+    for name, record in joints.joints.items():
+        for text in record.warnings:
+            said.setdefault(text, []).append(name)
+    for text, names in said.items():
+        whose = "" if len(joints.joints) == 1 else f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: "
+        console.print(f"warning: {whose}{text}", highlight=False, markup=False)
 
-    other = record.diagnostics["output_error"] or {}
+
+def _one(name: str, record: JointRecord) -> Table:
+    """Tabulate one joint: both estimators, and combinations where parameters are not known."""
+    from stiction.report.labels import unit
+
+    other = record.diagnostics.get("output_error") or {}
     table = Table("", "unit", "value", "95 % interval", "output error", title=name)
-    for quantity in (*PARAMETERS, "friction_ratio", "dead_band"):
+    for quantity in (*PARAMETERS, "gravity_sin", "gravity_cos", "motor_strength", "friction_ratio", "dead_band"):
         estimate = getattr(record, quantity)
         if estimate is None:
-            table.add_row(quantity, unit(record, quantity), "not known", "", "")
+            if quantity in (*PARAMETERS, "friction_ratio", "dead_band"):
+                table.add_row(quantity, unit(record, quantity), "not known", "", "")
             continue
         second = f"{other[quantity]['value']:.5g}" if quantity in other else ""
         interval = "{:.5g} to {:.5g}".format(*estimate.interval95)
         table.add_row(quantity, unit(record, quantity), f"{estimate.value:.5g}", interval, second)
-    console.print(table)
-    console.print(record.diagnostics["verdict"]["text"], highlight=False)
-    for text in record.warnings:
-        console.print(f"warning: {text}", highlight=False, markup=False)
+    for label, estimate in record.combinations.items():
+        table.add_row(label, "", f"{estimate.value:.5g}", "{:.5g} to {:.5g}".format(*estimate.interval95), "")
+    return table
+
+
+def _several(found: dict[str, JointRecord]) -> Table:
+    """Tabulate several joints, a row each; what is known over k only carries it in its heading."""
+    table = Table("joint", "dry friction", "95 % interval", "viscous", "inertia", "f/τ_max", "f/kp [rad]", "law")
+    for name, record in found.items():
+        over = record.coulomb_friction is None
+        picked = [
+            (record.coulomb_friction, "f/k"),
+            (record.viscous_friction, "(B + k·kd)/k"),
+            (record.inertia, "I/k"),
+        ]
+        dry, viscous, inertia = (known or record.combinations.get(label) for known, label in picked)
+        law = (record.friction_law or {}).get("law", "")
+        interval = "" if dry is None else "{:.4g} to {:.4g}".format(*dry.interval95)
+        cells = [_number(dry), interval, _number(viscous), _number(inertia)]
+        ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
+        table.add_row(name, *cells, ratio, _number(record.dead_band), law)
+        if over:
+            table.caption = "in units of the motor strength k; viscous includes the controller's kd: (B + k·kd)/k"
+    return table
+
+
+def _number(estimate: Estimate | None) -> str:
+    """Return a value with four digits, or nothing."""
+    return "" if estimate is None else f"{estimate.value:.4g}"

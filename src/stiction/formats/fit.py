@@ -26,7 +26,11 @@ class FitSignals:
     torque: np.ndarray
     """Filtered [N m]."""
     fitted_torque: np.ndarray
-    """By the regression's law [N m]."""
+    """By viscous and Coulomb friction [N m]."""
+    law_torque: np.ndarray
+    """By the law that was chosen [N m]; the same where that is the regression's."""
+    rigid_torque: np.ndarray
+    """The part of it that is not friction: inertia, offset, gravity, payload [N m]."""
     used: np.ndarray
     """1 where the sample entered the regression, else 0."""
     target: np.ndarray | None = None
@@ -52,7 +56,7 @@ def read_fit(path: Path, joint: str) -> FitSignals:
     """Read one joint's signals; raise `StictionError` if they are not there or not of one length."""
     arrays = read_npz_arrays(path)
     found = {item.name: arrays[key] for item in fields(FitSignals) if (key := f"{item.name}.{joint}") in arrays}
-    needed = {item.name for item in fields(FitSignals)[:7]}
+    needed = {item.name for item in fields(FitSignals)[:9]}
     if needed - set(found):
         raise StictionError(f"{path.name}: no {sorted(needed - set(found))[0]} of joint {joint!r}; run identify again")
     if any(values.ndim != 1 or values.dtype.kind != "f" for values in found.values()):

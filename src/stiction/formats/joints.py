@@ -22,7 +22,11 @@ SCHEMA_VERSION = 1
 PARAMETERS = ("inertia", "viscous_friction", "coulomb_friction", "offset")
 """Parameters of the symmetric law, in the order of the regressor."""
 
-QUANTITIES = (*PARAMETERS, "static_friction", "stribeck_velocity", "load_coefficient", "friction_ratio", "dead_band")
+QUANTITIES = (
+    *PARAMETERS,
+    *("gravity_sin", "gravity_cos", "static_friction", "stribeck_velocity", "load_coefficient"),
+    *("motor_strength", "encoder_bias", "delay", "friction_ratio", "dead_band"),
+)
 """Everything in a record that is an `Estimate` or null."""
 
 
@@ -79,12 +83,22 @@ class JointRecord:
     """b_c [N m]."""
     offset: Estimate | None = None
     """Constant torque that the motor supplies [N m]."""
+    gravity_sin: Estimate | None = None
+    """Torque that holds the link against gravity is gravity_sin sin θ + gravity_cos cos θ [N m]."""
+    gravity_cos: Estimate | None = None
+    """See `gravity_sin` [N m]."""
     static_friction: Estimate | None = None
     """Friction at rest, where it was told apart from Coulomb friction [N m]."""
     stribeck_velocity: Estimate | None = None
     """Speed at which static friction has given way to Coulomb friction [rad/s]."""
     load_coefficient: Estimate | None = None
     """Friction per unit of transmitted load [1]."""
+    motor_strength: Estimate | None = None
+    """k, torque delivered over torque logged or commanded, where a known payload told it [1]."""
+    encoder_bias: Estimate | None = None
+    """Logged angle less the true one, where it was asked for and the log tells it [rad]."""
+    delay: Estimate | None = None
+    """How late the controller is, where it was asked for and the log tells it [s]."""
     friction_ratio: Estimate | None = None
     """Coulomb friction over torque limit [1]."""
     dead_band: Estimate | None = None

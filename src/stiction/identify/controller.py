@@ -15,10 +15,11 @@ LARGEST_MISMATCH = 0.15
 def controller_mismatch(signals: Uniform, gains: PDGains, velocity: np.ndarray, cutoff: float) -> float:
     """Return |τ_logged − PD(target, position, velocity)| / |τ_logged|, both below `cutoff` [Hz].
 
-    signals: with a target; velocity: filtered θ' as the controller has it, late if it is [rad/s], shape (num_samples,).
+    signals: with target and torque; velocity: filtered θ' as the controller has it, late if it is [rad/s], shape
+    (num_samples,).
     """
     target = low_pass(np.asarray(signals.target), cutoff, signals.step)
     position = low_pass(signals.position, cutoff, signals.step)
-    measured = low_pass(signals.torque, cutoff, signals.step)
+    measured = low_pass(np.asarray(signals.torque), cutoff, signals.step)
     expected = pd_torque(gains, target, position, velocity)
     return float(np.linalg.norm(expected - measured) / np.linalg.norm(measured))

@@ -12,6 +12,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.stats import t as student
 
 from stiction.formats.joints import Estimate
@@ -58,8 +59,8 @@ def correlation_time(residual: np.ndarray) -> float:
     residual: shape (num_samples,).
     """
     centred = residual - residual.mean()
-    power = np.abs(np.fft.rfft(centred, 2 * len(centred))) ** 2
-    correlation = np.fft.irfft(power)[: len(centred)]
+    length = next_fast_len(2 * len(centred), real=True)
+    correlation = irfft(np.abs(rfft(centred, length)) ** 2, length)[: len(centred)]
     if correlation[0] <= 0:
         return 1.0
     correlation /= correlation[0]
@@ -120,9 +121,7 @@ def bootstrap_reach(blocks: Blocks) -> np.ndarray:
     return np.clip(reach, least, LARGEST_REACH * least)
 
 
-def with_intervals(
-    values: np.ndarray, covariance: np.ndarray, reach: np.ndarray | float
-) -> tuple[Estimate, ...]:
+def with_intervals(values: np.ndarray, covariance: np.ndarray, reach: np.ndarray | float) -> tuple[Estimate, ...]:
     """Return each value with its standard deviation and its 95 % interval, `reach` deviations to each side."""
     deviations = np.sqrt(np.diag(covariance))
     ends = np.broadcast_to(reach, deviations.shape) * deviations

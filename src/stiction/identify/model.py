@@ -1,12 +1,15 @@
 """Which torque equation a joint is given: a friction law, with or without gravity, and the names of its parameters.
 
 I θ'' + B θ' + f(θ') sign(θ') + offset + gravity_sin sin θ + gravity_cos cos θ = k τ + d, where τ is the motor's torque,
-k its strength (1 where the torque is in N m), and d a known torque from outside. The four laws are
+k its strength (1 where the torque is in N m), and d a known torque from outside. The laws are
 
     coulomb      f = b_c                                               b_c at rest
     asymmetric   f = b_c and B for each direction; the offset is the difference of the two b_c
     stribeck     f = b_c + (b_s - b_c) exp(-(θ'/v_s)²)                 b_s > b_c at rest
     load         f = b_c + c |load|, the load being gravity and d      the same at rest
+    position     f = b_c + slope (θ - θ_m) + curvature (θ - θ_m)²      the same at rest; θ_m is mid-range
+
+The last is for joints behind a linkage, a belt or a cable guide: the knees of a measured Unitree Go2 have it.
 """
 
 from __future__ import annotations
@@ -16,13 +19,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 from stiction.formats.errors import StictionError
-from stiction.joints.friction import Asymmetric, Coulomb, FrictionLaw, LoadDependent, Stribeck
+from stiction.joints.friction import Asymmetric, Coulomb, FrictionLaw, LoadDependent, PositionDependent, Stribeck
 from stiction.joints.gravity import Gravity
 from stiction.joints.simulate import Joint
 
-Law = Literal["coulomb", "asymmetric", "stribeck", "load"]
+Law = Literal["coulomb", "asymmetric", "load", "stribeck", "position"]
 
-LAWS: tuple[Law, ...] = ("coulomb", "asymmetric", "stribeck", "load")
+LAWS: tuple[Law, ...] = ("coulomb", "asymmetric", "load", "stribeck", "position")
 """Friction laws, the simplest first."""
 
 PARAMETERS_OF: dict[Law, tuple[str, ...]] = {
@@ -35,6 +38,9 @@ PARAMETERS_OF: dict[Law, tuple[str, ...]] = {
         *("inertia", "viscous_friction", "coulomb_friction", "offset", "static_friction", "stribeck_velocity"),
     ),
     "load": ("inertia", "viscous_friction", "coulomb_friction", "offset", "load_coefficient"),
+    "position": (
+        *("inertia", "viscous_friction", "coulomb_friction", "offset", "position_slope", "position_curvature"),
+    ),
 }
 """Law -> its parameters; forward means θ' > 0."""
 
@@ -50,6 +56,8 @@ class Model:
     """Friction law."""
     gravity: bool = False
     """Whether gravity pulls on the link."""
+    middle: float = 0.0
+    """θ_m of the position law [rad]."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -76,6 +84,9 @@ class Model:
             friction = Stribeck(of["coulomb_friction"], of["static_friction"], of["stribeck_velocity"])
         elif self.law == "load":
             friction = LoadDependent(of["coulomb_friction"], of["load_coefficient"])
+        elif self.law == "position":
+            shape = (of["position_slope"], of["position_curvature"])
+            friction = PositionDependent(of["coulomb_friction"], *shape, self.middle)
         else:
             friction = Coulomb(of["coulomb_friction"])
         gravity = Gravity(of["gravity_sin"], of["gravity_cos"]) if self.gravity else None

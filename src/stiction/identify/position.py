@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.joints import PARAMETERS
-from stiction.identify.intervals import block_count, block_covariance
-from stiction.identify.prepare import Prepared, low_pass
-from stiction.identify.regression import Regression
+from stiction.identify.intervals import block_count, make_blocks, robust_covariance
+from stiction.identify.regression import Fit
+from stiction.identify.rows import Rows
 
 
 @dataclass(frozen=True)
@@ -29,21 +29,16 @@ class PositionTorque:
     """Inertia, viscous and Coulomb friction: how much each changes once the slope is fitted too, over its value [1]."""
 
 
-def position_torque(prepared: Prepared, position: np.ndarray, step: float, regression: Regression) -> PositionTorque:
-    """Fit the torque equation with θ beside the four regressors.
-
-    position: θ [rad], shape (num_samples,); step [s]; regression: the fit without θ.
-    """
-    angle = low_pass(position, prepared.cutoff, step)[prepared.used]
-    regressor = np.column_stack([prepared.regressor, angle - angle.mean()])
-    torque = prepared.torque[prepared.used]
+def position_torque(rows: Rows, fit: Fit) -> PositionTorque:
+    """Fit the torque equation with θ beside its regressors; fit: the one without θ."""
+    regressor = np.column_stack([fit.jacobian, rows.position - rows.position.mean()])
+    torque = fit.jacobian @ fit.values + fit.residual
     values = np.linalg.lstsq(regressor, torque, rcond=None)[0]
     residual = torque - regressor @ values
-    block = prepared.used * block_count(residual) // len(prepared.torque)
-    covariance = block_covariance(regressor, residual, block)
+    covariance = robust_covariance(make_blocks(regressor, residual, rows.blocks(block_count(residual))))
     changes = {
-        name: float(value / estimate.value - 1)
-        for name, value, estimate in zip(PARAMETERS[:3], values, regression.estimates)
-        if estimate.value != 0
+        name: float(value / before - 1)
+        for name, value, before in zip(PARAMETERS[:3], values, fit.values)
+        if before != 0
     }
-    return PositionTorque(float(values[4]), float(np.sqrt(covariance[4, 4])), changes)
+    return PositionTorque(float(values[-1]), float(np.sqrt(covariance[-1, -1])), changes)

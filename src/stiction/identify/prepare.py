@@ -1,7 +1,7 @@
 """From a checked log to the signals of inverse dynamics: filtered forward and backward, differentiated, decimated.
 
-Every signal of I θ'' + B θ' + b_c sign(θ') + offset = τ passes through the same zero-phase filter, sign(θ')
-included, so that the equation still holds for the filtered signals wherever it held over the reach of the filter.
+Every signal of the torque equation (see `model`) passes through the same zero-phase filter, sign(θ') included, so that
+the equation still holds for the filtered signals wherever it held over the reach of the filter.
 """
 
 from __future__ import annotations
@@ -30,8 +30,12 @@ Small, because the samples near rest are those in which friction shows most. On 
 class Prepared:
     """Filtered signals on the even grid, arrays of shape (num_samples,), and which samples count."""
 
+    step: float
+    """Time between samples [s]."""
     cutoff: float
     """Corner of the filter [Hz]."""
+    position: np.ndarray
+    """θ [rad]."""
     velocity: np.ndarray
     """θ' [rad/s]."""
     acceleration: np.ndarray
@@ -39,26 +43,29 @@ class Prepared:
     direction: np.ndarray
     """sign(θ'), filtered like the rest [1]."""
     torque: np.ndarray
-    """τ [N m]."""
+    """τ + d: the motor's torque and what acts from outside [N m]."""
+    outside: np.ndarray
+    """d alone: the known torque from outside [N m]."""
     threshold: float
     """Speed under which the direction is not known [rad/s]."""
     used: np.ndarray
     """Indices of the samples that enter the regression, shape (num_used,)."""
 
     @property
-    def regressor(self) -> np.ndarray:
-        """Columns θ'', θ', sign(θ'), 1 at the samples used, shape (num_used, 4)."""
-        columns = (self.acceleration, self.velocity, self.direction, np.ones_like(self.velocity))
-        return np.stack(columns, axis=1)[self.used]
+    def time(self) -> np.ndarray:
+        """From zero [s]."""
+        return np.arange(len(self.torque)) * self.step
 
 
-def prepare(signals: Uniform, cutoff: float | None = None) -> Prepared:
+def prepare(
+    signals: Uniform, torque: np.ndarray, cutoff: float | None = None, unusable: np.ndarray | None = None
+) -> Prepared:
     """Filter, differentiate, and choose samples.
 
-    cutoff: corner of the filter [Hz]; None chooses it by `choose_cutoff`. Raises `StictionError` if no sample is left.
+    torque: what drives the joint, as logged or from the PD law [N m], shape (num_samples,); cutoff: corner of the
+    filter [Hz], None chooses it by `choose_cutoff`; unusable: samples to leave out, a motor at its limit say (bool).
+    Raises `StictionError` for a cutoff that the sampling rate does not allow.
     """
-    if signals.torque is None:
-        raise StictionError("no torque in the log: inverse dynamics needs it; log torque.<joint>")
     rate = 1 / signals.step
     if cutoff is not None and not 0 < cutoff < rate / 2:
         raise StictionError(f"cutoff {cutoff} Hz: expected between 0 and half the sampling rate, {rate / 2:.4g} Hz")
@@ -67,14 +74,19 @@ def prepare(signals: Uniform, cutoff: float | None = None) -> Prepared:
     velocity, acceleration = derivatives(signals.position, signals.step, corner)
     velocity_noise = noise * np.sqrt(2 * signals.step * (2 * np.pi) ** 2 * corner**3 / 3)
     threshold = max(LOW_SPEED * float(np.abs(velocity).max()), 3 * float(velocity_noise))
+    outside = np.zeros_like(torque) if signals.disturbance is None else signals.disturbance
+    left_out = ~signals.valid if unusable is None else ~signals.valid | unusable
     return Prepared(
+        step=signals.step,
         cutoff=corner,
+        position=low_pass(signals.position, corner, signals.step),
         velocity=velocity,
         acceleration=acceleration,
         direction=low_pass(np.sign(velocity), corner, signals.step),
-        torque=low_pass(signals.torque, corner, signals.step),
+        torque=low_pass(torque + outside, corner, signals.step),
+        outside=low_pass(outside, corner, signals.step),
         threshold=threshold,
-        used=_clear_samples(velocity, threshold, corner, signals.step),
+        used=_clear_samples(velocity, threshold, corner, signals.step, left_out),
     )
 
 
@@ -111,13 +123,15 @@ def choose_cutoff(position: np.ndarray, step: float, noise: float) -> float:
     return corner
 
 
-def _clear_samples(velocity: np.ndarray, threshold: float, cutoff: float, step: float) -> np.ndarray:
-    """Return the samples, decimated to twice the corner, that have no slow or turning sample within the filter's reach.
+def _clear_samples(
+    velocity: np.ndarray, threshold: float, cutoff: float, step: float, unusable: np.ndarray
+) -> np.ndarray:
+    """Return the samples, decimated to twice the corner, with nothing slow, turning or unusable in the filter's reach.
 
     The reach is one period of the corner on each side. Near a reversal friction may take any value between its limits,
     and the instant of turning is known only to within the filter's blur: such samples would bias B against b_c.
     """
-    unclear = np.abs(velocity) < threshold
+    unclear = (np.abs(velocity) < threshold) | unusable
     unclear[1:] |= np.diff(np.sign(velocity)) != 0
     reach = max(1, round(1 / (cutoff * step)))
     blurred = np.convolve(unclear, np.ones(2 * reach + 1), "same") > 0.5

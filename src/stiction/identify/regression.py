@@ -1,68 +1,230 @@
-"""Torque regression: least squares of I θ'' + B θ' + b_c sign(θ') + offset = τ over the clear samples of a log."""
+"""Torque regression: least squares of the torque equation, for any of its friction laws, over the rows of a log."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from stiction.formats.joints import Estimate
 from stiction.formats.log import LogError
-from stiction.identify.intervals import block_count, block_covariance, estimates
-from stiction.identify.prepare import Prepared
+from stiction.identify.intervals import (
+    Blocks,
+    block_count,
+    bootstrap_reach,
+    make_blocks,
+    robust_covariance,
+    with_intervals,
+)
+from stiction.identify.model import GRAVITY, Model
+from stiction.identify.rows import Rows
 
-LARGEST_CONDITION = 100.0
-"""Condition number of the regressor with unit columns beyond which parameters are not told apart."""
+FEWEST_ROWS = 50
+"""Fewer say nothing about their own scatter."""
+
+LARGEST_INFLATION = 100.0
+"""How many times longer a column may be than what the others leave of it; beyond, the parameter is not told apart."""
+
+LOAD_ROUNDS = 3
+"""The load follows from gravity and gravity from the fit: both settle in two rounds."""
+
+SPEEDS = 10
+"""Stribeck velocities tried before the best is refined."""
+
+INVERSE_STRENGTH = "inverse_strength"
+"""1/k as a parameter: how much of the torque's unit one N m of known payload takes."""
 
 
 @dataclass(frozen=True)
-class Regression:
-    """A fitted torque equation."""
+class Fit:
+    """A fitted torque equation; P parameters, R rows."""
 
-    estimates: tuple[Estimate, ...]
-    """Inertia, viscous friction, Coulomb friction, offset."""
-    fitted: np.ndarray
-    """Torque by the fitted law at every sample [N m], shape (num_samples,); at reversals it is a guess."""
-    condition: float
-    """Condition number of the regressor as it is."""
-    scaled_condition: float
-    """Condition number of the regressor with columns of unit length."""
-    relative_error: float
-    """|residual| / |torque| over the samples used."""
-    blocks: int
-    """Number of blocks behind the intervals."""
+    model: Model
+    """The equation."""
+    names: tuple[str, ...]
+    """Parameters: the model's, and `inverse_strength` where a known payload gives it."""
+    values: np.ndarray
+    """Best estimates, shape (P,)."""
+    jacobian: np.ndarray
+    """Derivative of the torque by each parameter, shape (R, P)."""
+    residual: np.ndarray
+    """Measured less fitted torque [N m], shape (R,)."""
+    rows: Rows
+    """What it was fitted to."""
+    instrument: np.ndarray | None = None
+    """Columns whose noise is not that of the residual, shape (R, P); None for least squares."""
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The estimating equations, summed over blocks that outlast the residual's memory."""
+        block = self.rows.blocks(block_count(self.residual))
+        return make_blocks(self.jacobian, self.residual, block, self.instrument)
+
+    @property
+    def inflation(self) -> dict[str, float]:
+        """How many times longer each column is than what the other columns leave of it; 1 is best."""
+        scaled = self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)
+        inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-15)
+        return dict(zip(self.names, np.sqrt(np.diag(inverse).clip(0)).tolist(), strict=True))
+
+    @property
+    def condition(self) -> float:
+        """Condition number of the regressor as it is."""
+        return float(np.linalg.cond(self.jacobian))
+
+    @property
+    def scaled_condition(self) -> float:
+        """Condition number of the regressor with columns of unit length."""
+        return float(np.linalg.cond(self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)))
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the estimates, robust against correlated residuals, shape (P, P)."""
+        return robust_covariance(self.blocks)
+
+    def estimates(self) -> dict[str, Estimate]:
+        """Return each parameter with deviation and interval."""
+        found = with_intervals(self.values, self.covariance, bootstrap_reach(self.blocks))
+        return dict(zip(self.names, found, strict=True))
 
 
-def regress(source: str, prepared: Prepared) -> Regression:
-    """Fit the four parameters; `source` is named in messages.
+def fit_rows(rows: Rows, model: Model, strength_unknown: bool = False) -> Fit:
+    """Fit a torque equation; strength_unknown: 1/k is a parameter too, and a payload must tell it."""
+    names = model.names + ((INVERSE_STRENGTH,) if strength_unknown else ())
+    columns = _columns(rows, model.middle)
+    speed = _stribeck_velocity(rows, names, columns) if model.law == "stribeck" else 0.0
+    if speed:
+        columns |= _rise(rows, speed)
+    elif model.law == "load":
+        columns |= {"load_coefficient": _carried(rows, names, columns) * rows.direction}
+    linear = [name for name in names if name != "stribeck_velocity"]
+    values, residual = _solve(rows, linear, columns)
+    found = dict(zip(linear, values, strict=True))
+    if speed:
+        found["stribeck_velocity"] = speed
+        rise = found["static_friction"] - found["coulomb_friction"]
+        columns["stribeck_velocity"] = rise * columns["steepening"]
+    jacobian = np.stack([columns[name] for name in names], axis=1)
+    return Fit(model, names, np.array([found[name] for name in names]), jacobian, residual, rows)
 
-    Raises `LogError` if the motion does not tell the parameters apart.
+
+def linear_jacobian(rows: Rows, names: tuple[str, ...]) -> np.ndarray:
+    """Return the columns of parameters that enter linearly, shape (R, P)."""
+    columns = _columns(rows)
+    return np.stack([columns[name] for name in names], axis=1)
+
+
+def predict_torque(fit: Fit, rows: Rows) -> np.ndarray:
+    """Return the torque that a fit expects on rows that it need not have seen [N m], shape (num_rows,)."""
+    found = dict(zip(fit.names, fit.values, strict=True))
+    columns = _columns(rows, fit.model.middle)
+    if fit.model.law == "stribeck":
+        columns |= _rise(rows, found["stribeck_velocity"])
+    elif fit.model.law == "load":
+        columns |= {"load_coefficient": _load(rows, found, columns) * rows.direction}
+    payload = 0.0 if INVERSE_STRENGTH in found else rows.payload
+    return payload + sum(value * columns[name] for name, value in found.items() if name != "stribeck_velocity")
+
+
+def rigid_torque(fit: Fit, rows: Rows) -> np.ndarray:
+    """Return the part of the predicted torque that is not friction: inertia, offset, gravity, payload [N m]."""
+    columns = _columns(rows)
+    payload = 0.0 if INVERSE_STRENGTH in fit.names else rows.payload
+    rigid = ("inertia", "offset", *GRAVITY, INVERSE_STRENGTH)
+    return payload + sum(value * columns[name] for name, value in zip(fit.names, fit.values) if name in rigid)
+
+
+def check_fit(source: str, fit: Fit) -> None:
+    """Raise `LogError` if the motion does not tell inertia, viscous and dry friction apart; `source` is named."""
+    dynamic = [name for name in ("inertia", "viscous_friction", "coulomb_friction")]
+    worst = max(dynamic, key=lambda name: fit.inflation[name])
+    if not fit.inflation[worst] < LARGEST_INFLATION:
+        raise LogError(
+            f"{source}: excitation too poor: {worst} cannot be told from the other parameters (its share of the motion "
+            f"is 1/{fit.inflation[worst]:.3g} of its own, at least 1/{LARGEST_INFLATION:.0f} is needed); use at least "
+            "two frequencies and both directions"
+        )
+
+
+def check_rows(source: str, rows: Rows) -> None:
+    """Raise `LogError` for too few rows."""
+    if len(rows) < FEWEST_ROWS:
+        raise LogError(
+            f"{source}: excitation too poor: {len(rows)} samples are clear of reversals and faster than "
+            f"{rows.slowest:.3g}; expected at least {FEWEST_ROWS}: move further, faster, or for longer"
+        )
+
+
+def _columns(rows: Rows, middle: float = 0.0) -> dict[str, np.ndarray]:
+    """Return the derivative of the torque by every parameter that enters linearly, shape (R,) each; middle: θ_m."""
+    return {
+        "inertia": rows.acceleration,
+        "viscous_friction": rows.velocity,
+        "coulomb_friction": rows.direction,
+        "offset": np.ones(len(rows)),
+        "viscous_friction_forward": np.clip(rows.velocity, 0.0, None),
+        "viscous_friction_backward": np.clip(rows.velocity, None, 0.0),
+        "coulomb_friction_forward": np.clip(rows.direction, 0.0, None),
+        "coulomb_friction_backward": np.clip(rows.direction, None, 0.0),
+        "gravity_sin": np.sin(rows.position),
+        "gravity_cos": np.cos(rows.position),
+        "position_slope": rows.direction * (rows.position - middle),
+        "position_curvature": rows.direction * (rows.position - middle) ** 2,
+        INVERSE_STRENGTH: rows.payload,
+    }
+
+
+def _solve(rows: Rows, names: list[str], columns: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Return the least-squares parameters and the residual torque; a payload whose 1/k is not asked for is known."""
+    torque = rows.torque if INVERSE_STRENGTH in names else rows.torque - rows.payload
+    regressor = np.stack([columns[name] for name in names], axis=1)
+    values = np.linalg.lstsq(regressor, torque, rcond=None)[0]
+    return values, torque - regressor @ values
+
+
+def _carried(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the size of the load that the gear carries, gravity and what is known from outside, shape (R,)."""
+    trial = dict(columns)
+    carried = np.abs(rows.load)
+    for _ in range(LOAD_ROUNDS):
+        trial["load_coefficient"] = carried * rows.direction
+        found = dict(zip(names, _solve(rows, list(names), trial)[0], strict=True))
+        carried = _load(rows, found, columns)
+    return carried
+
+
+def _load(rows: Rows, found: dict[str, float], columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Return |gravity + known load| for fitted parameters, in the torque's unit, shape (R,)."""
+    gravity = sum(found[name] * columns[name] for name in GRAVITY if name in found)
+    return np.abs(gravity + rows.load * found.get(INVERSE_STRENGTH, 1.0))
+
+
+def _rise(rows: Rows, speed: float) -> dict[str, np.ndarray]:
+    """Return the columns of the Stribeck law at v_s = speed [rad/s], and the derivative by v_s over b_s - b_c."""
+    rise = np.exp(-((rows.velocity / speed) ** 2))
+    return {
+        "coulomb_friction": rows.direction * (1 - rise),
+        "static_friction": rows.direction * rise,
+        "steepening": rows.direction * rise * 2 * rows.velocity**2 / speed**3,
+    }
+
+
+def _stribeck_velocity(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray]) -> float:
+    """Return the Stribeck velocity that leaves the least torque unexplained [rad/s].
+
+    It is sought between the speed that one row in twenty is under and half of the top speed: outside of that the log
+    does not tell the law from Coulomb friction.
     """
-    used, regressor = prepared.used, prepared.regressor
-    if len(used) < 50:
-        raise LogError(
-            f"{source}: excitation too poor: {len(used)} samples are clear of reversals and faster than "
-            f"{prepared.threshold:.3g}; expected at least 50: move further, faster, or for longer"
-        )
-    scaled = np.linalg.cond(regressor / np.linalg.norm(regressor, axis=0))
-    if not scaled < LARGEST_CONDITION:
-        raise LogError(
-            f"{source}: excitation too poor: inertia, viscous and dry friction and offset look alike (condition "
-            f"{scaled:.3g}, at most {LARGEST_CONDITION:.0f}); use at least two frequencies and both directions"
-        )
-    values = np.linalg.lstsq(regressor, prepared.torque[used], rcond=None)[0]
-    residual = prepared.torque[used] - regressor @ values
-    count = block_count(residual)
-    block = used * count // len(prepared.torque)
-    covariance = block_covariance(regressor, residual, block)
-    every = np.stack(
-        [prepared.acceleration, prepared.velocity, prepared.direction, np.ones_like(prepared.torque)], axis=1
-    )
-    return Regression(
-        estimates=estimates(values, covariance, count - 1),
-        fitted=every @ values,
-        condition=float(np.linalg.cond(regressor)),
-        scaled_condition=float(scaled),
-        relative_error=float(np.linalg.norm(residual) / np.linalg.norm(prepared.torque[used])),
-        blocks=count,
-    )
+    linear = [name for name in names if name != "stribeck_velocity"]
+
+    def cost(logarithm: float) -> float:
+        return float(np.sum(_solve(rows, linear, columns | _rise(rows, float(np.exp(logarithm))))[1] ** 2))
+
+    speeds = np.abs(rows.velocity)
+    low, high = float(np.quantile(speeds, 0.05)), 0.5 * float(speeds.max())
+    tried = np.linspace(np.log(min(low, 0.5 * high)), np.log(high), SPEEDS)
+    best = int(np.argmin([cost(speed) for speed in tried]))
+    ends = tried[max(best - 1, 0)], tried[min(best + 1, SPEEDS - 1)]
+    return float(np.exp(minimize_scalar(cost, bounds=ends, method="bounded", options={"xatol": 1e-3}).x))

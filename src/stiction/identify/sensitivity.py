@@ -35,6 +35,8 @@ def parameter_torques(
         "coulomb_friction_backward": backward,
         "offset": -ones,
         "load_coefficient": -sign * np.abs(cut.load),
+        "position_slope": -sign * (cut.position - model.middle),
+        "position_curvature": -sign * (cut.position - model.middle) ** 2,
     }
     if model.law == "stribeck":
         torques |= _stribeck(values, sign, cut)

@@ -3,11 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from math import inf, isfinite
+from math import isfinite
 from typing import Literal
 
 from stiction.formats.errors import StictionError
 from stiction.formats.log import LogSetup
+
+GRAVITATION = 9.81
+"""Standard acceleration of fall [m/s²]."""
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A known mass hung on the joint, which makes the torque's scale visible."""
+
+    mass: float
+    """[kg]."""
+    distance: float
+    """Of its centre from the joint's axis, which lies level [m]."""
+    angle: float
+    """Angle of the joint at which it hangs straight down [rad]."""
+
+    @property
+    def weight(self) -> float:
+        """Largest torque of its weight, m g r [N m]."""
+        return self.mass * GRAVITATION * self.distance
+
+    @property
+    def inertia(self) -> float:
+        """As a point mass, m r² [kg m²]."""
+        return self.mass * self.distance**2
 
 
 @dataclass(frozen=True)
@@ -32,26 +57,76 @@ class IdentifySetup:
     velocity_delay: float = 0.0
     """How late the velocity is that the controller uses [s]: half a sample for a difference over one sample, plus its
     filter. It matters to output error alone."""
+    delay: float | None = None
+    """How late the whole controller is, from sensors and target to torque [s]; 0 if not given."""
+    motor_strength: float | None = None
+    """k, torque delivered over torque logged or commanded. Position-only logs do not show it: whoever gives it here
+    vouches for the scale of all that follows."""
+    torque_calibrated: bool | None = None
+    """Whether the torque column, times the scale, is in N m; true if not given. A current without a torque constant is
+    not: inertia and friction then come out over k."""
+    payload_mass: float | None = None
+    """A known mass hung on the joint for this log [kg], which tells k."""
+    payload_distance: float | None = None
+    """Distance of the payload's centre from the axis [m]."""
+    payload_angle: float | None = None
+    """Angle of the joint at which the payload hangs straight down [rad]."""
+    hanging_angle: float | None = None
+    """Angle of the joint, known from the geometry, at which the link hangs straight down [rad]: gravity then tells
+    the encoder's bias."""
+    unknowns: tuple[Literal["delay", "encoder_bias"], ...] = ()
+    """What output error is to find besides: the delay of the controller, the bias of the encoder."""
+    gravity: bool | None = None
+    """Fit gravity on the link; by default for a leg in the air, and nothing else."""
     cutoff: float | None = None
     """Corner of the filter [Hz]; by default as high as the noise of the acceleration lets."""
 
     def with_sidecar(self, sidecar: LogSetup) -> IdentifySetup:
         """Return the setup with what is None filled from the log's sidecar."""
-        own = {item.name: getattr(self, item.name) for item in fields(LogSetup) if hasattr(self, item.name)}
-        return replace(self, **{name: getattr(sidecar, name) for name, value in own.items() if value is None})
+        shared = {item.name for item in fields(LogSetup)} & {item.name for item in fields(self)}
+        return replace(self, **{name: getattr(sidecar, name) for name in shared if getattr(self, name) is None})
+
+    def for_repeat(self) -> IdentifySetup:
+        """Return the setup for another log of the same joint: what hung on it is for that log's sidecar to say."""
+        return replace(self, payload_mass=None, payload_distance=None, payload_angle=None)
+
+    @property
+    def fits_gravity(self) -> bool:
+        """Whether gravity enters the torque equation."""
+        return self.test_condition == "in_air" if self.gravity is None else self.gravity
+
+    @property
+    def payload(self) -> Payload | None:
+        """The known payload, if there is one."""
+        if self.payload_mass is None or self.payload_distance is None or self.payload_angle is None:
+            return None
+        return Payload(self.payload_mass, self.payload_distance, self.payload_angle)
 
     def check(self) -> None:
         """Raise `StictionError` for numbers that no set-up has, and for torque from which friction cannot be found."""
-        for name, lowest_allowed in (("kp", False), ("kd", True), ("torque_limit", False)):
-            value = getattr(self, name)
-            if value is not None and not (isfinite(value) and (value > 0 or (lowest_allowed and value == 0))):
-                raise StictionError(f"{name} {value}: expected a positive number{', or 0' if lowest_allowed else ''}")
+        positive = ("kp", "torque_limit", "motor_strength", "payload_mass", "payload_distance")
+        for name in (*positive, "kd", "delay", "velocity_delay"):
+            value, less = getattr(self, name), "" if name in positive else ", or 0"
+            if value is not None and not (isfinite(value) and (value > 0 or (value == 0 and less))):
+                raise StictionError(f"{name.replace('_', ' ')} {value}: expected a positive number{less}")
         if not 1e-9 <= abs(self.torque_scale) <= 1e9:
             raise StictionError(f"torque scale {self.torque_scale}: expected a size between 1e-9 and 1e9")
-        if not 0 <= self.velocity_delay < inf:
-            raise StictionError(f"velocity delay {self.velocity_delay} s: expected a number that is not negative")
         if self.torque_source == "output_side":
             raise StictionError(
                 "torque source output_side: a sensor behind the gear does not see the joint's friction; "
                 "use the motor's current or command (motor_side)"
             )
+        given = [name for name in PAYLOAD if getattr(self, name) is not None]
+        if given and len(given) < len(PAYLOAD):
+            missing = next(name for name in PAYLOAD if name not in given)
+            raise StictionError(f"{given[0]} without {missing}: a payload needs mass, distance and angle")
+        for name in ("payload_angle", "hanging_angle"):
+            value = getattr(self, name)
+            if value is not None and not isfinite(value):
+                raise StictionError(f"{name.replace('_', ' ')} {value}: expected an angle in rad")
+        if self.axis == "linear" and (given or self.gravity or self.hanging_angle is not None):
+            raise StictionError("a linear axis has no hanging angle: payload and gravity are for rotary joints")
+
+
+PAYLOAD = ("payload_mass", "payload_distance", "payload_angle")
+"""All of them, or none."""

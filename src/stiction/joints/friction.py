@@ -42,18 +42,45 @@ class FrictionLaw(Protocol):
         """Friction per torque that the load transmits, at every speed and at rest [1]."""
         ...
 
+    @property
+    def depends_on_angle(self) -> bool:
+        """Whether `at_angle` is anything but zero."""
+        ...
+
     def pieces(self, direction: int) -> tuple[Piece, ...]:
         """Return the friction of the unloaded joint turning in `direction`, 1 or -1, continuous from zero speed on."""
         ...
 
+    def at_angle(self, position: np.ndarray) -> np.ndarray:
+        """Return what comes on top at an angle [rad], at every speed and at rest [N m], in the shape of `position`."""
+        ...
+
+    def slope_at_angle(self, position: np.ndarray) -> np.ndarray:
+        """Return the derivative of `at_angle` [N m/rad]."""
+        ...
+
+
+class SameEverywhere:
+    """A law that asks neither for the load nor for the angle."""
+
+    load_coefficient = 0.0
+    depends_on_angle = False
+
+    def at_angle(self, position: np.ndarray) -> np.ndarray:
+        """Return nothing on top."""
+        return np.zeros_like(position)
+
+    def slope_at_angle(self, position: np.ndarray) -> np.ndarray:
+        """Return no slope."""
+        return np.zeros_like(position)
+
 
 @dataclass(frozen=True)
-class Coulomb:
+class Coulomb(SameEverywhere):
     """The same friction at every speed, and up to as much at rest."""
 
     level: float
     """b_c [N m]."""
-    load_coefficient = 0.0
 
     def __post_init__(self) -> None:
         """Refuse friction that would drive the joint."""
@@ -65,7 +92,7 @@ class Coulomb:
 
 
 @dataclass(frozen=True)
-class Asymmetric:
+class Asymmetric(SameEverywhere):
     """Coulomb and viscous friction of each direction; forward means θ' > 0. `Joint.viscous` is zero beside it."""
 
     forward: float
@@ -76,7 +103,6 @@ class Asymmetric:
     """B forward [N m s/rad]."""
     viscous_backward: float = 0.0
     """B backward [N m s/rad]."""
-    load_coefficient = 0.0
 
     def __post_init__(self) -> None:
         """Refuse friction that would drive the joint."""
@@ -95,7 +121,7 @@ class Asymmetric:
 
 
 @dataclass(frozen=True)
-class Stribeck:
+class Stribeck(SameEverywhere):
     """f = b_c + (b_s − b_c) exp(−(θ'/v_s)²): more friction at rest than in motion, as in lubricated gears.
 
     The Gaussian is a chain of secants (`KNOTS`), within 1 % of b_s − b_c of it.
@@ -107,7 +133,6 @@ class Stribeck:
     """b_s, at rest [N m]."""
     velocity: float
     """v_s [rad/s]."""
-    load_coefficient = 0.0
 
     def __post_init__(self) -> None:
         """Refuse friction that would drive the joint, and a fall without width."""
@@ -128,7 +153,7 @@ class Stribeck:
 
 
 @dataclass(frozen=True)
-class LoadDependent:
+class LoadDependent(SameEverywhere):
     """f = b_c + c |load|, the load being the torque that reaches the joint from outside: gravity and known torques."""
 
     level: float
@@ -144,6 +169,45 @@ class LoadDependent:
     def pieces(self, direction: int) -> tuple[Piece, ...]:
         """Return b_c, whatever the direction; the simulator adds c |load|."""
         return (Piece(0.0, self.level, 0.0),)
+
+
+@dataclass(frozen=True)
+class PositionDependent(SameEverywhere):
+    """f = b_c + slope (θ − θ_m) + curvature (θ − θ_m)²: a joint behind a linkage, a belt or a cable guide."""
+
+    level: float
+    """b_c in the middle [N m]."""
+    slope: float
+    """[N m/rad]."""
+    curvature: float
+    """[N m/rad²]."""
+    middle: float = 0.0
+    """θ_m [rad]."""
+    depends_on_angle = True
+
+    def __post_init__(self) -> None:
+        """Refuse friction that would drive the joint."""
+        _not_negative("Coulomb friction", self.level)
+        if not np.isfinite([self.slope, self.curvature, self.middle]).all():
+            raise StictionError(
+                f"friction with slope {self.slope}, curvature {self.curvature} about {self.middle}: expected finite "
+                "numbers"
+            )
+
+    def pieces(self, direction: int) -> tuple[Piece, ...]:
+        """Return b_c, whatever the direction; the simulator adds what the angle does."""
+        return (Piece(0.0, self.level, 0.0),)
+
+    def at_angle(self, position: np.ndarray) -> np.ndarray:
+        """Return slope (θ − θ_m) + curvature (θ − θ_m)², no less than −b_c."""
+        away = position - self.middle
+        return np.maximum(self.slope * away + self.curvature * away**2, -self.level)
+
+    def slope_at_angle(self, position: np.ndarray) -> np.ndarray:
+        """Return slope + 2 curvature (θ − θ_m), zero where the friction is."""
+        away = position - self.middle
+        positive = self.slope * away + self.curvature * away**2 > -self.level
+        return positive * (self.slope + 2 * self.curvature * away)
 
 
 def _not_negative(name: str, value: float) -> None:

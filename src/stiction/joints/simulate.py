@@ -92,11 +92,12 @@ def simulate(
                 "of the target, and a positive step"
             )
     outside = np.zeros(len(target)) if load is None else np.asarray(load, float)
-    if joint.gravity is None:
-        motion, phases = _run(joint, gains, step, target, (position, velocity), outside - joint.offset, outside, 0.0)
+    if joint.gravity is None and not joint.friction.depends_on_angle:
+        dry = joint.friction.load_coefficient * np.abs(outside)
+        motion, phases = _run(joint, gains, step, target, (position, velocity), outside - joint.offset, dry, 0.0)
     else:
         path = np.asarray(target if guess is None else guess, float)
-        motion, phases = _settle(joint, joint.gravity, gains, step, target, (position, velocity), outside, path)
+        motion, phases = _settle(joint, gains, step, target, (position, velocity), outside, path)
     return Trajectory(motion[0], motion[1], pd_torque(gains, target, motion[0], motion[1]), phases)
 
 
@@ -107,18 +108,16 @@ def _run(
     target: np.ndarray,
     start: tuple[float, float],
     push: np.ndarray,
-    load: np.ndarray,
+    dry: np.ndarray,
     spring: float,
 ) -> tuple[np.ndarray, tuple[Phase, ...]]:
-    """Run once; push: known torque beside motor, friction and spring; load: what load-dependent friction feels."""
-    dry = joint.friction.load_coefficient * np.abs(load)
+    """Run once; push: known torque beside motor, friction and spring; dry: friction beyond the law's own."""
     run = StickSlip(Mechanism(joint.inertia, joint.viscous, joint.friction, spring, push, dry), gains, step, target)
     return run.run(*start), tuple(run.phases)
 
 
 def _settle(
     joint: Joint,
-    gravity: Gravity,
     gains: PDGains,
     step: float,
     target: np.ndarray,
@@ -126,12 +125,14 @@ def _settle(
     outside: np.ndarray,
     path: np.ndarray,
 ) -> tuple[np.ndarray, tuple[Phase, ...]]:
-    """Run with the weight along the path of the run before, until the path stays where it is."""
+    """Run with weight and friction along the path of the run before, until the path stays where it is."""
+    gravity = joint.gravity or Gravity(0.0, 0.0)
     spring, change = mean_slope(gravity, path), np.inf
     for _ in range(MOST_PASSES):
         weight = gravity.torque(path)
         push = outside - joint.offset - (weight - spring * path)
-        motion, phases = _run(joint, gains, step, target, start, push, outside - weight, spring)
+        dry = joint.friction.load_coefficient * np.abs(outside - weight) + joint.friction.at_angle(path)
+        motion, phases = _run(joint, gains, step, target, start, push, dry, spring)
         previous, change = change, float(np.abs(motion[0] - path).max())
         path = motion[0]
         if change < SETTLED:
@@ -139,8 +140,9 @@ def _settle(
         if not change < 1e6 * max(1.0, previous):
             break
     raise StictionError(
-        f"gravity of {gravity.sin:.4g} sin + {gravity.cos:.4g} cos under kp {gains.strength * gains.kp:.4g}: the "
-        f"simulation does not settle (its path still changes by {change:.3g} rad); expected gravity well under kp"
+        f"gravity of {gravity.sin:.4g} sin + {gravity.cos:.4g} cos, or friction that depends on the angle, under kp "
+        f"{gains.strength * gains.kp:.4g}: the simulation does not settle (its path still changes by {change:.3g} "
+        "rad); expected slopes well under kp"
     )
 
 

@@ -108,7 +108,8 @@ def _acceleration(joint: Joint, gains: PDGains, cut: Course) -> np.ndarray:
     asked = gains.strength * (gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity)
     level, slope = _laws(joint, cut)
     motor = np.where(cut.side == 0, asked, cut.side * min(gains.torque_limit, 1e300))
-    dry = cut.sign * (level + joint.friction.load_coefficient * np.abs(cut.load)) + slope * cut.velocity
+    more = joint.friction.load_coefficient * np.abs(cut.load) + joint.friction.at_angle(cut.position)
+    dry = cut.sign * (level + more) + slope * cut.velocity
     force = motor + cut.load - joint.offset - joint.viscous * cut.velocity - dry
     return np.where(cut.sign == 0, 0.0, force / joint.inertia)
 
@@ -119,12 +120,12 @@ def vary(joint: Joint, gains: PDGains, cut: Course, torque: np.ndarray, start: n
     torque: φ at both ends of each step, shape (2, num_steps, num_changes) [N m per unit]; what it is at rest does not
     matter. start: changes of θ and θ' at the first sample, shape (2, num_changes).
     """
-    spring, slope = 0.0, np.zeros_like(cut.load)
     moving = (cut.sign != 0).astype(float)
+    spring, slope = 0.0, cut.sign * joint.friction.slope_at_angle(cut.position) / joint.inertia
     if joint.gravity is not None:
         spring = mean_slope(joint.gravity, cut.position[0])
         felt = 1.0 - cut.sign * joint.friction.load_coefficient * np.sign(cut.load)
-        slope = moving * (joint.gravity.slope(cut.position) * felt - spring) / joint.inertia
+        slope = slope + moving * (joint.gravity.slope(cut.position) * felt - spring) / joint.inertia
     free = cut.side == 0
     stiffness = (gains.strength * gains.kp * free + spring) / joint.inertia
     damping = (gains.strength * gains.kd * free + joint.viscous + _laws(joint, cut)[1]) / joint.inertia

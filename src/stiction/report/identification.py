@@ -1,229 +1,176 @@
-"""The page of one identification, drawn from `joints.json` and `fit.npz` alone."""
+"""The page of an identification, drawn from `joints.json` and `fit.npz` alone."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 from markupsafe import Markup
 
 from stiction.formats.fit import FitSignals, read_fit
-from stiction.formats.joints import PARAMETERS, Estimate, JointRecord, load_joints
-from stiction.report.page import (
-    COLORS,
-    Section,
-    figure_uri,
-    legend,
-    new_figure,
-    paragraph,
-    picture,
-    render_page,
-    table,
-)
+from stiction.formats.joints import PARAMETERS, Estimate, JointRecord, JointsFile, load_joints
+from stiction.report.joint_figures import against_angle, cloud, overview, residuals, signals
+from stiction.report.joint_trust import agreement, diagnostics, estimators
+from stiction.report.labels import CONDITIONS, LABELS, SOURCES, cells, number, unit
+from stiction.report.page import Section, fold, paragraph, render_page, table
 
-MOST_POINTS = 4000
-"""Points drawn per curve; more makes the page heavy and nothing clearer."""
-
-LABELS = {
-    "inertia": ("Inertia I", "kg m²", "kg"),
-    "viscous_friction": ("Viscous friction B", "N m s/rad", "N s/m"),
-    "coulomb_friction": ("Dry (Coulomb) friction f", "N m", "N"),
-    "offset": ("Offset", "N m", "N"),
-    "friction_ratio": ("Friction over torque limit f/τ_max", "1", "1"),
-    "dead_band": ("Dead band f/kp", "rad", "m"),
-}
-"""Quantity -> label, unit of a rotary joint, unit of a linear axis."""
-
-CONDITIONS = {"bare_motor": "bare motor", "in_air": "leg in the air", "loaded": "under load", None: "not stated"}
-SOURCES = {"motor_side": "on the motor's side (current or command)", "output_side": "behind the gear", None: "none"}
+EXTRA = ("gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay")
+"""Quantities that are shown only where they were found."""
 
 
 def write_identification_page(folder: Path) -> Path:
     """Write `report.html` beside the `joints.json` and `fit.npz` of `folder`; return its path."""
     joints = load_joints(folder / "joints.json")
-    sections: list[Section] = []
-    leads = []
-    for name, record in joints.joints.items():
-        fit = read_fit(folder / "fit.npz", name)
-        leads.append(record.diagnostics.get("verdict", {}).get("text", ""))
-        sections += joint_sections(name, record, fit)
-    title = "Joint identification: " + ", ".join(joints.joints)
+    found = {name: record for name, record in joints.joints.items() if record.diagnostics}
+    fits = {name: read_fit(folder / "fit.npz", name) for name in found}
+    if len(joints.joints) == 1:
+        sections = [section for name, record in found.items() for section in joint_sections(name, record, fits[name])]
+        lead = " ".join(record.diagnostics.get("verdict", {}).get("text", "") for record in found.values())
+    else:
+        sections, lead = _many(joints, found, fits), _lead(found)
     page = folder / "report.html"
-    page.write_text(render_page(title, sections, " ".join(leads), joints.warnings), encoding="utf-8")
+    title = "Joint identification: " + ", ".join(joints.joints)
+    page.write_text(render_page(title, sections, lead, _gathered(joints)), encoding="utf-8")
     return page
 
 
 def joint_sections(name: str, record: JointRecord, fit: FitSignals) -> list[Section]:
     """Return the sections of one joint."""
     return [
-        Section(f"{name}: what was found", (_values(record), _setting(record))),
-        Section(f"{name}: friction against speed", (_cloud(record, fit),)),
-        Section(f"{name}: signals and fit", (_signals(record, fit), _residuals(record, fit))),
-        Section(f"{name}: can it be trusted?", (*_comparison(record), _diagnostics(record))),
+        Section(f"{name}: what was found", (_values(record), *_combinations(record), _setting(record))),
+        Section(f"{name}: friction", (cloud(record, fit), *against_angle(record, fit), *_law(record))),
+        Section(f"{name}: signals and fit", (signals(record, fit), residuals(record, fit))),
+        Section(f"{name}: can it be trusted?", (*agreement(record), *estimators(record), diagnostics(record))),
+        *_meaning(name, record),
     ]
 
 
-def unit(record: JointRecord, quantity: str) -> str:
-    """Return the unit of a quantity on this kind of axis."""
-    return LABELS[quantity][2 if record.axis == "linear" else 1]
+def _many(joints: JointsFile, found: dict[str, JointRecord], fits: dict[str, FitSignals]) -> list[Section]:
+    """Return the sections of a page with several joints: all side by side first, then each behind its name."""
+    rows = []
+    for name, record in joints.joints.items():
+        over = record.coulomb_friction is None
+        dry = record.combinations.get("f/k") if over else record.coulomb_friction
+        ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
+        band = "" if record.dead_band is None else number(record.dead_band.value)
+        law = (record.friction_law or {}).get("law", "")
+        rows.append([name, *(cells(dry)[::2]), ratio, band, law])
+    over = all(record.coulomb_friction is None for record in found.values())
+    heading = "f/k, in units of the motor strength" if over else "dry friction f"
+    header = ["", heading, "95 % interval", "f/τ_max", "f/kp [rad]", "law"]
+    blocks = []
+    for name, record in found.items():
+        parts = [block for section in joint_sections(name, record, fits[name]) for block in section.blocks]
+        verdict = paragraph(record.diagnostics.get("verdict", {}).get("text", ""))
+        blocks.append(fold(name, [verdict, *parts]))
+    return [
+        Section("All joints", (table(header, rows), overview(found))),
+        Section("Joint by joint", tuple(blocks)),
+    ]
 
 
-def _axis_units(record: JointRecord) -> tuple[str, str]:
-    """Return the units of position and torque."""
-    return ("m", "N") if record.axis == "linear" else ("rad", "N m")
+def _lead(found: dict[str, JointRecord]) -> str:
+    """Return one sentence about all joints: which has most friction, as a share of its limit."""
+    known = {name: record.friction_ratio.value for name, record in found.items() if record.friction_ratio is not None}
+    if not known:
+        return f"{len(found)} joints were identified. Without torque limits their friction cannot be judged."
+    worst = max(known, key=lambda name: known[name])
+    return (
+        f"{len(found)} joints were identified. Dry friction takes between {min(known.values()):.1%} and "
+        f"{known[worst]:.1%} of the torque limit; {worst} has most. {found[worst].diagnostics['verdict']['text']}"
+    )
 
 
-def _number(value: float) -> str:
-    """Return a number with four digits."""
-    return f"{value:.4g}"
-
-
-def _cells(estimate: Estimate | None) -> list[str]:
-    """Return value, deviation and interval as table cells."""
-    if estimate is None:
-        return ["not known", "", ""]
-    low, high = estimate.interval95
-    return [_number(estimate.value), _number(estimate.std), f"{_number(low)} to {_number(high)}"]
+def _gathered(joints: JointsFile) -> list[str]:
+    """Return every warning once, with the joints that it concerns in front where there are several."""
+    said: dict[str, list[str]] = {}
+    for name, record in joints.joints.items():
+        for text in record.warnings:
+            said.setdefault(text, []).append(name)
+    if len(joints.joints) == 1:
+        return list(said)
+    return [f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: {text}" for text, names in said.items()]
 
 
 def _values(record: JointRecord) -> Markup:
     """Tabulate the parameters."""
-    rows = [
-        [f"{LABELS[name][0]} [{unit(record, name)}]", *_cells(getattr(record, name))]
-        for name in (*PARAMETERS, "friction_ratio", "dead_band")
-    ]
+    shown = (*PARAMETERS, *(name for name in EXTRA if getattr(record, name) is not None), "friction_ratio", "dead_band")
+    rows = [[f"{LABELS[name][0]} [{unit(record, name)}]", *cells(getattr(record, name))] for name in shown]
     return table(
-        ["", "value", "std", "95 % interval"], rows, "Symmetric viscous and Coulomb friction, by torque regression"
+        ["", "value", "std", "95 % interval"], rows, "Viscous and Coulomb friction, the same in both directions"
     )
+
+
+def _combinations(record: JointRecord) -> tuple[Markup, ...]:
+    """Tabulate what is known where a parameter is not, and say what would tell more."""
+    if not record.combinations:
+        return ()
+    rows = [[label, *cells(estimate)] for label, estimate in record.combinations.items()]
+    caption = "What this log tells; k is the motor strength, torque delivered over torque commanded"
+    missing = record.diagnostics.get("strength", {}).get("missing")
+    blocks = [table(["", "value", "std", "95 % interval"], rows, caption)]
+    return (*blocks, paragraph(missing[0].upper() + missing[1:] + ".")) if missing else tuple(blocks)
 
 
 def _setting(record: JointRecord) -> Markup:
     """Say how the log was made."""
     given = {"kp": record.kp, "kd": record.kd, "torque limit": record.torque_limit}
-    known = ", ".join(f"{name} {_number(value)}" for name, value in given.items() if value is not None)
+    known = ", ".join(f"{name} {number(value)}" for name, value in given.items() if value is not None)
     return paragraph(
         f"Test condition: {CONDITIONS[record.test_condition]}. Torque: {SOURCES[record.torque_source]}. "
-        f"Given: {known or 'no gains and no torque limit'}. Intervals come from blocks of the log that are longer than "
-        "the residual's memory, so that correlated residuals do not make them too narrow."
+        f"Given: {known or 'no gains and no torque limit'}. Intervals come from resampling blocks of the log that are "
+        "longer than the residual's memory, and admit what parts of the log say by themselves."
     )
 
 
-def _thin(fit: FitSignals, low: float = 0.0, high: float = np.inf) -> np.ndarray:
-    """Return indices of at most `MOST_POINTS` samples between two times."""
-    chosen = np.flatnonzero((fit.time >= low) & (fit.time <= high))
-    return chosen[:: max(1, len(chosen) // MOST_POINTS)]
+def _law(record: JointRecord) -> tuple[Markup, ...]:
+    """Tabulate the laws that were tried, and the parameters of the one that was chosen."""
+    law = record.friction_law
+    if not law:
+        return ()
+    rows = [
+        [
+            entry["law"],
+            str(entry["parameters"]),
+            f"{entry['held_out']:.2%}",
+            "" if entry["law"] == "coulomb" else f"{entry['gain']:+.1%} ± {entry['gain_std']:.1%}",
+            "" if entry["law"] == "coulomb" else f"{entry['evidence']:+.1f}",
+            entry["verdict"],
+        ]
+        for entry in law["candidates"]
+    ]
+    header = ["law", "parameters", "torque not explained, unseen blocks", "squared error lower by", "evidence", ""]
+    blocks = [paragraph(law["text"]), table(header, rows, "Laws that were tried; evidence is the drop of the BIC")]
+    if law["law"] != "coulomb":
+        over = " / k" if law["over_strength"] else ""
+        blocks.append(table(["", "value", "std", "95 % interval"], _law_rows(record, law, over), "The law chosen"))
+    return tuple(blocks)
 
 
-def _law(record: JointRecord, speed: np.ndarray) -> np.ndarray:
-    """Return the friction torque and offset of the fitted law at a speed."""
-    values = [estimate.value if estimate else 0.0 for estimate in (record.viscous_friction, record.coulomb_friction)]
-    return values[0] * speed + values[1] * np.sign(speed) + (record.offset.value if record.offset else 0.0)
-
-
-def _cloud(record: JointRecord, fit: FitSignals) -> Markup:
-    """Draw torque without its inertial part against speed, and the fitted law through it."""
-    position, torque = _axis_units(record)
-    figure, (axis,) = new_figure(size=(8.0, 4.2))
-    inertia = record.inertia.value if record.inertia else 0.0
-    rest = fit.torque - inertia * fit.acceleration
-    used = np.flatnonzero(fit.used > 0)
-    used = used[:: max(1, len(used) // MOST_POINTS)]
-    axis.plot(fit.velocity[used], rest[used], ".", markersize=2.5, alpha=0.35, label="torque − I × acceleration")
-    top = float(np.abs(fit.velocity).max())
-    for side in (-1.0, 1.0):
-        speed = side * np.linspace(1e-6 * top, top, 50)
-        axis.plot(speed, _law(record, speed), color=COLORS[1], linewidth=2, label="fitted law" if side > 0 else None)
-    axis.set_xlabel(f"speed [{position}/s]")
-    axis.set_ylabel(f"friction and offset [{torque}]")
-    legend(axis)
-    return picture(
-        figure_uri(figure),
-        "Each dot is a sample that entered the fit. The step at zero speed is twice the dry friction, the slope is the "
-        "viscous friction. Samples around reversals are left out: there friction may take any value.",
-    )
-
-
-def _signals(record: JointRecord, fit: FitSignals) -> Markup:
-    """Draw position and torque over a few seconds, measured and fitted."""
-    position, torque = _axis_units(record)
-    start = 0.3 * float(fit.time[-1])
-    shown = _thin(fit, start, start + min(5.0, 0.5 * float(fit.time[-1])))
-    figure, (top, bottom) = new_figure(2, 1, (8.0, 5.0))
-    time = fit.time[shown]
-    if fit.target is not None:
-        top.plot(time, fit.target[shown], label="target", linestyle=":", color=COLORS[2])
-    top.plot(time, fit.position[shown], label="measured", color=COLORS[0])
-    bottom.plot(time, fit.torque[shown], label="measured (filtered)", color=COLORS[0])
-    bottom.plot(time, fit.fitted_torque[shown], label="regression", color=COLORS[1])
-    if fit.simulated_position is not None and fit.simulated_torque is not None:
-        top.plot(time, fit.simulated_position[shown], "--", label="simulated", color=COLORS[1])
-        bottom.plot(time, fit.simulated_torque[shown], "--", label="simulated", color=COLORS[3])
-    top.set_ylabel(f"position [{position}]")
-    bottom.set_ylabel(f"torque [{torque}]" if record.axis != "linear" else f"force [{torque}]")
-    bottom.set_xlabel("time [s]")
-    legend(top)
-    legend(bottom)
-    return picture(
-        figure_uri(figure),
-        "A few seconds of the log. Simulated: the joint under its controller, from the target alone.",
-    )
-
-
-def _residuals(record: JointRecord, fit: FitSignals) -> Markup:
-    """Draw what the regression does not explain."""
-    figure, (axis,) = new_figure(size=(8.0, 2.6))
-    used = np.flatnonzero(fit.used > 0)
-    used = used[:: max(1, len(used) // MOST_POINTS)]
-    axis.plot(fit.time[used], (fit.torque - fit.fitted_torque)[used], ".", markersize=2)
-    axis.set_xlabel("time [s]")
-    axis.set_ylabel(f"residual [{_axis_units(record)[1]}]")
-    return picture(
-        figure_uri(figure),
-        "Measured minus fitted torque, at the samples used. A pattern here is physics that the law lacks.",
-    )
-
-
-def _comparison(record: JointRecord) -> tuple[Markup, ...]:
-    """Tabulate regression against output error, if both were done."""
-    other, gaps = record.diagnostics.get("output_error"), record.diagnostics.get("disagreement")
-    if not other or not gaps:
-        return (
-            paragraph(
-                "Only the torque regression was done: output error needs kp, kd, the target, and torque that fits them."
-            ),
-        )
+def _law_rows(record: JointRecord, law: dict[str, Any], over: str) -> list[list[str]]:
+    """Return the rows of the chosen law's parameters."""
     rows = []
-    for name in PARAMETERS:
-        found = Estimate.from_dict(other[name], f"output_error.{name}")
-        estimate = getattr(record, name)
-        sigmas, relative = gaps[name]["sigmas"], gaps[name]["relative"]
-        own = f"{_number(estimate.value)} ± {_number(estimate.std)}" if estimate else "not known"
-        theirs = f"{_number(found.value)} ± {_number(found.std)}"
-        rows.append([f"{LABELS[name][0]} [{unit(record, name)}]", own, theirs, f"{relative:.1%}", f"{sigmas:.1f}"])
-    header = ["", "torque regression", "output error", "difference", "in combined std"]
-    errors = other["relative_errors"]
-    return (
-        table(header, rows, "Two estimators that fail in different ways: where they agree, the number can be trusted"),
-        paragraph(f"Simulation error: position {errors['position']:.3%}, torque {errors['torque']:.2%} of the signal."),
-    )
+    for name, data in law["parameters"].items():
+        label = f"{LABELS[name][0]}{over} [{unit(record, name)}]"
+        rows.append([label, *cells(Estimate.from_dict(data, name))])
+    return rows
 
 
-def _diagnostics(record: JointRecord) -> Markup:
-    """Tabulate the numbers behind the fit."""
-    shown = {
-        "samples": ("samples in the log", "{:.0f}"),
-        "samples_used": ("samples used", "{:.0f}"),
-        "duration": ("duration [s]", "{:.3g}"),
-        "sampling_rate": ("sampling rate [Hz]", "{:.4g}"),
-        "cutoff": ("corner of the filter [Hz]", "{:.3g}"),
-        "condition_number": ("condition number of the regressor", "{:.4g}"),
-        "relative_torque_error": ("torque not explained", "{:.2%}"),
-        "blocks": ("blocks behind the intervals", "{:.0f}"),
-        "controller_mismatch": ("declared gains against logged torque", "{:.1%}"),
-    }
-    values = record.diagnostics
-    return table(
-        ["", "value"],
-        [[label, form.format(values[key])] for key, (label, form) in shown.items() if values.get(key) is not None],
-        "Diagnostics",
-    )
+def _meaning(name: str, record: JointRecord) -> list[Section]:
+    """Return what the friction means among public robots, and with seals removed or wear."""
+    verdict = record.diagnostics.get("verdict", {})
+    blocks = [paragraph(item["text"]) for item in verdict.get("placement", ())]
+    rows = [
+        [
+            case["case"],
+            "" if case["friction_ratio"] is None else f"{case['friction_ratio']['value']:.2%}",
+            "" if case["dead_band"] is None else number(case["dead_band"]["value"]),
+            "" if case["friction_level"] is None else f"{case['friction_level']:.2f}",
+            case["text"],
+        ]
+        for case in verdict.get("what_if", ())
+    ]
+    if rows:
+        header = ["", "f/τ_max", "f/kp", "--friction-level", ""]
+        blocks.append(table(header, rows, "What if: nobody measured these"))
+    return [Section(f"{name}: what it means", tuple(blocks))] if blocks else []

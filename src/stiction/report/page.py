@@ -89,6 +89,11 @@ def row(*blocks: Markup) -> Markup:
     return _block("row", blocks)
 
 
+def fold(title: str, blocks: Sequence[Markup]) -> Markup:
+    """Return blocks behind a title that opens them: for pages with many alike parts."""
+    return _block("fold", title, blocks)
+
+
 def data_uri(data: bytes, mime: str) -> str:
     """Return bytes as a `data:` URI, so that the page needs no file beside it."""
     return f"data:{mime};base64,{base64.b64encode(data).decode('ascii')}"

@@ -1,0 +1,134 @@
+"""What a log can and cannot tell: parameters where the torque's unit is known, otherwise what they are in units of k.
+
+A log of positions and targets alone stays the same if I, B, f, the offset, gravity and the motor strength k all grow
+by the same factor: the motion shows I/k, f/k and (B + k·kd)/k, and nothing else. A known payload breaks the tie, for
+its weight does not grow with k; measured torque does too, if its unit is N m.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.joints import PARAMETERS, Estimate
+from stiction.identify.intervals import bootstrap_reach, with_intervals
+from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit
+
+OVER_K = {
+    "inertia": "I/k",
+    "viscous_friction": "B/k",
+    "coulomb_friction": "f/k",
+    "offset": "offset/k",
+    "gravity_sin": "gravity_sin/k",
+    "gravity_cos": "gravity_cos/k",
+}
+"""Parameter -> the combination that is seen where k is not known."""
+
+DAMPED = "(B + k·kd)/k"
+"""What takes the place of B/k where the controller's damping was not measured."""
+
+HOLDING = "holding torque at mid-range"
+"""Offset and gravity together, in the middle of the range: known even where the two are not told apart."""
+
+
+@dataclass(frozen=True)
+class Strength:
+    """What is known of k, torque delivered over the torque that the estimators saw."""
+
+    value: Estimate | None
+    """k, or None where it is not known."""
+    source: str
+    """`measured`, `declared`, `payload` or `unknown`."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a fit says, in the units in which it may be said."""
+
+    parameters: dict[str, Estimate | None]
+    """The four standard parameters and gravity; None where the log does not tell."""
+    combinations: dict[str, Estimate]
+    """What it tells instead."""
+
+
+def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | None) -> Strength:
+    """Say where k comes from: torque in N m, the user's word, or a payload that the fit could tell."""
+    if INVERSE_STRENGTH in fit.names:
+        inverse = fit.estimates()[INVERSE_STRENGTH]
+        if fit.inflation[INVERSE_STRENGTH] < LARGEST_INFLATION and inverse.interval95[0] > 0:
+            low, high = inverse.interval95
+            return Strength(Estimate(1 / inverse.value, inverse.std / inverse.value**2, (1 / high, 1 / low)), "payload")
+        return Strength(None, "unknown")
+    if declared is not None:
+        return Strength(exactly(declared), "declared")
+    return Strength(exactly(1.0), "measured") if measured and calibrated else Strength(None, "unknown")
+
+
+def exactly(value: float) -> Estimate:
+    """Return a number that is taken as known."""
+    return Estimate(value, 0.0, (value, value))
+
+
+def combine(fit: Fit, seen: dict[str, Estimate], strength: Strength, damping: float, middle: float) -> Found:
+    """Turn a symmetric fit into parameters, or into combinations where k is not known.
+
+    seen: the fit's estimates as they may be stated, their intervals widened where need be; damping: kd where the torque
+    came from the PD law and the fit's viscous friction is B/k + kd, else 0; middle: θ in mid-range [rad].
+    """
+    clear = [name for name in OVER_K if name in seen and fit.inflation[name] < LARGEST_INFLATION]
+    combinations: dict[str, Estimate] = {}
+    parameters: dict[str, Estimate | None] = dict.fromkeys(PARAMETERS)
+    for name in clear:
+        if strength.value is None:
+            label = DAMPED if name == "viscous_friction" and damping else OVER_K[name]
+            combinations[label] = seen[name]
+        else:
+            less = damping if name == "viscous_friction" else 0.0
+            parameters[name] = times(shifted(seen[name], -less), strength.value)
+    if "gravity_sin" in seen:
+        held = holding_torque(fit, middle)
+        if strength.value is None:
+            combinations[HOLDING + "/k"] = held
+        else:
+            combinations[HOLDING] = times(held, strength.value)
+    return Found(parameters, combinations)
+
+
+def shifted(estimate: Estimate, change: float) -> Estimate:
+    """Return the estimate of the quantity plus an exactly known number."""
+    low, high = estimate.interval95
+    return Estimate(estimate.value + change, estimate.std, (low + change, high + change))
+
+
+def times(estimate: Estimate, factor: Estimate) -> Estimate:
+    """Return the estimate of a product; the relative errors of the two are taken as independent."""
+    value = estimate.value * factor.value
+    reaches = []
+    for side in (0, 1):
+        own = abs(estimate.interval95[side] - estimate.value) * factor.value
+        others = abs(factor.interval95[side if value >= 0 else 1 - side] - factor.value) * abs(estimate.value)
+        reaches.append(float(np.hypot(own, others)))
+    std = float(np.hypot(estimate.std * factor.value, factor.std * estimate.value))
+    return Estimate(value, std, (value - reaches[0], value + reaches[1]))
+
+
+def holding_torque(fit: Fit, angle: float) -> Estimate:
+    """Return the torque that holds the link at an angle [rad], offset and gravity together, in the fit's unit."""
+    weights = {"offset": 1.0, "gravity_sin": np.sin(angle), "gravity_cos": np.cos(angle)}
+    row = np.array([weights.get(name, 0.0) for name in fit.names])
+    reach = bootstrap_reach(fit.blocks)[fit.names.index("offset")]
+    return with_intervals(np.array([row @ fit.values]), np.array([[row @ fit.covariance @ row]]), reach)[0]
+
+
+def missing_experiment(strength: Strength, measured: bool) -> str | None:
+    """Return which experiment would tell what this log does not, or None where nothing is missing."""
+    if strength.value is not None:
+        return None
+    what = "the torque column has no known unit" if measured else "positions and targets alone do not show the torque"
+    return (
+        f"{what}, so inertia and friction are known over the motor strength k only, and are null; hang a known mass on "
+        "the link and log again (--payload-mass, --payload-distance, --payload-angle), or "
+        + ("give the torque constant (--torque-scale)" if measured else "log the motor's torque in N m")
+        + "; --motor-strength 1 takes the commanded torque at its word"
+    )

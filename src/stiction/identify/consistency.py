@@ -1,0 +1,210 @@
+"""Would the same joint say the same again? Halves of the log, its slow and fast parts, drift, and what is left over.
+
+Each part is fitted by itself with viscous and Coulomb friction. Where the parts disagree beyond their intervals the
+law lacks something, and the intervals, which know scatter only, are too narrow for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2
+
+from stiction.formats.joints import Estimate
+from stiction.identify.intervals import (
+    block_count,
+    bootstrap_reach,
+    correlation_time,
+    make_blocks,
+    robust_covariance,
+    with_intervals,
+)
+from stiction.identify.regression import FEWEST_ROWS, Fit, fit_rows
+from stiction.identify.rows import Rows
+
+COMPARED = ("inertia", "viscous_friction", "coulomb_friction")
+"""Parameters that the parts are compared in."""
+
+LARGEST_SIGMAS = 2.5
+"""Combined standard deviations; one comparison in eighty is beyond by chance."""
+
+STRETCHES = 16
+"""Stretches of a log, each of which counts as slow or as fast."""
+
+LAGS = 10
+"""Lags of the whiteness test."""
+
+LARGEST_TIE = 0.3
+"""Correlation of speed and time beyond which friction that changes with the one cannot be told from the other."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Two fits of the same joint."""
+
+    label: str
+    """What was compared: `halves`, `slow and fast`, or the name of another run."""
+    parts: tuple[str, str]
+    """Names of the two."""
+    values: dict[str, tuple[Estimate, Estimate]]
+    """Parameter -> the two estimates."""
+    speed: float
+    """A speed that both parts reached [rad/s]."""
+    friction: tuple[Estimate, Estimate]
+    """B θ' + b_c at that speed by each [N m]."""
+
+    def sigmas(self, name: str) -> float:
+        """Return the gap of a parameter in combined standard deviations."""
+        one, other = self.values[name]
+        return abs(one.value - other.value) / max(float(np.hypot(one.std, other.std)), 1e-300)
+
+    @property
+    def disputed(self) -> tuple[str, ...]:
+        """Parameters whose gap is beyond chance."""
+        return tuple(name for name in self.values if self.sigmas(name) > LARGEST_SIGMAS)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {
+            "label": self.label,
+            "parts": list(self.parts),
+            "values": {name: [one.to_dict(), two.to_dict()] for name, (one, two) in self.values.items()},
+            "sigmas": {name: self.sigmas(name) for name in self.values},
+            "disputed": list(self.disputed),
+            "speed": self.speed,
+            "friction": [estimate.to_dict() for estimate in self.friction],
+        }
+
+
+@dataclass(frozen=True)
+class Split:
+    """A way to cut a log in two."""
+
+    label: str
+    """What the parts differ in."""
+    parts: tuple[str, str]
+    """Their names."""
+    first: np.ndarray
+    """True in the first part, shape as of the times that were split."""
+
+
+def splits(time: np.ndarray, velocity: np.ndarray) -> tuple[Split, Split]:
+    """Cut a log into halves in time, and into its slow and its fast stretches; arrays of one shape."""
+    half = time < (time[0] + time[-1]) / 2
+    share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-300)
+    stretch = np.minimum((share * STRETCHES).astype(int), STRETCHES - 1)
+    size = np.maximum(np.bincount(stretch, minlength=STRETCHES), 1)
+    typical = np.sqrt(np.bincount(stretch, velocity**2, STRETCHES) / size)[stretch]
+    return (
+        Split("halves", ("first half", "second half"), half),
+        Split("slow and fast", ("slow part", "fast part"), typical <= np.median(typical)),
+    )
+
+
+def compare_parts(rows: Rows, fit: Fit) -> tuple[Comparison, ...]:
+    """Compare the parts of a log, each fitted by itself; none where a part has too few rows or poor motion."""
+    found = []
+    for split in splits(rows.time, rows.velocity):
+        if min(split.first.sum(), (~split.first).sum()) >= FEWEST_ROWS:
+            found.append(compare(split.label, split.parts, rows.take(split.first), rows.take(~split.first), fit))
+    return tuple(found)
+
+
+def compare(label: str, parts: tuple[str, str], one: Rows, other: Rows, fit: Fit) -> Comparison:
+    """Fit two sets of rows by themselves, each with the equation of `fit`, and set them side by side."""
+    strength_unknown = len(fit.names) > len(fit.model.names)
+    fits = [fit_rows(rows, fit.model, strength_unknown) for rows in (one, other)]
+    both = [found.estimates() for found in fits]
+    values = {name: (both[0][name], both[1][name]) for name in COMPARED}
+    speed = common_speed(one.velocity, other.velocity)
+    return Comparison(label, parts, values, speed, (friction_at(fits[0], speed), friction_at(fits[1], speed)))
+
+
+def common_speed(one: np.ndarray, other: np.ndarray) -> float:
+    """Return a speed that both velocities reach, most of the slower one's range."""
+    return min(float(np.quantile(np.abs(velocity), 0.9)) for velocity in (one, other))
+
+
+def friction_at(fit: Fit, speed: float) -> Estimate:
+    """Return B θ' + b_c of a symmetric fit at a speed [rad/s], with its interval [N m]."""
+    weights = np.array([{"viscous_friction": speed, "coulomb_friction": 1.0}.get(name, 0.0) for name in fit.names])
+    variance = weights @ fit.covariance @ weights
+    reach = bootstrap_reach(fit.blocks)[fit.names.index("coulomb_friction")]
+    return with_intervals(np.array([weights @ fit.values]), np.array([[variance]]), reach)[0]
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How much friction changes from start to end of the log: a joint that warms up, say."""
+
+    change: Estimate | None
+    """Change of all friction over its mean [1]; None where the log cannot tell."""
+    reason: str | None
+    """Why it cannot."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return {"change": None if self.change is None else self.change.to_dict(), "reason": self.reason}
+
+
+def find_drift(rows: Rows, fit: Fit, damping: float) -> Drift:
+    """Fit a friction that grows or shrinks steadily over the log, viscous and dry alike.
+
+    The equation of `fit` gets one more column, its own friction times the time from the middle, in lengths of the log.
+    damping: kd that the fit's viscous friction contains, which does not drift.
+    """
+    late = (rows.time - rows.time[0]) / float(rows.time[-1] - rows.time[0]) - 0.5
+    tied = abs(float(np.corrcoef(late, np.abs(rows.velocity))[0, 1]))
+    if tied > LARGEST_TIE:
+        return Drift(
+            None, f"the motion itself changes over the log (speed follows time with a correlation of {tied:.2f})"
+        )
+    found = dict(zip(fit.names, fit.values, strict=True))
+    friction = (found["viscous_friction"] - damping) * rows.velocity + found["coulomb_friction"] * rows.direction
+    jacobian = np.column_stack([fit.jacobian, late * friction])
+    torque = fit.jacobian @ fit.values + fit.residual
+    values = np.linalg.lstsq(jacobian, torque, rcond=None)[0]
+    residual = torque - jacobian @ values
+    blocks = make_blocks(jacobian, residual, rows.blocks(block_count(residual)))
+    return Drift(with_intervals(values, robust_covariance(blocks), bootstrap_reach(blocks))[-1], None)
+
+
+@dataclass(frozen=True)
+class Whiteness:
+    """What the residual remembers."""
+
+    correlation_time: float
+    """In rows, 1 for white noise."""
+    first_lag: float
+    """Correlation of neighbouring rows."""
+    probability: float
+    """Of a portmanteau statistic (Ljung and Box, 10 lags) as large as this from white noise; near 0: not white."""
+
+
+def whiteness(residual: np.ndarray) -> Whiteness:
+    """Test a residual, shape (num_rows,), for memory."""
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    if power <= 0:
+        return Whiteness(1.0, 0.0, 1.0)
+    count = len(centred)
+    lags = np.arange(1, LAGS + 1)
+    correlations = np.array([float(centred[lag:] @ centred[:-lag]) / power for lag in lags])
+    statistic = count * (count + 2) * float(np.sum(correlations**2 / (count - lags)))
+    return Whiteness(correlation_time(residual), float(correlations[0]), float(chi2.sf(statistic, LAGS)))
+
+
+def widened(seen: dict[str, Estimate], comparisons: tuple[Comparison, ...]) -> dict[str, Estimate]:
+    """Return the estimates with intervals that admit what parts of the log say by themselves, where they dispute it.
+
+    Half the gap of the two is the least that what the law lacks may have moved the estimate by.
+    """
+    result = dict(seen)
+    for comparison in comparisons:
+        for name in comparison.disputed:
+            old, values = result[name], [part.value for part in comparison.values[name]]
+            ends = (min(old.interval95[0], *values), max(old.interval95[1], *values))
+            result[name] = Estimate(old.value, max(old.std, abs(values[0] - values[1]) / 2), ends)
+    return result

@@ -1,0 +1,175 @@
+"""The estimators that simulate the joint under its controller: output error and instrumental variables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.formats.joints import Estimate
+from stiction.identify.combinations import shifted
+from stiction.identify.consistency import COMPARED, Comparison, common_speed, splits
+from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
+from stiction.identify.instrument import fit_instrumental
+from stiction.identify.model import Model
+from stiction.identify.output_error import OutputError, fit_output_error
+from stiction.identify.regression import INVERSE_STRENGTH, Fit
+from stiction.identify.runs import Run
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import simulate
+
+
+@dataclass(frozen=True)
+class InLoop:
+    """What the simulations of one run gave; None where one could not be done."""
+
+    mismatch: float | None = None
+    """Relative gap between logged torque and the declared controller's; None without torque or gains."""
+    symmetric: OutputError | None = None
+    """Output error with viscous and Coulomb friction."""
+    chosen: OutputError | None = None
+    """Output error with the law that was chosen, if that is a richer one."""
+    instrumental: Fit | None = None
+    """Regression with simulated instruments."""
+    comparisons: tuple[Comparison, ...] = ()
+    """Parts of a log without torque, each fitted by output error by itself."""
+    reason: str | None = None
+    """Why it was not done."""
+
+
+def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
+    """Run both estimators from the regression's values; base: the symmetric fit; chosen: that of the chosen law."""
+    gains, target = run.gains, run.signals.target
+    if gains is None:
+        return InLoop(reason="no kp and kd: output error is not done; give --kp and --kd")
+    if target is None:
+        return InLoop(reason="no target in the log: output error is not done; log the position asked for")
+    if INVERSE_STRENGTH in base.names or run.setup.payload is not None:
+        return InLoop(reason="output error is not done with a payload on the joint")
+    mismatch = _mismatch(run, gains)
+    if mismatch is not None and mismatch > LARGEST_MISMATCH:
+        return InLoop(
+            mismatch,
+            reason=f"the logged torque differs from kp (target − position) − kd velocity by {mismatch:.0%}: gains, the "
+            "torque's unit or the timing are not as declared; output error, which rests on them, is not done",
+        )
+    symmetric = _output_error(run, gains, base)
+    richer = _output_error(run, gains, chosen) if chosen is not base else None
+    instrumental = fit_instrumental(run.prepared, None, base, lambda values: _follow(run, gains, base, values))
+    reason = None
+    if symmetric is None:
+        reason = "output error found no joint whose simulation follows the log: the model is not right, or the gains"
+    comparisons = () if run.measured or symmetric is None else _compare_parts(run, gains, base)
+    return InLoop(mismatch, symmetric, richer, instrumental, comparisons, reason)
+
+
+def _mismatch(run: Run, gains: PDGains) -> float | None:
+    """Compare the logged torque with the declared controller's; None where no torque was logged."""
+    if not run.measured:
+        return None
+    lag = (run.setup.velocity_delay or 0.0) + (run.setup.delay or 0.0)
+    late = np.interp(run.signals.time - lag, run.signals.time, run.prepared.velocity)
+    return controller_mismatch(run.signals, gains, late, run.prepared.cutoff)
+
+
+def _start(run: Run, gains: PDGains, fit: Fit) -> dict[str, float]:
+    """Return the regression's values as the simulation takes them: the controller's damping is the controller's."""
+    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
+    if not run.measured:
+        for name in values:
+            if name.startswith("viscous_friction"):
+                values[name] -= gains.kd
+    return values
+
+
+def _compare_parts(run: Run, gains: PDGains, base: Fit) -> tuple[Comparison, ...]:
+    """Fit the parts of the log by themselves; the joint is simulated all along, and judged in one part."""
+    found = []
+    for split in splits(run.signals.time, run.prepared.velocity):
+        parts = (split.first, ~split.first)
+        fits = [_output_error(run, gains, base, part) for part in parts]
+        if fits[0] is None or fits[1] is None:
+            continue
+        both = [seen_in_loop(fit, gains.kd) for fit in fits if fit is not None]
+        values = {name: (both[0][name], both[1][name]) for name in COMPARED}
+        speed = common_speed(*(run.prepared.velocity[part] for part in parts))
+        one, other = (_friction(estimates, speed) for estimates in both)
+        found.append(Comparison(split.label, split.parts, values, speed, (one, other)))
+    return tuple(found)
+
+
+def seen_in_loop(fit: OutputError, damping: float) -> dict[str, Estimate]:
+    """Return the estimates as the regression would have them, whose viscous friction contains `damping`."""
+    return {
+        name: shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
+        for name, estimate in fit.estimates.items()
+    }
+
+
+def _friction(seen: dict[str, Estimate], speed: float) -> Estimate:
+    """Return B θ' + b_c at a speed; the two errors are taken as independent, which makes the interval too wide."""
+    viscous, dry = seen["viscous_friction"], seen["coulomb_friction"]
+    value = viscous.value * speed + dry.value
+    std = float(np.hypot(viscous.std * speed, dry.std))
+    reach = 2 * std
+    return Estimate(value, std, (value - reach, value + reach))
+
+
+def _output_error(run: Run, gains: PDGains, fit: Fit, part: np.ndarray | None = None) -> OutputError | None:
+    """Fit by output error; None where the best simulation does not depend on all of the equation's parameters.
+
+    part: samples to judge the simulation in, all by default.
+    """
+    setup = run.setup
+    found = fit_output_error(
+        run.signals if part is None else replace(run.signals, valid=run.signals.valid & part),
+        gains,
+        fit.model,
+        _start(run, gains, fit),
+        run.prepared.velocity,
+        velocity_delay=setup.velocity_delay,
+        delay=setup.delay or 0.0,
+        unknown=tuple(LOOP_UNKNOWNS[name] for name in setup.unknowns if _shows(run, name)),
+    )
+    needed = {name for name in fit.model.names if name not in BLURRED}
+    return None if needed & set(found.unidentified) else found
+
+
+LOOP_UNKNOWNS = {"delay": "delay", "encoder_bias": "log_bias"}
+"""What the user may ask for -> what the simulated loop calls it."""
+
+BLURRED = ("offset", "gravity_sin", "gravity_cos")
+"""Parameters that a small range of angles does not tell apart: no harm to the others."""
+
+
+def _shows(run: Run, unknown: str) -> bool:
+    """Whether the loop can show an unknown; without torque a bias of the encoder is one with the offset."""
+    return unknown == "delay" or (run.measured and run.setup.hanging_angle is None)
+
+
+def _follow(run: Run, gains: PDGains, fit: Fit, values: np.ndarray) -> np.ndarray | None:
+    """Return the position that the loop would have had with these values, or None where no joint has them."""
+    names = dict(zip(fit.names, values.tolist(), strict=True))
+    if not run.measured:
+        names["viscous_friction"] -= gains.kd
+    try:
+        joint = fit.model.joint([names[name] for name in fit.model.names])
+        made = simulate(
+            joint,
+            gains,
+            run.signals.step,
+            np.asarray(run.signals.target),
+            float(run.signals.position[0]),
+            float(run.prepared.velocity[0]),
+            run.signals.disturbance,
+            run.signals.position,
+        )
+    except StictionError:
+        return None
+    return made.position
+
+
+def symmetric_model(run: Run) -> Model:
+    """Return the symmetric torque equation for a run."""
+    return Model("coulomb", run.setup.fits_gravity)

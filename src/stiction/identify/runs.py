@@ -1,0 +1,88 @@
+"""One run of one joint, ready for the estimators: what drove it, in which unit, and the rows that count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.log import Log, LogError
+from stiction.identify.checks import Uniform, check_excitation, check_log
+from stiction.identify.prepare import Prepared, prepare
+from stiction.identify.regression import check_rows
+from stiction.identify.rows import Rows, make_rows
+from stiction.identify.setup import IdentifySetup
+from stiction.joints.pd import PDGains
+
+SATURATED = 0.98
+"""Share of the torque limit from which on a motor no longer follows its controller."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """A log of one joint, checked, filtered, and cut to the samples that count."""
+
+    source: str
+    """Name of the log."""
+    joint: str
+    """Name of the joint."""
+    setup: IdentifySetup
+    """How it was made; what the log's sidecar knew is in it."""
+    signals: Uniform
+    """On the even grid."""
+    torque: np.ndarray
+    """What drove the joint, as measured or from the PD law [N m, or the torque column's unit], (num_samples,)."""
+    prepared: Prepared
+    """Filtered."""
+    rows: Rows
+    """What counts."""
+    notes: tuple[str, ...] = ()
+    """What was said of the file when it was read."""
+
+    @property
+    def measured(self) -> bool:
+        """Whether the log has torque; otherwise it comes from the PD law."""
+        return self.signals.torque is not None
+
+    @property
+    def gains(self) -> PDGains | None:
+        """The controller, where kp and kd are known."""
+        if self.setup.kp is None or self.setup.kd is None:
+            return None
+        return PDGains(self.setup.kp, self.setup.kd, self.setup.torque_limit or float("inf"))
+
+
+def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
+    """Check and prepare one joint of a log. Raises `StictionError` with one line for whatever the log lacks."""
+    name, raw = log.joint(joint)
+    setup = setup.with_sidecar(log.setup_of(name))
+    setup.check()
+    signals = check_log(log, name, raw, setup.torque_scale)
+    torque, unusable = _drive(log.source, signals, setup)
+    prepared = prepare(signals, torque, setup.cutoff, unusable)
+    check_excitation(log.source, prepared.velocity, signals.step)
+    rows = make_rows([prepared], [setup.payload])
+    check_rows(log.source, rows)
+    return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
+
+
+def _drive(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
+    """Return the torque that drove the joint, and the samples at which it is not known.
+
+    Without measured torque it is kp (target − θ), late by the delay: the damping of the controller stays with the
+    viscous friction, for the two cannot be told apart. A motor at its limit does not follow that law.
+    """
+    if signals.torque is not None:
+        return signals.torque, np.zeros(len(signals.time), bool)
+    if signals.target is None or setup.kp is None or setup.kd is None:
+        missing = "target" if signals.target is None else "kp" if setup.kp is None else "kd"
+        raise LogError(
+            f"{source}: no torque in the log, and without {missing} it cannot be reconstructed; log the motor's "
+            "torque, or log the target and give --kp and --kd"
+        )
+    velocity = np.gradient(signals.position, signals.step)
+    spring, damper = setup.kp * (signals.target - signals.position), setup.kd * velocity
+    unusable = np.abs(spring - damper) > SATURATED * (setup.torque_limit or np.inf)
+    delay = setup.delay or 0.0
+    late = np.interp(signals.time - delay, signals.time, spring - damper)
+    return late + damper, unusable
