@@ -12,6 +12,12 @@ from scipy.signal import lfilter
 LONGEST_SERIES = 4.0
 """Time constants that one Taylor series spans; longer spans are cut, or large terms would cancel."""
 
+LARGEST_GROWTH = 200.0
+"""Growth of an unstable motion, as the logarithm, after which a stretch is cut: floating point ends at 700."""
+
+MOST_SAMPLES = 1_000_000
+"""Samples of one stretch."""
+
 State = tuple[float, float]
 """q [rad] and q' [rad/s]."""
 
@@ -25,6 +31,8 @@ class Regime:
         stiffness [1/s²]; damping [1/s]; step: time between samples [s].
         """
         self.stiffness, self.damping = stiffness, damping
+        growth = (max(-damping, 0.0) + max(-stiffness, 0.0) ** 0.5) * step
+        self.longest = int(LARGEST_GROWTH / growth) if growth * MOST_SAMPLES > LARGEST_GROWTH else MOST_SAMPLES
         # Columns of the transition, and the answers to a constant and to a ramp of input.
         first, second = self.inside((1.0, 0.0), 0.0, 0.0, step), self.inside((0.0, 1.0), 0.0, 0.0, step)
         self.transition = np.array([first, second]).T

@@ -251,6 +251,7 @@ class StickSlip:
     ) -> tuple[np.ndarray, int, bool]:
         """Return the motion ahead, how many samples of it hold, and whether the sample after them leaves the piece."""
         regime, drive, slow, fast = self.way(sign, side, piece)
+        length = min(length, regime.longest)
         ahead = regime.stretch(state, drive[index : index + length + 1])
         speed = sign * ahead[1]
         left = speed <= slow if slow == 0 else speed < slow
