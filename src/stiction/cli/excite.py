@@ -11,7 +11,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from stiction.formats.design import ExcitationDesign, percent, write_signals
+from stiction.formats.design import ExcitationDesign, percent, two_digits, write_signals
 from stiction.formats.errors import StictionError
 from stiction.formats.log import write_log
 from stiction.identify.excite.setup import ExciteSetup
@@ -128,7 +128,7 @@ def run_lines(design: ExcitationDesign, out: Path) -> list[str]:
     ]
     if best is not None:
         lines.append(
-            f"The best single sine would leave {best / design.worst:.2g} times the worst deviation: it takes "
-            f"{(best / design.worst) ** 2:.2g} times as long to know as much."
+            f"The best single sine would leave {two_digits(best / design.worst)} times the worst deviation: it takes "
+            f"{two_digits((best / design.worst) ** 2)} times as long to know as much."
         )
     return lines

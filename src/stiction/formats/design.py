@@ -149,7 +149,12 @@ class ExcitationDesign:
 
 def percent(share: float | None) -> str:
     """Return a share in per cent with two digits, nothing for None."""
-    return "" if share is None else f"{100 * share:.2g} %"
+    return "" if share is None else f"{two_digits(100 * share)} %"
+
+
+def two_digits(value: float) -> str:
+    """Return a number rounded to two digits, without an exponent where people would not write one: 120, not 1.2e+02."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 ROWS = {"predicted": Predicted, "sines": OneSine, "trials": GainTrial, "sweep": GainPoint}

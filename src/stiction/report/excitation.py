@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
-from stiction.formats.design import ExcitationDesign, load_design, percent, read_signals
+from stiction.formats.design import ExcitationDesign, load_design, percent, read_signals, two_digits
 from stiction.report.excitation_figures import draw_motion, draw_sines, draw_sweep
 from stiction.report.page import (
     Section,
@@ -142,15 +142,15 @@ def _sine_text(design: ExcitationDesign) -> Markup:
     closest = min(design.sines, key=lambda sine: sine.correlation)
     ratio = best.worst / design.worst
     verdict = (
-        f"{ratio:.2g} times the design's worst deviation, so it takes {ratio**2:.2g} times as long to know as much"
+        f"{two_digits(ratio)} times the design's worst deviation, so it takes {two_digits(ratio**2)} times as long to know as much"
         if ratio > 1
-        else f"{ratio:.2g} times the design's worst deviation"
+        else f"{two_digits(ratio)} times the design's worst deviation"
     )
     return paragraph(
         f"A slow sine shows dry friction and hardly any inertia or viscous friction; a fast one shows inertia, and dry "
         f"and viscous friction merge: at {closest.frequency:.2g} Hz their estimates have a correlation of "
         f"{closest.correlation:.3f}. Even the best frequency tried, {best.frequency:.2g} Hz, leaves {verdict}; "
-        f"{worst.frequency:.2g} Hz leaves {worst.worst / design.worst:.2g} times. And a single sine, at nearly one "
+        f"{worst.frequency:.2g} Hz leaves {two_digits(worst.worst / design.worst)} times. And a single sine, at nearly one "
         "speed, cannot show that friction changes with speed."
     )
 
@@ -176,8 +176,8 @@ def _gain_blocks(design: ExcitationDesign) -> tuple[Markup, ...]:
             "angles alone the deviation grows in proportion to kp. A logged torque is worth having once kp times the "
             f"noise of the angle exceeds the noise of the torque, here above kp {crossing:.3g}: from there on high "
             "gains cost nothing more. Under that, the angle and a loop whose gains are known exactly tell more of the "
-            "torque than its sensor does. Gains that are not known exactly, or a motor that is not its command, move the crossing "
-            "to lower kp."
+            "torque than its sensor does. Gains that are not known exactly, or a motor that is not its command, move "
+            "the crossing to lower kp."
         ),
         table(
             ["kp", "kd", "worst deviation", "reach", "tracks"],

@@ -54,7 +54,7 @@ def draw_motion(design: ExcitationDesign, signals: DesignSignals) -> Markup:
 
 def draw_sines(design: ExcitationDesign) -> Markup:
     """Draw what one sine tells against its frequency, and the correlation of the two kinds of friction."""
-    figure, (left, right) = new_figure(1, 2, (9.0, 3.4))
+    figure, (left, right) = new_figure(1, 2, (9.0, 4.2))
     frequency = [sine.frequency for sine in design.sines]
     for index, name in enumerate(("inertia", "viscous friction", "Coulomb friction")):
         left.loglog(frequency, [100 * sine.relative[index] for sine in design.sines], marker="o", ms=3, label=name)
@@ -64,6 +64,7 @@ def draw_sines(design: ExcitationDesign) -> Markup:
     left.axhline(100 * design.worst, color=INK, linestyle="--", linewidth=1.2, label="the design, worst in the range")
     left.set_xlabel("frequency of the one sine [Hz]")
     left.set_ylabel("standard deviation [% of the value]")
+    left.set_ylim(top=20 * left.get_ylim()[1])  # Room for the legend.
     legend(left)
     _plain(left, SINES)
     right.semilogx(frequency, [sine.correlation for sine in design.sines], marker="o", ms=3, label="one sine")

@@ -79,11 +79,19 @@ def choose_gains(task: Task, fixed: bool, progress: Callable[[float], None]) -> 
 
 
 def check_dead_band(task: Task) -> None:
-    """Raise `StictionError` where the whole swing of the target does not break the joint away: f >= kp × swing."""
-    friction, swing = float(task.values[2]), task.room
-    if friction >= task.gains.kp * swing:
-        raise StictionError(
-            f"friction of {friction:g} N m holds the joint: its dead band at kp {task.gains.kp:g} is "
-            f"{dead_band(friction, task.gains.kp):.3g} rad, and the limits allow a swing of {swing:.3g} rad; raise "
-            f"--kp above {friction / swing:.3g}, or widen --position-limits"
-        )
+    """Raise `StictionError` where the whole swing of the target would not break the joint away: f >= kp × swing.
+
+    That goes for the guess, and for the largest friction in the range around it.
+    """
+    swing = task.room
+    for friction, said in (
+        (float(task.values[2]), "friction of"),
+        (float(task.values[2]) * task.spread, f"--spread {task.spread:g} allows for friction of"),
+    ):
+        if friction >= task.gains.kp * swing:
+            other = "" if friction == task.values[2] else ", lower --spread"
+            raise StictionError(
+                f"{said} {friction:g} N m, which holds the joint: the dead band at kp {task.gains.kp:g} is "
+                f"{dead_band(friction, task.gains.kp):.3g} rad, and the limits allow a swing of {swing:.3g} rad; "
+                f"raise --kp above {friction / swing:.3g}{other}, or widen --position-limits"
+            )

@@ -8,7 +8,7 @@ from math import ceil
 
 import numpy as np
 
-from stiction.formats.design import DesignSignals, ExcitationDesign, GainTrial, Predicted
+from stiction.formats.design import DesignSignals, ExcitationDesign, GainTrial, Predicted, two_digits
 from stiction.formats.errors import StictionError
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.identify.excite.design import nothing_moves, search
@@ -51,8 +51,6 @@ def design_excitation(
     beliefs = [task.information(v, pattern, fast=index > 0) for index, v in enumerate(task.believed())]
     if not all(np.isfinite(belief.worst) for belief in beliefs):
         raise StictionError(nothing_moves(task))
-    worst_friction = max(belief.relative[2] for belief in beliefs)
-    seconds = task.count / task.rate
     sines = one_sines(task, max(pattern.slow_amplitude, pattern.fast_peak))
     sweep = gain_sweep(task, pattern)
     progress("figures", 1.0)
@@ -62,7 +60,7 @@ def design_excitation(
         gains={"kp": gains.kp, "kd": gains.kd},
         advice=advice(asked, gains, trials, setup.fixed_gains),
         pattern=asdict(pattern),
-        pattern_duration=seconds,
+        pattern_duration=task.count / task.rate,
         repeats=task.repeats,
         duration=task.total / task.rate,
         limits=dict(
@@ -73,10 +71,7 @@ def design_excitation(
         correlation=beliefs[0].correlation(1, 2),
         d_criterion=beliefs[0].d_criterion,
         worst=max(belief.worst for belief in beliefs),
-        wanted={
-            "relative": setup.wanted,
-            "duration": seconds * max(1, ceil(task.repeats * (worst_friction / setup.wanted) ** 2)),
-        },
+        wanted={"relative": setup.wanted, "duration": duration_for(task, beliefs, setup.wanted)},
         sines=sines,
         trials=trials,
         sweep=sweep,
@@ -113,6 +108,15 @@ def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[st
     return DesignSignals(time, target, first.position, first.velocity, first.torque, **ranges), reached
 
 
+def duration_for(task: Task, beliefs: list[Information], wanted: float) -> float:
+    """Return the length in whole patterns [s] at which every joint's Coulomb friction is known to `wanted` [1].
+
+    beliefs: what the whole log tells about each joint; the variance falls as one over the time.
+    """
+    worst = max(float(belief.relative[2]) for belief in beliefs)
+    return task.count / task.rate * max(1, ceil(task.repeats * (worst / wanted) ** 2))
+
+
 def predictions(beliefs: list[Information]) -> tuple[Predicted, ...]:
     """Return each parameter's predicted deviation, nominal (the first belief) and worst."""
     nominal = beliefs[0]
@@ -131,7 +135,7 @@ def advice(task: Task, gains: PDGains, trials: tuple[GainTrial, ...], fixed: boo
     by_kp = {trial.kp: trial for trial in trials}
     if gains != task.gains:
         before, after = by_kp[task.gains.kp], by_kp[gains.kp]
-        gain = "" if not (before.worst and after.worst) else f" by a factor of {before.worst / after.worst:.2g}"
+        gain = "" if not (before.worst and after.worst) else f" by a factor of {two_digits(before.worst / after.worst)}"
         return (
             f"Run at {own}, not at the given kp {task.gains.kp:g}, kd {task.gains.kd:g}: the largest relative "
             f"deviation falls{gain}. Still lower gains do not track, overshoot, or bring less than a tenth. If you "
@@ -149,12 +153,6 @@ def advice(task: Task, gains: PDGains, trials: tuple[GainTrial, ...], fixed: boo
 def cautions(task: Task, setup: ExciteSetup, trials: tuple[GainTrial, ...], beliefs: list[Information]) -> list[str]:
     """Return what the reader must know before running the log."""
     found = []
-    most = float(task.values[2]) * task.spread
-    if most >= task.gains.kp * task.room:
-        found.append(
-            f"should friction be {most:g} N m, {task.spread:g} times the guess, it holds the joint at kp "
-            f"{task.gains.kp:g}: if the joint does not move, raise kp above {most / task.room:.3g} and design again"
-        )
     chosen = next((trial for trial in trials if trial.kp == task.gains.kp), None)
     if chosen is not None and chosen.reach < LEAST_REACH:
         found.append(

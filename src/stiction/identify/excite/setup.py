@@ -96,14 +96,19 @@ class ExciteSetup:
 
     def check(self) -> None:
         """Raise `StictionError` for what no joint, controller or log has; nothing may be None."""
+        low, high = self.position_limits or (0.0, 0.0)
+        if not (isfinite(low) and isfinite(high) and low < high):
+            raise StictionError(
+                f"--position-limits {low} {high}: expected the lower angle, then the higher one, in rad"
+            )
         for name in ("kp", "torque_limit", "speed_limit", "rate", "duration", "inertia", "coulomb", "wanted"):
-            _expect(name, getattr(self, name), 0.0, "a positive number")
+            _expect(name, getattr(self, name) > 0, getattr(self, name), "a positive number")
         for name in ("kd", "viscous", "noise_position", "resolution"):
-            _expect(name, getattr(self, name), -1e-300, "a number that is not negative")
+            _expect(name, getattr(self, name) >= 0, getattr(self, name), "a number that is not negative")
         if not self.position_only:
-            _expect("noise_torque", self.noise_torque, 0.0, "a positive number")
+            _expect("noise_torque", self.noise_torque > 0, self.noise_torque, "a positive number")
         for name in ("start", "gravity_sin", "gravity_cos"):
-            _expect(name, getattr(self, name), -float("inf"), "a finite number")
+            _expect(name, True, getattr(self, name), "a finite number")
         if not 1 <= self.spread <= 10:
             raise StictionError(f"--spread {self.spread}: expected a factor from 1 (the guesses are right) to 10")
         if self.seed < 0:
@@ -113,10 +118,6 @@ class ExciteSetup:
     def _check_motion(self) -> None:
         """Raise `StictionError` for limits and a log in which nothing can move."""
         low, high = self.position_limits or (0.0, 0.0)
-        if not (isfinite(low) and isfinite(high) and low < high):
-            raise StictionError(
-                f"--position-limits {low} {high}: expected the lower angle, then the higher one, in rad"
-            )
         if not low < float(self.start or 0.0) < high:
             raise StictionError(f"--start {self.start}: expected an angle between the limits {low:g} and {high:g}")
         if self.noise_position == 0 and self.resolution == 0:
@@ -134,7 +135,7 @@ class ExciteSetup:
             )
 
 
-def _expect(name: str, value: float, above: float, expected: str) -> None:
-    """Raise `StictionError` unless a value is finite and greater than `above`."""
-    if not (isfinite(value) and value > above):
+def _expect(name: str, allowed: bool, value: float, expected: str) -> None:
+    """Raise `StictionError` unless a value is finite and in its allowed range."""
+    if not (isfinite(value) and allowed):
         raise StictionError(f"--{name.replace('_', '-')} {value}: expected {expected}")

@@ -48,7 +48,7 @@ class Task:
     spread: float
     """Factor by which inertia, viscous and Coulomb friction may be off, either way [1]."""
     gains: PDGains
-    """The controller; its torque limit is the motor's."""
+    """The controller, without torque limit: what a motion asks for is judged, and a design asks for less."""
     limits: Limits
     """What must hold."""
     noise: LogNoise
@@ -81,12 +81,13 @@ class Task:
         return [self.values, *corners] if self.spread > 1 else [self.values]
 
     def extremes(self) -> list[np.ndarray]:
-        """Return for each of inertia, viscous and dry friction the corner in which it is hardest to see.
+        """Return the corners in which inertia, viscous and dry friction are hardest to see.
 
-        It is small there, what hides it large: friction for the inertia, inertia for both kinds of friction.
+        Each is small there, what hides it large. Viscous friction is hidden by dry friction, and whether by a light or
+        by a heavy joint depends on the motion: light ones overshoot less, heavy ones follow less.
         """
         corners = self.believed()
-        return corners if len(corners) == 1 else [corners[4], corners[6], corners[7]]
+        return corners if len(corners) == 1 else [corners[index] for index in (2, 3, 4, 6)]
 
     def lively(self) -> np.ndarray:
         """Return the corner with the least damping for its inertia: it overshoots most."""
@@ -173,7 +174,7 @@ def make_task(setup: ExciteSetup) -> Task:
     return Task(
         values=np.array(values, float),
         spread=setup.spread,
-        gains=PDGains(setup.kp, setup.kd, setup.torque_limit),
+        gains=PDGains(setup.kp, setup.kd),
         limits=Limits(setup.position_limits, setup.speed_limit, setup.torque_limit),
         noise=LogNoise(setup.noise_position, None if setup.position_only else setup.noise_torque, setup.resolution),
         start=float(setup.start or 0.0),
