@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -48,6 +49,21 @@ def start(friction: np.ndarray, seed: int = 0) -> Rollout:
     return Rollout(bundle.contract, policy, SPEC, friction, generators)
 
 
+def header(period: float) -> WalkHeader:
+    """Return the header of a log with `period` [s]."""
+    contract = walking_bundle().contract
+    return WalkHeader(
+        robot=contract.robot,
+        joint_names=contract.joint_names,
+        foot_names=SPEC.foot_names,
+        period=period,
+        kp=contract.kp,
+        kd=contract.kd,
+        torque_limit=contract.torque_limit,
+        recorded_in="mujoco",
+    )
+
+
 def walk(
     friction: np.ndarray,
     commands: list[tuple[float, float, float]],
@@ -60,27 +76,36 @@ def walk(
 
     friction: b [N m], shape (N, 18); load: c of friction b + c |τ| [1], shape (18,), or None for none.
     """
-    rollout = start(friction, seed)
+    rollout, contract = start(friction, seed), walking_bundle().contract
     if load is not None:
         add_load_friction(rollout, friction, load)
-    contract = walking_bundle().contract
     truths = record_motion(rollout, contract.array("kd"), np.array(commands), round(seconds / contract.control_period))
-    header = WalkHeader(
-        robot=contract.robot,
-        joint_names=contract.joint_names,
-        foot_names=SPEC.foot_names,
-        period=contract.physics_timestep,
-        kp=contract.kp,
-        kd=contract.kd,
-        torque_limit=contract.torque_limit,
-        recorded_in="mujoco",
-    )
     generators = [np.random.default_rng([seed, index]) for index in range(len(truths))]
     return [
-        measure_walk(WalkLog(header, **truth), noise or LogNoiseCfg(), generator)
+        measure_walk(WalkLog(header(contract.physics_timestep), **truth), noise or LogNoiseCfg(), generator)
         for truth, generator in zip(truths, generators, strict=True)
         if truth is not None
     ]
+
+
+def fast_walk(friction: np.ndarray, commands: list[tuple[float, float, float]], every: int) -> list[WalkLog]:
+    """Return logs of robots whose physics and joint controllers run at 1 kHz, with one sample in `every`.
+
+    The torque is the mean over the samples that it stands for, the rest is what holds at its own sample.
+    """
+    bundle = walking_bundle()
+    contract = replace(bundle.contract, physics_timestep=0.001, decimation=20)
+    generators = [np.random.default_rng(index) for index in range(len(friction))]
+    policy = load_policy(contract, bundle.policy, (len(friction),))
+    rollout = Rollout(contract, policy, SPEC, friction, generators)
+    logs = []
+    for truth, generator in zip(record_motion(rollout, contract.array("kd"), np.array(commands), 500), generators):
+        assert truth is not None
+        length = len(truth["time"]) // every * every
+        signals = {name: array[:length:every] for name, array in truth.items()}
+        signals["joint_torque"] = truth["joint_torque"][:length].reshape(-1, every, SPEC.num_joints).mean(axis=1)
+        logs.append(measure_walk(WalkLog(header(0.001 * every), **signals), LogNoiseCfg(), generator))
+    return logs
 
 
 def add_load_friction(rollout: Rollout, base: np.ndarray, load: np.ndarray) -> None:

@@ -29,6 +29,9 @@ SCHEMA = "stiction-walk"
 SCHEMA_VERSION = 1
 """Raised when a reader of the older form would misunderstand the newer one."""
 
+LARGEST = 1e6
+"""Largest number that a signal may hold, in its unit."""
+
 LARGEST_JITTER = 0.5
 """Largest deviation of a time step from the period, in periods: beyond, samples were dropped or doubled."""
 
@@ -130,7 +133,8 @@ class WalkLog:
             right = isinstance(array, np.ndarray) and array.shape == shape and array.dtype.kind == kind
             found = f"{array.dtype} {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
             _expect(right, name, found, f"{'bool' if kind == 'b' else 'float'} {shape}")
-            _expect(kind == "b" or bool(np.isfinite(array).all()), name, "not finite everywhere", "finite numbers")
+            sane = kind == "b" or bool((np.abs(array) <= LARGEST).all())
+            _expect(sane, name, "not finite, or huge", f"finite numbers of at most {LARGEST:g}")
         uneven = float(np.abs(np.diff(self.time) / self.header.period - 1).max())
         expected = f"{self.header.period} s, the period, within {LARGEST_JITTER:.0%}"
         _expect(uneven <= LARGEST_JITTER, "time", f"uneven by {uneven:.3g} periods", expected)

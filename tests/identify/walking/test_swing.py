@@ -7,6 +7,7 @@ import pytest
 
 import walks
 from stiction.formats.walk import WalkLog
+from stiction.identify.walking.blocks import BlockFit
 from stiction.identify.walking.motion import walk_motion
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.swing import PARAMETERS, SwingFit, fit_swing, swing_rows
@@ -21,7 +22,7 @@ NOISE_ALONE = WalkSetup(link_mass_error=0.0, specific_force_error=0.05)
 def fits(log: WalkLog, setup: WalkSetup) -> list[SwingFit]:
     """Return the fit of each joint."""
     rows = swing_rows(log, walk_motion(log, walks.SPEC), walks.SPEC, setup)
-    return [fit_swing([joint], limit, setup) for joint, limit in zip(rows, walks.LIMITS, strict=True)]
+    return [fit_swing([joint], limit, 0.005, setup) for joint, limit in zip(rows, walks.LIMITS, strict=True)]
 
 
 def test_without_noise_the_truth_is_found_exactly() -> None:
@@ -62,9 +63,36 @@ def test_intervals_hold_the_truth_at_about_the_nominal_rate(sample: list) -> Non
                 inside[PARAMETERS[index]].append(low <= truth <= high)
                 offset[PARAMETERS[index]].append((estimate.value - truth) / (high - low))
     assert untold < 0.3 * 18 * len(sample)
-    for name in PARAMETERS:
+    for name in PARAMETERS[:3]:
         assert np.mean(inside[name]) >= 0.9, name
         assert abs(np.mean(offset[name])) < 0.04, name
+
+
+@pytest.mark.parametrize("every", [2, 5])
+def test_a_real_robots_controller_is_faster_than_its_log(every: int) -> None:
+    """Physics and controller at 1 kHz, logged at 500 and 200 Hz: torque is late by part of a period, and kp times that
+    would pass for viscous friction and shift the dry one.
+    """
+    friction = np.repeat([0.0, 0.1, 0.2], 2)[:, None] * walks.LIMITS
+    logs = walks.fast_walk(friction, [walks.FORWARD, walks.CURVE] * 3, every)
+    inside = []
+    for level, log in zip(friction, logs, strict=True):
+        rows = swing_rows(log, walk_motion(log, walks.SPEC), walks.SPEC, NOISE_ALONE)
+        for joint, limit, truth in zip(rows, walks.LIMITS, level, strict=True):
+            fit = fit_swing([joint], limit, log.header.period, NOISE_ALONE).fit
+            if fit is not None:
+                inside.append([low <= t <= high for low, t, high in _compared(fit, truth)])
+    armature, viscous, coulomb = np.mean(inside, axis=0)
+    assert len(inside) > 70
+    assert coulomb >= 0.88
+    if every == 2:
+        assert min(armature, viscous) >= 0.85
+
+
+def _compared(fit: BlockFit, level: float) -> list[tuple[float, float, float]]:
+    """Return lower end, truth and upper end of armature, viscous and Coulomb friction."""
+    ends = [fit.estimate(index).interval95 for index in range(3)]
+    return [(low, truth, high) for (low, high), truth in zip(ends, (walks.ARMATURE, walks.DAMPING, level), strict=True)]
 
 
 def test_intervals_are_as_narrow_as_the_data_allow(sample: list) -> None:
@@ -90,7 +118,7 @@ def test_heavier_links_stay_within_the_interval(sample: list) -> None:
     rows = swing_rows(log, walk_motion(log, spec), spec, WalkSetup())
     inside, moved = [], []
     for joint, limit, level, right in zip(rows, walks.LIMITS, friction, fits(log, WalkSetup()), strict=True):
-        wrong = fit_swing([joint], limit, WalkSetup())
+        wrong = fit_swing([joint], limit, 0.005, WalkSetup())
         if wrong.fit is None or right.fit is None:
             continue
         low, high = wrong.fit.estimate(2).interval95
@@ -104,8 +132,8 @@ def test_alike_joints_together_tell_more() -> None:
     """Six legs' swings halve the interval of one, and give one where single legs have too few."""
     log = walks.walk(MIXED[None], [walks.FORWARD], seconds=10.0, seed=3)[0]
     rows = swing_rows(log, walk_motion(log, walks.SPEC), walks.SPEC, WalkSetup())
-    alone = fit_swing([rows[2]], walks.LIMITS[2], NOISE_ALONE).fit
-    together = fit_swing(rows[2::3], walks.LIMITS[2], NOISE_ALONE).fit
+    alone = fit_swing([rows[2]], walks.LIMITS[2], 0.005, NOISE_ALONE).fit
+    together = fit_swing(rows[2::3], walks.LIMITS[2], 0.005, NOISE_ALONE).fit
     assert alone is not None and together is not None
     low, high = together.estimate(2).interval95
     assert low <= MIXED[2] <= high
@@ -125,4 +153,4 @@ def test_swings_that_are_all_alike_are_refused() -> None:
     log = walks.walk(np.zeros((1, 18)), [walks.FORWARD], seconds=5.0)[0]
     rows = swing_rows(log, walk_motion(log, walks.SPEC), walks.SPEC, WalkSetup())[1]
     same = replace(rows, velocity=np.full_like(rows.velocity, -2.0), direction=np.full_like(rows.velocity, -1.0))
-    assert fit_swing([same], 25.0, WalkSetup()).fit is None
+    assert fit_swing([same], 25.0, 0.005, WalkSetup()).fit is None

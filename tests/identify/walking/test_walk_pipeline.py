@@ -118,8 +118,49 @@ def test_what_the_log_lacks_widens_and_is_said(log: WalkLog, missing: str, warni
     assert all(any(warning in text for text in record.warnings) for record in file.joints.values())
 
 
+def cut(log: WalkLog, part: slice, period: float = 0.005) -> WalkLog:
+    """Return a part of a log, its samples `period` apart [s]."""
+    signals = {name: array[part] for name in SIGNALS if (array := getattr(log, name)) is not None}
+    return WalkLog(replace(log.header, period=period), **signals)
+
+
 def test_a_walk_that_tells_nothing_is_refused(log: WalkLog) -> None:
     """One line, and what to do."""
-    signals = {name: array[:80] for name in SIGNALS if (array := getattr(log, name)) is not None}
+    with pytest.raises(StictionError, match="log for longer"):
+        identify_walk(cut(log, slice(80)), walks.SPEC)
+    assert log.foot_contact is not None
     with pytest.raises(StictionError, match=r"tells nothing about any joint.*log for longer"):
-        identify_walk(WalkLog(log.header, **signals), walks.SPEC)
+        identify_walk(replace(log, foot_contact=np.ones_like(log.foot_contact)), walks.SPEC)
+
+
+def test_the_control_rate_is_too_slow(log: WalkLog) -> None:
+    """At 50 Hz a swing has eight samples: refused, not guessed at."""
+    with pytest.raises(StictionError, match="Hz or more"):
+        identify_walk(cut(log, slice(None, None, 4), 0.02), walks.SPEC)
+
+
+def test_torque_of_the_wrong_sign_is_refused(log: WalkLog) -> None:
+    """It would come out as rotors of negative inertia."""
+    assert log.joint_torque is not None
+    with pytest.raises(StictionError, match="with the sign of the angle"):
+        identify_walk(replace(log, joint_torque=-log.joint_torque), walks.SPEC)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"joint_torque": np.zeros((2000, 18))},
+        {"joint_position": np.zeros((2000, 18))},
+        {"joint_position": np.random.default_rng(0).normal(size=(2000, 18))},
+        {"joint_torque": 1e6 * np.random.default_rng(0).normal(size=(2000, 18)).clip(-1, 1)},
+        {"angular_velocity": 1e6 * np.random.default_rng(0).uniform(-1, 1, (2000, 3))},
+        {"foot_contact": np.zeros((2000, 6), bool)},
+        {"foot_contact": np.random.default_rng(0).random((2000, 6)) < 0.5},
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_nonsense_is_refused_in_one_line(log: WalkLog, change: dict) -> None:
+    """Whatever stands in a log: an answer or a refusal, no traceback and no warning of NumPy's."""
+    with pytest.raises(StictionError) as caught:
+        identify_walk(replace(log, **change), walks.SPEC, WalkSetup(mass_known=True))
+    assert "\n" not in str(caught.value)

@@ -73,6 +73,7 @@ def fit_blocks(
     _, block = np.unique(block, return_inverse=True)
     count = int(block.max()) + 1
     scale = np.linalg.norm(regressor, axis=0)
+    scale[scale == 0] = 1.0
     scaled = regressor / scale
     parts = [block == number for number in range(count)]
     grams = np.stack([scaled[part].T @ scaled[part] for part in parts])

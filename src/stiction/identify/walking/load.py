@@ -31,6 +31,9 @@ FEWEST_ROWS = 300
 WIDEST = 0.05
 """Half-width of a load coefficient's interval beyond which there is no answer [1]."""
 
+VAGUE = (1.0, 10.0, 1000.0, 2.0)
+"""Sizes of A, B, b and c beyond any joint's: for a kind that never moves, whose columns are empty."""
+
 TENSION = 1.5
 """Errors of mass, centre of mass or specific force beyond this many of their declared bounds are no small errors."""
 
@@ -79,8 +82,13 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[Swin
         )
     limit = np.array(log.header.torque_limit)
     bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
-    prior = np.concatenate([np.full(12, np.inf), setup.torque_zero_error * limit, bounds]) / 2
-    fit = fit_blocks(regressor, target, blocks, systematic, prior)
+    vague = np.tile(VAGUE, len(KINDS))
+    late = [setup.timing_error * motion.period]
+    prior = np.concatenate([vague, setup.torque_zero_error * limit, late, bounds]) / 2
+    try:
+        fit = fit_blocks(regressor, target, blocks, systematic, prior)
+    except np.linalg.LinAlgError:
+        return LoadFit("its steps are all alike: walk at different speeds", {}, {}, {}, {})
     start = regressor.shape[1] - len(BODY)
     body = {name: fit.estimate(start + index) for index, name in enumerate(BODY)}
     tense = [
@@ -125,11 +133,11 @@ def _stack(
     """Return regressor, target, sample and systematic change of all equations, and the size of stance's residual [N].
 
     Each family of equations is over the size of its residual. Columns: A, B, b, c of each kind, every motor's torque
-    zero, the body's errors. Every `thin`-th swing equation is
+    zero, the torque's lateness, the body's errors. Every `thin`-th swing equation is
     taken: neighbours share their samples.
     """
     joints, friction = stance.zero.shape[1], stance.friction.shape[1]
-    width = friction + joints + stance.body.shape[1]
+    width = friction + joints + 1 + stance.body.shape[1]
     blocks = []
     for number, rows in enumerate(swing):
         part = np.zeros((len(rows.torque), width))
@@ -137,6 +145,7 @@ def _stack(
         signals = (rows.acceleration, rows.velocity, rows.direction, rows.load)
         part[:, first : first + len(FRICTION)] = np.stack(signals, axis=1)
         part[:, friction + number] = 1.0
+        part[:, friction + joints] = -rows.slope
         blocks.append(part[::thin])
     families = (
         (
@@ -146,7 +155,7 @@ def _stack(
             np.concatenate([rows.systematic[0, ::thin] for rows in swing]),
         ),
         (
-            np.concatenate([stance.friction, stance.zero, stance.body], axis=1),
+            np.concatenate([stance.friction, stance.zero, stance.late, stance.body], axis=1),
             stance.target,
             stance.sample,
             stance.links,

@@ -22,6 +22,16 @@ GRAVITY = 9.81
 """Where there is no accelerometer, gravity is all of the specific force [m/s²]."""
 
 
+SHORTEST = 1.0
+"""Shortest walk that is looked at [s]."""
+
+LONGEST_PERIOD = 0.005
+"""Longest time between samples [s]. A swing of 0.15 s has 30 samples at 200 Hz, and seven at the policy's 50 Hz."""
+
+RATE_SPAN = 0.005
+"""Time over which a joint's rate is taken [s]: shorter, encoder noise would pretend reversals."""
+
+
 @dataclass(frozen=True)
 class WalkMotion:
     """A walk, T samples."""
@@ -35,7 +45,7 @@ class WalkMotion:
     torque: np.ndarray
     """Torque of the motors [N m], shape (T, J)."""
     rate: np.ndarray
-    """Mean joint velocity over the period that follows each sample, as friction sees it [rad/s], shape (T, J)."""
+    """Joint velocity in the middle of the period that follows each sample, as friction sees it [rad/s], (T, J)."""
     upward: np.ndarray
     """Direction up in the base frame, unit vectors, shape (T, 3)."""
     measured_torque: bool
@@ -51,7 +61,8 @@ class WalkMotion:
 def walk_motion(log: WalkLog, spec: RobotSpec) -> WalkMotion:
     """Return the motion in a log of the robot `spec`.
 
-    Raises `WalkError` where the log is not of this robot, or its torque has the joint friction in it.
+    Raises `WalkError` where the log is not of this robot, too short or too slow, or its torque has the joint friction
+    in it.
     """
     if log.header.joint_names != spec.joint_names:
         raise WalkError(
@@ -64,6 +75,11 @@ def walk_motion(log: WalkLog, spec: RobotSpec) -> WalkMotion:
             "log the motor's current or command (motor_side)"
         )
     period = log.header.period
+    if len(log) * period < SHORTEST or period > 1.001 * LONGEST_PERIOD:
+        raise WalkError(
+            f"the log has {len(log)} samples {period:g} s apart; expected at least {SHORTEST:g} s, sampled at "
+            f"{1 / LONGEST_PERIOD:.0f} Hz or more, for the acceleration of a leg in swing: log for longer, or faster"
+        )
     acceleration = second_difference(log.joint_position, period)
     up = gravity_direction(log.quaternion)
     base = BaseMotion(
@@ -80,7 +96,7 @@ def walk_motion(log: WalkLog, spec: RobotSpec) -> WalkMotion:
         base=base,
         legs=legs,
         torque=controller_torque(log) if torque is None else torque,
-        rate=forward_difference(log.joint_position, period),
+        rate=joint_rate(log.joint_position, period),
         upward=up,
         measured_torque=torque is not None,
         measured_acceleration=log.specific_force is not None,
@@ -91,6 +107,14 @@ def forward_difference(values: np.ndarray, period: float) -> np.ndarray:
     """Return the mean rate over the period after each sample, shape of `values`, (T, ...); the last one twice."""
     rate = np.diff(values, axis=0) / period
     return np.concatenate([rate, rate[-1:]])
+
+
+def joint_rate(position: np.ndarray, period: float) -> np.ndarray:
+    """Return the velocity in the middle of the period after each sample, over at least `RATE_SPAN`, shape (T, J)."""
+    reach = max(0, round((RATE_SPAN / period - 1) / 2))
+    index = np.arange(len(position))
+    after, before = np.minimum(index + 1 + reach, len(position) - 1), np.maximum(index - reach, 0)
+    return (position[after] - position[before]) / (np.maximum(after - before, 1) * period)[:, None]
 
 
 def second_difference(values: np.ndarray, period: float) -> np.ndarray:

@@ -18,12 +18,17 @@ from stiction.identify.walking.motion import WalkMotion, walk_motion
 from stiction.identify.walking.phases import feet_down
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.stance import KINDS
-from stiction.identify.walking.swing import SwingFit, SwingRows, fit_swing, swing_rows
+from stiction.identify.walking.swing import PARAMETERS, SwingFit, SwingRows, fit_swing, swing_rows
 from stiction.joints.friction import dead_band, friction_ratio
 from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
 
 GAIT_SHOWN = 4.0
 """Length of the gait that the page draws [s]."""
+
+
+COARSE = 0.0025
+"""Period beyond which a robot's accelerations are blurred [s]. Of robots simulated at 1 kHz and logged at 200 Hz, the
+intervals held dry friction 94 times in 100, viscous friction 77, the rotor's inertia 63; at 500 Hz 98, 92 and 92."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +54,7 @@ def identify_walk(log: WalkLog, spec: RobotSpec, setup: WalkSetup | None = None)
     motion = walk_motion(log, spec)
     rows = swing_rows(log, motion, spec, setup)
     limits = log.header.torque_limit
-    own = [fit_swing([joint], limit, setup) for joint, limit in zip(rows, limits, strict=True)]
+    own = [fit_swing([joint], limit, motion.period, setup) for joint, limit in zip(rows, limits, strict=True)]
     load = fit_load(log, motion, spec, rows, setup)
     links = standing_inertia(spec)
     records: dict[str, JointRecord] = {}
@@ -59,7 +64,7 @@ def identify_walk(log: WalkLog, spec: RobotSpec, setup: WalkSetup | None = None)
             chosen[spec.joint_names[number]] = fit
     for kind, first in zip(KINDS, range(JOINTS_PER_LEG), strict=True):
         if any(own[number].fit is None for number in range(first, len(own), JOINTS_PER_LEG)):
-            chosen[kind] = fit_swing(rows[first::JOINTS_PER_LEG], limits[first], setup)
+            chosen[kind] = fit_swing(rows[first::JOINTS_PER_LEG], limits[first], motion.period, setup)
     if all(fit.fit is None for fit in chosen.values()):
         raise StictionError(f"this walk tells nothing about any joint: shanks: {chosen['shank'].refusal}")
     for name, fit in chosen.items():
@@ -134,6 +139,7 @@ def _record(
             "scaled_condition_number": swing.fit.condition,
             "rms_residual": float(np.std(swing.fit.residual)),
             "rotor_inertia": rotor.to_dict(),
+            "lateness": swing.fit.estimate(PARAMETERS.index("lateness")).to_dict(),
             "coulomb_friction_by_heavier_links": float(swing.fit.shifts[0, 2]),
         }
         settings["friction_ratio"] = coulomb.scaled(friction_ratio(1.0, limit))
@@ -141,7 +147,7 @@ def _record(
         if motion.measured_torque:
             settings |= {"viscous_friction": viscous, "coulomb_friction": coulomb}
             settings["inertia"] = _shifted(rotor, links)
-            settings["offset"] = swing.fit.estimate(3) if len(swing.joints) == 1 else None
+            settings["offset"] = swing.fit.estimate(len(PARAMETERS)) if len(swing.joints) == 1 else None
         else:
             settings["combinations"] = {"coulomb_friction/strength": coulomb, "viscous_friction/strength": viscous}
         record = JointRecord(**settings, diagnostics=diagnostics)
@@ -181,6 +187,11 @@ def _warnings(
         )
     if not motion.measured_acceleration:
         found.append("there was no accelerometer: the base's acceleration is neglected, and intervals are wide for it")
+    if log.header.recorded_in == "robot" and motion.period > COARSE:
+        found.append(
+            f"sampled at {1 / motion.period:.0f} Hz: inertia and viscous friction may be off by a tenth, dry friction "
+            "is not; log at 500 Hz"
+        )
     if log.foot_contact is None:
         found.append("foot contact was not logged: feet clear of the lowest one are taken to swing, as on flat ground")
     refusal = load.refusal or load.refused.get(KINDS[_number(name, spec) % JOINTS_PER_LEG], "")

@@ -29,6 +29,8 @@ class WalkSetup:
     torque_zero_error: float = 0.01
     """95 % bound of the motor's torque at no current over its limit [1]: zero of the current sensor, and gravity turned
     by a wrong encoder zero. It matters to joints that move one way only in swing."""
+    timing_error: float = 1.0
+    """95 % bound of how early or late the torque is in the log, against the angle, over the log's period [1]."""
     strength_error: float = 0.2
     """95 % bound of what a motor gives over what it is asked for, less 1, where no torque was logged [1]: the range in
     which training varies it."""

@@ -45,6 +45,9 @@ BODY = ("mass", "centre_x", "centre_y", "centre_z", "force_x", "force_y", "force
 MOST_STILL = 4
 """Joints of legs on the ground that may hardly move: of six equations at least two remain."""
 
+LARGEST_CONDITION = 30.0
+"""Condition number of a leg's Jacobian beyond which it is too straight: 4 in the standing pose."""
+
 ARM = 0.3
 """Moments are divided by this length [m], about a leg's, so that all six equations are forces."""
 
@@ -57,6 +60,8 @@ class StanceRows:
     """Columns A, B, b, c of hip, thigh and shank, shape (R, 12)."""
     zero: np.ndarray
     """Columns of each motor's torque at no current, shape (R, J)."""
+    late: np.ndarray
+    """Column of the torques' lateness, [N/s], shape (R, 1)."""
     body: np.ndarray
     """Columns of the body's errors, `BODY`, shape (R, 7)."""
     target: np.ndarray
@@ -79,6 +84,8 @@ class _Body:
     """Force and moment that move the trunk, shape (T, 6)."""
     legs: np.ndarray
     """Force and moment that move the legs' links, shape (T, 6)."""
+    stretched: np.ndarray
+    """Where a leg that may be down is too straight to tell its force, bool, shape (T,)."""
 
 
 def stance_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk, setup: WalkSetup) -> StanceRows:
@@ -92,21 +99,31 @@ def stance_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk,
     columns = (
         _friction_columns(motion, body.arms),
         body.arms,
+        -np.einsum("tij,tj->ti", body.arms, np.gradient(motion.torque, motion.period, axis=0))[:, :, None],
         _body_columns(motion, trunk, legs_mass, body.trunk + body.legs),
         target[:, :, None],
         setup.link_mass_error * heavier[:, :, None],
     )
     table = np.concatenate(columns, axis=2)
     table[:, 3:] /= ARM
-    rows, sample = _reduce(table, still, hann_weights(setup.smoothing, motion.period))
+    unusable = body.stretched | (still.sum(axis=1) > MOST_STILL)
+    rows, sample = _reduce(table, still, unusable, hann_weights(setup.smoothing, motion.period))
     friction, zero = len(KINDS) * len(FRICTION), len(KINDS) * len(FRICTION) + spec.num_joints
-    return StanceRows(rows[:, :friction], rows[:, friction:zero], rows[:, zero:-2], rows[:, -2], rows[:, -1], sample)
+    return StanceRows(
+        friction=rows[:, :friction],
+        zero=rows[:, friction:zero],
+        late=rows[:, zero : zero + 1],
+        body=rows[:, zero + 1 : -2],
+        target=rows[:, -2],
+        links=rows[:, -1],
+        sample=sample,
+    )
 
 
 def _body(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk, setup: WalkSetup) -> _Body:
     """Return what the legs and the trunk need, and how the joints of legs that may be down act on the body."""
     arms, effort = np.zeros((len(motion), 6, spec.num_joints)), np.zeros((len(motion), spec.num_joints))
-    wrench = np.zeros((len(motion), 6))
+    wrench, stretched = np.zeros((len(motion), 6)), np.zeros(len(motion), bool)
     down, margin = feet_down(log, motion, spec, setup), round(setup.swing_margin / motion.period)
     for index, (leg, moving) in enumerate(zip(spec.legs, motion.legs, strict=True)):
         cut = slice(JOINTS_PER_LEG * index, JOINTS_PER_LEG * (index + 1))
@@ -115,10 +132,13 @@ def _body(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk, setup
         effort[:, cut] = links.torque
         # The foot is a ball on ground taken as level: it touches straight under its centre.
         contact = foot_position(spec, leg, moving.position) - spec.foot_radius * motion.upward
-        force = np.linalg.inv(np.swapaxes(point_jacobian(spec, leg, moving.position, contact), 1, 2))
+        jacobian = point_jacobian(spec, leg, moving.position, contact)
+        straight = ~(np.linalg.cond(jacobian) < LARGEST_CONDITION)
+        force = np.linalg.inv(np.where(straight[:, None, None], np.eye(3), np.swapaxes(jacobian, 1, 2)))
         bearing = grow(down[:, index], margin)[:, None, None]
+        stretched |= straight & bearing[:, 0, 0]
         arms[:, :, cut] = bearing * np.concatenate([force, np.cross(contact[:, :, None], force, axis=1)], axis=1)
-    return _Body(arms, effort, trunk_wrench(trunk, motion.base), wrench)
+    return _Body(arms, effort, trunk_wrench(trunk, motion.base), wrench, stretched)
 
 
 def _friction_columns(motion: WalkMotion, arms: np.ndarray) -> np.ndarray:
@@ -151,16 +171,19 @@ def _body_columns(motion: WalkMotion, trunk: Trunk, legs_mass: float, wrench: np
     return -np.stack([wrench, *shifts, *pushes], axis=2)
 
 
-def _reduce(table: np.ndarray, still: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _reduce(
+    table: np.ndarray, still: np.ndarray, unusable: np.ndarray, weights: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Eliminate the joints that hardly move, smooth, and keep a row in half a window.
 
-    table: friction, arms, body, target and its change as columns, shape (T, 6, 12 + J + 7 + 2); still: shape (T, J).
-    Returns rows, shape (R, columns), and the sample of each, shape (R,).
+    table: friction, arms, lateness, body, target and its change as columns, shape (T, 6, 12 + J + 1 + 7 + 2);
+    still: shape (T, J); unusable: samples to leave out, shape (T,). Returns rows, shape (R, columns), and the sample of
+    each, shape (R,).
     """
     first = len(KINDS) * len(FRICTION)
     unknown = table[:, :, first : first + still.shape[1]] * still[:, None]
     table = table - unknown @ (np.linalg.pinv(unknown, rcond=1e-9) @ table)
     half = len(weights) // 2
     kept = np.arange(half, len(table) - half, max(1, half))
-    kept = kept[~grow(still.sum(axis=1) > MOST_STILL, half)[kept]]
+    kept = kept[~grow(unusable, half)[kept]]
     return smooth(table, weights)[kept].reshape(-1, table.shape[2]), np.repeat(kept, 6)

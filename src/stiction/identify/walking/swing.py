@@ -9,6 +9,10 @@ Every sample gives this equation; a short Hann window averages neighbouring ones
 of the joint, so that encoder noise in θ'' averages out while the equation stays true. The offset takes up what is
 constant in a swing: a wrong encoder zero turns gravity a little. It is known to be small, and that is used, since many
 joints move one way only in swing: without it their friction and offset could not be told apart.
+
+Logged torque is early or late by a part of a period against the encoder, as the drive samples it and as the period's
+mean is taken; times kp that is a viscous friction. That lateness is one more unknown, known to be within a period: what
+tells it are the steps of the torque, whenever the policy acts.
 """
 
 from __future__ import annotations
@@ -25,7 +29,7 @@ from stiction.identify.walking.phases import feet_down, grow, hann_weights, slow
 from stiction.identify.walking.setup import WalkSetup
 from stiction.robots.spec import JOINTS_PER_LEG, LegSpec, RobotSpec
 
-PARAMETERS = ("armature", "viscous_friction", "coulomb_friction")
+PARAMETERS = ("armature", "viscous_friction", "coulomb_friction", "lateness")
 """What every joint of a fit shares; each joint has an offset of its own besides."""
 
 FEWEST_SWINGS = 8
@@ -55,9 +59,11 @@ class SwingRows:
     """|τ| sign(θ') [N m], shape (R,)."""
     torque: np.ndarray
     """τ - τ_links [N m], shape (R,)."""
+    slope: np.ndarray
+    """Rate of τ [N m/s], shape (R,)."""
     systematic: np.ndarray
-    """Change of `torque` [N m] by links that are heavier by `link_mass_error`, by the error of the specific force along
-    x, y, z, and, where the torque was not logged, by its lateness of half a period, shape (5, R)."""
+    """Change of `torque` by links that are heavier by `link_mass_error`, and by the error of the specific force along
+    x, y, z [N m], shape (4, R)."""
     swing: np.ndarray
     """Number of the swing, different between legs, shape (R,)."""
     sample: np.ndarray
@@ -75,9 +81,7 @@ def swing_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSet
         systematic = _systematic(spec, leg, moving, motion, links, setup)
         for joint in range(JOINTS_PER_LEG):
             number = JOINTS_PER_LEG * index + joint
-            late = np.gradient(motion.torque[:, number]) / 2 * (not motion.measured_torque)
-            errors = np.concatenate([systematic[:, :, joint], late[None]])
-            rows.append(_joint_rows(spec, motion, number, links[:, joint], errors, phase, setup))
+            rows.append(_joint_rows(spec, motion, number, links[:, joint], systematic[:, :, joint], phase, setup))
     return rows
 
 
@@ -90,7 +94,7 @@ def _joint_rows(
     phase: np.ndarray,
     setup: WalkSetup,
 ) -> SwingRows:
-    """Return the equations of joint `number`; links: τ_links, (T,); errors: systematic, (5, T); phase: swings, (T,)."""
+    """Return the equations of joint `number`; links: τ_links, (T,); errors: systematic, (4, T); phase: swings, (T,)."""
     index, joint = divmod(number, JOINTS_PER_LEG)
     kind, moving, rate = (spec.hip, spec.thigh, spec.shank)[joint], motion.legs[index], motion.rate[:, number]
     angle = moving.position[:, joint]
@@ -101,8 +105,10 @@ def _joint_rows(
     torque, direction = motion.torque[:, number], np.sign(rate)
     if not motion.measured_acceleration:
         # What is neglected keeps step with the legs, so at worst it has friction's own sign throughout.
-        errors = np.concatenate([errors[:1], np.abs(errors[1:4]) * direction, errors[4:]])
-    signals = (moving.acceleration[:, joint], rate, direction, np.abs(torque) * direction, torque - links, *errors)
+        errors = np.concatenate([errors[:1], np.abs(errors[1:]) * direction])
+    slope = np.gradient(torque, motion.period)
+    load = np.abs(torque) * direction
+    signals = (moving.acceleration[:, joint], rate, direction, load, torque - links, slope, *errors)
     table = smooth(np.stack(signals, axis=1), weights)[clear].T
     return SwingRows(
         joint=spec.joint_names[number],
@@ -111,7 +117,8 @@ def _joint_rows(
         direction=table[2],
         load=table[3],
         torque=table[4],
-        systematic=table[5:],
+        slope=table[5],
+        systematic=table[6:],
         swing=phase[clear],
         sample=np.flatnonzero(clear),
     )
@@ -154,10 +161,10 @@ class SwingFit:
     """Number of swings that they come from."""
 
 
-def fit_swing(rows: list[SwingRows], torque_limit: float, setup: WalkSetup) -> SwingFit:
+def fit_swing(rows: list[SwingRows], torque_limit: float, period: float, setup: WalkSetup) -> SwingFit:
     """Fit armature, viscous and Coulomb friction that are the same for all joints in `rows`, and an offset each.
 
-    torque_limit: of these joints' motors [N m].
+    torque_limit: of these joints' motors [N m]; period: of the log [s].
     """
     used = [joint for joint in rows if len(joint.torque)]
     names = tuple(joint.joint for joint in rows)
@@ -173,9 +180,16 @@ def fit_swing(rows: list[SwingRows], torque_limit: float, setup: WalkSetup) -> S
             number,
         )
     try:
-        fit = _fit(used, torque_limit * setup.torque_zero_error / 2)
+        fit = _fit(used, torque_limit * setup.torque_zero_error / 2, period * setup.timing_error / 2)
     except np.linalg.LinAlgError:
         return SwingFit(names, None, "its swings are all alike: walk at different speeds", count, number)
+    rotor = fit.estimate(PARAMETERS.index("armature"))
+    if rotor.value <= 0:
+        reason = (
+            f"its rotor would have an inertia of {rotor.value:.3g} kg m², which must be positive: is the torque the "
+            "motor's, in N m, with the sign of the angle, and the robot's geometry right?"
+        )
+        return SwingFit(names, None, reason, count, number)
     low, high = fit.estimate(PARAMETERS.index("coulomb_friction")).interval95
     if not high - low <= 2 * WIDEST * torque_limit:
         reason = (
@@ -186,16 +200,15 @@ def fit_swing(rows: list[SwingRows], torque_limit: float, setup: WalkSetup) -> S
     return SwingFit(names, fit, "", count, number)
 
 
-def _fit(used: list[SwingRows], zero: float) -> BlockFit:
-    """Fit the shared parameters and the offsets, which are known to be zero within `zero` [N m], one deviation."""
+def _fit(used: list[SwingRows], zero: float, late: float) -> BlockFit:
+    """Fit; offsets are known to be zero within `zero` [N m], the lateness within `late` [s], one deviation each."""
     owner = np.repeat(np.arange(len(used)), [len(joint.torque) for joint in used])
-    shared = [
-        np.concatenate([getattr(joint, name) for joint in used]) for name in ("acceleration", "velocity", "direction")
-    ]
+    shared = [np.concatenate([getattr(joint, name) for joint in used]) for name in ("acceleration", "velocity")]
+    shared += [np.concatenate([joint.direction for joint in used]), -np.concatenate([joint.slope for joint in used])]
     return fit_blocks(
         regressor=np.concatenate([np.stack(shared, axis=1), np.eye(len(used))[owner]], axis=1),
         target=np.concatenate([joint.torque for joint in used]),
         block=np.concatenate([joint.swing for joint in used]),
         systematic=np.concatenate([joint.systematic for joint in used], axis=1),
-        prior=np.array([np.inf] * len(PARAMETERS) + [zero] * len(used)),
+        prior=np.array([np.inf, np.inf, np.inf, late] + [zero] * len(used)),
     )

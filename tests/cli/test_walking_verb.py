@@ -1,0 +1,91 @@
+"""A walk from `evaluate --log` to `identify`, as a user does it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import walks
+from stiction.cli import evaluate, walking
+from stiction.cli.main import main
+from stiction.formats.errors import StictionError
+from stiction.formats.joints import load_joints
+from stiction.formats.training import read_training
+from stiction.formats.walk import read_walk, write_walk
+from stiction.identify.walking.setup import WalkSetup
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A log on disk, with friction of a tenth of the torque limit."""
+    path = tmp_path_factory.mktemp("walk") / "walk.npz"
+    write_walk(path, walks.walk(0.1 * walks.LIMITS[None], [walks.CURVE], seconds=6.0)[0])
+    return path
+
+
+def test_evaluate_writes_logs_that_identify_reads(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """One file per bundle, level, command and robot, in the folder asked for."""
+    arguments = ["saturn_lite-flat-deception-0.2", "--friction-levels", "0", "0.1", "--commands", "vx=0.5"]
+    arguments += ["--episodes", "2", "--seconds", "3", "--log", str(tmp_path / "logs"), "--log-robots", "1"]
+    arguments += ["--log-seconds", "5", "--out", str(tmp_path / "out"), "--json"]
+    assert evaluate.main(arguments) == 0
+    names = [f"saturn_lite-flat-deception-0.2--{level}--vx=0.5--0.npz" for level in ("0", "0.1")]
+    assert sorted(path.name for path in (tmp_path / "logs").iterdir()) == names
+    assert json.loads(capsys.readouterr().out)["logs"] == names
+    assert walking.asks_for_walk(["--robot", "saturn_lite", str(tmp_path / "logs" / names[1])])
+    assert read_walk(tmp_path / "logs" / names[1]).header.command == "vx=0.5"
+    assert walking.main([str(tmp_path / "logs" / names[1]), "--out", str(tmp_path / "found")]) == 0
+    ratio = load_joints(tmp_path / "found" / "joints.json").record("ML_shank").friction_ratio
+    assert ratio is not None
+    assert ratio.value == pytest.approx(0.1, abs=0.02)
+
+
+def test_results_and_table(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Four files, a table, and each warning once."""
+    assert walking.main([str(log), "--robot", "saturn_lite", "--out", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "FL_shank" in out
+    assert out.count("--mass-known") == 1
+    assert {path.name for path in tmp_path.iterdir()} == set(walking.RESULTS)
+    assert read_training(tmp_path / "training.json")["friction"]["level"] > 0.1
+
+
+def test_json_is_all_of_the_output(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Scripts read standard output."""
+    assert walking.run(log, tmp_path, None, WalkSetup(), as_json=True) == 0
+    joints = json.loads(capsys.readouterr().out)["joints"]
+    assert joints["FR_shank"]["friction_ratio"]["value"] == pytest.approx(0.1, abs=0.02)
+
+
+def test_other_logs_are_left_to_identify(tmp_path: Path) -> None:
+    """A bench log in NPZ is not a walk, and a missing file is for identify to complain about."""
+    np.savez(tmp_path / "bench.npz", time=np.zeros(3))
+    assert not walking.asks_for_walk([str(tmp_path / "bench.npz"), "--kp", "20"])
+    assert not walking.asks_for_walk([str(tmp_path / "absent.npz")])
+
+
+def test_bad_input_is_one_line(log: Path, tmp_path: Path) -> None:
+    """The robot that walked, its masses, and a folder of its own."""
+    with pytest.raises(StictionError, match="go1"):
+        walking.run(log, tmp_path, "go1", WalkSetup())
+    own = tmp_path / "fit.npz"
+    own.write_bytes(log.read_bytes())
+    with pytest.raises(StictionError, match="would overwrite the log"):
+        walking.run(own, tmp_path, None, WalkSetup())
+    walk = read_walk(log)
+    write_walk(tmp_path / "other.npz", replace(walk, header=replace(walk.header, robot="mine.robots:ROBOT")))
+    with pytest.raises(StictionError, match="name it: --robot"):
+        walking.run(tmp_path / "other.npz", tmp_path / "out", None, WalkSetup())
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StictionError, match="choose another --out"):
+        walking.run(log, tmp_path / "file", None, WalkSetup())
+
+
+def test_evaluate_refuses_logs_that_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Before any physics runs, in one line."""
+    arguments = ["evaluate", "saturn_lite-flat-deception-0.2", "--log", str(tmp_path), "--log-seconds", "0.1"]
+    assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,102 @@
+"""The page of a walking log, drawn from its files alone."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.walk_fit import WalkFit, read_walk_fit, write_walk_fit
+from stiction.report.walking import grouped_warnings, span, write_walking_page
+
+REFUSED = "the interval of the hips' load coefficient is too wide <to tell>"
+
+
+def make_records() -> JointsFile:
+    """Return a shank that tells about load, one that does not tell at all, and hips that do not tell about load."""
+    loaded = {"refusal": "", "carried_torque": 12.0, "carried_friction": Estimate(3.0, 0.1, (2.8, 3.2)).to_dict()}
+    shank = JointRecord(
+        viscous_friction=Estimate(0.07, 0.01, (0.05, 0.09)),
+        coulomb_friction=Estimate(1.25, 0.1, (1.05, 1.45)),
+        offset=Estimate(0.0, 0.01, (-0.02, 0.02)),
+        friction_ratio=Estimate(0.05, 0.002, (0.046, 0.054)),
+        load_coefficient=Estimate(0.15, 0.01, (0.13, 0.17)),
+        torque_limit=25.0,
+        diagnostics={"swings": 30, "samples_used": 200, "load": loaded, "verdict": {"text": "Train at 0.11."}},
+        warnings=("the robot was tired",),
+    )
+    hip = JointRecord(diagnostics={"swings": 3, "load": {"refusal": REFUSED}}, warnings=("the robot was tired",))
+    return JointsFile({"FL_shank": shank, "hip": hip})
+
+
+def make_fit() -> WalkFit:
+    """Return clouds of forty samples."""
+    speed = np.linspace(-4, 4, 40)
+    return WalkFit(
+        swing={"FL_shank": (speed, 1.25 * np.sign(speed))},
+        gait_time=np.arange(10) * 0.1,
+        gait={"FL_foot": np.arange(10) % 4 < 2, "FR_foot": np.arange(10) % 4 >= 2},
+        load={"shank": (speed, 0.15 * speed)},
+    )
+
+
+def write(folder: Path, joints: JointsFile, fit: WalkFit) -> str:
+    """Write the files and the page; return its text."""
+    joints.write(folder / "joints.json")
+    write_walk_fit(folder / "fit.npz", fit)
+    return write_walking_page(folder).read_text()
+
+
+def test_the_page_has_what_a_reader_needs(tmp_path: Path) -> None:
+    """Numbers with intervals, clouds, gait, load, refusals and warnings, and nothing from the network."""
+    text = write(tmp_path, make_records(), make_fit())
+    for part in ("FL_shank. Train at 0.11.", "1.25 ± 0.2", "5 ± 0.4", "0.15 ± 0.02", "3 ± 0.2 N m, 12 ± 0.8 %"):
+        assert part in text, part
+    assert "Not known for hips: the interval of the hips" in text
+    assert "&lt;to tell&gt;" in text
+    assert text.count("data:image/png") == 3
+    assert "http" not in text.replace("http://www.w3.org", "")
+    assert text.count("the robot was tired") == 1
+
+
+def test_a_walk_without_load_has_a_page_too(tmp_path: Path) -> None:
+    """The usual case: nobody weighed the robot."""
+    fit = make_fit()
+    text = write(tmp_path, make_records(), WalkFit(fit.swing, fit.gait_time, fit.gait, {}))
+    assert text.count("data:image/png") == 2
+
+
+def test_warnings_that_joints_share_are_said_once() -> None:
+    """Eighteen times the same line would bury the one that differs."""
+    joints = make_records()
+    assert grouped_warnings(joints) == ["all joints: the robot was tired"]
+    alone = JointsFile(joints.joints | {"FR_hip": JointRecord()})
+    assert grouped_warnings(alone) == ["FL_shank, hip: the robot was tired"]
+
+
+def test_a_span_by_hand() -> None:
+    """Value and half-width, scaled."""
+    assert span(Estimate(0.05, 0.01, (0.03, 0.07)), 100) == "5 ± 2"
+    assert span(None) == "not known"
+
+
+def test_the_fit_survives_its_file(tmp_path: Path) -> None:
+    """What is drawn is what was found; damage is one line."""
+    fit = make_fit()
+    write_walk_fit(tmp_path / "fit.npz", fit)
+    again = read_walk_fit(tmp_path / "fit.npz")
+    np.testing.assert_allclose(again.swing["FL_shank"][1], fit.swing["FL_shank"][1])
+    np.testing.assert_array_equal(again.gait["FR_foot"], fit.gait["FR_foot"])
+    assert list(again.load) == ["shank"]
+    with np.load(tmp_path / "fit.npz") as archive:
+        arrays = dict(archive)
+    np.savez(tmp_path / "fit.npz", **{name: a for name, a in arrays.items() if name != "swing.y.FL_shank"})
+    with pytest.raises(StictionError, match=r"swing of 'FL_shank' is not complete"):
+        read_walk_fit(tmp_path / "fit.npz")
+    np.savez(tmp_path / "fit.npz", **(arrays | {"gait.FL_foot": np.zeros(3, bool)}))
+    with pytest.raises(StictionError, match="differ in length"):
+        read_walk_fit(tmp_path / "fit.npz")
+    np.savez(tmp_path / "fit.npz", time=np.zeros(3))
+    with pytest.raises(StictionError, match=r"no gait\.time"):
+        read_walk_fit(tmp_path / "fit.npz")
