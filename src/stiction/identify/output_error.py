@@ -41,6 +41,9 @@ PART = 1e-3
 WIDEST = {"delay": 0.02, "encoder_bias": 0.5, "log_bias": 0.5, "motor_strength": 0.5}
 """Standard deviation beyond which an unknown of the loop counts as not identified: its prior knowledge is better."""
 
+FIRST_SAMPLES = 10
+"""Samples that show the start; where none of them counts the start is taken as it was measured."""
+
 STILL = 0.02
 """Share of the top speed, its 99th percentile, under which the joint is taken to start from rest."""
 
@@ -80,7 +83,7 @@ class OutputError:
     """Simulated − measured for position and, where there is, torque; zero at samples that do not count. Shape
     (num_samples,) each."""
     names: tuple[str, ...]
-    """What the columns of the Jacobian belong to: everything that was identified, and the start."""
+    """What the columns of the Jacobian belong to, the start included: as many as together hold all that is known."""
     jacobian: dict[str, np.ndarray]
     """Derivatives of the residuals by `names`, shape (num_samples, num_names) each."""
     evaluations: int
@@ -121,13 +124,16 @@ def fit_output_error(
     top = float(np.quantile(np.abs(velocity[signals.valid]), 0.99))
     free = {name: float(start[name]) for name in model.names if name not in fixed}
     free |= {name: {"delay": delay, "motor_strength": gains.strength}.get(name, 0.0) for name in unknown}
-    free["start_position"] = float(np.mean(signals.position[:3]))
-    if abs(velocity[0]) > STILL * top:
-        free["start_velocity"] = float(velocity[0])
-    else:
-        fixed["start_velocity"] = 0.0
-    loop = ClosedLoop(signals, gains, model, {name: value for name, value in fixed.items() if name not in free})
-    loop.velocity_delay = velocity_delay
+    still = abs(velocity[0]) <= STILL * top
+    begin = {"start_position": float(np.mean(signals.position[:3])), "start_velocity": float(velocity[0])}
+    if still:
+        begin["start_velocity"] = 0.0
+    # The start is forgotten where its samples do not count, and a joint that starts from rest has no speed to fit.
+    forgotten = set(START) if not signals.valid[:FIRST_SAMPLES].any() else {"start_velocity"} if still else set()
+    fixed |= {name: value for name, value in begin.items() if name in forgotten}
+    free |= {name: value for name, value in begin.items() if name not in forgotten}
+    fixed = {name: value for name, value in fixed.items() if name not in free}
+    loop = ClosedLoop(signals, gains, model, fixed, velocity_delay)
     search = _Search(loop, signals, free, top)
     return _result(search, search.fit(), velocity)
 
@@ -243,9 +249,9 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
     kept, lost = unidentified(slopes, search.names)
     names = tuple(search.names[place] for place in kept)
     count = min(block_count(row[search.valid]) for row in rows.values())
-    block = np.tile(np.arange(len(velocity)) * count // len(velocity), len(rows))
-    counted = np.tile(search.valid, len(rows))
-    covariance = block_covariance(slopes[counted][:, kept], weighted[counted], block[counted])
+    samples, counted = int(search.valid.sum()), np.tile(search.valid, len(rows))
+    block = np.tile(np.arange(samples) * count // samples, len(rows))
+    covariance = block_covariance(slopes[counted][:, kept], weighted[counted], block)
     found = dict(zip(names, estimates(values[kept], covariance, count - 1), strict=True))
     lost |= {name for name, widest in WIDEST.items() if name in found and not found[name].std < widest}
     made = Trajectory(response.position, response.made.velocity, response.torque, response.made.phases)
