@@ -54,13 +54,13 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
             reason=f"the logged torque differs from kp (target − position) − kd velocity by {mismatch:.0%}: gains, the "
             "torque's unit or the timing are not as declared; output error, which rests on them, is not done",
         )
-    symmetric = _output_error(run, gains, base)
-    richer = _output_error(run, gains, chosen) if chosen is not base else None
+    symmetric = _output_error(run, gains, base, _start(run, gains, base))
+    richer = _output_error(run, gains, chosen, _start(run, gains, chosen)) if chosen is not base else None
     instrumental = fit_instrumental(run.prepared, None, base, lambda values: _follow(run, gains, base, values))
     reason = None
     if symmetric is None:
         reason = "output error found no joint whose simulation follows the log: the model is not right, or the gains"
-    comparisons = () if run.measured or symmetric is None else _compare_parts(run, gains, base)
+    comparisons = () if run.measured or symmetric is None else _compare_parts(run, gains, base, symmetric)
     return InLoop(mismatch, symmetric, richer, instrumental, comparisons, reason)
 
 
@@ -83,12 +83,17 @@ def _start(run: Run, gains: PDGains, fit: Fit) -> dict[str, float]:
     return values
 
 
-def _compare_parts(run: Run, gains: PDGains, base: Fit) -> tuple[Comparison, ...]:
-    """Fit the parts of the log by themselves; the joint is simulated all along, and judged in one part."""
+def _compare_parts(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> tuple[Comparison, ...]:
+    """Fit the parts of the log by themselves; the joint is simulated all along, and judged in one part.
+
+    Gravity and offset stay as the whole log has them: the link is the same one, and a part tells them less apart.
+    """
+    start = _start(run, gains, base) | {name: estimate.value for name, estimate in whole.estimates.items()}
+    known = {name: start[name] for name in BLURRED if name in base.names}
     found = []
     for split in splits(run.signals.time, run.prepared.velocity):
         parts = (split.first, ~split.first)
-        fits = [_output_error(run, gains, base, part) for part in parts]
+        fits = [_output_error(run, gains, base, start, part, known) for part in parts]
         if fits[0] is None or fits[1] is None:
             continue
         both = [seen_in_loop(fit, gains.kd) for fit in fits if fit is not None]
@@ -116,21 +121,29 @@ def _friction(seen: dict[str, Estimate], speed: float) -> Estimate:
     return Estimate(value, std, (value - reach, value + reach))
 
 
-def _output_error(run: Run, gains: PDGains, fit: Fit, part: np.ndarray | None = None) -> OutputError | None:
+def _output_error(
+    run: Run,
+    gains: PDGains,
+    fit: Fit,
+    start: dict[str, float],
+    part: np.ndarray | None = None,
+    known: dict[str, float] | None = None,
+) -> OutputError | None:
     """Fit by output error; None where the best simulation does not depend on all of the equation's parameters.
 
-    part: samples to judge the simulation in, all by default.
+    start: where the search begins; part: samples to judge the simulation in, all by default; known: what not to fit.
     """
     setup = run.setup
     found = fit_output_error(
         run.signals if part is None else replace(run.signals, valid=run.signals.valid & part),
         gains,
         fit.model,
-        _start(run, gains, fit),
+        {name: start[name] for name in fit.model.names},
         run.prepared.velocity,
         velocity_delay=setup.velocity_delay,
         delay=setup.delay or 0.0,
         unknown=tuple(LOOP_UNKNOWNS[name] for name in setup.unknowns if _shows(run, name)),
+        known=known,
     )
     needed = {name for name in fit.model.names if name not in BLURRED}
     return None if needed & set(found.unidentified) else found
