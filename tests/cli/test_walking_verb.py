@@ -1,6 +1,8 @@
 """A walk from `evaluate --log` to `identify`, as a user does it."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,7 +38,7 @@ def test_evaluate_writes_logs_that_identify_reads(tmp_path: Path, capsys: pytest
     assert json.loads(capsys.readouterr().out)["logs"] == names
     assert walking.asks_for_walk(["--robot", "saturn_lite", str(tmp_path / "logs" / names[1])])
     assert read_walk(tmp_path / "logs" / names[1]).header.command == "vx=0.5"
-    assert walking.main([str(tmp_path / "logs" / names[1]), "--out", str(tmp_path / "found")]) == 0
+    assert walking.from_arguments([str(tmp_path / "logs" / names[1]), "--out", str(tmp_path / "found")]) == 0
     ratio = load_joints(tmp_path / "found" / "joints.json").record("ML_shank").friction_ratio
     assert ratio is not None
     assert ratio.value == pytest.approx(0.1, abs=0.02)
@@ -44,7 +46,7 @@ def test_evaluate_writes_logs_that_identify_reads(tmp_path: Path, capsys: pytest
 
 def test_results_and_table(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Four files, a table, and each warning once."""
-    assert walking.main([str(log), "--robot", "saturn_lite", "--out", str(tmp_path)]) == 0
+    assert walking.from_arguments([str(log), "--robot", "saturn_lite", "--out", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert "FL_shank" in out
     assert out.count("--mass-known") == 1
@@ -57,6 +59,26 @@ def test_json_is_all_of_the_output(log: Path, tmp_path: Path, capsys: pytest.Cap
     assert walking.run(log, tmp_path, None, WalkSetup(), as_json=True) == 0
     joints = json.loads(capsys.readouterr().out)["joints"]
     assert joints["FR_shank"]["friction_ratio"]["value"] == pytest.approx(0.1, abs=0.02)
+
+
+WITHOUT = """
+import sys
+class Refuse:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {"torch", "mujoco"}:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Refuse())
+from stiction.cli.walking import from_arguments
+sys.exit(from_arguments(sys.argv[1:]))
+"""
+
+
+def test_neither_torch_nor_a_simulator_is_needed(log: Path, tmp_path: Path) -> None:
+    """The base install on the robot's computer identifies its own walk."""
+    arguments = [sys.executable, "-c", WITHOUT, str(log), "--out", str(tmp_path), "--json"]
+    done = subprocess.run(arguments, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "FL_shank" in json.loads(done.stdout)["joints"]
 
 
 def test_other_logs_are_left_to_identify(tmp_path: Path) -> None:

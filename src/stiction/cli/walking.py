@@ -43,7 +43,7 @@ def asks_for_walk(arguments: list[str]) -> bool:
     return any(text.endswith(".npz") and is_walk(Path(text)) for text in arguments)
 
 
-def main(arguments: list[str]) -> int:
+def from_arguments(arguments: list[str]) -> int:
     """Parse the options, identify, write and print; return the exit status."""
     options = tyro.cli(WalkOptions, args=arguments, prog="stiction identify", description=DESCRIPTION)
     setup = WalkSetup(**{item.name: getattr(options, item.name) for item in fields(WalkSetup)})
