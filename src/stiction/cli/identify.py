@@ -11,8 +11,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from stiction.cli.walking import asks_for_walk
-from stiction.cli.walking import main as walking
+from stiction.cli.walking import asks_for_walk, from_arguments
 from stiction.formats.errors import StictionError
 from stiction.formats.fit import FitSignals, write_fit
 from stiction.formats.joints import PARAMETERS, Estimate, JointRecord, JointsFile
@@ -58,7 +57,7 @@ class IdentifyConfig(IdentifySetup):
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     if asks_for_walk(arguments):
-        return walking(arguments)
+        return from_arguments(arguments)
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
     from stiction.cli.terminal import work_progress
     from stiction.identify.logs import open_log, parse_columns
