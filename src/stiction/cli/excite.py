@@ -124,7 +124,8 @@ def run_lines(design: ExcitationDesign, out: Path) -> list[str]:
         f"Over the range of guesses it goes from {reached['low']:.3g} to {reached['high']:.3g} rad, to "
         f"{reached['speed']:.3g} rad/s and {reached['torque']:.3g} N m (limits {limits['low']:g} to "
         f"{limits['high']:g}, {limits['speed']:g}, {limits['torque']:g}).",
-        f"For Coulomb friction to {percent(wanted['relative'])}, {wanted['duration']:g} s are enough.",
+        f"For Coulomb friction to {percent(wanted['relative'])}, {wanted['duration']:g} s are enough, as far as white "
+        "noise goes.",
     ]
     if best is not None:
         lines.append(

@@ -6,7 +6,10 @@ For white noise of known size the information about the parameters p is
 
 and no unbiased estimator has a covariance below F⁻¹ (Cramér and Rao). The derivatives are central differences of the
 event-exact simulation, in which the controller's gains and the target are known exactly. Noise that the controller
-feeds back into the joint, jitter and friction that is not Coulomb's come on top: they are not predicted.
+feeds back into the joint, jitter and friction that is not Coulomb's come on top: they are not predicted. On 16
+simulated logs of a designed motion output error scattered as predicted under white noise, position noise fed back
+included (0.4 to 1.3 times), and 10 to 25 times as much under the whole of `example.SensorNoise`, whose velocity noise
+and ripple are correlated; torque regression 25 times and more.
 """
 
 from __future__ import annotations

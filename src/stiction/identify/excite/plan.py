@@ -170,7 +170,8 @@ def cautions(task: Task, setup: ExciteSetup, trials: tuple[GainTrial, ...], beli
         )
     if max(float(belief.relative[:JUDGED].max()) for belief in beliefs) < NEGLIGIBLE:
         found.append(
-            "the noise leaves less than half a per cent: friction that is not quite Coulomb's, timing and cogging will "
-            "decide how right the result is; a longer log does not help against them"
+            "white noise leaves less than half a per cent: noise that the loop feeds back, friction that is not quite "
+            "Coulomb's, timing and cogging will decide how right the result is. Read the predictions as a comparison "
+            "of logs; simulated logs with correlated loop noise scattered 10 to 25 times as much"
         )
     return found
