@@ -57,6 +57,13 @@ def test_robot_stands_by_itself(name: str) -> None:
     assert fleet.foot_force[0].sum() == pytest.approx(9.81 * fleet.spec.mass, rel=0.02)
 
 
+@pytest.mark.parametrize("name", ["saturn_lite", "go1"])
+def test_the_trunk_carries_its_mass_in_its_middle(name: str) -> None:
+    """An explicit inertia without a position is put by MuJoCo at the height of the body: a robot that is top-heavy."""
+    model = build_model(find_robot(name))
+    assert model.body("base").ipos == pytest.approx([0.0, 0.0, 0.0])
+
+
 def test_box_inertia_by_hand() -> None:
     """12 kg, 1 x 2 x 3 m: m/12 (y² + z², x² + z², x² + y²)."""
     np.testing.assert_allclose(box_inertia(12.0, (1.0, 2.0, 3.0)), [13.0, 10.0, 5.0])

@@ -94,6 +94,7 @@ def build(robot: RobotSpec, timestep: float = 0.005) -> mujoco.MjSpec:
         name="base",
         pos=[0, 0, robot.standing_height],
         mass=robot.base.mass,
+        ipos=[0.0, 0.0, 0.0],
         inertia=box_inertia(robot.base.mass, robot.base.size),
         explicitinertial=True,
     )
