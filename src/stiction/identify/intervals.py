@@ -129,13 +129,3 @@ def with_intervals(values: np.ndarray, covariance: np.ndarray, reach: np.ndarray
         Estimate(float(value), float(std), (float(value - end), float(value + end)))
         for value, std, end in zip(values, deviations, ends, strict=True)
     )
-
-
-def block_covariance(jacobian: np.ndarray, residual: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """Return the covariance of least-squares estimates, shape (num_parameters, num_parameters); see `make_blocks`."""
-    return robust_covariance(make_blocks(jacobian, residual, block))
-
-
-def estimates(values: np.ndarray, covariance: np.ndarray, freedom: int) -> tuple[Estimate, ...]:
-    """Return each value with its standard deviation and Student's 95 % interval, `freedom` degrees of freedom."""
-    return with_intervals(values, covariance, float(student.ppf(0.975, freedom)))

@@ -18,7 +18,7 @@ from stiction.formats.joints import Estimate
 from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import EXTRAS, START, ClosedLoop, Response
 from stiction.identify.descent import descend
-from stiction.identify.intervals import block_count, block_covariance, estimates
+from stiction.identify.intervals import block_count, bootstrap_reach, make_blocks, robust_covariance, with_intervals
 from stiction.identify.model import Model
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Trajectory
@@ -251,8 +251,9 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
     count = min(block_count(row[search.valid]) for row in rows.values())
     samples, counted = int(search.valid.sum()), np.tile(search.valid, len(rows))
     block = np.tile(np.arange(samples) * count // samples, len(rows))
-    covariance = block_covariance(slopes[counted][:, kept], weighted[counted], block)
-    found = dict(zip(names, estimates(values[kept], covariance, count - 1), strict=True))
+    blocks = make_blocks(slopes[counted][:, kept], weighted[counted], block)
+    bounded = with_intervals(values[kept], robust_covariance(blocks), bootstrap_reach(blocks))
+    found = dict(zip(names, bounded, strict=True))
     lost |= {name for name, widest in WIDEST.items() if name in found and not found[name].std < widest}
     made = Trajectory(response.position, response.made.velocity, response.torque, response.made.phases)
     compared = {name: (rows[name], measured) for name, measured in search.measured.items()}

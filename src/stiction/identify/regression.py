@@ -62,12 +62,16 @@ class Fit:
         block = self.rows.blocks(block_count(self.residual))
         return make_blocks(self.jacobian, self.residual, block, self.instrument)
 
-    @property
+    @cached_property
     def inflation(self) -> dict[str, float]:
-        """How many times longer each column is than what the other columns leave of it; 1 is best."""
+        """How many times longer each column is than what the other columns leave of it; 1 is best.
+
+        Columns that are one and the same, or zero, come out near 1e12: a pseudoinverse would call them perfect.
+        """
         scaled = self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)
-        inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-15)
-        return dict(zip(self.names, np.sqrt(np.diag(inverse).clip(0)).tolist(), strict=True))
+        _, sizes, directions = np.linalg.svd(np.linalg.qr(scaled, mode="r"))
+        lengths = np.linalg.norm(directions / sizes.clip(1e-12)[:, None], axis=0)
+        return dict(zip(self.names, lengths.tolist(), strict=True))
 
     @property
     def condition(self) -> float:
