@@ -121,8 +121,8 @@ def _meaning(design: ExcitationDesign) -> tuple[Markup, ...]:
         paragraph(
             f"The correlation between viscous and Coulomb friction is {design.correlation:.2f}; ±1 would mean that the "
             f"log cannot tell them apart. For Coulomb friction to {percent(wanted['relative'])}, a log of "
-            f"{wanted['duration']:g} s in whole patterns is enough even at worst, as far as white noise goes; the variance "
-            "falls as one over the time."
+            f"{wanted['duration']:g} s in whole patterns is enough even at worst, as far as white noise goes; the "
+            "variance falls as one over the time."
         ),
         paragraph(
             f"This rests on white noise of {setup['noise_position']:g} rad of angle and {torque}, an encoder step of "
