@@ -46,8 +46,8 @@ def lead(design: ExcitationDesign) -> str:
     friction = next(row for row in design.predicted if row.name.startswith("coulomb_friction"))
     return (
         f"{design.advice} Play the trajectory back for {design.duration:g} s. White noise of the stated size alone "
-        f"would leave the Coulomb friction uncertain by {percent(friction.relative)}, and the worst of inertia, viscous and "
-        f"Coulomb friction by {percent(design.worst)}, whatever the joint is within a factor "
+        f"would leave the Coulomb friction uncertain by {percent(friction.relative)}, and the worst of inertia, "
+        f"viscous and Coulomb friction by {percent(design.worst)}, whatever the joint is within a factor "
         f"of {design.setup['spread']:g} of the guesses."
     )
 
