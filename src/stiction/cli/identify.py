@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -17,8 +17,8 @@ from stiction.formats.fit import FitSignals, write_fit
 from stiction.formats.joints import PARAMETERS, Estimate, JointRecord, JointsFile
 from stiction.identify.setup import IdentifySetup
 
-DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals, say whether it matters,
-and write joints.json, fit.npz, training.json and report.html.
+DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals; say if it matters, and
+write joints.json, fit.npz, training.json and report.html.
 
 The log is CSV, NPZ or Parquet with columns time, position.<joint>, target.<joint>, torque.<joint>, the wide CSV of
 actuator-net scripts, MCAP with JointState messages, PACE's .pt, MATLAB 5, or anything tabular with a column mapping.
@@ -26,6 +26,9 @@ With torque: inertia and friction in SI units. With positions and targets alone:
 the motor's strength. Gains, torque limit and so on come from flags or from LOG.json beside the log, where each joint
 may have its own. A walking log, as `stiction evaluate --log` writes it, has options of its own: add it, and --help."""
 
+
+PLAIN_WIDTH = 120
+"""Columns of a table where nobody says how wide the terminal is."""
 
 RESULTS = ("joints.json", "fit.npz", "training.json", "report.html")
 """What is written into --out."""
@@ -46,6 +49,8 @@ class IdentifyConfig(IdentifySetup):
     position=q_{joint} for several joints; state=TOPIC command=TOPIC for MCAP."""
     rate: float | None = None
     """Samples per second of a log without time stamps [Hz]."""
+    sidecar: Path | None = None
+    """A sidecar that does not lie beside the log as LOG.json: gains, limits and so on, for all joints and for each."""
     repeat: tuple[Path, ...] = ()
     """Further logs of the same joints: repeats, hot and cold, with and without a payload. Each may have a sidecar."""
     out: Path = Path("identified")
@@ -60,6 +65,7 @@ def main(arguments: list[str]) -> int:
         return from_arguments(arguments)
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
     from stiction.cli.terminal import work_progress
+    from stiction.formats.sidecar import read_sidecar
     from stiction.identify.logs import open_log, parse_columns
     from stiction.identify.many import identify_log
 
@@ -68,6 +74,8 @@ def main(arguments: list[str]) -> int:
     setup = IdentifySetup(**{item.name: getattr(config, item.name) for item in fields(IdentifySetup)})
     columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
     logs = [open_log(path, columns, name, config.names, config.rate) for path in (config.log, *config.repeat)]
+    if config.sidecar is not None:
+        logs[0] = replace(logs[0], setup=read_sidecar(config.sidecar))
     with work_progress() as progress:
         several = len(config.joint or logs[0].joints) > 1
         found, refused = identify_log(
@@ -82,7 +90,8 @@ def main(arguments: list[str]) -> int:
     if config.json:
         print(json.dumps(joints.to_dict(), indent=2, allow_nan=False, ensure_ascii=False))
     else:
-        show(Console(), joints)
+        terminal = Console()
+        show(terminal if terminal.is_terminal else Console(width=PLAIN_WIDTH), joints)
         Console(stderr=True).print(f"page: {config.out / 'report.html'}", highlight=False, soft_wrap=True)
     return 0
 
@@ -115,21 +124,26 @@ def write_results(folder: Path, joints: JointsFile, fits: dict[str, FitSignals])
 
 def show(console: Console, joints: JointsFile) -> None:
     """Print what was found, what it means, and the warnings, for a person."""
+    from stiction.report.identification import gather_warnings
+
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
     if len(found) == 1:
         for name, record in found.items():
             console.print(_one(name, record))
-            console.print(record.diagnostics["verdict"]["text"], highlight=False)
-            console.print(record.friction_law["text"] if record.friction_law else "", highlight=False)
+            console.print(record.diagnostics["verdict"]["text"], highlight=False, soft_wrap=True)
+            console.print(record.friction_law["text"] if record.friction_law else "", highlight=False, soft_wrap=True)
     elif found:
         console.print(_several(found))
-    said: dict[str, list[str]] = {}
-    for name, record in joints.joints.items():
-        for text in record.warnings:
-            said.setdefault(text, []).append(name)
-    for text, names in said.items():
+    own = 0
+    for text, names in gather_warnings(joints).items():
+        refused = any(not joints.joints[name].diagnostics for name in names)
+        if len(names) == 1 and len(joints.joints) > 1 and not refused:
+            own += 1
+            continue
         whose = "" if len(joints.joints) == 1 else f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: "
-        console.print(f"warning: {whose}{text}", highlight=False, markup=False)
+        console.print(f"warning: {whose}{text}", highlight=False, markup=False, soft_wrap=True)
+    if own:
+        console.print(f"warning: {own} more about single joints: see the page, joint by joint", soft_wrap=True)
 
 
 def _one(name: str, record: JointRecord) -> Table:

@@ -84,13 +84,18 @@ class LogSetup:
 def read_setup(path: Path) -> LogSetup:
     """Read the sidecar of a log, `LOG.json` beside `LOG.csv`; an absent one is an empty setup."""
     sidecar = path.with_suffix(".json")
-    if not sidecar.is_file():
-        return LogSetup()
+    return read_sidecar(sidecar) if sidecar.is_file() else LogSetup()
+
+
+def read_sidecar(sidecar: Path) -> LogSetup:
+    """Read a sidecar; raise `LogError` for a file that is none."""
     try:
         if sidecar.stat().st_size > LARGEST_SIDECAR:
             raise LogError(f"{sidecar.name}: over {LARGEST_SIDECAR} bytes; expected the fields of a log's sidecar")
         data = json.loads(sidecar.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, ValueError, RecursionError) as error:
+    except OSError as error:
+        raise LogError(f"cannot read {sidecar}: {error.strerror or error}; expected the sidecar of a log") from error
+    except (UnicodeDecodeError, ValueError, RecursionError) as error:
         raise LogError(f"{sidecar.name}: not readable as JSON ({str(error)[:120]})") from error
     return setup_from_dict(data, sidecar.name)
 

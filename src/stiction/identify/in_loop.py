@@ -8,16 +8,16 @@ import numpy as np
 
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import Estimate
+from stiction.identify.closed_loop import ClosedLoop, Response
 from stiction.identify.combinations import shifted
 from stiction.identify.consistency import COMPARED, Comparison, common_speed, splits
 from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
 from stiction.identify.instrument import fit_instrumental
-from stiction.identify.model import Model
+from stiction.identify.model import GRAVITY, Model
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.regression import INVERSE_STRENGTH, Fit
 from stiction.identify.runs import Run
 from stiction.joints.pd import PDGains
-from stiction.joints.simulate import simulate
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,8 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
         return InLoop(reason="no kp and kd: output error is not done; give --kp and --kd")
     if target is None:
         return InLoop(reason="no target in the log: output error is not done; log the position asked for")
-    if INVERSE_STRENGTH in base.names or run.setup.payload is not None:
-        return InLoop(reason="output error is not done with a payload on the joint")
+    if INVERSE_STRENGTH in base.names:
+        return InLoop(reason="output error is not done where a payload tells the motor's strength")
     mismatch = _mismatch(run, gains)
     if mismatch is not None and mismatch > LARGEST_MISMATCH:
         return InLoop(
@@ -133,20 +133,36 @@ def _output_error(
 
     start: where the search begins; part: samples to judge the simulation in, all by default; known: what not to fit.
     """
-    setup = run.setup
+    setup, extra = run.setup, _payload(run)
+    known = dict(known or {})
+    model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
+    if extra and not fit.model.gravity:
+        known |= dict.fromkeys(GRAVITY, 0.0)
     found = fit_output_error(
         run.signals if part is None else replace(run.signals, valid=run.signals.valid & part),
         gains,
-        fit.model,
-        {name: start[name] for name in fit.model.names},
+        model,
+        {name: start.get(name, 0.0) + extra.get(name, 0.0) for name in model.names},
         run.prepared.velocity,
         velocity_delay=setup.velocity_delay,
         delay=setup.delay or 0.0,
         unknown=tuple(LOOP_UNKNOWNS[name] for name in setup.unknowns if _shows(run, name)),
-        known=known,
+        known={name: value + extra.get(name, 0.0) for name, value in known.items()},
     )
     needed = {name for name in fit.model.names if name not in BLURRED}
-    return None if needed & set(found.unidentified) else found
+    if needed & set(found.unidentified):
+        return None
+    return replace(found, estimates={name: shifted(e, -extra.get(name, 0.0)) for name, e in found.estimates.items()})
+
+
+def _payload(run: Run) -> dict[str, float]:
+    """Return what a known payload adds to inertia and gravity; nothing without one."""
+    payload = run.setup.payload
+    if payload is None:
+        return {}
+    along, across = np.cos(payload.angle), -np.sin(payload.angle)
+    weight = payload.weight
+    return {"inertia": payload.inertia, "gravity_sin": weight * along, "gravity_cos": weight * across}
 
 
 LOOP_UNKNOWNS = {"delay": "delay", "encoder_bias": "log_bias"}
@@ -163,24 +179,48 @@ def _shows(run: Run, unknown: str) -> bool:
 
 def _follow(run: Run, gains: PDGains, fit: Fit, values: np.ndarray) -> np.ndarray | None:
     """Return the position that the loop would have had with these values, or None where no joint has them."""
-    names = dict(zip(fit.names, values.tolist(), strict=True))
-    if not run.measured:
-        names["viscous_friction"] -= gains.kd
     try:
-        joint = fit.model.joint([names[name] for name in fit.model.names])
-        made = simulate(
-            joint,
-            gains,
-            run.signals.step,
-            np.asarray(run.signals.target),
-            float(run.signals.position[0]),
-            float(run.prepared.velocity[0]),
-            run.signals.disturbance,
-            run.signals.position,
-        )
+        response = _respond(run, gains, replace(fit, values=values))
     except StictionError:
         return None
-    return made.position
+    return response.position
+
+
+def _respond(run: Run, gains: PDGains, fit: Fit) -> Response:
+    """Simulate a run with a regression's values; raises `StictionError` where no joint has them."""
+    extra = _payload(run)
+    model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
+    values = _start(run, gains, fit)
+    values = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
+    begin = {
+        "start_position": float(run.signals.position[0]),
+        "start_velocity": float(run.prepared.velocity[0]),
+        "delay": run.setup.delay or 0.0,
+    }
+    loop = ClosedLoop(run.signals, gains, model, begin, run.setup.velocity_delay)
+    return loop.run(values, run.signals.position)
+
+
+def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
+    """Return how far a simulation with another run's values is from this run, over its signals; None without a loop."""
+    gains = run.gains
+    if gains is None or run.signals.target is None or INVERSE_STRENGTH in fit.names:
+        return None
+    try:
+        response = _respond(run, gains, fit)
+    except StictionError:
+        return None
+    pairs = {
+        "position": (response.position, run.signals.position),
+        "velocity": (response.made.velocity, run.prepared.velocity),
+    }
+    if run.signals.torque is not None:
+        pairs["torque"] = (response.torque, run.signals.torque)
+    valid = run.signals.valid
+    return {
+        name: float(np.linalg.norm((made - measured)[valid]) / np.linalg.norm(measured[valid]))
+        for name, (made, measured) in pairs.items()
+    }
 
 
 def symmetric_model(run: Run) -> Model:

@@ -13,8 +13,8 @@ from stiction.formats.joints import JointRecord
 from stiction.formats.log import UNNAMED, Log
 from stiction.identify.choice import choose_law
 from stiction.identify.consistency import Comparison, compare, compare_parts
-from stiction.identify.in_loop import InLoop, close_loop, symmetric_model
-from stiction.identify.record import Evidence, make_record
+from stiction.identify.in_loop import InLoop, close_loop, predict_run, symmetric_model
+from stiction.identify.record import Evidence, Prediction, make_record
 from stiction.identify.regression import Fit, check_fit, fit_rows, predict_torque, rigid_torque
 from stiction.identify.rows import Rows, make_rows
 from stiction.identify.runs import Run, make_run
@@ -53,7 +53,8 @@ def identify_joint(
     choice = choose_law(rows, base, strength_unknown)
     chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
     loop = close_loop(run, base, chosen)
-    evidence = Evidence(run, rows, base, chosen, choice, loop, _comparisons(run, rows, base, loop, others))
+    comparisons = _comparisons(run, rows, base, loop, others)
+    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, others))
     record = make_record(evidence)
     warnings = find_warnings(record, run)
     if run.joint == UNNAMED and joint is None and record.axis == "rotary":
@@ -106,6 +107,16 @@ def _comparisons(run: Run, rows: Rows, base: Fit, loop: InLoop, others: Sequence
         for index, other in enumerate(alike, 1)
     )
     return (*(loop.comparisons or compare_parts(rows, base)), *runs)
+
+
+def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[Prediction, ...]:
+    """Try the law that was chosen on the repeats, which it has not seen."""
+    found = []
+    for other in others:
+        residual = other.rows.torque - predict_torque(fit, other.rows)
+        size = float(np.linalg.norm(residual) / np.linalg.norm(other.rows.torque))
+        found.append(Prediction(other.source, size, predict_run(other, fit)))
+    return tuple(found)
 
 
 def _fit_signals(evidence: Evidence) -> FitSignals:

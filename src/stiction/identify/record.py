@@ -24,6 +24,18 @@ from stiction.joints.friction import dead_band, friction_ratio
 
 
 @dataclass(frozen=True)
+class Prediction:
+    """How well the chosen law does on a log that it has not seen."""
+
+    source: str
+    """Name of the log."""
+    torque_error: float
+    """|measured − predicted| over |measured| torque, at the samples that count."""
+    simulation_errors: dict[str, float] | None
+    """The same for position, velocity and torque of a simulation of the whole log; None where it could not be done."""
+
+
+@dataclass(frozen=True)
 class Evidence:
     """What the estimators left behind."""
 
@@ -41,6 +53,8 @@ class Evidence:
     """What simulations gave."""
     comparisons: tuple[Comparison, ...]
     """Parts and repeats."""
+    predictions: tuple[Prediction, ...] = ()
+    """The chosen law on the repeats."""
 
     @property
     def by_simulation(self) -> bool:
@@ -64,10 +78,14 @@ class Evidence:
         return self.base.estimates()
 
     def law(self) -> dict[str, Estimate]:
-        """Return the stated estimates of the law that was chosen, in the same form."""
-        found = self.loop.chosen if self.chosen is not self.base else self.loop.symmetric
-        if self.by_simulation and found is not None:
-            return seen_in_loop(found, damping_seen(self.run))
+        """Return the stated estimates of the law that was chosen, in the same form, by output error where it was done.
+
+        It uses the samples around reversals too, and no derivative of a noisy signal.
+        """
+        if self.chosen is self.base:
+            return self.symmetric()
+        if self.loop.chosen is not None:
+            return seen_in_loop(self.loop.chosen, damping_seen(self.run))
         return self.chosen.estimates()
 
 
@@ -144,6 +162,7 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "middle": fit.model.middle,
         "text": evidence.choice.text,
         "candidates": [asdict(candidate) for candidate in evidence.choice.candidates],
+        "method": "output_error" if evidence.loop.chosen is not None else evidence.method,
         "relative_torque_error": _relative_error(fit, evidence.rows),
     }
 
@@ -248,6 +267,7 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "blocks": base.blocks.count,
         "position_torque": None if follows is None else asdict(follows),
         "comparisons": [comparison.to_dict() for comparison in evidence.comparisons],
+        "predictions": [asdict(prediction) for prediction in evidence.predictions],
         "drift": find_drift(rows, base, damping).to_dict(),
         "controller_mismatch": loop.mismatch,
         "closed_loop": loop.reason,

@@ -173,7 +173,10 @@ def _reason(comparison: dict[str, Any]) -> str:
 
 def _estimators(record: JointRecord) -> list[str]:
     """Warn where the estimators do not agree."""
-    found = []
+    found: list[str] = []
+    if record.diagnostics["method"] == "output_error":
+        # Least squares on torque that was not measured is known to be the worse estimator: no news.
+        return found
     for name, gap in (record.diagnostics["disagreement"] or {}).items():
         if gap["sigmas"] > LARGEST_SIGMAS and gap["relative"] > LARGEST_GAP:
             found.append(

@@ -12,7 +12,10 @@ from stiction.formats.joints import PARAMETERS, Estimate, JointRecord, JointsFil
 from stiction.report.joint_figures import against_angle, cloud, overview, residuals, signals
 from stiction.report.joint_trust import agreement, diagnostics, estimators
 from stiction.report.labels import CONDITIONS, LABELS, SOURCES, cells, number, unit
-from stiction.report.page import Section, fold, paragraph, render_page, table
+from stiction.report.page import Section, bullets, fold, paragraph, render_page, table
+
+MOST_NAMES = 4
+"""Joints whose names fit into a title."""
 
 EXTRA = ("gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay")
 """Quantities that are shown only where they were found."""
@@ -29,7 +32,8 @@ def write_identification_page(folder: Path) -> Path:
     else:
         sections, lead = _many(joints, found, fits), _lead(found)
     page = folder / "report.html"
-    title = "Joint identification: " + ", ".join(joints.joints)
+    named = ", ".join(joints.joints) if len(joints.joints) <= MOST_NAMES else f"{len(joints.joints)} joints"
+    title = f"Joint identification: {named}"
     page.write_text(render_page(title, sections, lead, _gathered(joints)), encoding="utf-8")
     return page
 
@@ -59,10 +63,12 @@ def _many(joints: JointsFile, found: dict[str, JointRecord], fits: dict[str, Fit
     heading = "f/k, in units of the motor strength" if over else "dry friction f"
     header = ["", heading, "95 % interval", "f/τ_max", "f/kp [rad]", "law"]
     blocks = []
+    shared = gather_warnings(joints)
     for name, record in found.items():
         parts = [block for section in joint_sections(name, record, fits[name]) for block in section.blocks]
         verdict = paragraph(record.diagnostics.get("verdict", {}).get("text", ""))
-        blocks.append(fold(name, [verdict, *parts]))
+        own = [text for text in record.warnings if len(shared[text]) == 1]
+        blocks.append(fold(name, [verdict, *([bullets(own)] if own else []), *parts]))
     return [
         Section("All joints", (table(header, rows), overview(found))),
         Section("Joint by joint", tuple(blocks)),
@@ -82,14 +88,28 @@ def _lead(found: dict[str, JointRecord]) -> str:
 
 
 def _gathered(joints: JointsFile) -> list[str]:
-    """Return every warning once, with the joints that it concerns in front where there are several."""
+    """Return the warnings for the top of the page: those of a single joint, else those that several share.
+
+    With a refused joint's reason; what concerns one joint alone stands with that joint.
+    """
+    said = gather_warnings(joints)
+    if len(joints.joints) == 1:
+        return list(said)
+    refused = {name for name, record in joints.joints.items() if not record.diagnostics}
+    return [
+        f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: {text}"
+        for text, names in said.items()
+        if len(names) > 1 or set(names) & refused
+    ]
+
+
+def gather_warnings(joints: JointsFile) -> dict[str, list[str]]:
+    """Return every warning once, with the joints that it concerns."""
     said: dict[str, list[str]] = {}
     for name, record in joints.joints.items():
         for text in record.warnings:
             said.setdefault(text, []).append(name)
-    if len(joints.joints) == 1:
-        return list(said)
-    return [f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: {text}" for text, names in said.items()]
+    return said
 
 
 def _values(record: JointRecord) -> Markup:
@@ -143,7 +163,9 @@ def _law(record: JointRecord) -> tuple[Markup, ...]:
     blocks = [paragraph(law["text"]), table(header, rows, "Laws that were tried; evidence is the drop of the BIC")]
     if law["law"] != "coulomb":
         over = " / k" if law["over_strength"] else ""
-        blocks.append(table(["", "value", "std", "95 % interval"], _law_rows(record, law, over), "The law chosen"))
+        how = {"output_error": "by output error", "torque_regression": "by torque regression"}
+        caption = f"The law that was chosen, {how.get(law['method'], 'by regression')}"
+        blocks.append(table(["", "value", "std", "95 % interval"], _law_rows(record, law, over), caption))
     return tuple(blocks)
 
 

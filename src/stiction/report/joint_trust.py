@@ -27,6 +27,13 @@ def agreement(record: JointRecord) -> tuple[Markup, ...]:
         label = f"Friction at a speed of {number(comparison['speed'])}"
         rows.append([label, _plus_minus(a), _plus_minus(b), f"{gap:.1f}"])
         blocks.append(table(["", one, two, "apart, in combined std"], rows, f"The same again: {comparison['label']}"))
+    tried = [
+        [entry["source"], f"{entry['torque_error']:.2%}", _errors(entry["simulation_errors"] or {}) or "not done"]
+        for entry in record.diagnostics.get("predictions", ())
+    ]
+    if tried:
+        header = ["log", "torque not explained", "simulation error"]
+        blocks.append(table(header, tried, "The law that was chosen, tried on logs that it has not seen"))
     drift = record.diagnostics.get("drift", {})
     if drift.get("change"):
         low, high = drift["change"]["interval95"]

@@ -89,6 +89,11 @@ def row(*blocks: Markup) -> Markup:
     return _block("row", blocks)
 
 
+def bullets(texts: Sequence[str]) -> Markup:
+    """Return warnings that concern one part of a page."""
+    return _block("bullets", texts)
+
+
 def fold(title: str, blocks: Sequence[Markup]) -> Markup:
     """Return blocks behind a title that opens them: for pages with many alike parts."""
     return _block("fold", title, blocks)
