@@ -6,7 +6,7 @@ law lacks something, and the intervals, which know scatter only, are too narrow 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -21,14 +21,17 @@ from stiction.identify.intervals import (
     robust_covariance,
     with_intervals,
 )
-from stiction.identify.regression import FEWEST_ROWS, Fit, fit_rows
+from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_rows
 from stiction.identify.rows import Rows
 
 COMPARED = ("inertia", "viscous_friction", "coulomb_friction")
 """Parameters that the parts are compared in."""
 
-LARGEST_SIGMAS = 2.5
-"""Combined standard deviations; one comparison in eighty is beyond by chance."""
+LARGEST_SIGMAS = 3.0
+"""Combined standard deviations; one comparison in four hundred is beyond by chance."""
+
+SMALLEST_GAP = 0.02
+"""Gap of two parts, over the mean of both, that is not worth a word, however certain."""
 
 STRETCHES = 16
 """Stretches of a log, each of which counts as slow or as fast."""
@@ -62,8 +65,13 @@ class Comparison:
 
     @property
     def disputed(self) -> tuple[str, ...]:
-        """Parameters whose gap is beyond chance."""
-        return tuple(name for name in self.values if self.sigmas(name) > LARGEST_SIGMAS)
+        """Parameters whose gap is beyond chance, and large enough to matter."""
+        return tuple(
+            name
+            for name, (one, other) in self.values.items()
+            if self.sigmas(name) > LARGEST_SIGMAS
+            and abs(one.value - other.value) > SMALLEST_GAP * abs(one.value + other.value) / 2
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
@@ -113,9 +121,13 @@ def compare_parts(rows: Rows, fit: Fit) -> tuple[Comparison, ...]:
 
 
 def compare(label: str, parts: tuple[str, str], one: Rows, other: Rows, fit: Fit) -> Comparison:
-    """Fit two sets of rows by themselves, each with the equation of `fit`, and set them side by side."""
-    strength_unknown = len(fit.names) > len(fit.model.names)
-    fits = [fit_rows(rows, fit.model, strength_unknown) for rows in (one, other)]
+    """Fit two sets of rows by themselves, each with the equation of `fit`, and set them side by side.
+
+    Where 1/k is unknown it is what `fit` found, for both: the rows of a run without payload do not tell it.
+    """
+    inverse = dict(zip(fit.names, fit.values)).get(INVERSE_STRENGTH, 1.0)
+    parted = [replace(rows, payload=inverse * rows.payload, load=inverse * rows.load) for rows in (one, other)]
+    fits = [fit_rows(rows, fit.model) for rows in parted]
     both = [found.estimates() for found in fits]
     values = {name: (both[0][name], both[1][name]) for name in COMPARED}
     speed = common_speed(one.velocity, other.velocity)

@@ -33,7 +33,7 @@ class InLoop:
     instrumental: Fit | None = None
     """Regression with simulated instruments."""
     comparisons: tuple[Comparison, ...] = ()
-    """Parts of a log without torque, each fitted by output error by itself."""
+    """Parts of the log, each fitted by output error by itself."""
     reason: str | None = None
     """Why it was not done."""
 
@@ -60,7 +60,7 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
     reason = None
     if symmetric is None:
         reason = "output error found no joint whose simulation follows the log: the model is not right, or the gains"
-    comparisons = () if run.measured or symmetric is None else _compare_parts(run, gains, base, symmetric)
+    comparisons = () if symmetric is None else _compare_parts(run, gains, base, symmetric)
     return InLoop(mismatch, symmetric, richer, instrumental, comparisons, reason)
 
 
@@ -96,7 +96,7 @@ def _compare_parts(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> t
         fits = [_output_error(run, gains, base, start, part, known) for part in parts]
         if fits[0] is None or fits[1] is None:
             continue
-        both = [seen_in_loop(fit, gains.kd) for fit in fits if fit is not None]
+        both = [seen_in_loop(fit, 0.0 if run.measured else gains.kd) for fit in fits if fit is not None]
         values = {name: (both[0][name], both[1][name]) for name in COMPARED}
         speed = common_speed(*(run.prepared.velocity[part] for part in parts))
         one, other = (_friction(estimates, speed) for estimates in both)

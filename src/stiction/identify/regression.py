@@ -141,7 +141,15 @@ def rigid_torque(fit: Fit, rows: Rows) -> np.ndarray:
 
 
 def check_fit(source: str, fit: Fit) -> None:
-    """Raise `LogError` if the motion does not tell inertia, viscous and dry friction apart; `source` is named."""
+    """Raise `LogError` if the motion does not tell inertia, viscous and dry friction apart; `source` is named.
+
+    And if the link has gravity of its own that pulls on it just as the payload does, in every run that was fitted.
+    """
+    if not fit.inflation.get(INVERSE_STRENGTH, 0.0) < LARGEST_INFLATION:
+        raise LogError(
+            f"{source}: the payload's weight cannot be told from the link's own, so the motor strength and the inertia "
+            "are not known; log once without the payload as well and give that log with --repeat"
+        )
     dynamic = [name for name in ("inertia", "viscous_friction", "coulomb_friction")]
     worst = max(dynamic, key=lambda name: fit.inflation[name])
     if not fit.inflation[worst] < LARGEST_INFLATION:

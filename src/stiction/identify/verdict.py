@@ -126,7 +126,7 @@ def _judgement(ratio: Estimate, dead_band: Estimate | None, condition: str | Non
     high = max(ratio.interval95[1], 0.0)
     parts = [
         f"{effect(high)}. Provisional: in simulations of one robot, one training seed, such a policy still followed "
-        "0.5 m/s with friction of 1 % of the torque limit, and reached 79 to 85 % of it at 10 %, 51 to 61 % at 20 %."
+        "0.5 m/s with friction of 1 % of the torque limit, and reached 80 to 83 % of it at 10 %, 51 to 59 % at 20 %."
     ]
     if condition != "loaded" and effect(MARGIN * high) != effect(high):
         parts.append(f"At {MARGIN:g} times that, which a loaded leg may have: {effect(MARGIN * high).lower()}.")
