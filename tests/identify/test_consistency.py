@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -24,6 +24,7 @@ from stiction.identify.consistency import (
 from stiction.identify.model import Model
 from stiction.identify.regression import Fit, fit_rows
 from stiction.identify.rows import Rows
+from stiction.identify.setup import Payload
 
 PLAIN = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4, "offset": -0.05}
 
@@ -189,3 +190,23 @@ def test_no_residual_is_white() -> None:
     """A constant has no memory to speak of, and must not divide by zero."""
     nothing = whiteness(np.full(100, 0.3))
     assert (nothing.correlation_time, nothing.first_lag, nothing.probability) == (1.0, 0.0, 1.0)
+
+
+def test_parts_of_which_one_has_no_payload_share_the_strength() -> None:
+    """A run with a payload and one without, k = 0.8: only together do they tell k; each gives I/k, B/k and f/k."""
+    heavy = equation_rows(PLAIN, strength=0.8, payload=Payload(1.0, 0.2, 0.3))
+    bare = equation_rows(PLAIN, strength=0.8)
+    later = replace(bare, time=bare.time + 20.0, run=bare.run + 1)
+    both = Rows(
+        **{
+            item.name: np.concatenate([getattr(heavy, item.name), getattr(later, item.name)])
+            for item in fields(Rows)
+            if item.name != "slowest"
+        },
+        slowest=0.0,
+    )
+    rows = replace(both, torque=both.torque + 0.01 * np.random.default_rng(0).standard_normal(len(both)))
+    halves, _ = compare_parts(rows, fit_rows(rows, Model(), strength_unknown=True))
+    for name in COMPARED:
+        for part in halves.values[name]:
+            assert abs(part.value - PLAIN[name] / 0.8) < 4 * part.std + 1e-3 * part.value, name

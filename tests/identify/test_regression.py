@@ -173,6 +173,14 @@ def test_a_column_of_zeros_tells_nothing() -> None:
     assert not rows.payload.any() and fit.inflation[INVERSE_STRENGTH] > 1e6
 
 
+def test_a_payload_that_the_links_own_weight_hides_is_refused() -> None:
+    """Payload and link pull alike at every angle, and their inertias are one: the message says which log is missing."""
+    rows = equation_rows(COMMON | WEIGHT, strength=0.8, payload=PAYLOAD)
+    with pytest.raises(LogError, match=r"leg\.csv: the payload's weight cannot be told from the link's own.*--repeat"):
+        check_fit("leg.csv", fit_rows(rows, Model(gravity=True), strength_unknown=True))
+    check_fit("bare.csv", fit_rows(equation_rows(COMMON, payload=PAYLOAD), Model(), strength_unknown=True))
+
+
 def test_too_few_rows_are_refused() -> None:
     """One less than the least says so, with the number; the least passes."""
     rows = replace(equation_rows(COMMON), slowest=0.25)
