@@ -54,9 +54,10 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
             reason=f"the logged torque differs from kp (target − position) − kd velocity by {mismatch:.0%}: gains, the "
             "torque's unit or the timing are not as declared; output error, which rests on them, is not done",
         )
-    symmetric = _output_error(run, gains, base, _start(run, gains, base))
-    richer = _output_error(run, gains, chosen, _start(run, gains, chosen)) if chosen is not base else None
-    instrumental = fit_instrumental(run.prepared, None, base, lambda values: _follow(run, gains, base, values))
+    symmetric = fit_in_loop(run, gains, base)
+    richer = fit_in_loop(run, gains, chosen) if chosen is not base else None
+    alone = base.rows is run.rows
+    instrumental = fit_with_instruments(run, gains, base) if alone else None
     reason = None
     if symmetric is None:
         reason = "output error found no joint whose simulation follows the log: the model is not right, or the gains"
@@ -93,7 +94,7 @@ def _compare_parts(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> t
     found = []
     for split in splits(run.signals.time, run.prepared.velocity):
         parts = (split.first, ~split.first)
-        fits = [_output_error(run, gains, base, start, part, known) for part in parts]
+        fits = [fit_in_loop(run, gains, base, start, part, known) for part in parts]
         if fits[0] is None or fits[1] is None:
             continue
         both = [seen_in_loop(fit, 0.0 if run.measured else gains.kd) for fit in fits if fit is not None]
@@ -121,20 +122,27 @@ def _friction(seen: dict[str, Estimate], speed: float) -> Estimate:
     return Estimate(value, std, (value - reach, value + reach))
 
 
-def _output_error(
+def fit_with_instruments(run: Run, gains: PDGains, base: Fit) -> Fit | None:
+    """Regress with instruments from simulations; None where no simulation follows the log."""
+    payload = run.setup.payload
+    return fit_instrumental(run.prepared, payload, base, lambda values: _follow(run, gains, base, values))
+
+
+def fit_in_loop(
     run: Run,
     gains: PDGains,
     fit: Fit,
-    start: dict[str, float],
+    start: dict[str, float] | None = None,
     part: np.ndarray | None = None,
     known: dict[str, float] | None = None,
 ) -> OutputError | None:
     """Fit by output error; None where the best simulation does not depend on all of the equation's parameters.
 
-    start: where the search begins; part: samples to judge the simulation in, all by default; known: what not to fit.
+    start: where the search begins, by default where the regression ended; part: samples to judge the simulation in, all
+    by default; known: what not to fit.
     """
     setup, extra = run.setup, _payload(run)
-    known = dict(known or {})
+    start, known = start or _start(run, gains, fit), dict(known or {})
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
     if extra and not fit.model.gravity:
         known |= dict.fromkeys(GRAVITY, 0.0)
