@@ -53,6 +53,8 @@ class IdentifyConfig(IdentifySetup):
     """A sidecar that does not lie beside the log as LOG.json: gains, limits and so on, for all joints and for each."""
     repeat: tuple[Path, ...] = ()
     """Further logs of the same joints: repeats, hot and cold, with and without a payload. Each may have a sidecar."""
+    repeat_columns: tuple[str, ...] = ()
+    """ROLE=NAME pairs that the repeats have and the log has not: disturbance=pulses, say."""
     out: Path = Path("identified")
     """Folder for joints.json, fit.npz, training.json and report.html."""
     json: bool = False
@@ -73,7 +75,9 @@ def main(arguments: list[str]) -> int:
         keep_inputs(log, config.out)
     setup = IdentifySetup(**{item.name: getattr(config, item.name) for item in fields(IdentifySetup)})
     columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
-    logs = [open_log(path, columns, name, config.names, config.rate) for path in (config.log, *config.repeat)]
+    more = columns | parse_columns(config.repeat_columns)
+    logs = [open_log(config.log, columns, name, config.names, config.rate)]
+    logs += [open_log(path, more, name, config.names, config.rate) for path in config.repeat]
     if config.sidecar is not None:
         logs[0] = replace(logs[0], setup=read_sidecar(config.sidecar))
     with work_progress() as progress:

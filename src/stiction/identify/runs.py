@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,6 +58,8 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
     setup = setup.with_sidecar(log.setup_of(name))
     setup.check()
     signals = check_log(log, name, raw, setup.torque_scale)
+    if signals.disturbance is not None:
+        signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
     torque, unusable = _drive(log.source, signals, setup)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
     check_excitation(log.source, prepared.velocity, signals.step)

@@ -54,6 +54,8 @@ class IdentifySetup:
     """Linear: read kg, N and m."""
     torque_scale: float = 1.0
     """N m (or N) per unit of the torque column: a torque constant, or -1 where the sign is the other way round."""
+    disturbance_scale: float = 1.0
+    """N m (or N) per unit of the disturbance column; negative where it counts against the position."""
     velocity_delay: float = 0.0
     """How late the velocity is that the controller uses [s]: half a sample for a difference over one sample, plus its
     filter. It matters to output error alone."""
@@ -109,8 +111,11 @@ class IdentifySetup:
             value, less = getattr(self, name), "" if name in positive else ", or 0"
             if value is not None and not (isfinite(value) and (value > 0 or (value == 0 and less))):
                 raise StictionError(f"{name.replace('_', ' ')} {value}: expected a positive number{less}")
-        if not 1e-9 <= abs(self.torque_scale) <= 1e9:
-            raise StictionError(f"torque scale {self.torque_scale}: expected a size between 1e-9 and 1e9")
+        for name in ("torque_scale", "disturbance_scale"):
+            if not 1e-9 <= abs(getattr(self, name)) <= 1e9:
+                raise StictionError(
+                    f"{name.replace('_', ' ')} {getattr(self, name)}: expected a size between 1e-9 and 1e9"
+                )
         if self.torque_source == "output_side":
             raise StictionError(
                 "torque source output_side: a sensor behind the gear does not see the joint's friction; "
