@@ -24,7 +24,8 @@ The log is CSV, NPZ or Parquet with columns time, position.<joint>, target.<join
 actuator-net scripts, MCAP with JointState messages, PACE's .pt, MATLAB 5, or anything tabular with a column mapping.
 With torque: inertia and friction in SI units. With positions and targets alone: what of them can be known, in units of
 the motor's strength. Gains, torque limit and so on come from flags or from LOG.json beside the log, where each joint
-may have its own. A walking log, as `stiction evaluate --log` writes it, has options of its own: add it, and --help."""
+may have its own. A walking log (stiction evaluate --log) has options of its own,
+--robot, --mass-known and more: `stiction identify WALK.npz --help` lists them."""
 
 
 PLAIN_WIDTH = 120
