@@ -12,14 +12,17 @@ LARGEST_MISMATCH = 0.15
 """Relative size of logged torque − PD torque beyond which gains, torque unit or timing must be wrong."""
 
 
-def controller_mismatch(signals: Uniform, gains: PDGains, velocity: np.ndarray, cutoff: float) -> float:
+def controller_mismatch(
+    signals: Uniform, gains: PDGains, velocity: np.ndarray, cutoff: float, biased: bool = False
+) -> float:
     """Return |τ_logged − PD(target, position, velocity)| / |τ_logged|, both below `cutoff` [Hz].
 
     signals: with target and torque; velocity: filtered θ' as the controller has it, late if it is [rad/s], shape
-    (num_samples,).
+    (num_samples,); biased: the log's angle may be ahead of the controller's, so a constant gap is not held against it.
     """
     target = low_pass(np.asarray(signals.target), cutoff, signals.step)
     position = low_pass(signals.position, cutoff, signals.step)
     measured = low_pass(np.asarray(signals.torque), cutoff, signals.step)
     expected = pd_torque(gains, target, position, velocity)
-    return float(np.linalg.norm(expected - measured) / np.linalg.norm(measured))
+    gap = expected - measured
+    return float(np.linalg.norm(gap - gap.mean() * biased) / np.linalg.norm(measured))

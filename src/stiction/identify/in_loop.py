@@ -71,7 +71,8 @@ def _mismatch(run: Run, gains: PDGains) -> float | None:
         return None
     lag = (run.setup.velocity_delay or 0.0) + (run.setup.delay or 0.0)
     late = np.interp(run.signals.time - lag, run.signals.time, run.prepared.velocity)
-    return controller_mismatch(run.signals, gains, late, run.prepared.cutoff)
+    biased = "encoder_bias" in run.setup.unknowns and _shows(run, "encoder_bias")
+    return controller_mismatch(run.signals, gains, late, run.prepared.cutoff, biased)
 
 
 def _start(run: Run, gains: PDGains, fit: Fit) -> dict[str, float]:
