@@ -31,13 +31,16 @@ def identify_log(
     """Identify several joints, every one of the log's by default.
 
     Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
-    both in the order of the log. Raises `StictionError` where a joint is not in the log, or none could be identified.
+    both in the order of the log, or of `joints`. Raises `StictionError` where a joint is not in the log, or none could
+    be identified.
     """
     names = [log.joint(name)[0] for name in joints] or list(log.joints)
     found: dict[str, Identification] = {}
     refused: dict[str, str] = {}
+    # Of several joints each is asked for by name, or a repeat that lacks it could offer its only joint instead.
+    named = bool(joints) or len(log.joints) > 1
     jobs = {
-        name: (_alone(log, name), name if joints else None, setup, tuple(_alone(one, name) for one in repeats))
+        name: (_alone(log, name), name if named else None, setup, tuple(_alone(one, name) for one in repeats))
         for name in names
     }
     for name, outcome in _outcomes(jobs):
