@@ -1,0 +1,134 @@
+"""Friction that depends on the angle: by hand where a hand can do it, else against small steps of another method."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.joints.friction import Coulomb, PositionDependent
+from stiction.joints.gravity import Gravity
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Joint, simulate
+
+STEP = 0.002
+TIME = STEP * np.arange(500)
+GAINS = PDGains(20.0, 0.5, 45.0)
+LAW = PositionDependent(0.2, 0.3, 0.5, 0.1)
+"""0.2 N m at 0.1 rad; 0.2 + 0.12 + 0.08 = 0.4 N m at 0.5 rad; 0.2 − 0.06 + 0.02 = 0.16 N m at −0.1 rad."""
+
+
+def small_steps(joint: Joint, law: PositionDependent, gains: PDGains, target: np.ndarray) -> np.ndarray:
+    """Return q and q' by semi-implicit steps of 1e-5 s, friction as a projection; shape (2, num_samples)."""
+    pieces = round(STEP / 1e-5)
+    step, gravity = STEP / pieces, joint.gravity or Gravity(0.0)
+    position = velocity = 0.0
+    motion = [(position, velocity)]
+    for index in range(len(target) - 1):
+        for piece in range(pieces):
+            goal = target[index] + (target[index + 1] - target[index]) * (piece + 0.5) / pieces
+            torque = gains.kp * (goal - position) - gains.kd * velocity
+            torque = min(max(torque, -gains.torque_limit), gains.torque_limit)
+            torque -= gravity.sin * np.sin(position) + gravity.cos * np.cos(position) + joint.offset
+            moved = velocity + step * (torque - joint.viscous * velocity) / joint.inertia
+            away = position - law.middle
+            size = max(law.level + law.slope * away + law.curvature * away * away, 0.0)
+            moved = (1.0 if moved > 0 else -1.0) * max(abs(moved) - step * size / joint.inertia, 0.0)
+            position += step * 0.5 * (velocity + moved)
+            velocity = moved
+        motion.append((position, velocity))
+    return np.array(motion).T
+
+
+def test_what_the_angle_adds_by_hand() -> None:
+    """On top of 0.2 N m: nothing in the middle, 0.2 at 0.5 rad, −0.04 at −0.1 rad; slope 0.3 + 2 · 0.5 (θ − 0.1)."""
+    angles = np.array([0.1, 0.5, -0.1])
+    np.testing.assert_allclose(LAW.at_angle(angles), [0.0, 0.2, -0.04], atol=1e-12)
+    np.testing.assert_allclose(LAW.slope_at_angle(angles), [0.3, 0.7, 0.1])
+    assert [piece.level for piece in LAW.pieces(1)] == [piece.level for piece in LAW.pieces(-1)] == [0.2]
+
+
+def test_friction_is_never_less_than_nothing() -> None:
+    """0.1 N m with a slope of 1 N m/rad would be negative under −0.1 rad: there it is zero, and so is its slope."""
+    law = PositionDependent(0.1, 1.0, 0.0)
+    angles = np.array([-1.0, -0.1001, -0.0999, 0.0, 1.0])
+    np.testing.assert_allclose(0.1 + law.at_angle(angles), [0.0, 0.0, 0.0001, 0.1, 1.1], atol=1e-12)
+    np.testing.assert_allclose(law.slope_at_angle(angles), [0.0, 0.0, 1.0, 1.0, 1.0])
+    wide = np.linspace(-10, 10, 2001)
+    assert (0.2 + PositionDependent(0.2, 0.7, -0.3).at_angle(wide)).min() == 0.0
+
+
+@pytest.mark.parametrize(("start", "friction"), [(0.5, 0.4), (0.1, 0.2), (-0.1, 0.16)])
+@pytest.mark.parametrize("way", [1, -1])
+def test_break_away_at_an_angle(start: float, friction: float, way: int) -> None:
+    """At kp 10 and a target that leaves at 1 rad/s, the joint lets go after friction / 10 seconds, either way."""
+    made = simulate(Joint(0.01, 0.1, LAW), PDGains(10.0, 0.0), STEP, start + way * TIME[:40], position=start)
+    held = round(friction / 10 / STEP)
+    np.testing.assert_array_equal(made.velocity[:held], 0.0)
+    assert abs(made.velocity[held]) < 1e-12 and way * made.velocity[held + 1] > 1e-4
+
+
+def test_coasting_stops_where_the_energy_is_used_up() -> None:
+    """From 2 rad/s with I = 0.01, 0.02 J: 0.1 θ + 0.5 · 0.2 θ² = 0.02 gives θ = (√0.018 − 0.1) / 0.2 = 0.1708 rad."""
+    made = simulate(
+        Joint(0.01, 0.0, PositionDependent(0.1, 0.2, 0.0)), PDGains(1e-9, 0.0), STEP, np.zeros(500), velocity=2.0
+    )
+    assert made.position[-1] == pytest.approx((np.sqrt(0.018) - 0.1) / 0.2, rel=1e-4)
+    assert made.velocity[-1] == 0.0
+
+
+def test_friction_that_ends_lets_the_joint_coast() -> None:
+    """Where friction would fall under zero it is gone: the joint goes on at constant speed and is not driven.
+
+    0.1 N m falling by 1 N m/rad is used up at 0.1 rad, after 0.5 · 0.1 · 0.1 = 0.005 J of 0.02 J: √3 rad/s are left.
+    """
+    law = PositionDependent(0.1, -1.0, 0.0)
+    made = simulate(Joint(0.01, 0.0, law), PDGains(1e-9, 0.0), STEP, np.zeros(300), velocity=2.0)
+    assert made.position[-1] > 0.5
+    np.testing.assert_allclose(made.velocity[made.position > 0.11], np.sqrt(3.0), rtol=2e-4)
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [
+        Joint(0.0145, 0.0704, LAW, -0.05),
+        Joint(0.0145, 0.0704, PositionDependent(0.3, -0.4, 0.2, -0.2), 0.02),
+        Joint(0.0145, 0.0704, PositionDependent(0.1, 0.6, 0.0)),
+        Joint(0.02, 0.07, LAW, 0.02, Gravity(2.5, -0.8)),
+    ],
+    ids=["rising", "falling", "ends", "gravity"],
+)
+@pytest.mark.parametrize("limit", [45.0, 2.5])
+def test_it_agrees_with_small_steps(joint: Joint, limit: float) -> None:
+    """Steps of 1e-5 s of another method, over stick, slip, and the motor's limit."""
+    assert isinstance(joint.friction, PositionDependent)
+    target = 0.4 * np.sin(4 * np.pi * TIME) + 0.2 * np.sin(22 * TIME)
+    gains = PDGains(20.0, 0.5, limit)
+    made = simulate(joint, gains, STEP, target)
+    position, velocity = small_steps(joint, joint.friction, gains, target)
+    assert np.abs(made.position - position).max() < 2e-3 * np.abs(position).max()
+    assert np.abs(made.velocity - velocity).max() < 6e-3 * np.abs(velocity).max()
+
+
+def test_without_slope_and_curvature_it_is_coulomb_friction() -> None:
+    """Zero, zero: the same motion as the plain law's to the tolerance of the passes."""
+    target = 0.4 * np.sin(4 * np.pi * TIME)
+    plain = simulate(Joint(0.0145, 0.07, Coulomb(0.3), -0.05), GAINS, STEP, target)
+    flat = simulate(Joint(0.0145, 0.07, PositionDependent(0.3, 0.0, 0.0, 0.4), -0.05), GAINS, STEP, target)
+    np.testing.assert_allclose(flat.position, plain.position, atol=1e-9)
+
+
+def test_it_never_adds_energy() -> None:
+    """A free joint with friction that rises and falls over the angle only slows down."""
+    made = simulate(
+        Joint(0.01, 0.0, PositionDependent(0.05, 0.3, -0.4)), PDGains(1e-9, 0.0), STEP, np.zeros(500), velocity=3.0
+    )
+    assert np.all(np.diff(made.velocity) <= 1e-9) and made.velocity.min() >= 0.0
+
+
+def test_impossible_numbers_are_refused() -> None:
+    """Negative friction in the middle, and a curvature that is no number."""
+    with pytest.raises(StictionError, match=r"Coulomb friction -0\.1"):
+        PositionDependent(-0.1, 0.0, 0.0)
+    with pytest.raises(StictionError, match="expected finite numbers"):
+        PositionDependent(0.1, 0.0, float("nan"))
