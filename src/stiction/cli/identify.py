@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated
 
@@ -68,7 +68,6 @@ def main(arguments: list[str]) -> int:
         return from_arguments(arguments)
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
     from stiction.cli.terminal import work_progress
-    from stiction.formats.sidecar import read_sidecar
     from stiction.identify.logs import open_log, parse_columns
     from stiction.identify.many import identify_log
 
@@ -77,10 +76,8 @@ def main(arguments: list[str]) -> int:
     setup = IdentifySetup(**{item.name: getattr(config, item.name) for item in fields(IdentifySetup)})
     columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
     more = columns | parse_columns(config.repeat_columns)
-    logs = [open_log(config.log, columns, name, config.names, config.rate)]
+    logs = [open_log(config.log, columns, name, config.names, config.rate, config.sidecar)]
     logs += [open_log(path, more, name, config.names, config.rate) for path in config.repeat]
-    if config.sidecar is not None:
-        logs[0] = replace(logs[0], setup=read_sidecar(config.sidecar))
     with work_progress() as progress:
         several = len(config.joint or logs[0].joints) > 1
         found, refused = identify_log(

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from itertools import repeat
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +14,14 @@ from markupsafe import Markup
 
 from stiction.formats.fit import FitSignals, read_fit
 from stiction.formats.joints import PARAMETERS, Estimate, JointRecord, JointsFile, load_joints
+from stiction.formats.reproducibility import num_threads
 from stiction.report.joint_figures import against_angle, cloud, overview, residuals, signals
 from stiction.report.joint_trust import agreement, diagnostics, estimators
 from stiction.report.labels import CONDITIONS, LABELS, SOURCES, cells, number, unit
 from stiction.report.page import Section, bullets, fold, paragraph, render_page, table
+
+MANY = 4
+"""Joints from which on they are drawn by several processes."""
 
 MOST_NAMES = 4
 """Joints whose names fit into a title."""
@@ -25,12 +34,13 @@ def write_identification_page(folder: Path) -> Path:
     """Write `report.html` beside the `joints.json` and `fit.npz` of `folder`; return its path."""
     joints = load_joints(folder / "joints.json")
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
-    fits = {name: read_fit(folder / "fit.npz", name) for name in found}
     if len(joints.joints) == 1:
-        sections = [section for name, record in found.items() for section in joint_sections(name, record, fits[name])]
+        sections = [section for name in found for section in _sections(folder, name)]
         lead = " ".join(record.diagnostics.get("verdict", {}).get("text", "") for record in found.values())
     else:
-        sections, lead = _many(joints, found, fits), _lead(found)
+        with _drawing(len(found)) as draw:
+            drawn = dict(zip(found, draw(_sections, repeat(folder), found)))
+        sections, lead = _many(joints, drawn), _lead(found)
     page = folder / "report.html"
     named = ", ".join(joints.joints) if len(joints.joints) <= MOST_NAMES else f"{len(joints.joints)} joints"
     title = f"Joint identification: {named}"
@@ -49,8 +59,29 @@ def joint_sections(name: str, record: JointRecord, fit: FitSignals) -> list[Sect
     ]
 
 
-def _many(joints: JointsFile, found: dict[str, JointRecord], fits: dict[str, FitSignals]) -> list[Section]:
-    """Return the sections of a page with several joints: all side by side first, then each behind its name."""
+def _sections(folder: Path, name: str) -> list[Section]:
+    """Return the sections of one joint of `folder`."""
+    record = load_joints(folder / "joints.json").joints[name]
+    return joint_sections(name, record, read_fit(folder / "fit.npz", name))
+
+
+@contextmanager
+def _drawing(joints: int) -> Iterator[Callable[..., Iterable[list[Section]]]]:
+    """Give a `map` that draws the joints side by side where there are enough of them to be worth other processes."""
+    workers = min(joints, num_threads())
+    if joints < MANY or workers == 1:
+        yield map
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield pool.map
+
+
+def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
+    """Return the sections of a page with several joints: all side by side first, then each behind its name.
+
+    drawn: the sections of each joint that was identified.
+    """
+    found = {name: joints.joints[name] for name in drawn}
     rows = []
     for name, record in joints.joints.items():
         over = record.coulomb_friction is None
@@ -65,7 +96,7 @@ def _many(joints: JointsFile, found: dict[str, JointRecord], fits: dict[str, Fit
     blocks = []
     shared = gather_warnings(joints)
     for name, record in found.items():
-        parts = [block for section in joint_sections(name, record, fits[name]) for block in section.blocks]
+        parts = [block for section in drawn[name] for block in section.blocks]
         verdict = paragraph(record.diagnostics.get("verdict", {}).get("text", ""))
         own = [text for text in record.warnings if len(shared[text]) == 1]
         blocks.append(fold(name, [verdict, *([bullets(own)] if own else []), *parts]))

@@ -20,7 +20,7 @@ SHOWN = 5.0
 def cloud(record: JointRecord, fit: FitSignals) -> Markup:
     """Draw friction, the torque less what inertia, gravity and offset take, against speed, and the law through it."""
     position, torque = axis_units(record)
-    figure, (axis,) = new_figure(size=(8.0, 4.2))
+    figure, (axis,) = new_figure(size=(8.0, 4.2), fixed=True)
     used = _used(fit)
     friction = fit.torque - fit.rigid_torque
     axis.plot(fit.velocity[used], friction[used], ".", markersize=2.5, alpha=0.35, label="measured")
@@ -53,7 +53,7 @@ def against_angle(record: JointRecord, fit: FitSignals) -> tuple[Markup, ...]:
         return ()
     position, torque = axis_units(record)
     law = record.friction_law or {}
-    figure, (axis,) = new_figure(size=(8.0, 3.4))
+    figure, (axis,) = new_figure(size=(8.0, 3.4), fixed=True)
     used = _used(fit)
     sign = np.sign(fit.velocity[used])
     slope = law["drawn"]["viscous_friction"]
@@ -79,7 +79,7 @@ def signals(record: JointRecord, fit: FitSignals) -> Markup:
     position, torque = axis_units(record)
     start = 0.3 * float(fit.time[-1])
     shown = _thin(fit, start, start + min(SHOWN, 0.5 * float(fit.time[-1])))
-    figure, (top, bottom) = new_figure(2, 1, (8.0, 5.0))
+    figure, (top, bottom) = new_figure(2, 1, (8.0, 5.0), fixed=True)
     time = fit.time[shown]
     if fit.target is not None:
         top.plot(time, fit.target[shown], label="target", linestyle=":", color=COLORS[2])
@@ -104,7 +104,7 @@ def signals(record: JointRecord, fit: FitSignals) -> Markup:
 
 def residuals(record: JointRecord, fit: FitSignals) -> Markup:
     """Draw what the law does not explain."""
-    figure, (axis,) = new_figure(size=(8.0, 2.6))
+    figure, (axis,) = new_figure(size=(8.0, 2.6), fixed=True)
     used = _used(fit)
     if _name(record) != "coulomb":
         plain = (fit.torque - fit.fitted_torque)[used]

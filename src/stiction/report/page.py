@@ -111,12 +111,26 @@ def file_uri(path: Path) -> str:
     return data_uri(path.read_bytes(), mime)
 
 
-def new_figure(rows: int = 1, columns: int = 1, size: tuple[float, float] = (8.0, 3.2)) -> tuple[Figure, list]:
-    """Return a matplotlib figure in the page's colours and its axes as a flat list; no window and no global state."""
+MARGINS = (0.75, 0.12, 0.55, 0.15)
+"""Left, right, bottom and top of a figure with fixed margins [in]."""
+
+
+def new_figure(
+    rows: int = 1, columns: int = 1, size: tuple[float, float] = (8.0, 3.2), fixed: bool = False
+) -> tuple[Figure, list]:
+    """Return a matplotlib figure in the page's colours and its axes as a flat list; no window and no global state.
+
+    fixed: margins that are the same for every figure, for pages with many: laying out to fit draws everything twice.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="constrained")
+    figure = Figure(figsize=size, layout=None if fixed else "constrained")
+    if fixed:
+        left, right, bottom, top = MARGINS
+        width, height = size
+        sides = {"left": left / width, "right": 1 - right / width}
+        figure.subplots_adjust(**sides, bottom=bottom / height, top=1 - top / height, hspace=0.15)
     FigureCanvasAgg(figure)
     axes = list(figure.subplots(rows, columns, squeeze=False).flat)
     for axis in axes:

@@ -11,7 +11,7 @@ import numpy as np
 
 from stiction.formats.errors import LogError
 from stiction.formats.log import JointSignals, Log, listed, read_table
-from stiction.formats.sidecar import LogSetup, read_setup
+from stiction.formats.sidecar import LogSetup, read_setup, read_sidecar
 from stiction.formats.tables import Columns
 from stiction.identify.logs.columns import TOPICS, find_signals
 from stiction.identify.logs.matlab import read_mat
@@ -27,19 +27,21 @@ def open_log(
     joint: str | None = None,
     names: Sequence[str] = (),
     rate: float | None = None,
+    sidecar: Path | None = None,
 ) -> Log:
     """Read a log and its sidecar.
 
     columns: role -> column or pattern (see `find_signals`), or `state` and `command` -> topic for MCAP. joint: the name
     to give a joint whose columns carry none. names: the joints' names, in order, for a log that only numbers them; by
-    default the sidecar's. rate: samples per second [Hz] of a log without time stamps; by default the sidecar's. Raises
-    `LogError` with one line for whatever is wrong with the file.
+    default the sidecar's. rate: samples per second [Hz] of a log without time stamps; by default the sidecar's.
+    sidecar: where it is, by default beside the log. Raises `LogError` with one line for whatever is wrong with the
+    file.
     """
     if path.is_dir():
         raise LogError(f"{path} is a directory; expected a log, a {KINDS} file")
     if not path.is_file():
         raise LogError(f"no log at {path}; expected a {KINDS} file")
-    setup = read_setup(path)
+    setup = read_setup(path) if sidecar is None else read_sidecar(sidecar)
     suffix = path.suffix.lower()
     topics = sorted(set(columns or ()) & set(TOPICS))
     if suffix == ".mcap":
