@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from carried import QUIET, carrying_log, weak_log
+from carried import QUIET, carrying_log, weak_log, without_torque
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import PARAMETERS, Estimate, JointRecord
 from stiction.identify.combinations import DAMPED, exactly, shifted, times
@@ -79,7 +79,7 @@ def test_a_payload_in_one_log_of_two_tells_the_strength() -> None:
         assert record.motor_strength is not None
         assert record.motor_strength.value == pytest.approx(K, rel=1e-3)
         assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
-        assert record.combinations == {} and record.diagnostics["strength"]["source"] == "payload"
+        assert record.combinations == {} and record.diagnostics["strength"]["source"] == "known_load"
         assert record.friction_ratio is not None and record.dead_band is not None
 
 
@@ -89,6 +89,32 @@ def test_a_payload_tells_the_strength_through_noise() -> None:
     assert record.motor_strength is not None
     assert record.motor_strength.value == pytest.approx(K, rel=5e-3)
     assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.015)
+
+
+def test_a_known_torque_from_outside_tells_the_strength() -> None:
+    """A sine of 2 N m on the joint: k = 0.8 and parameters in N m, and the same where 0.8 was declared."""
+    time, _ = Excitation().target()
+    pulled = without_torque(
+        example_log(
+            replace(SATURN_LITE, gains=replace(SATURN_LITE.gains, strength=K)),
+            load=2.0 * np.sin(7.0 * time),
+            noise=QUIET,
+        )
+    )
+    record = identify_joint(pulled).record
+    assert record.motor_strength is not None and record.motor_strength.value == pytest.approx(K, rel=2e-3)
+    assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
+    declared = identify_joint(pulled, setup=IdentifySetup(motor_strength=K)).record
+    assert values(declared) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
+    assert declared.diagnostics["method"] == "output_error"
+
+
+def test_a_payload_under_a_declared_strength() -> None:
+    """0.98 N m of payload are 1.23 in units of a motor that gives 80 %: the joint's own parameters come out."""
+    heavy = carrying_log(SATURN_LITE, K, *LOAD, noise=QUIET)
+    record = identify_joint(heavy, setup=IdentifySetup(motor_strength=K)).record
+    assert values(record) == pytest.approx([0.0145, 0.0704, 0.442], rel=0.01)
+    assert record.diagnostics["output_error"]["inertia"]["value"] == pytest.approx(0.0145 / K, rel=0.01)
 
 
 def test_the_links_own_weight_hides_a_payload() -> None:

@@ -87,6 +87,12 @@ def test_a_payload_tells_the_strength() -> None:
     assert fit.values == pytest.approx(expected, rel=1e-6)
 
 
+def test_a_known_torque_from_outside_tells_the_strength() -> None:
+    """A sine of 0.8 N m that somebody applied is as good a scale as a payload."""
+    fit = fit_rows(equation_rows(COMMON, strength=0.8, load=0.8), Model(), strength_unknown=True)
+    assert fit.values == pytest.approx([*(value / 0.8 for value in COMMON.values()), 1.25], rel=1e-6)
+
+
 def test_the_load_is_the_payloads_too_whatever_the_strength() -> None:
     """The load law's coefficient is torque over torque, so k drops out of it, and with it of the load."""
     rows = equation_rows(TRUTHS["load"], strength=0.8, payload=PAYLOAD)

@@ -15,8 +15,9 @@ from stiction.identify.setup import Payload
 def prepared(
     count: int = 4, step: float = 0.1, used: tuple[int, ...] | None = None, **signals: list[float]
 ) -> Prepared:
-    """Return a run of plain numbers; a signal that is not given counts 0, 1, 2 and so on."""
+    """Return a run of plain numbers; a signal that is not given counts 0, 1, 2, and nothing pushes."""
     names = ("position", "velocity", "acceleration", "direction", "torque", "outside")
+    signals.setdefault("outside", [0.0] * count)
     arrays = {name: np.asarray(signals.get(name, np.arange(count, dtype=float))) for name in names}
     return Prepared(step=step, cutoff=10.0, threshold=0.5, used=np.array(used or range(count)), **arrays)
 
@@ -32,15 +33,25 @@ def test_a_payload_asks_for_weight_and_inertia() -> None:
         outside=[0.0, 1.0, 0.0, 2.0],
     )
     rows = make_rows([run], [Payload(2.0, 0.5, 0.3)])
-    np.testing.assert_allclose(rows.payload, [2.0, 4.905, 11.81, -11.81], atol=1e-12)
+    np.testing.assert_allclose(rows.payload, [2.0, 3.905, 11.81, -13.81], atol=1e-12)
     np.testing.assert_allclose(rows.load, [0.0, 3.905, 9.81, -11.81], atol=1e-12)
 
 
 def test_without_a_payload_the_load_is_what_pushes_from_outside() -> None:
-    """The gear carries d with the other sign, for d helps the motor; a payload that is not there asks for nothing."""
+    """The gear carries d with the other sign, for d helps the motor, whose own torque is τ + d less d."""
     rows = make_rows([prepared(outside=[0.0, 1.0, -2.0, 3.0])], [None])
     np.testing.assert_array_equal(rows.load, [0.0, -1.0, 2.0, -3.0])
-    np.testing.assert_array_equal(rows.payload, np.zeros(4))
+    np.testing.assert_array_equal(rows.payload, [0.0, -1.0, 2.0, -3.0])
+    np.testing.assert_array_equal(rows.torque, [0.0, 0.0, 4.0, 0.0])
+
+
+def test_what_is_known_stands_over_the_declared_strength() -> None:
+    """Torque in units of a motor that gives half: 3 N m from outside are 6 of its own."""
+    run = prepared(position=[np.pi / 2] * 4, acceleration=[0.0] * 4, outside=[0.0, 0.0, 3.0, 3.0])
+    rows = make_rows([run], [Payload(1.0, 0.1, 0.0)], 0.5)
+    np.testing.assert_allclose(rows.payload, [1.962, 1.962, -4.038, -4.038])
+    np.testing.assert_allclose(rows.load, rows.payload)
+    np.testing.assert_array_equal(rows.torque, [0.0, 1.0, -1.0, 0.0])
 
 
 def test_runs_stack_one_after_the_other_with_their_own_payloads() -> None:

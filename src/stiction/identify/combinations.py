@@ -2,7 +2,7 @@
 
 A log of positions and targets alone stays the same if I, B, f, the offset, gravity and the motor strength k all grow
 by the same factor: the motion shows I/k, f/k and (B + k·kd)/k, and nothing else. A known payload breaks the tie, for
-its weight does not grow with k; measured torque does too, if its unit is N m.
+its weight does not grow with k, and so does a known torque from outside; measured torque does too, if its unit is N m.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Strength:
     value: Estimate | None
     """k, or None where it is not known."""
     source: str
-    """`measured`, `declared`, `payload` or `unknown`."""
+    """`measured`, `declared`, `known_load` or `unknown`."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,14 @@ class Found:
 
 
 def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | None) -> Strength:
-    """Say where k comes from: torque in N m, the user's word, or a payload that the fit could tell."""
+    """Say where k comes from: torque in N m, the user's word, or a known load that the fit could tell."""
     if INVERSE_STRENGTH in fit.names:
         inverse = fit.estimates()[INVERSE_STRENGTH]
         if fit.inflation[INVERSE_STRENGTH] < LARGEST_INFLATION and inverse.interval95[0] > 0:
             low, high = inverse.interval95
-            return Strength(Estimate(1 / inverse.value, inverse.std / inverse.value**2, (1 / high, 1 / low)), "payload")
+            return Strength(
+                Estimate(1 / inverse.value, inverse.std / inverse.value**2, (1 / high, 1 / low)), "known_load"
+            )
         return Strength(None, "unknown")
     if declared is not None:
         return Strength(exactly(declared), "declared")

@@ -8,6 +8,7 @@ import numpy as np
 
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import Estimate
+from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import ClosedLoop, Response
 from stiction.identify.combinations import shifted
 from stiction.identify.consistency import COMPARED, Comparison, common_speed, splits
@@ -46,7 +47,7 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
     if target is None:
         return InLoop(reason="no target in the log: output error is not done; log the position asked for")
     if INVERSE_STRENGTH in base.names:
-        return InLoop(reason="output error is not done where a payload tells the motor's strength")
+        return InLoop(reason="output error is not done where a known load tells the motor's strength")
     mismatch = _mismatch(run, gains)
     if mismatch is not None and mismatch > LARGEST_MISMATCH:
         return InLoop(
@@ -142,13 +143,13 @@ def fit_in_loop(
     start: where the search begins, by default where the regression ended; part: samples to judge the simulation in, all
     by default; known: what not to fit.
     """
-    setup, extra = run.setup, _payload(run)
+    setup, extra, signals = run.setup, _payload(run), _signals(run)
     start, known = start or _start(run, gains, fit), dict(known or {})
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
     if extra and not fit.model.gravity:
         known |= dict.fromkeys(GRAVITY, 0.0)
     found = fit_output_error(
-        run.signals if part is None else replace(run.signals, valid=run.signals.valid & part),
+        signals if part is None else replace(signals, valid=signals.valid & part),
         gains,
         model,
         {name: start.get(name, 0.0) + extra.get(name, 0.0) for name in model.names},
@@ -165,13 +166,24 @@ def fit_in_loop(
 
 
 def _payload(run: Run) -> dict[str, float]:
-    """Return what a known payload adds to inertia and gravity; nothing without one."""
+    """Return what a known payload adds to inertia and gravity, over k; nothing without one."""
     payload = run.setup.payload
     if payload is None:
         return {}
     along, across = np.cos(payload.angle), -np.sin(payload.angle)
-    weight = payload.weight
-    return {"inertia": payload.inertia, "gravity_sin": weight * along, "gravity_cos": weight * across}
+    weight, inertia = _over_k(run) * payload.weight, _over_k(run) * payload.inertia
+    return {"inertia": inertia, "gravity_sin": weight * along, "gravity_cos": weight * across}
+
+
+def _signals(run: Run) -> Uniform:
+    """Return the log with the torque from outside over k: the loop is simulated as if k were 1."""
+    outside = run.signals.disturbance
+    return run.signals if outside is None else replace(run.signals, disturbance=_over_k(run) * outside)
+
+
+def _over_k(run: Run) -> float:
+    """Return 1/k where k was declared, else 1: where a known load tells k the loop is not simulated."""
+    return 1 / (run.setup.motor_strength or 1.0)
 
 
 LOOP_UNKNOWNS = {"delay": "delay", "encoder_bias": "log_bias"}
@@ -206,7 +218,7 @@ def _respond(run: Run, gains: PDGains, fit: Fit) -> Response:
         "start_velocity": float(run.prepared.velocity[0]),
         "delay": run.setup.delay or 0.0,
     }
-    loop = ClosedLoop(run.signals, gains, model, begin, run.setup.velocity_delay)
+    loop = ClosedLoop(_signals(run), gains, model, begin, run.setup.velocity_delay)
     return loop.run(values, run.signals.position)
 
 

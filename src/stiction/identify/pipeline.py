@@ -65,17 +65,18 @@ def identify_joint(
 def _stack(run: Run, others: Sequence[Run]) -> tuple[Rows, bool]:
     """Return the rows to fit, and whether 1/k is fitted with them.
 
-    Runs are fitted together where some carry a payload and some do not: only together do they tell k.
+    A payload or a known torque from outside tells it. Runs are fitted together where some carry a payload and some do
+    not: only together do they tell k.
     """
     calibrated = run.measured and run.setup.torque_calibrated is not False
     unknown = not calibrated and run.setup.motor_strength is None
     payloads = [one.setup.payload for one in (run, *others)]
     if not any(payloads):
-        return run.rows, False
+        return run.rows, unknown and float(np.ptp(run.rows.load)) > 0
     if len({payload for payload in payloads}) == 1:
         return run.rows, unknown
     together = [one.prepared for one in (run, *others)]
-    return make_rows(together, payloads), unknown
+    return make_rows(together, payloads, run.setup.motor_strength or 1.0), unknown
 
 
 def _check_values(run: Run, fit: Fit) -> None:
@@ -124,14 +125,15 @@ def _fit_signals(evidence: Evidence) -> FitSignals:
     run, prepared = evidence.run, evidence.run.prepared
     used = np.zeros(len(prepared.torque))
     used[prepared.used] = 1.0
-    everything = make_rows([replace(prepared, used=np.arange(len(prepared.torque)))], [run.setup.payload])
+    whole = replace(prepared, used=np.arange(len(prepared.torque)))
+    everything = make_rows([whole], [run.setup.payload], run.setup.motor_strength or 1.0)
     best = evidence.loop.chosen or evidence.loop.symmetric
     return FitSignals(
         time=run.signals.time,
         position=run.signals.position,
         velocity=prepared.velocity,
         acceleration=prepared.acceleration,
-        torque=prepared.torque,
+        torque=prepared.torque - prepared.outside,
         fitted_torque=predict_torque(evidence.base, everything),
         law_torque=predict_torque(evidence.chosen, everything),
         rigid_torque=rigid_torque(evidence.chosen, everything),

@@ -115,7 +115,7 @@ def make_record(evidence: Evidence) -> JointRecord:
         load_coefficient=known["load_coefficient"],
         encoder_bias=known["encoder_bias"],
         delay=known["delay"],
-        motor_strength=strength.value if strength.source == "payload" else None,
+        motor_strength=strength.value if strength.source == "known_load" else None,
         friction_ratio=ratio,
         dead_band=band,
         combinations=found.combinations,

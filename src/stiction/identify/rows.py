@@ -1,6 +1,7 @@
 """The rows of the torque equation: what each sample that counts says about the parameters.
 
-Several runs of the same joint stack into one set of rows; a known payload enters as what it is known to ask for.
+Several runs of the same joint stack into one set of rows. A known payload, and a known torque from outside, enter as
+what they are known to ask for, in the unit of the torque: N m over the motor strength where that was declared.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ class Rows:
     direction: np.ndarray
     """sign(θ') [1]."""
     torque: np.ndarray
-    """τ + d [N m]."""
+    """τ, what the motor was asked for or gave, in its own unit [N m where that is known]."""
     load: np.ndarray
-    """What acts on the joint from outside and is known: the payload's weight less d [N m]."""
+    """What the gear carries of what is known: the payload's weight less d [N m over the declared strength]."""
     payload: np.ndarray
-    """Torque that the known payload asks for, weight and inertia [N m]."""
+    """Torque known to be asked for: the payload's weight and inertia, less d [N m over the declared strength]."""
     time: np.ndarray
     """From the start of the first run [s]; later runs follow on."""
     run: np.ndarray
@@ -63,8 +64,11 @@ class Rows:
         return index
 
 
-def make_rows(runs: Sequence[Prepared], payloads: Sequence[Payload | None]) -> Rows:
-    """Collect the rows of each run's clear samples; `payloads`: one entry a run, None without."""
+def make_rows(runs: Sequence[Prepared], payloads: Sequence[Payload | None], strength: float = 1.0) -> Rows:
+    """Collect the rows of each run's clear samples.
+
+    payloads: one entry a run, None without; strength: k where it was declared, else 1.
+    """
     parts: dict[str, list[np.ndarray]] = {}
     begin = 0.0
     for index, (run, payload) in enumerate(zip(runs, payloads, strict=True)):
@@ -74,9 +78,9 @@ def make_rows(runs: Sequence[Prepared], payloads: Sequence[Payload | None]) -> R
             "velocity": run.velocity,
             "acceleration": run.acceleration,
             "direction": run.direction,
-            "torque": run.torque,
-            "load": weight - run.outside,
-            "payload": asked,
+            "torque": run.torque - run.outside,
+            "load": (weight - run.outside) / strength,
+            "payload": (asked - run.outside) / strength,
             "time": run.time + begin,
             "run": np.full(len(run.torque), index),
         }

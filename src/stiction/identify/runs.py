@@ -63,7 +63,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
     torque, unusable = _drive(log.source, signals, setup)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
     check_excitation(log.source, prepared.velocity, signals.step)
-    rows = make_rows([prepared], [setup.payload])
+    rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
     check_rows(log.source, rows)
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
 
