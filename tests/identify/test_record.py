@@ -151,6 +151,15 @@ def test_a_late_controller_is_found_and_frees_friction_of_it(measured: bool) -> 
     assert blind.diagnostics["output_error"]["viscous_friction"]["value"] < 0.8 * 0.0704
 
 
+def test_a_delay_that_was_found_is_no_friction_law() -> None:
+    """Without it the torque of the PD law is 4 ms early, and looks like friction that rises toward rest."""
+    log = without_torque(late_log(0.004))
+    asked, blind = (identify_joint(log, setup=IdentifySetup(unknowns=unknowns)).record for unknowns in (("delay",), ()))
+    assert blind.friction_law is not None and asked.friction_law is not None
+    assert blind.friction_law["law"] == "stribeck" and asked.friction_law["law"] == "coulomb"
+    assert asked.combinations["(B + k·kd)/k"].value == pytest.approx(0.5704, rel=0.003)
+
+
 def test_estimators_that_do_not_agree_are_a_warning() -> None:
     """The same late log: the torque equation holds, the loop as declared does not, and the gap is named."""
     record = identify_joint(late_log(0.004)).record

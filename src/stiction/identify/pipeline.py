@@ -53,6 +53,9 @@ def identify_joint(
     choice = choose_law(rows, base, strength_unknown)
     chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
     loop = close_loop(run, base, chosen)
+    late = _late(run, loop)
+    if late is not None:
+        return identify_joint(log, joint, replace(setup, delay=late), repeats)
     comparisons = _comparisons(run, rows, base, loop, others)
     evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, others))
     record = make_record(evidence)
@@ -77,6 +80,17 @@ def _stack(run: Run, others: Sequence[Run]) -> tuple[Rows, bool]:
         return run.rows, unknown
     together = [one.prepared for one in (run, *others)]
     return make_rows(together, payloads, run.setup.motor_strength or 1.0), unknown
+
+
+def _late(run: Run, loop: InLoop) -> float | None:
+    """Return the delay that the loop showed and that the torque made from the PD law did not have [s], else None.
+
+    Such torque is too early, which looks like another friction law: all of it is done again, once, with the delay.
+    """
+    if run.measured or run.setup.delay is not None or loop.symmetric is None:
+        return None
+    found = loop.symmetric.estimates.get("delay")
+    return None if found is None else found.value
 
 
 def _check_values(run: Run, fit: Fit) -> None:
