@@ -34,9 +34,9 @@ def values(record: JointRecord) -> list[float]:
 
 
 def test_positions_alone_tell_what_is_over_k() -> None:
-    """At k = 0.8 each combination holds its truth in 8 or more of 10 logs (9.5 expected); parameters are null."""
+    """At k = 0.8 each combination holds its truth in 5 or more of 6 logs; parameters are null."""
     inside = dict.fromkeys(OVER_K, 0)
-    for seed in range(10):
+    for seed in range(6):
         record = identify_joint(weak_log(SATURN_LITE, K, seed)).record
         assert [getattr(record, name) for name in PARAMETERS] == [None] * 4 and record.motor_strength is None
         assert set(record.combinations) == set(OVER_K)
@@ -48,8 +48,8 @@ def test_positions_alone_tell_what_is_over_k() -> None:
         assert record.friction_ratio is not None and record.dead_band is not None
         assert record.friction_ratio.value == pytest.approx(0.442 / K / 45, rel=0.01)
         assert record.dead_band.value == pytest.approx(0.442 / K / 20, rel=0.01)
-    assert min(inside.values()) >= 8, inside
-    assert any("known mass" in text and "are null" in text for text in record.warnings)
+    assert min(inside.values()) >= 5, inside
+    assert any("known mass" in text and "commanded torque at its word" in text for text in record.warnings)
 
 
 @pytest.mark.parametrize("factor", [0.5, 3.0])
@@ -155,7 +155,12 @@ def test_torque_without_a_unit_gives_what_is_over_its_scale() -> None:
     # In the unit of the current the limit may be given too; kp is in N m/rad, so there is no f/kp.
     assert record.friction_ratio is not None and record.dead_band is None
     text = " ".join(record.warnings)
-    assert "no known unit" in text and "--torque-scale" in text and "unit of the torque column" in text
+    assert (
+        "no known unit" in text
+        and "takes the column to be in N m" in text
+        and "--torque-scale" in text
+        and "unit of the torque column" in text
+    )
 
 
 def test_measured_torque_needs_no_strength() -> None:

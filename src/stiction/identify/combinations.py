@@ -132,5 +132,5 @@ def missing_experiment(strength: Strength, measured: bool) -> str | None:
         f"{what}, so inertia and friction are known over the motor strength k only, and are null; hang a known mass on "
         "the link and log again (--payload-mass, --payload-distance, --payload-angle), or "
         + ("give the torque constant (--torque-scale)" if measured else "log the motor's torque in N m")
-        + "; --motor-strength 1 takes the commanded torque at its word"
+        + f"; --motor-strength 1 takes the {'column to be in N m' if measured else 'commanded torque at its word'}"
     )
