@@ -13,7 +13,7 @@ from stiction.identify.output_error import fit_output_error
 from stiction.joints.friction import Coulomb
 from stiction.joints.simulate import simulate
 
-LOGS = 1000
+LOGS = 500
 """The variance of as many logs is known to within 4.5 %, so 1.2 is five deviations from 1."""
 
 POSITION_NOISE, TORQUE_NOISE = 1e-3, 0.05
