@@ -61,13 +61,17 @@ class Uniform:
     """d, a known torque from outside [N m], or None."""
     valid: np.ndarray = field(default_factory=lambda: np.ones(0, dtype=bool))
     """False where so many samples are missing that the signals are guesses; by default True everywhere."""
+    bridged: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    """True in a long gap, where no signal is known, the target neither; by default nowhere. Unlike `valid`, which may
+    leave samples out for other reasons."""
     timing: Timing | None = None
     """How good the stamps were, or None if nobody looked."""
 
     def __post_init__(self) -> None:
-        """Take every sample as valid unless something else was said."""
-        if len(self.valid) == 0:
-            object.__setattr__(self, "valid", np.ones(len(self.time), dtype=bool))
+        """Take every sample as valid, and none as bridged, unless something else was said."""
+        for name, value in (("valid", True), ("bridged", False)):
+            if len(getattr(self, name)) == 0:
+                object.__setattr__(self, name, np.full(len(self.time), value))
 
 
 def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float = 1.0) -> Uniform:
@@ -108,6 +112,7 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
         velocity=even.get("velocity"),
         disturbance=even.get("disturbance"),
         valid=grid.valid,
+        bridged=~grid.valid,
         timing=timing,
     )
 

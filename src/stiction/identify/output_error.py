@@ -18,6 +18,7 @@ from stiction.formats.joints import Estimate
 from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import EXTRAS, START, ClosedLoop, Response
 from stiction.identify.descent import descend
+from stiction.identify.gaps import unsettled
 from stiction.identify.intervals import block_count, bootstrap_reach, make_blocks, robust_covariance, with_intervals
 from stiction.identify.model import Model
 from stiction.joints.pd import PDGains
@@ -46,6 +47,9 @@ FIRST_SAMPLES = 10
 
 STILL = 0.02
 """Share of the top speed, its 99th percentile, under which the joint is taken to start from rest."""
+
+SETTLING = 5.0
+"""Time constants of the loop after which a simulation has forgotten a gap: less than a hundredth of it is left."""
 
 MOST_PHASES = 300_000
 """Phases of stick and slip after which the search ends where it is: half a minute. Ordinary logs need a tenth of it."""
@@ -134,20 +138,32 @@ def fit_output_error(
     free |= {name: value for name, value in begin.items() if name not in forgotten}
     fixed = {name: value for name, value in fixed.items() if name not in free}
     loop = ClosedLoop(signals, gains, model, fixed, velocity_delay)
-    search = _Search(loop, signals, free, top)
+    wait = int(np.ceil(SETTLING * _slowest(gains, fixed | free) / signals.step))
+    valid = signals.valid & ~unsettled(signals.bridged, np.abs(velocity) > STILL * top, wait)
+    search = _Search(loop, signals, valid, free, top)
     return _result(search, search.fit(), velocity)
+
+
+def _slowest(gains: PDGains, values: Mapping[str, float]) -> float:
+    """Return the slowest time constant of the loop where it slides [s]: of I s² + (B + k kd) s + k kp = 0."""
+    inertia, strength = values["inertia"], values.get("motor_strength", gains.strength)
+    viscous = min(values[name] for name in values if name.startswith("viscous_friction"))
+    damping = max(viscous + strength * gains.kd, 1e-9)
+    return float(-1 / np.roots([inertia, damping, strength * gains.kp]).real.max())
 
 
 class _Search:
     """The least-squares problem: residuals and derivatives of the samples that count, each signal in its own unit."""
 
-    def __init__(self, loop: ClosedLoop, signals: Uniform, free: dict[str, float], top_speed: float) -> None:
+    def __init__(
+        self, loop: ClosedLoop, signals: Uniform, valid: np.ndarray, free: dict[str, float], top_speed: float
+    ) -> None:
         self.top_speed = top_speed
         self.loop, self.names, self.start = loop, tuple(free), np.array(list(free.values()))
         self.measured = {"position": signals.position}
         if signals.torque is not None:
             self.measured["torque"] = signals.torque
-        self.valid = np.asarray(signals.valid, bool)
+        self.valid = valid
         self.weights = dict.fromkeys(self.measured, 1.0)
         self.evaluations = self.phases = 0
         self._latest: tuple[bytes, Response] | None = None
