@@ -9,12 +9,14 @@ import pytest
 
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import Uniform, check_log
+from stiction.identify.controller import controller_mismatch
 from stiction.identify.example import GO1, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.gaps import near, unsettled
 from stiction.identify.model import Model
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.prepare import prepare
 from stiction.joints.friction import Coulomb
+from stiction.joints.pd import PDGains, pd_torque
 
 SIX = [(1100, 50), (2650, 70), (4200, 90), (5700, 110), (7250, 130), (8800, 150)]
 """First sample and length of gaps in a log of 10,000 samples."""
@@ -98,3 +100,20 @@ def test_parts_of_a_log_that_are_left_out_are_no_gaps() -> None:
     # I = 0.0121, B + kd = 0.534, kp = 20: time constant 2 I / (B + kd) = 45.3 ms, five of them are 113.3 samples.
     after = np.flatnonzero(~gap & ~left_out)
     assert after[0] == 1000 and 113 <= len(after) <= 160 and after[-1] < 1160
+
+
+def test_gaps_do_not_accuse_the_controller() -> None:
+    """Six gaps of 0.1 s: torque, angle and target are straight lines there, and velocity rings beside them."""
+    gains, time = PDGains(20.0, 0.5, 45.0), 0.002 * np.arange(10_000)
+    log = example_log(GO1)
+    broken = without(log, [(first, 50) for first, _ in SIX])
+    found = []
+    for one in (log, broken):
+        signals = check_log(one, "shank", one.joints["shank"])
+        made = prepare(signals, np.asarray(signals.torque))
+        found.append(controller_mismatch(signals, gains, made.velocity, made.cutoff))
+    assert found[1] == pytest.approx(found[0], rel=0.05)
+    wave = np.sin(3 * time)
+    torque = pd_torque(gains, wave, 0.9 * wave, 2.7 * np.cos(3 * time))
+    all_gaps = Uniform(time, 0.002, 0.9 * wave, torque, wave, None, bridged=np.arange(10_000) % 20 == 0)
+    assert controller_mismatch(all_gaps, gains, 2.7 * np.cos(3 * time), 20.0) < 0.01
