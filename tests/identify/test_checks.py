@@ -39,7 +39,7 @@ def changed(values: np.ndarray, place: int, value: float) -> np.ndarray:
         (TIME[:100], JointSignals(WAVE[:100], None, None, WAVE[:100]), "100 samples; at least 200"),
         (TIME[::-1], SIGNALS, "time runs backwards at sample 2[12]"),
         (1000 * TIME, SIGNALS, "one sample every 2 s.*in seconds"),
-        (TIME, replace(SIGNALS, position=np.full(400, 0.3)), r"position of joint 'knee' is \(nearly\) constant at 0.3"),
+        (TIME, replace(SIGNALS, position=np.full(400, 0.3)), "position .* constant at 0.3; the joint must move"),
         (TIME, replace(SIGNALS, torque=changed(WAVE, 8, 1e12)), "torque .* beyond 1e.09, the first in sample 9"),
         (TIME, replace(SIGNALS, torque=changed(WAVE, 8, 90.0)), "torque of joint 'knee' jumps .* to 90 at sample 9"),
         (
@@ -48,7 +48,7 @@ def changed(values: np.ndarray, place: int, value: float) -> np.ndarray:
             "position .* jumps .* at sample 202",
         ),
         (TIME, replace(SIGNALS, position=1e-200 * WAVE), "position of joint 'knee' is .nearly. constant"),
-        (TIME, replace(SIGNALS, torque=np.zeros(400)), r"torque of joint 'knee' is \(nearly\) constant"),
+        (TIME, replace(SIGNALS, torque=np.zeros(400)), "constant at 0; the driver seems not to report it: .* --kp and"),
     ],
 )
 def test_bad_logs_are_refused(time: np.ndarray, signals: JointSignals, said: str) -> None:

@@ -137,10 +137,9 @@ def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None
     lies beyond a missing sample is no neighbour. A target may do what it likes.
     """
     if np.ptp(values) < SMALLEST_RANGE or (name != "target" and len(np.unique(values)) < FEWEST_VALUES):
-        raise LogError(
-            f"{where} is (nearly) constant at {values[0]:.6g}; "
-            "the joint must move: log a sine of the target at two frequencies"
-        )
+        missing = "the driver seems not to report it: leave the column out and give --kp and --kd, or log the current"
+        still = "the joint must move: log a sine of the target at two frequencies"
+        raise LogError(f"{where} is (nearly) constant at {values[0]:.6g}; {missing if name == 'torque' else still}")
     if name == "target":
         return
     near = np.diff(grid.stamps) < 1.5 * grid.step

@@ -19,8 +19,8 @@ def controller_mismatch(
     """Return |τ_logged − PD(target, position, velocity)| / |τ_logged|, both below `cutoff` [Hz].
 
     signals: with target and torque; velocity: filtered θ' as the controller has it, late if it is [rad/s], shape
-    (num_samples,); biased: the log's angle may be ahead of the controller's, so a constant difference is not held against it.
-    Samples in a long gap, or within a period of the filter of one, do not count, if there are any others.
+    (num_samples,); biased: the log's angle may be ahead of the controller's, so a constant difference is not held
+    against it. Samples in a long gap, or within a period of the filter of one, do not count, if there are any others.
     """
     target = low_pass(np.asarray(signals.target), cutoff, signals.step)
     position = low_pass(signals.position, cutoff, signals.step)

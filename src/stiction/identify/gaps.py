@@ -23,7 +23,7 @@ def unsettled(bridged: np.ndarray, moving: np.ndarray, wait: int) -> np.ndarray:
     found = np.zeros(len(bridged), bool)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], bridged.astype(int), [0]))))
     moved = np.concatenate(([0], np.cumsum(moving)))
-    for first, end in sorted(edges.reshape(-1, 2).tolist(), key=lambda gap: gap[0] - gap[1]):
+    for _, end in sorted(edges.reshape(-1, 2).tolist(), key=lambda gap: gap[0] - gap[1]):
         settled = int(np.searchsorted(moved, moved[end] + wait))
         more = found.copy()
         more[end:settled] = True
