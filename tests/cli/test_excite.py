@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from stiction.cli.excite import run_lines
 from stiction.cli.main import main
 from stiction.formats.design import load_design
-from stiction.formats.log import read_log
 from stiction.identify.excite import design
+from stiction.identify.logs import open_log
 
 SHORT = "--duration 6 --rate 200 --torque-limit 45 --coulomb 0.44"
 """A log that is designed quickly."""
@@ -31,7 +33,7 @@ def test_json_alone_on_standard_output_and_files_in_the_folder(tmp_path: Path, c
     assert printed == json.loads((out / "design.json").read_text())
     names = ["design.json", "design.npz", "report.html", "trajectory.csv", "trajectory.json"]
     assert sorted(path.name for path in out.iterdir()) == names
-    log = read_log(out / "trajectory.csv")
+    log = open_log(out / "trajectory.csv")
     target = log.joints["FL_shank"].target
     assert target is not None and len(target) == 1201 and target[0] == target[-1] == 0.0
     assert (log.setup.kp, log.setup.torque_limit) == (printed["gains"]["kp"], 45.0)
@@ -49,6 +51,30 @@ def test_people_get_the_table_how_to_run_it_and_the_next_command(tmp_path: Path,
     assert words[:3] == ["stiction", "identify", "LOG.csv"]
     assert main(words[1:]) == 1
     assert "LOG.csv" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("gravity", "condition"), [("--gravity-cos 1", "in_air"), ("", "bare_motor")])
+def test_gravity_that_was_planned_for_will_be_fitted(
+    tmp_path: Path, capsys: pytest.CaptureFixture, gravity: str, condition: str
+) -> None:
+    """Identification fits gravity in the air alone: the next command and the sidecar must both say so."""
+    assert main(["excite", *SHORT.split(), *gravity.split(), "--out", str(tmp_path)]) == 0
+    assert f" --test-condition {condition} --out" in capsys.readouterr().out
+    assert open_log(tmp_path / "trajectory.csv").setup.test_condition == condition
+
+
+def test_a_sine_that_is_as_good_takes_no_longer(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Where the search found nothing better, it must not say that the sine takes 0.8 times as long."""
+    assert main(["excite", *SHORT.split(), "--out", str(tmp_path)]) == 0
+    made = load_design(tmp_path / "design.json")
+    sine = made.sines[0]
+    worse, better = (
+        run_lines(replace(made, sines=(replace(sine, worst=ratio * made.worst),)), tmp_path)[-1] for ratio in (3.0, 0.9)
+    )
+    assert worse == (
+        "The best single sine would leave 3 times the worst deviation: it takes 9 times as long to know as much."
+    )
+    assert better == "The best single sine would leave 0.9 times the worst deviation."
 
 
 def test_a_robot_fills_in_the_joint(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

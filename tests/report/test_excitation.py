@@ -29,7 +29,7 @@ DESIGN = ExcitationDesign(
     joint="<b>",
     setup={
         **{"kp": 20.0, "start": 0.0, "rate": 100.0, "spread": 2.0, "position_only": False, "resolution": 0.0},
-        **{"noise_position": 1e-4, "noise_torque": 0.05},
+        **{"noise_position": 1e-4, "noise_torque": 0.05, "gravity_sin": 0.0, "gravity_cos": 0.0},
     },
     gains={"kp": 7.0, "kd": 0.3},
     advice="Run at kp 7, kd 0.3.",
@@ -75,7 +75,7 @@ def test_the_page_says_how_to_run_it_what_comes_out_and_why(tmp_path: Path) -> N
     assert page.count("data:image/png;base64,") == 3
     for said in ("kp 7 and kd 0.3", "8.75", "4.321", "0.4 %", "-0.987", "10 times the design", "mind the step"):
         assert said in page, said
-    assert "100 times as long" in page and "stiction identify LOG.csv" in page
+    assert "100 times as long" in page and "stiction identify LOG.csv" in page and "bare_motor" in page
 
 
 def test_the_page_needs_no_network_and_escapes_names(tmp_path: Path) -> None:

@@ -128,8 +128,7 @@ def run_lines(design: ExcitationDesign, out: Path) -> list[str]:
         "noise goes.",
     ]
     if best is not None:
-        lines.append(
-            f"The best single sine would leave {two_digits(best / design.worst)} times the worst deviation: it takes "
-            f"{two_digits((best / design.worst) ** 2)} times as long to know as much."
-        )
+        ratio = best / design.worst
+        longer = f": it takes {two_digits(ratio**2)} times as long to know as much" if ratio > 1 else ""
+        lines.append(f"The best single sine would leave {two_digits(ratio)} times the worst deviation{longer}.")
     return lines

@@ -133,13 +133,19 @@ class ExcitationDesign:
         return "" if self.setup["position_only"] else " and motor torque"
 
     @property
+    def test_condition(self) -> str:
+        """What hangs on the motor: a link in the air if gravity was given, else nothing."""
+        return "in_air" if self.setup["gravity_sin"] or self.setup["gravity_cos"] else "bare_motor"
+
+    @property
     def next_command(self) -> str:
         """The command for the log that the robot brings back."""
         name = shlex.quote(self.joint)
         source = "" if self.setup["position_only"] else " --torque-source motor_side"
         return (
             f"stiction identify LOG.csv --joint {name} --kp {self.gains['kp']:g} --kd {self.gains['kd']:g} "
-            f"--torque-limit {self.limits['torque']:g}{source} --out {name}"
+            f"--torque-limit {self.limits['torque']:g}{source} --test-condition {self.test_condition} "
+            f"--out {name}"
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -78,7 +78,13 @@ def design_excitation(
         warnings=tuple(cautions(task, setup, trials, beliefs)),
         command=command,
     )
-    sidecar = LogSetup(kp=gains.kp, kd=gains.kd, torque_limit=task.limits.torque, axis="rotary")
+    sidecar = LogSetup(
+        kp=gains.kp,
+        kd=gains.kd,
+        torque_limit=task.limits.torque,
+        axis="rotary",
+        test_condition=record.test_condition,
+    )
     trajectory = Log("trajectory.csv", signals.time, {joint: JointSignals(target=signals.target)}, sidecar)
     return Excitation(record, signals, trajectory)
 
