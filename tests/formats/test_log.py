@@ -10,7 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from stiction.formats.errors import StictionError
-from stiction.formats.log import JointSignals, Log, LogError, LogSetup, read_log, write_log
+from stiction.formats.log import JointSignals, Log, LogError, LogSetup, read_table, write_log
+from stiction.identify.logs import open_log
 
 GOOD = b"time,position.knee,torque.knee\n0,1,2\n0.5,3,-4e-1\n"
 
@@ -24,7 +25,7 @@ def written(folder: Path, content: bytes, name: str = "log.csv") -> Path:
 
 def test_a_csv_becomes_signals_by_joint(tmp_path: Path) -> None:
     """Columns must reach the joint and the role that their names say."""
-    log = read_log(written(tmp_path, GOOD))
+    log = open_log(written(tmp_path, GOOD))
     name, signals = log.joint(None)
     assert name == "knee" and log.source == "log.csv"
     np.testing.assert_array_equal(log.time, [0, 0.5])
@@ -35,7 +36,7 @@ def test_a_csv_becomes_signals_by_joint(tmp_path: Path) -> None:
 
 def test_bare_names_belong_to_the_joint_that_was_named(tmp_path: Path) -> None:
     """A log of one joint need not repeat its name in every column."""
-    log = read_log(written(tmp_path, b"time,position\n0,1\n1,2\n"), joint="hip")
+    log = open_log(written(tmp_path, b"time,position\n0,1\n1,2\n"), joint="hip")
     assert list(log.joints) == ["hip"]
 
 
@@ -51,26 +52,29 @@ def test_bare_names_belong_to_the_joint_that_was_named(tmp_path: Path) -> None:
         (b"time,position\n0,1\n1\n", "line 3 has 1 values, the header names 2"),
         (b"time,position\n0,1,2\n", "header names 2"),
         (b"time,position\n0,\xff\n", "not a text file"),
-        (b"stamp,position\n0,1\n", "no column 'time'"),
+        (b"stamp,position\n0,1\n", "no column of time"),
         (b"time,angle\n0,1\n", "no column position"),
     ],
 )
 def test_a_bad_csv_is_one_line_that_names_the_trouble(tmp_path: Path, content: bytes, said: str) -> None:
     """A user must learn from the message what to repair."""
     with pytest.raises(LogError) as caught:
-        read_log(written(tmp_path, content))
+        open_log(written(tmp_path, content))
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_missing_files_and_joints_are_named(tmp_path: Path) -> None:
     """Each message lists what there is instead."""
     path = written(tmp_path, GOOD)
+    with pytest.raises(LogError, match="no log at"):
+        open_log(tmp_path / "none.csv")
     with pytest.raises(LogError, match="cannot read"):
-        read_log(tmp_path / "none.csv")
-    with pytest.raises(LogError, match=r"expected .csv, .npz or .parquet"):
-        read_log(written(tmp_path, GOOD, "log.txt"))
+        read_table(tmp_path / "none.csv")
+    for read in (open_log, read_table):
+        with pytest.raises(LogError, match=r"unknown kind .*'.txt'; expected a? ?.csv, .npz"):
+            read(written(tmp_path, GOOD, "log.txt"))
     with pytest.raises(LogError, match=r"no joint 'hip'.*knee"):
-        read_log(path).joint("hip")
+        open_log(path).joint("hip")
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz", ".parquet"])
@@ -79,7 +83,7 @@ def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
     signals = JointSignals(position=np.array([0.25, -1.5]), target=np.array([0.0, 1e-3]))
     log = Log("x", np.array([0.0, 0.01]), {"FL_hip": signals}, LogSetup(kp=20.0, test_condition="in_air"))
     write_log(tmp_path / f"swing{suffix}", log)
-    again = read_log(tmp_path / f"swing{suffix}")
+    again = open_log(tmp_path / f"swing{suffix}")
     assert again.setup == log.setup
     np.testing.assert_array_equal(again.time, log.time)
     np.testing.assert_array_equal(again.joint("FL_hip")[1].target, [0.0, 1e-3])
@@ -105,20 +109,20 @@ def test_a_bad_sidecar_is_refused(tmp_path: Path, text: str, said: str) -> None:
     path = written(tmp_path, GOOD)
     path.with_suffix(".json").write_text(text)
     with pytest.raises(LogError, match=said):
-        read_log(path)
+        open_log(path)
 
 
 def test_pickles_are_refused(tmp_path: Path) -> None:
     """A log from a stranger must not run code."""
     np.savez(tmp_path / "log.npz", time=np.array([{"a": 1}], dtype=object))
     with pytest.raises(LogError, match="not a readable NPZ"):
-        read_log(tmp_path / "log.npz")
+        open_log(tmp_path / "log.npz")
 
 
 def test_a_text_called_npz_is_refused_without_bad_advice(tmp_path: Path) -> None:
     """NumPy takes whatever is no archive for a pickle, and tells the user how to load it unsafely."""
     with pytest.raises(LogError, match="not an NPZ file") as caught:
-        read_log(written(tmp_path, b"hello", "log.npz"))
+        open_log(written(tmp_path, b"hello", "log.npz"))
     assert "pickle" not in str(caught.value)
 
 
@@ -126,10 +130,10 @@ def test_npz_arrays_must_be_vectors_of_one_length(tmp_path: Path) -> None:
     """A ragged archive must not be read in part."""
     np.savez(tmp_path / "a.npz", time=np.zeros(3), position=np.zeros(2))
     with pytest.raises(LogError, match=r"lengths \[2, 3\]"):
-        read_log(tmp_path / "a.npz")
+        open_log(tmp_path / "a.npz")
     np.savez(tmp_path / "b.npz", time=np.zeros((3, 1, 1)))
     with pytest.raises(LogError, match=r"shape \(3, 1, 1\); expected samples"):
-        read_log(tmp_path / "b.npz")
+        open_log(tmp_path / "b.npz")
 
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -140,7 +144,7 @@ def test_damaged_csv_gives_a_log_or_the_one_error(tmp_path: Path, edits: list[tu
     for place, replacement in edits:
         damaged = damaged[:place] + replacement + damaged[place + 1 :]
     try:
-        log = read_log(written(tmp_path, damaged))
+        log = open_log(written(tmp_path, damaged))
     except StictionError:
         return
     for signals in log.joints.values():
@@ -158,6 +162,6 @@ def test_damaged_npz_gives_a_log_or_the_one_error(tmp_path: Path, place: float, 
     data = good.read_bytes()
     start = int(place * len(data))
     try:
-        read_log(written(tmp_path, data[:start] + replacement + data[start + cut :], "bad.npz"))
+        open_log(written(tmp_path, data[:start] + replacement + data[start + cut :], "bad.npz"))
     except StictionError as error:
         assert str(error)

@@ -15,7 +15,7 @@ import numpy as np
 
 from stiction.formats.errors import LogError
 from stiction.formats.parquet import read_parquet, write_parquet
-from stiction.formats.sidecar import LogSetup, read_setup
+from stiction.formats.sidecar import LogSetup
 from stiction.formats.tables import Columns, read_csv, read_npz, write_csv, write_npz
 
 SIGNALS = ("position", "velocity", "target", "torque", "disturbance")
@@ -80,30 +80,6 @@ def read_table(path: Path) -> tuple[Columns, tuple[str, ...]]:
     if suffix == ".parquet":
         return read_parquet(path), ()
     raise LogError(f"{path.name}: unknown kind of table {path.suffix!r}; expected .csv, .npz or .parquet")
-
-
-def read_log(path: Path, joint: str | None = None) -> Log:
-    """Read a canonical log and its sidecar.
-
-    joint: the name to give a joint whose columns carry none. Raises `LogError` with one line for whatever is wrong.
-    """
-    table, notes = read_table(path)
-    joints = by_joint(table, joint)
-    if "time" not in table:
-        raise LogError(f"{path.name}: no column 'time'; the columns are {listed(table)}")
-    if not joints:
-        raise LogError(f"{path.name}: no column {', '.join(SIGNALS[:4])}; the columns are {listed(table)}")
-    return Log(path.name, table["time"], joints, read_setup(path), notes)
-
-
-def by_joint(table: Columns, joint: str | None) -> dict[str, JointSignals]:
-    """Group columns `position.<joint>` by joint; bare names belong to one joint, `joint` or `UNNAMED`."""
-    found: dict[str, Columns] = {}
-    for name, values in table.items():
-        signal, dot, owner = name.partition(".")
-        if signal in SIGNALS:
-            found.setdefault(owner if dot and owner else (joint or UNNAMED), {})[signal] = values
-    return {owner: JointSignals(**signals) for owner, signals in found.items()}
 
 
 def write_log(path: Path, log: Log) -> None:

@@ -22,7 +22,6 @@ from hypothesis import strategies as st
 import damage
 import logfiles
 from stiction.formats.errors import StictionError
-from stiction.formats.log import read_log
 from stiction.formats.sidecar import LogSetup, read_setup
 from stiction.identify.logs import open_log
 
@@ -125,7 +124,7 @@ def test_tables_of_anything(tmp_path: Path, header: list[str], rows: list[list[s
     path = tmp_path / "log.csv"
     path.write_bytes(((end or "\n").join(",".join(row) for row in [header, *rows]) + end).encode())
     try:
-        log = read_log(path)
+        log = open_log(path)
     except StictionError as error:
         assert str(error) and "\n" not in str(error)
         return
