@@ -82,6 +82,16 @@ def read_table(path: Path) -> tuple[Columns, tuple[str, ...]]:
     raise LogError(f"{path.name}: unknown kind of table {path.suffix!r}; expected .csv, .npz or .parquet")
 
 
+def by_joint(table: Columns, joint: str | None) -> dict[str, JointSignals]:
+    """Group columns `position.<joint>` by joint; bare names belong to one joint, `joint` or `UNNAMED`."""
+    found: dict[str, Columns] = {}
+    for name, values in table.items():
+        signal, dot, owner = name.partition(".")
+        if signal in SIGNALS:
+            found.setdefault(owner if dot and owner else (joint or UNNAMED), {})[signal] = values
+    return {owner: JointSignals(**signals) for owner, signals in found.items()}
+
+
 def write_log(path: Path, log: Log) -> None:
     """Write a log as CSV, NPZ or Parquet, by the name of the file, and its sidecar if there is anything to say."""
     writers = {".csv": write_csv, ".npz": write_npz, ".parquet": write_parquet}
