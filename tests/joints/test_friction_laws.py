@@ -13,9 +13,6 @@ from stiction.joints.friction import (
     Coulomb,
     LoadDependent,
     Stribeck,
-    breakaway,
-    friction_torque,
-    sliding,
 )
 from stiction.joints.gravity import Gravity
 from stiction.joints.pd import PDGains
@@ -97,21 +94,11 @@ def test_secants_stay_within_one_percent_of_the_gaussian() -> None:
     law, speed = Stribeck(0.3, 0.5, 0.4), np.linspace(1e-6, 3.0, 4000)
     gaussian = 0.3 + 0.2 * np.exp(-((speed / 0.4) ** 2))
     for way in (1, -1):
-        assert np.abs(sliding(law, way * speed) - gaussian).max() < 0.01 * 0.2
-    assert breakaway(law, 1) == 0.5 and sliding(law, np.array(3.0)) == pytest.approx(0.3)
-
-
-def test_friction_torque_of_each_law_by_hand() -> None:
-    """At rest it cancels what is applied, up to the break-away of that direction; in motion it opposes it."""
-    velocity = np.array([2.0, -2.0, 0.0, 0.0, 0.0])
-    applied = np.array([9.0, 9.0, 0.45, -0.45, -0.2])
-    law = Asymmetric(0.5, 0.3, 0.04, 0.1)
-    np.testing.assert_allclose(friction_torque(law, velocity, applied), [-0.58, 0.5, -0.45, 0.3, 0.2])
-    loaded = friction_torque(LoadDependent(0.2, 0.1), velocity, applied, np.array([1.0, -1.0, 1.0, -1.0, 0.0]))
-    np.testing.assert_allclose(loaded, [-0.3, 0.3, -0.3, 0.3, 0.2])
-    np.testing.assert_allclose(
-        friction_torque(Stribeck(0.3, 0.5, 0.4), velocity, applied), [-0.3, 0.3, -0.45, 0.45, 0.2]
-    )
+        pieces = law.pieces(way)
+        starts, levels, slopes = np.array(pieces).T
+        piece = np.searchsorted(starts, speed, "right") - 1
+        assert np.abs(levels[piece] + slopes[piece] * speed - gaussian).max() < 0.01 * 0.2
+        assert pieces[0].level == 0.5 and pieces[-1].level == pytest.approx(0.3) and pieces[-1].slope == 0.0
 
 
 def test_an_asymmetric_joint_coasts_further_where_friction_is_less() -> None:

@@ -216,43 +216,6 @@ def _not_negative(name: str, value: float) -> None:
         raise StictionError(f"{name} {value}: expected a number that is not negative")
 
 
-def breakaway(law: FrictionLaw, direction: int, load: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return the largest torque in `direction`, 1 or -1, that friction holds at rest [N m], in the shape of `load`.
-
-    load: torque that reaches the joint from outside [N m], of either sign.
-    """
-    return law.pieces(direction)[0].level + law.load_coefficient * np.abs(load)
-
-
-def sliding(law: FrictionLaw, velocity: np.ndarray, load: np.ndarray | float = 0.0) -> np.ndarray:
-    """Return the size of the friction of a moving joint, viscous friction of the law included [N m].
-
-    velocity: θ' [rad/s], not zero; load: torque from outside [N m]. Shapes broadcast.
-    """
-    velocity, load = np.broadcast_arrays(np.asarray(velocity, float), np.asarray(load, float))
-    size = law.load_coefficient * np.abs(load)
-    for direction in (1, -1):
-        pieces = law.pieces(direction)
-        speed = direction * velocity
-        chosen = np.clip(np.searchsorted([piece.start for piece in pieces], speed, "right") - 1, 0, None)
-        levels, slopes = (np.array([getattr(piece, name) for piece in pieces]) for name in ("level", "slope"))
-        size = size + np.where(speed > 0, levels[chosen] + slopes[chosen] * speed, 0.0)
-    return size
-
-
-def friction_torque(
-    law: FrictionLaw, velocity: np.ndarray, applied: np.ndarray, load: np.ndarray | float = 0.0
-) -> np.ndarray:
-    """Return f of I q'' + B q' = τ + f [N m]: against the motion, or at rest against what is applied.
-
-    velocity: θ' [rad/s], zero means at rest; applied: every other torque on the joint [N m]; load: the part of it that
-    comes from outside [N m]. Shapes broadcast.
-    """
-    velocity, applied, load = np.broadcast_arrays(*(np.asarray(part, float) for part in (velocity, applied, load)))
-    holding = -np.clip(applied, -breakaway(law, -1, load), breakaway(law, 1, load))
-    return np.where(velocity == 0, holding, -np.sign(velocity) * sliding(law, velocity, load))
-
-
 def dead_band(level: float, kp: float) -> float:
     """Return f/kp: how far the target can be from the angle before the joint moves at all [rad]."""
     if not kp > 0:
