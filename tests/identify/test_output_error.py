@@ -168,26 +168,6 @@ def test_an_unknown_delay_of_the_loop_is_found() -> None:
         assert blind.estimates["viscous_friction"].value < 0.8 * TRUTH[1]
 
 
-def test_an_encoder_bias_needs_gravity_of_a_known_angle() -> None:
-    """0.1 rad between encoder and plumb line: found where the link is known to hang straight down at zero.
-
-    With both terms of gravity free the bias is a rotation of the two, and none of the three may be printed; without
-    gravity nothing at all depends on it.
-    """
-    model, truth = Model(gravity=True), TRUTHS["coulomb"] | {"gravity_sin": 2.0, "gravity_cos": 0.0}
-    turned = truth | {"gravity_sin": 2.0 * np.cos(0.1), "gravity_cos": -2.0 * np.sin(0.1)}
-    signals = Uniform(TIME, STEP, *moved(model, turned), TARGET, None, disturbance=LOAD)
-    start = truth | {"gravity_sin": 1.8}
-    fit = fitted(signals, start, model=model, unknown=("encoder_bias",), known={"gravity_cos": 0.0})
-    assert fit.estimates["encoder_bias"].value == pytest.approx(0.1, rel=1e-2)
-    assert fit.estimates["gravity_sin"].value == pytest.approx(2.0, rel=1e-2)
-    free = fitted(signals, start, model=model, unknown=("encoder_bias",))
-    assert set(free.unidentified) == {"encoder_bias", "gravity_sin", "gravity_cos"}
-    assert free.estimates["inertia"].value == pytest.approx(truth["inertia"], rel=5e-3)
-    upright = Uniform(TIME, STEP, *moved(Model(), truth, load=None), TARGET, None)
-    assert fitted(upright, truth, unknown=("encoder_bias",)).unidentified == ("encoder_bias",)
-
-
 def test_a_bias_of_the_log_alone_shows_against_the_torque() -> None:
     """The log's encoder reads 0.05 rad more than the loop's: found with torque, without it one with the offset."""
     truth = TRUTHS["coulomb"]

@@ -17,17 +17,15 @@ from stiction.formats.errors import StictionError
 from stiction.identify.checks import Uniform
 from stiction.identify.model import Model
 from stiction.identify.sensitivity import parameter_torques, strength_torque
-from stiction.joints.gravity import Gravity
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, Trajectory, simulate
 from stiction.joints.variation import course, vary
 
-EXTRAS = ("delay", "encoder_bias", "log_bias", "motor_strength")
-"""What may be unknown about the loop. `delay`: d [s]. `encoder_bias`: the encoder that loop and log share reads this
-much more than the angle that gravity knows [rad]; only gravity shows it, and only if gravity_sin or gravity_cos is
-known. `log_bias`: the log's angle reads this much more than the loop's own [rad]; with torque it shows as an offset of
-the position that the torque lacks; without torque it is one with the joint's offset. `motor_strength`: torque delivered
-over the torque asked for [1], the log's torque being the one asked for; only a known load shows it."""
+EXTRAS = ("delay", "log_bias", "motor_strength")
+"""What may be unknown about the loop. `delay`: d [s]. `log_bias`: the log's angle reads this much more than the loop's
+own [rad]; with torque it shows as an offset of the position that the torque lacks; without torque it is one with the
+joint's offset. `motor_strength`: torque delivered over the torque asked for [1], the log's torque being the one asked
+for; only a known load shows it."""
 
 START = ("start_position", "start_velocity")
 """θ [rad] and θ' [rad/s] at the first sample, in the loop's frame; of no interest, but they must be fitted too."""
@@ -78,7 +76,7 @@ class ClosedLoop:
         free: values of what is not fixed; guess: roughly the motion [rad], shape (num_samples,).
         """
         values = self.fixed | free
-        delay, bias = values["delay"], values["encoder_bias"]
+        delay = values["delay"]
         joint = self.model.joint([values[name] for name in self.model.names])
         gains = replace(self.gains, strength=values["motor_strength"])
         kp, kd = gains.strength * gains.kp, gains.strength * gains.kd
@@ -87,12 +85,6 @@ class ClosedLoop:
             raise StictionError(
                 f"{'velocity delay' if delay == 0 else 'delays'} {self.velocity_delay + delay:.4g} s: with kd "
                 f"{kd:.4g} and inertia {joint.inertia:.4g} expected 0 to {0.5 * joint.inertia / kd:.3g} s"
-            )
-        if joint.gravity is not None and bias != 0:
-            sine, cosine = np.sin(bias), np.cos(bias)
-            weight = joint.gravity
-            joint = replace(
-                joint, gravity=Gravity(weight.sin * cosine + weight.cos * sine, weight.cos * cosine - weight.sin * sine)
             )
         joint = replace(joint, inertia=joint.inertia - late, viscous=joint.viscous - kp * delay)
         signals, target = self.signals, self.at(self.goal, delay)
@@ -122,7 +114,7 @@ class ClosedLoop:
         kp, kd, late = self.gains.kp, self.gains.kd, delay + self.velocity_delay
         target = self.at(self.goal, delay)
         cut = course(response.joint, response.gains, signals.step, target, made, signals.disturbance)
-        torques = parameter_torques(self.model, values, response.joint, cut, values["encoder_bias"])
+        torques = parameter_torques(self.model, values, response.joint, cut)
         nothing, free_motor = np.zeros_like(cut.load), cut.side == 0
         grid = np.arange(len(target))
         rate = np.interp(cut.instant, grid, self.at(self.rate, delay))
@@ -133,10 +125,6 @@ class ClosedLoop:
         torques["motor_strength"] = strength_torque(self.gains, cut) + (
             (kd * late - 0.5 * kp * delay**2) * cut.acceleration + kp * delay * cut.velocity
         )
-        torques["encoder_bias"] = nothing
-        if response.joint.gravity is not None:
-            felt = 1.0 - cut.sign * response.joint.friction.load_coefficient * np.sign(cut.load)
-            torques["encoder_bias"] = response.joint.gravity.slope(cut.position) * felt
         start = np.array([[name == wanted for name in names] for wanted in START], float)
         changes = vary(response.joint, response.gains, cut, np.stack([torques[name] for name in names], axis=2), start)
         asked = -kp * self.at(changes[0], delay) - kd * self.at(changes[1], late)

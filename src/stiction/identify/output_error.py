@@ -39,7 +39,7 @@ LARGEST_CONDITION = 1e6
 PART = 1e-3
 """Share of a parameter in a direction that nothing is known of, from which on it is not identified."""
 
-WIDEST = {"delay": 0.02, "encoder_bias": 0.5, "log_bias": 0.5, "motor_strength": 0.5}
+WIDEST = {"delay": 0.02, "log_bias": 0.5, "motor_strength": 0.5}
 """Standard deviation beyond which an unknown of the loop counts as not identified: its prior knowledge is better."""
 
 FIRST_SAMPLES = 10

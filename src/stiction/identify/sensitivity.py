@@ -15,13 +15,10 @@ from stiction.joints.simulate import Joint
 from stiction.joints.variation import Course
 
 
-def parameter_torques(
-    model: Model, values: dict[str, float], joint: Joint, cut: Course, bias: float = 0.0
-) -> dict[str, np.ndarray]:
+def parameter_torques(model: Model, values: dict[str, float], joint: Joint, cut: Course) -> dict[str, np.ndarray]:
     """Return for each of the model's parameters the torque of a unit change at both ends of each step.
 
-    values: the model's parameters; joint: what was simulated; cut: its motion; bias: how far the simulated angle is
-    ahead of the one that gravity knows [rad]. Arrays of shape (2, num_steps).
+    values: the model's parameters; joint: what was simulated; cut: its motion. Arrays of shape (2, num_steps).
     """
     ones = np.ones_like(cut.position)
     sign, forward, backward = cut.sign * ones, (cut.sign > 0) * ones, (cut.sign < 0) * ones
@@ -42,8 +39,7 @@ def parameter_torques(
         torques |= _stribeck(values, sign, cut)
     if joint.gravity is not None:
         felt = 1.0 - sign * joint.friction.load_coefficient * np.sign(cut.load)
-        angle = cut.position - bias
-        torques |= {"gravity_sin": -np.sin(angle) * felt, "gravity_cos": -np.cos(angle) * felt}
+        torques |= {"gravity_sin": -np.sin(cut.position) * felt, "gravity_cos": -np.cos(cut.position) * felt}
     return {name: torques[name] for name in model.names}
 
 
