@@ -32,11 +32,11 @@ def parameter_torques(model: Model, values: dict[str, float], joint: Joint, cut:
         "coulomb_friction_backward": backward,
         "offset": -ones,
         "load_coefficient": -sign * np.abs(cut.load),
-        "position_slope": -sign * (cut.position - model.middle),
-        "position_curvature": -sign * (cut.position - model.middle) ** 2,
     }
     if model.law == "stribeck":
         torques |= _stribeck(values, sign, cut)
+    if model.law == "position":
+        torques |= _at_angle(values, sign, cut, joint, model.middle)
     if joint.gravity is not None:
         felt = 1.0 - sign * joint.friction.load_coefficient * np.sign(cut.load)
         torques |= {"gravity_sin": -np.sin(cut.position) * felt, "gravity_cos": -np.cos(cut.position) * felt}
@@ -54,6 +54,18 @@ def _stribeck(values: dict[str, float], sign: np.ndarray, cut: Course) -> dict[s
         "coulomb_friction": -sign * (1.0 - height),
         "static_friction": -sign * height,
         "stribeck_velocity": sign * fall * slopes[cut.piece] * speed,
+    }
+
+
+def _at_angle(
+    values: dict[str, float], sign: np.ndarray, cut: Course, joint: Joint, middle: float
+) -> dict[str, np.ndarray]:
+    """Return the torques of the three parameters of friction over the angle: none where it is cut off at zero."""
+    away, there = cut.position - middle, joint.friction.at_angle(cut.position) > -values["coulomb_friction"]
+    return {
+        "coulomb_friction": -sign * there,
+        "position_slope": -sign * there * away,
+        "position_curvature": -sign * there * away**2,
     }
 
 

@@ -1,10 +1,15 @@
-"""How a simulated joint would have moved, had one of its parameters been a little different: exact derivatives.
+"""How a simulated joint would have moved, had one of its parameters been a little different.
 
 Between two events the change s of the angle obeys the joint's own equation, linearised about the motion,
 I s'' + D s' + K s = φ(t), with φ the torque that the parameter's change amounts to. Events move with the parameter:
 where the joint comes to rest s' ends; where it turns round without resting, s' is multiplied by the ratio of the
 accelerations after and before; where it breaks away inside a sample, or friction passes to its next piece, the
 acceleration is continuous and nothing happens. All samples and events together are one banded linear system.
+
+This is exact where φ is straight within a step: for dry friction, offset and the start. A φ that bends, −θ'' for the
+inertia, −θ' for viscous friction, is taken as straight between its ends, an error of second order in the step: for a
+light motor at low gains 0.02 % of the derivative by the inertia at 1 kHz and 0.4 % at 200 Hz, under 1 % for the width
+of a Stribeck curve.
 """
 
 from __future__ import annotations
