@@ -4,8 +4,9 @@ A sample holds the state at its time and the torque over the period that follows
 are those over the same period: forward differences of angle and angular velocity. The acceleration is the second
 difference of the angle. What depends on the state alone (Coriolis forces) takes the logged velocities.
 
-Filtering waits until the equations are written down (`rows.py`): an equation that holds at every sample also holds for
-any weighted mean of neighbouring samples, whereas the products of filtered signals are not the filtered products.
+Filtering waits until the equations are written down (`swing.py`, `stance.py`): an equation that holds at every sample
+also holds for any weighted mean of neighbouring samples, whereas the products of filtered signals are not the filtered
+products.
 """
 
 from __future__ import annotations
@@ -15,12 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.walk import WalkError, WalkLog
+from stiction.identify.setup import GRAVITATION
 from stiction.identify.walking.leg import BaseMotion, LegMotion
 from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
-
-GRAVITY = 9.81
-"""Where there is no accelerometer, gravity is all of the specific force [m/s²]."""
-
 
 SHORTEST = 1.0
 """Shortest walk that is looked at [s]."""
@@ -82,10 +80,11 @@ def walk_motion(log: WalkLog, spec: RobotSpec) -> WalkMotion:
         )
     acceleration = second_difference(log.joint_position, period)
     up = gravity_direction(log.quaternion)
+    # Where there is no accelerometer, gravity is all of the specific force.
     base = BaseMotion(
         angular_velocity=log.angular_velocity,
         angular_acceleration=forward_difference(log.angular_velocity, period),
-        specific_force=GRAVITY * up if log.specific_force is None else log.specific_force,
+        specific_force=GRAVITATION * up if log.specific_force is None else log.specific_force,
     )
     signals = (log.joint_position, log.joint_velocity, acceleration)
     cuts = [slice(JOINTS_PER_LEG * index, JOINTS_PER_LEG * (index + 1)) for index in range(len(spec.legs))]

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.errors import StictionError
-from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.joints import JointRecord, JointsFile
 from stiction.formats.walk import WalkHeader, WalkLog
 from stiction.formats.walk_fit import WalkFit
+from stiction.identify.combinations import shifted
 from stiction.identify.proposal import judge
 from stiction.identify.walking.leg import BaseMotion, LegMotion, leg_effort
 from stiction.identify.walking.load import LoadFit, fit_load
@@ -146,18 +147,12 @@ def _record(
         settings["dead_band"] = coulomb.scaled(dead_band(1.0, kp)) if kp > 0 else None
         if motion.measured_torque:
             settings |= {"viscous_friction": viscous, "coulomb_friction": coulomb}
-            settings["inertia"] = _shifted(rotor, links)
+            settings["inertia"] = shifted(rotor, links)
             settings["offset"] = swing.fit.estimate(len(PARAMETERS)) if len(swing.joints) == 1 else None
         else:
             settings["combinations"] = {"coulomb_friction/strength": coulomb, "viscous_friction/strength": viscous}
         record = JointRecord(**settings, diagnostics=diagnostics)
     return replace(record, diagnostics=diagnostics | {"verdict": judge(record).to_dict()})
-
-
-def _shifted(estimate: Estimate, by: float) -> Estimate:
-    """Return an estimate of the quantity plus an exactly known number."""
-    low, high = estimate.interval95
-    return Estimate(estimate.value + by, estimate.std, (low + by, high + by))
 
 
 def _warnings(
