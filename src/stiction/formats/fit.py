@@ -13,7 +13,10 @@ from stiction.formats.tables import read_npz_arrays
 
 @dataclass(frozen=True)
 class FitSignals:
-    """Signals of one joint on an even grid; arrays of shape (num_samples,), units as in the log."""
+    """Signals of one joint on an even grid; arrays of shape (num_samples,).
+
+    Torques are in N m, or in the unit of the torque column where that is not N m; on a linear axis read N and m.
+    """
 
     time: np.ndarray
     """From zero [s]."""

@@ -104,9 +104,10 @@ class JointRecord:
     dead_band: Estimate | None = None
     """Coulomb friction over kp [rad]."""
     combinations: dict[str, Estimate] = field(default_factory=dict)
-    """What is identifiable where a parameter alone is not, such as `viscous_friction + kd`."""
+    """What is identifiable where a parameter alone is not, such as `(B + k·kd)/k`."""
     friction_law: dict[str, Any] | None = None
-    """A richer law that was chosen, beside the symmetric one."""
+    """The law that was chosen, Coulomb's too. From a log of a joint: `law`, which it is, `parameters`, and `candidates`,
+    what else was tried. From a walk the load law, or null where it was refused."""
     axis: str = "rotary"
     """`rotary` or `linear`."""
     test_condition: str | None = None
