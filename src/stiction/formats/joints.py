@@ -106,7 +106,7 @@ class JointRecord:
     combinations: dict[str, Estimate] = field(default_factory=dict)
     """What is identifiable where a parameter alone is not, such as `(B + k·kd)/k`."""
     friction_law: dict[str, Any] | None = None
-    """The law that was chosen, Coulomb's too. From a log of a joint: `law`, which it is, `parameters`, and `candidates`,
+    """The law that was chosen, Coulomb's too. From a joint's log: `law`, which it is, `parameters`, and `candidates`,
     what else was tried. From a walk the load law, or null where it was refused."""
     axis: str = "rotary"
     """`rotary` or `linear`."""
