@@ -109,7 +109,6 @@ def test_nothing_richer_is_said_in_plain_words() -> None:
     rows = equation_rows(PLAIN, noise=white())
     choice = choose_law(rows, fit_rows(rows, Model()))
     assert choice.law == "coulomb" and "predicts unseen blocks better" in choice.text
-    assert Choice(choice.model, choice.candidates[:1]).text == "Only viscous and Coulomb friction was tried."
     words = {candidate.law: candidate.verdict for candidate in choice.candidates}
     assert words["coulomb"] == "chosen" and "not beyond noise" in words["asymmetric"]
 

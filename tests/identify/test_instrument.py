@@ -65,8 +65,8 @@ def test_noise_in_the_loop_biases_least_squares_and_not_instruments() -> None:
 
 
 def test_its_intervals_hold_the_truth_that_least_squares_misses() -> None:
-    """The same logs: the interval of the inertia holds 0.0145 in 20 of 24 and more, that of least squares in none."""
-    inside = [0, 0]
+    """Of 24 logs least squares' scatter misses the inertia in all; widened by its regressor's noise it holds it."""
+    inside, scatter = [0, 0], 0
     for seed in range(24):
         run, fit = prepared(LOUD, seed, 60.0)
         found = fit_instrumental(run.prepared, None, fit, partial(followed, run))
@@ -74,7 +74,8 @@ def test_its_intervals_hold_the_truth_that_least_squares_misses() -> None:
         for index, one in enumerate((fit, found)):
             low, high = one.estimates()["inertia"].interval95
             inside[index] += low <= TRUTH[0] <= high
-    assert inside[0] == 0 and inside[1] >= 20
+        scatter += abs(fit.values[0] - TRUTH[0]) < 3 * np.sqrt(fit.covariance[0, 0])
+    assert scatter == 0 and inside[0] >= 22 and inside[1] >= 20
 
 
 def test_where_nothing_can_be_simulated_there_is_no_answer() -> None:

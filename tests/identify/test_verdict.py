@@ -69,7 +69,7 @@ def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
 def test_friction_without_newton_metres_is_judged_by_its_ratio() -> None:
     """A log of positions alone: the words say whose units these are, and an interval over zero is still noticed."""
     told = verdict(None, ratio(0.02), Estimate(0.02, 0.001, (0.018, 0.022)), "in_air")
-    assert told.level == 0.04 and "newton metres are not known" in told.text
+    assert told.level == 0.04 and "Newton metres are not known" in told.text
     assert "does not prove" in verdict(None, Estimate(0.01, 0.01, (-0.01, 0.03)), None, "in_air").text
     assert "newton metres" not in verdict(None, None, None, None).text
 

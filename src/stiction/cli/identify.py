@@ -132,6 +132,8 @@ def show(console: Console, joints: JointsFile) -> None:
     if len(found) == 1:
         for name, record in found.items():
             console.print(_one(name, record))
+            if record.friction_law and record.friction_law["law"] != "coulomb":
+                console.print(_law(record))
             console.print(record.diagnostics["verdict"]["text"], highlight=False, soft_wrap=True)
             console.print(record.friction_law["text"] if record.friction_law else "", highlight=False, soft_wrap=True)
     elif found:
@@ -154,7 +156,8 @@ def _one(name: str, record: JointRecord) -> Table:
 
     other = record.diagnostics.get("output_error") or {}
     table = Table("", "unit", "value", "95 % interval", "output error", title=name)
-    for quantity in (*PARAMETERS, "gravity_sin", "gravity_cos", "motor_strength", "friction_ratio", "dead_band"):
+    extra = ("gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay")
+    for quantity in (*PARAMETERS, *extra, "friction_ratio", "dead_band"):
         estimate = getattr(record, quantity)
         if estimate is None:
             if quantity in (*PARAMETERS, "friction_ratio", "dead_band"):
@@ -168,6 +171,19 @@ def _one(name: str, record: JointRecord) -> Table:
     return table
 
 
+def _law(record: JointRecord) -> Table:
+    """Tabulate the law that was chosen."""
+    from stiction.report.labels import unit
+
+    law = record.friction_law or {}
+    table = Table("", "unit", "value", "95 % interval", title=f"{law['law']} law")
+    over = "/k" if law["over_strength"] else ""
+    for name, data in law["parameters"].items():
+        low, high = data["interval95"]
+        table.add_row(name, unit(record, name) + over, f"{data['value']:.5g}", f"{low:.5g} to {high:.5g}")
+    return table
+
+
 def _several(found: dict[str, JointRecord]) -> Table:
     """Tabulate several joints, a row each; what is known over k only carries it in its heading."""
     table = Table("joint", "dry friction", "95 % interval", "viscous", "inertia", "f/τ_max", "f/kp [rad]", "law")
@@ -175,7 +191,7 @@ def _several(found: dict[str, JointRecord]) -> Table:
         over = record.coulomb_friction is None
         picked = [
             (record.coulomb_friction, "f/k"),
-            (record.viscous_friction, "(B + k·kd)/k"),
+            (record.viscous_friction, "(B + k·kd)/k" if record.torque_source is None else "B/k"),
             (record.inertia, "I/k"),
         ]
         dry, viscous, inertia = (known or record.combinations.get(label) for known, label in picked)
@@ -185,7 +201,8 @@ def _several(found: dict[str, JointRecord]) -> Table:
         ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
         table.add_row(name, *cells, ratio, _number(record.dead_band), law)
         if over:
-            table.caption = "in units of the motor strength k; viscous includes the controller's kd: (B + k·kd)/k"
+            damped = "; viscous includes the controller's kd: (B + k·kd)/k" if record.torque_source is None else ""
+            table.caption = f"in units of the motor strength k{damped}"
     return table
 
 

@@ -102,7 +102,7 @@ class JointRecord:
     friction_ratio: Estimate | None = None
     """Coulomb friction over torque limit [1]."""
     dead_band: Estimate | None = None
-    """Coulomb friction over kp [rad]."""
+    """Friction at rest over kp [rad]: Coulomb friction, or static friction where the law has it."""
     combinations: dict[str, Estimate] = field(default_factory=dict)
     """What is identifiable where a parameter alone is not, such as `(B + k·kd)/k`."""
     friction_law: dict[str, Any] | None = None

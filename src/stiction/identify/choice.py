@@ -68,8 +68,6 @@ class Choice:
     @property
     def text(self) -> str:
         """One sentence for people."""
-        if len(self.candidates) == 1:
-            return "Only viscous and Coulomb friction was tried."
         if self.law == "coulomb":
             return "No richer law than viscous and Coulomb friction predicts unseen blocks better beyond noise."
         chosen = next(candidate for candidate in self.candidates if candidate.law == self.law)
@@ -165,13 +163,19 @@ def _objection(rows: Rows, fit: Fit, base: Fit, error: np.ndarray, reference: np
         return "friction does not rise toward rest"
     if fit.model.law == "load" and max(fit.inflation.get(name, 0.0) for name in GRAVITY) > LARGEST_BLUR:
         return "over this range of angles gravity cannot be told from the offset, so the load is not known"
-    if any(found[name] < 0 for name in fit.names if name.startswith(("coulomb", "load", "static"))):
+    if fit.model.law == "asymmetric":
+        # The offset is half the difference of the two, so one of them may be below zero.
+        driving = found["coulomb_friction_forward"] + found["coulomb_friction_backward"] < 0
+    else:
+        driving = any(found[name] < 0 for name in fit.names if name.startswith(("coulomb", "load", "static")))
+    if driving:
         return "its friction would drive the joint"
     if fit.model.law == "position" and _least_friction(fit, rows) < 0:
         return "its friction would drive the joint"
     gain, evidence = _gain(error, reference), _evidence(fit, base)
     if not gain.certain:
-        return f"held-out error lower by {gain.mean:.1%} ± {gain.std:.1%}: not beyond noise"
+        way = "lower" if gain.mean >= 0 else "higher"
+        return f"held-out error {way} by {abs(gain.mean):.1%} ± {gain.std:.1%}: not beyond noise"
     if evidence < LEAST_EVIDENCE:
         return f"the information criterion does not support it ({evidence:.1f}, at least {LEAST_EVIDENCE:.0f})"
     return ""

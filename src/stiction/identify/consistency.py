@@ -33,6 +33,9 @@ LARGEST_SIGMAS = 3.0
 SMALLEST_GAP = 0.02
 """Gap of two parts, over the mean of both, that is not worth a word, however certain."""
 
+TIMING = "timing"
+"""Label of a comparison with a log whose torque may be late or early."""
+
 STRETCHES = 16
 """Stretches of a log, each of which counts as slow or as fast."""
 
@@ -57,6 +60,8 @@ class Comparison:
     """A speed that both parts reached [rad/s]."""
     friction: tuple[Estimate, Estimate]
     """B θ' + b_c at that speed by each [N m]."""
+    alternative: bool = False
+    """Whether the second is another way to read the same log, rather than a part of it."""
 
     def sigmas(self, name: str) -> float:
         """Return the gap of a parameter in combined standard deviations."""
@@ -65,18 +70,24 @@ class Comparison:
 
     @property
     def disputed(self) -> tuple[str, ...]:
-        """Parameters whose gap is beyond chance, and large enough to matter."""
-        return tuple(
+        """Parameters whose gap is beyond chance, and between parts of a log large enough to matter.
+
+        Another way to read the log that is right about one parameter is right about all.
+        """
+        least = 0.0 if self.alternative else SMALLEST_GAP
+        found = tuple(
             name
             for name, (one, other) in self.values.items()
             if self.sigmas(name) > LARGEST_SIGMAS
-            and abs(one.value - other.value) > SMALLEST_GAP * abs(one.value + other.value) / 2
+            and abs(one.value - other.value) > least * abs(one.value + other.value) / 2
         )
+        return tuple(self.values) if found and self.alternative else found
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         return {
             "label": self.label,
+            "alternative": self.alternative,
             "parts": list(self.parts),
             "values": {name: [one.to_dict(), two.to_dict()] for name, (one, two) in self.values.items()},
             "sigmas": {name: self.sigmas(name) for name in self.values},
@@ -161,11 +172,10 @@ class Drift:
         return {"change": None if self.change is None else self.change.to_dict(), "reason": self.reason}
 
 
-def find_drift(rows: Rows, fit: Fit, damping: float) -> Drift:
+def find_drift(rows: Rows, fit: Fit) -> Drift:
     """Fit a friction that grows or shrinks steadily over the log, viscous and dry alike.
 
     The equation of `fit` gets one more column, its own friction times the time from the middle, in lengths of the log.
-    damping: kd that the fit's viscous friction contains, which does not drift.
     """
     late = (rows.time - rows.time[0]) / float(rows.time[-1] - rows.time[0]) - 0.5
     tied = abs(float(np.corrcoef(late, np.abs(rows.velocity))[0, 1]))
@@ -174,7 +184,7 @@ def find_drift(rows: Rows, fit: Fit, damping: float) -> Drift:
             None, f"the motion itself changes over the log (speed follows time with a correlation of {tied:.2f})"
         )
     found = dict(zip(fit.names, fit.values, strict=True))
-    friction = (found["viscous_friction"] - damping) * rows.velocity + found["coulomb_friction"] * rows.direction
+    friction = found["viscous_friction"] * rows.velocity + found["coulomb_friction"] * rows.direction
     jacobian = np.column_stack([fit.jacobian, late * friction])
     torque = fit.jacobian @ fit.values + fit.residual
     values = np.linalg.lstsq(jacobian, torque, rcond=None)[0]
@@ -211,12 +221,14 @@ def whiteness(residual: np.ndarray) -> Whiteness:
 def widened(seen: dict[str, Estimate], comparisons: tuple[Comparison, ...]) -> dict[str, Estimate]:
     """Return the estimates with intervals that admit what parts of the log say by themselves, where they dispute it.
 
-    Half the gap of the two is the least that what the law lacks may have moved the estimate by.
+    Half the gap of the two is the least that what the law lacks may have moved the estimate by. Of another way to read
+    the whole log the interval is admitted, not the value alone.
     """
     result = dict(seen)
     for comparison in comparisons:
         for name in comparison.disputed:
             old, values = result[name], [part.value for part in comparison.values[name]]
-            ends = (min(old.interval95[0], *values), max(old.interval95[1], *values))
+            reached = comparison.values[name][1].interval95 if comparison.alternative else tuple(values)
+            ends = (min(old.interval95[0], *reached), max(old.interval95[1], *reached))
             result[name] = Estimate(old.value, max(old.std, abs(values[0] - values[1]) / 2), ends)
     return result

@@ -11,13 +11,14 @@ from stiction.formats.joints import Estimate
 from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import ClosedLoop, Response
 from stiction.identify.combinations import shifted
-from stiction.identify.consistency import COMPARED, Comparison, common_speed, splits
+from stiction.identify.consistency import COMPARED, TIMING, Comparison, common_speed, splits
 from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
 from stiction.identify.instrument import fit_instrumental
 from stiction.identify.model import GRAVITY, Model
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.regression import INVERSE_STRENGTH, Fit
 from stiction.identify.runs import Run
+from stiction.identify.setup import Payload
 from stiction.joints.pd import PDGains
 
 
@@ -33,6 +34,8 @@ class InLoop:
     """Output error with the law that was chosen, if that is a richer one."""
     instrumental: Fit | None = None
     """Regression with simulated instruments."""
+    scaled: OutputError | None = None
+    """Output error with viscous and Coulomb friction and k, where a known load of one log tells it; in SI units."""
     comparisons: tuple[Comparison, ...] = ()
     """Parts of the log, each fitted by output error by itself."""
     reason: str | None = None
@@ -47,13 +50,15 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
     if target is None:
         return InLoop(reason="no target in the log: output error is not done; log the position asked for")
     if INVERSE_STRENGTH in base.names:
-        return InLoop(reason="output error is not done where a known load tells the motor's strength")
+        scaled = fit_strength(run, gains, base) if base.rows is run.rows and not base.model.gravity else None
+        reason = None if scaled else "output error is not done where only several logs together tell the strength k"
+        return InLoop(scaled=scaled, reason=reason)
     mismatch = _mismatch(run, gains)
-    if mismatch is not None and mismatch > LARGEST_MISMATCH:
+    if mismatch is not None and mismatch > LARGEST_MISMATCH and "delay" not in run.setup.unknowns:
         return InLoop(
             mismatch,
             reason=f"the logged torque differs from kp (target − position) − kd velocity by {mismatch:.0%}: gains, the "
-            "torque's unit or the timing are not as declared; output error, which rests on them, is not done",
+            "torque's unit or the timing are not as declared, or kd feeds back much noise; output error is not done",
         )
     symmetric = fit_in_loop(run, gains, base)
     richer = fit_in_loop(run, gains, chosen) if chosen is not base else None
@@ -63,7 +68,9 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
     if symmetric is None:
         reason = "output error found no joint whose simulation follows the log: the model is not right, or the gains"
     comparisons = () if symmetric is None else _compare_parts(run, gains, base, symmetric)
-    return InLoop(mismatch, symmetric, richer, instrumental, comparisons, reason)
+    if symmetric is not None and not run.measured:
+        comparisons += _compare_delay(run, gains, base, symmetric)
+    return InLoop(mismatch, symmetric, richer, instrumental, None, comparisons, reason)
 
 
 def _mismatch(run: Run, gains: PDGains) -> float | None:
@@ -76,14 +83,9 @@ def _mismatch(run: Run, gains: PDGains) -> float | None:
     return controller_mismatch(run.signals, gains, late, run.prepared.cutoff, biased)
 
 
-def _start(run: Run, gains: PDGains, fit: Fit) -> dict[str, float]:
-    """Return the regression's values as the simulation takes them: the controller's damping is the controller's."""
-    values = dict(zip(fit.names, fit.values.tolist(), strict=True))
-    if not run.measured:
-        for name in values:
-            if name.startswith("viscous_friction"):
-                values[name] -= gains.kd
-    return values
+def _values(fit: Fit) -> dict[str, float]:
+    """Return a fit's values by name."""
+    return dict(zip(fit.names, fit.values.tolist(), strict=True))
 
 
 def _compare_parts(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> tuple[Comparison, ...]:
@@ -91,7 +93,7 @@ def _compare_parts(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> t
 
     Gravity and offset stay as the whole log has them: the link is the same one, and a part tells them less apart.
     """
-    start = _start(run, gains, base) | {name: estimate.value for name, estimate in whole.estimates.items()}
+    start = _values(base) | {name: estimate.value for name, estimate in whole.estimates.items()}
     known = {name: start[name] for name in BLURRED if name in base.names}
     found = []
     for split in splits(run.signals.time, run.prepared.velocity):
@@ -99,7 +101,7 @@ def _compare_parts(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> t
         fits = [fit_in_loop(run, gains, base, start, part, known) for part in parts]
         if fits[0] is None or fits[1] is None:
             continue
-        both = [seen_in_loop(fit, 0.0 if run.measured else gains.kd) for fit in fits if fit is not None]
+        both = [fit.estimates for fit in fits if fit is not None]
         values = {name: (both[0][name], both[1][name]) for name in COMPARED}
         speed = common_speed(*(run.prepared.velocity[part] for part in parts))
         one, other = (_friction(estimates, speed) for estimates in both)
@@ -107,12 +109,20 @@ def _compare_parts(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> t
     return tuple(found)
 
 
-def seen_in_loop(fit: OutputError, damping: float) -> dict[str, Estimate]:
-    """Return the estimates as the regression would have them, whose viscous friction contains `damping`."""
-    return {
-        name: shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
-        for name, estimate in fit.estimates.items()
-    }
+def _compare_delay(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> tuple[Comparison, ...]:
+    """Set the fit beside one whose controller may be late, unless that was declared or asked for."""
+    if run.setup.delay is not None or run.setup.unknowns:
+        return ()
+    free = replace(run, setup=replace(run.setup, unknowns=("delay",)))
+    start = _values(base) | {name: estimate.value for name, estimate in whole.estimates.items()}
+    late = fit_in_loop(free, gains, base, start)
+    if late is None or "delay" not in late.estimates:
+        return ()
+    values = {name: (whole.estimates[name], late.estimates[name]) for name in COMPARED}
+    speed = float(np.quantile(np.abs(run.prepared.velocity), 0.9))
+    one, other = _friction(whole.estimates, speed), _friction(late.estimates, speed)
+    parts = ("as declared", f"controller {1e3 * late.estimates['delay'].value:.2g} ms late")
+    return (Comparison(TIMING, parts, values, speed, (one, other), True),)
 
 
 def _friction(seen: dict[str, Estimate], speed: float) -> Estimate:
@@ -144,7 +154,7 @@ def fit_in_loop(
     by default; known: what not to fit.
     """
     setup, extra, signals = run.setup, _payload(run), _signals(run)
-    start, known = start or _start(run, gains, fit), dict(known or {})
+    start, known = start or _values(fit), dict(known or {})
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
     if extra and not fit.model.gravity:
         known |= dict.fromkeys(GRAVITY, 0.0)
@@ -163,6 +173,42 @@ def fit_in_loop(
     if needed & set(found.unidentified):
         return None
     return replace(found, estimates={name: shifted(e, -extra.get(name, 0.0)) for name, e in found.estimates.items()})
+
+
+def fit_strength(run: Run, gains: PDGains, base: Fit) -> OutputError | None:
+    """Fit the symmetric law and the motor's strength to a log whose known load tells it, all in SI units.
+
+    base: the regression, with 1/k. Returns None where the simulation does not show all of them.
+    """
+    payload, strength = run.setup.payload, 1 / _values(base)[INVERSE_STRENGTH]
+    start = {name: strength * value for name, value in _values(base).items() if name != INVERSE_STRENGTH}
+    weight = {} if payload is None else _weight(payload)
+    if payload is not None:
+        start["inertia"] += payload.inertia
+    try:
+        found = fit_output_error(
+            run.signals,
+            replace(gains, strength=strength),
+            Model("coulomb", bool(weight)),
+            start | weight,
+            run.prepared.velocity,
+            velocity_delay=run.setup.velocity_delay,
+            delay=run.setup.delay or 0.0,
+            unknown=("motor_strength",),
+            known=weight,
+        )
+    except StictionError:
+        return None
+    if {"motor_strength", *COMPARED} & set(found.unidentified):
+        return None
+    less = 0.0 if payload is None else payload.inertia
+    return replace(found, estimates=found.estimates | {"inertia": shifted(found.estimates["inertia"], -less)})
+
+
+def _weight(payload: Payload) -> dict[str, float]:
+    """Return the gravity terms of a payload [N m]."""
+    along, across = np.cos(payload.angle), -np.sin(payload.angle)
+    return {"gravity_sin": payload.weight * along, "gravity_cos": payload.weight * across}
 
 
 def _payload(run: Run) -> dict[str, float]:
@@ -211,7 +257,7 @@ def _respond(run: Run, gains: PDGains, fit: Fit) -> Response:
     """Simulate a run with a regression's values; raises `StictionError` where no joint has them."""
     extra = _payload(run)
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
-    values = _start(run, gains, fit)
+    values = _values(fit)
     values = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
     begin = {
         "start_position": float(run.signals.position[0]),

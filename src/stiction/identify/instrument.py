@@ -35,7 +35,8 @@ Simulator = Callable[[np.ndarray], np.ndarray | None]
 def fit_instrumental(prepared: Prepared, payload: Payload | None, start: Fit, simulate: Simulator) -> Fit | None:
     """Fit the equation of `start`, which is linear in its parameters, with simulated instruments.
 
-    prepared, payload: the run behind the rows of `start`. Returns None where no simulation follows the log.
+    prepared, payload: the run behind the rows of `start`. Returns None where no simulation follows the log, and where
+    the rounds do not settle.
     """
     fit, torque = start, start.jacobian @ start.values + start.residual
     for _ in range(MOST_ROUNDS):
@@ -50,8 +51,8 @@ def fit_instrumental(prepared: Prepared, payload: Payload | None, start: Fit, si
         previous, fit = fit, replace(start, values=values, residual=residual, instrument=instrument)
         deviations = np.sqrt(np.diag(fit.covariance))
         if np.all(np.abs(fit.values - previous.values) < SETTLED * deviations):
-            break
-    return fit
+            return fit
+    return None
 
 
 def _simulated_rows(prepared: Prepared, payload: Payload | None, position: np.ndarray) -> Rows:

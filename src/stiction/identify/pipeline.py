@@ -12,13 +12,22 @@ from stiction.formats.fit import FitSignals
 from stiction.formats.joints import JointRecord
 from stiction.formats.log import UNNAMED, Log
 from stiction.identify.choice import choose_law
+from stiction.identify.combinations import told_strength
 from stiction.identify.consistency import Comparison, compare, compare_parts
 from stiction.identify.in_loop import InLoop, close_loop, predict_run, symmetric_model
 from stiction.identify.record import Evidence, Prediction, make_record
-from stiction.identify.regression import Fit, check_fit, fit_rows, predict_torque, rigid_torque
-from stiction.identify.rows import Rows, make_rows
+from stiction.identify.regression import (
+    INVERSE_STRENGTH,
+    Fit,
+    check_fit,
+    fit_rows,
+    predict_torque,
+    rigid_torque,
+)
+from stiction.identify.rows import make_rows
 from stiction.identify.runs import Run, make_run
 from stiction.identify.setup import IdentifySetup
+from stiction.identify.skew import compare_timing
 from stiction.identify.warn import NAMELESS, find_warnings
 
 
@@ -46,8 +55,8 @@ def identify_joint(
     setup = setup or IdentifySetup()
     run = make_run(log, joint, setup)
     others = [make_run(other, joint, setup.for_repeat()) for other in repeats]
-    rows, strength_unknown = _stack(run, others)
-    base = fit_rows(rows, symmetric_model(run), strength_unknown)
+    base = _symmetric(run, others)
+    rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
     check_fit(run.source, base)
     _check_values(run, base)
     choice = choose_law(rows, base, strength_unknown)
@@ -56,8 +65,9 @@ def identify_joint(
     late = _late(run, loop)
     if late is not None:
         return identify_joint(log, joint, replace(setup, delay=late), repeats)
-    comparisons = _comparisons(run, rows, base, loop, others)
-    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, others))
+    unseen = others if rows is run.rows else ()
+    comparisons = _comparisons(run, base, loop, unseen)
+    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, unseen))
     record = make_record(evidence)
     warnings = find_warnings(record, run)
     if run.joint == UNNAMED and joint is None and record.axis == "rotary":
@@ -65,21 +75,27 @@ def identify_joint(
     return Identification(run.joint, replace(record, warnings=warnings), _fit_signals(evidence))
 
 
-def _stack(run: Run, others: Sequence[Run]) -> tuple[Rows, bool]:
-    """Return the rows to fit, and whether 1/k is fitted with them.
+def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
+    """Fit viscous and Coulomb friction to the log, or to all logs where only together they tell the strength k.
 
-    A payload or a known torque from outside tells it. Runs are fitted together where some carry a payload and some do
-    not: only together do they tell k.
+    A payload tells k, and so does a known torque from outside, if it is large enough; else k stays unknown.
     """
-    calibrated = run.measured and run.setup.torque_calibrated is not False
-    unknown = not calibrated and run.setup.motor_strength is None
-    payloads = [one.setup.payload for one in (run, *others)]
-    if not any(payloads):
-        return run.rows, unknown and float(np.ptp(run.rows.load)) > 0
-    if len({payload for payload in payloads}) == 1:
-        return run.rows, unknown
-    together = [one.prepared for one in (run, *others)]
-    return make_rows(together, payloads, run.setup.motor_strength or 1.0), unknown
+    model, strength = symmetric_model(run), run.setup.motor_strength
+    runs = (run, *others)
+    payloads = [one.setup.payload for one in runs]
+    known = strength is not None or (run.measured and run.setup.torque_calibrated is not False)
+    pushed = [one for one in runs if one.signals.disturbance is not None]
+    if len(set(payloads)) > 1 or (pushed and not known and len(others) > 0):
+        rows = make_rows([one.prepared for one in runs], payloads, strength or 1.0)
+    else:
+        rows = run.rows
+    if known:
+        return fit_rows(rows, model)
+    if any(payloads) or pushed:
+        told = fit_rows(rows, model, strength_unknown=True)
+        if any(payloads) or told_strength(told):
+            return told
+    return fit_rows(run.rows, model)
 
 
 def _late(run: Run, loop: InLoop) -> float | None:
@@ -114,14 +130,16 @@ def _check_values(run: Run, fit: Fit) -> None:
         )
 
 
-def _comparisons(run: Run, rows: Rows, base: Fit, loop: InLoop, others: Sequence[Run]) -> tuple[Comparison, ...]:
+def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tuple[Comparison, ...]:
     """Compare the parts of the log, and the log with its repeats that carry the same load."""
     alike = [other for other in others if other.setup.payload == run.setup.payload]
     runs = tuple(
         compare(f"repeat {index}", (run.source, other.source), run.rows, other.rows, base)
         for index, other in enumerate(alike, 1)
     )
-    return (*(loop.comparisons or compare_parts(rows, base)), *runs)
+    parts = loop.comparisons or compare_parts(run.rows, base)
+    timing = (compare_timing(run.prepared, base),) if run.measured and base.rows is run.rows else ()
+    return (*parts, *timing, *runs)
 
 
 def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[Prediction, ...]:

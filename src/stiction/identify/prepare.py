@@ -50,6 +50,8 @@ class Prepared:
     """Speed under which the direction is not known [rad/s]."""
     used: np.ndarray
     """Indices of the samples that enter the regression, shape (num_used,)."""
+    attenuation: float = 0.0
+    """Share by which noise of the acceleration makes the inertia too small, in least squares [1]."""
 
     @property
     def time(self) -> np.ndarray:
@@ -86,6 +88,7 @@ def prepare(
         torque=low_pass(torque + outside, corner, signals.step),
         outside=low_pass(outside, corner, signals.step),
         threshold=threshold,
+        attenuation=(acceleration_noise(noise, signals.step, corner) / float(np.std(acceleration))) ** 2,
         used=_clear_samples(velocity, threshold, corner, signals.step, left_out),
     )
 
@@ -96,9 +99,20 @@ def low_pass(values: np.ndarray, cutoff: float, step: float) -> np.ndarray:
 
 
 def derivatives(position: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return filtered velocity and acceleration by central differences, shape (num_samples,) each."""
-    velocity = np.gradient(low_pass(position, cutoff, step), step)
-    return velocity, np.gradient(velocity, step)
+    """Return filtered velocity and acceleration by differences over five samples, shape (num_samples,) each.
+
+    Differences over three would take (2π f step)²/6 off the velocity at the frequency f, and twice that off the
+    acceleration, but nothing off the torque: 0.3 % of the inertia at 8 Hz and 500 samples a second.
+    """
+    velocity = slope(low_pass(position, cutoff, step), step)
+    return velocity, slope(velocity, step)
+
+
+def slope(values: np.ndarray, step: float) -> np.ndarray:
+    """Return the derivative, shape (num_samples,), off by (2π f step)⁴/30 of itself at the frequency f."""
+    found = np.gradient(values, step)
+    found[2:-2] = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / (12 * step)
+    return found
 
 
 def position_noise(position: np.ndarray) -> float:
@@ -110,17 +124,23 @@ def position_noise(position: np.ndarray) -> float:
 def choose_cutoff(position: np.ndarray, step: float, noise: float) -> float:
     """Return the highest corner [Hz] at which noise leaves the acceleration usable, at most a quarter of the rate.
 
-    White noise of size σ in the position has, below f, the acceleration variance 2 σ² step (2π)⁴ f⁵ / 5.
     The higher the corner, the fewer samples around each reversal are lost.
     """
     corner = 0.25 / step
     while corner > 0.01 / step:
         size = float(np.std(derivatives(position, step, corner)[1]))
-        disturbed = noise * np.sqrt(2 * step * (2 * np.pi) ** 4 * corner**5 / 5)
-        if disturbed <= LARGEST_NOISE * size:
+        if acceleration_noise(noise, step, corner) <= LARGEST_NOISE * size:
             break
         corner *= 0.8
     return corner
+
+
+def acceleration_noise(noise: float, step: float, corner: float) -> float:
+    """Return the standard deviation of the acceleration under white noise of the position [rad/s²].
+
+    White noise of size σ has, below f, the acceleration variance 2 σ² step (2π)⁴ f⁵ / 5.
+    """
+    return noise * float(np.sqrt(2 * step * (2 * np.pi) ** 4 * corner**5 / 5))
 
 
 def _clear_samples(

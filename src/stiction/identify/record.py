@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from stiction.formats.joints import Estimate, JointRecord
+from stiction.identify.bias import loop_unknowns
 from stiction.identify.choice import Choice
 from stiction.identify.combinations import Strength, combine, find_strength, missing_experiment, shifted, times
-from stiction.identify.consistency import COMPARED, Comparison, find_drift, whiteness, widened
-from stiction.identify.in_loop import InLoop, seen_in_loop
-from stiction.identify.intervals import bootstrap_reach, with_intervals
-from stiction.identify.model import GRAVITY
+from stiction.identify.consistency import COMPARED, Comparison, Drift, find_drift, whiteness, widened
+from stiction.identify.in_loop import InLoop
 from stiction.identify.output_error import OutputError
 from stiction.identify.position import position_torque
 from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit
@@ -72,9 +71,9 @@ class Evidence:
         return "torque_regression" if self.run.measured else "position_regression"
 
     def symmetric(self) -> dict[str, Estimate]:
-        """Return the stated estimates of viscous and Coulomb friction, kd in the viscous one without torque."""
+        """Return the stated estimates of viscous and Coulomb friction, in the unit of the torque."""
         if self.by_simulation and self.loop.symmetric is not None:
-            return seen_in_loop(self.loop.symmetric, damping_seen(self.run))
+            return self.loop.symmetric.estimates
         return self.base.estimates()
 
     def law(self) -> dict[str, Estimate]:
@@ -85,7 +84,7 @@ class Evidence:
         if self.chosen is self.base:
             return self.symmetric()
         if self.loop.chosen is not None:
-            return seen_in_loop(self.loop.chosen, damping_seen(self.run))
+            return self.loop.chosen.estimates
         return self.chosen.estimates()
 
 
@@ -94,15 +93,23 @@ def make_record(evidence: Evidence) -> JointRecord:
     run, base, setup = evidence.run, evidence.base, evidence.run.setup
     strength = find_strength(base, run.measured, setup.torque_calibrated is not False, setup.motor_strength)
     seen = widened(evidence.symmetric(), evidence.comparisons)
-    found = combine(base, seen, strength, damping_seen(run), _middle(run))
+    found = combine(base, seen, strength, kd_assumed(run), _middle(run))
+    scaled = evidence.loop.scaled
+    if scaled is not None:
+        strength = Strength(scaled.estimates["motor_strength"], "known_load")
+        found = replace(found, parameters=found.parameters | _of_base(base, scaled.estimates))
     level = seen["coulomb_friction"]
-    ratio = None if setup.torque_limit is None else level.scaled(friction_ratio(1.0, setup.torque_limit))
+    limited = found.parameters["coulomb_friction"] if run.measured and setup.torque_calibrated is not False else level
+    ratio = None
+    if setup.torque_limit is not None and limited is not None:
+        ratio = limited.scaled(friction_ratio(1.0, setup.torque_limit))
     gains_fit = setup.kp is not None and setup.torque_calibrated is not False
-    band = level.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
+    holding = evidence.law().get("static_friction", level)
+    band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
     axis = setup.axis or "rotary"
     judged = verdict(found.parameters["coulomb_friction"], ratio, band, setup.test_condition, axis)
     law = _law(evidence, strength)
-    known = found.parameters | _of_law(law, strength) | _of_loop(evidence)
+    known = found.parameters | _of_law(law, strength) | loop_unknowns(base, evidence.loop, setup.hanging_angle)
     return JointRecord(
         inertia=known["inertia"],
         viscous_friction=known["viscous_friction"],
@@ -130,8 +137,13 @@ def make_record(evidence: Evidence) -> JointRecord:
     )
 
 
-def damping_seen(run: Run) -> float:
-    """Return the kd that the regression's viscous friction contains: the controller's, where torque is not measured."""
+def _of_base(base: Fit, estimates: dict[str, Estimate]) -> dict[str, Estimate | None]:
+    """Return those of the estimates that are parameters of the symmetric equation."""
+    return {name: estimate for name, estimate in estimates.items() if name in base.model.names}
+
+
+def kd_assumed(run: Run) -> float:
+    """Return the kd that was taken off the viscous friction: the controller's, where torque is not measured."""
     return 0.0 if run.measured else float(run.setup.kd or 0.0)
 
 
@@ -143,12 +155,15 @@ def _middle(run: Run) -> float:
 def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     """Return the law that was chosen, its parameters, and how the others fared."""
     fit = evidence.chosen
-    damping = damping_seen(evidence.run)
+    damping = kd_assumed(evidence.run) if strength.value is None else 0.0
     parameters = {}
-    for name, estimate in evidence.law().items():
+    stated = evidence.law()
+    if fit is evidence.base:
+        stated = widened(stated, evidence.comparisons)
+    for name, estimate in stated.items():
         if name not in fit.names or name == INVERSE_STRENGTH or fit.inflation[name] >= LARGEST_INFLATION:
             continue
-        own = shifted(estimate, -damping) if name.startswith("viscous_friction") and strength.value else estimate
+        own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
         unitless = name in UNITLESS
         parameters[name] = (own if strength.value is None or unitless else times(own, strength.value)).to_dict()
     return {
@@ -180,36 +195,6 @@ def _of_law(law: dict[str, Any], strength: Strength) -> dict[str, Estimate | Non
     return {name: None if data is None else Estimate.from_dict(data, name) for name, data in known.items()}
 
 
-def _of_loop(evidence: Evidence) -> dict[str, Estimate | None]:
-    """Return delay and encoder bias, where they were asked for and the log tells them.
-
-    Gravity tells the bias where the angle is known at which the link hangs straight down: G sin(θ − bias − hanging) is
-    gravity_sin sin θ + gravity_cos cos θ. Otherwise the bias is that of the log's angle against the controller's.
-    """
-    found = {} if evidence.loop.symmetric is None else evidence.loop.symmetric.estimates
-    hanging = evidence.run.setup.hanging_angle
-    bias = found.get("log_bias") if hanging is None else hanging_bias(evidence.base, hanging)
-    return {"delay": found.get("delay"), "encoder_bias": bias}
-
-
-def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
-    """Return by how much the logged angle is ahead of the true one [rad], from the phase of gravity; None without it.
-
-    hanging: true angle at which the link hangs straight down [rad].
-    """
-    if "gravity_sin" not in fit.names or fit.inflation["gravity_cos"] >= LARGEST_INFLATION:
-        return None
-    sine, cosine = (fit.names.index(name) for name in GRAVITY)
-    along, across = fit.values[sine], -fit.values[cosine]
-    gradient = np.zeros(len(fit.names))
-    gradient[sine], gradient[cosine] = -across, -along
-    gradient /= along**2 + across**2
-    phase = (np.arctan2(across, along) - hanging + np.pi) % (2 * np.pi) - np.pi
-    reach = bootstrap_reach(fit.blocks)[cosine]
-    variance = gradient @ fit.covariance @ gradient
-    return with_intervals(np.array([phase]), np.array([[variance]]), reach)[0]
-
-
 def _relative_error(fit: Fit, rows: Rows) -> float:
     """Return |residual| / |torque| over the rows."""
     return float(np.linalg.norm(fit.residual) / np.linalg.norm(rows.torque))
@@ -223,16 +208,16 @@ def _simulated(result: OutputError | None) -> dict[str, Any] | None:
     return data | {"relative_errors": result.relative_errors}
 
 
-def disagreement(fit: Fit, other: dict[str, Estimate], damping: float) -> dict[str, dict[str, float]]:
+def disagreement(fit: Fit, other: dict[str, Estimate]) -> dict[str, dict[str, float]]:
     """Return per parameter |a − b| in combined standard deviations (`sigmas`) and over |a| (`relative`).
 
     a is the regression's value, b the other estimator's. Both come from one log, so their errors are not independent,
-    and the combined deviation is a rough yardstick. damping: kd that the regression's viscous friction contains.
+    and the combined deviation is a rough yardstick.
     """
     result = {}
     for name, a in fit.estimates().items():
         if name in other and name in COMPARED:
-            b = shifted(other[name], damping) if name == "viscous_friction" else other[name]
+            b = other[name]
             gap = abs(a.value - b.value)
             result[name] = {
                 "sigmas": gap / max(float(np.hypot(a.std, b.std)), 1e-300),
@@ -245,7 +230,7 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     """Return the numbers behind the fit."""
     run, base, rows, loop = evidence.run, evidence.base, evidence.rows, evidence.loop
     simulated = _simulated(loop.symmetric)
-    damping = damping_seen(run)
+    alone = rows is run.rows
     instrumental = None if loop.instrumental is None else loop.instrumental.estimates()
     follows = None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base)
     return {
@@ -268,12 +253,12 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "position_torque": None if follows is None else asdict(follows),
         "comparisons": [comparison.to_dict() for comparison in evidence.comparisons],
         "predictions": [asdict(prediction) for prediction in evidence.predictions],
-        "drift": find_drift(rows, base, damping).to_dict(),
+        "drift": (find_drift(rows, base) if alone else Drift(None, "several logs were fitted together")).to_dict(),
         "controller_mismatch": loop.mismatch,
         "closed_loop": loop.reason,
         "output_error": simulated,
         "output_error_law": _simulated(loop.chosen),
-        "disagreement": None if loop.symmetric is None else disagreement(base, loop.symmetric.estimates, damping),
+        "disagreement": disagreement(base, loop.symmetric.estimates) if loop.symmetric and alone else None,
         "instrumental_variable": None
         if instrumental is None
         else {name: estimate.to_dict() for name, estimate in instrumental.items()},

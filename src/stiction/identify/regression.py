@@ -89,9 +89,18 @@ class Fit:
         return robust_covariance(self.blocks)
 
     def estimates(self) -> dict[str, Estimate]:
-        """Return each parameter with deviation and interval."""
+        """Return each parameter with deviation and interval.
+
+        Least squares makes the inertia too small by what noise its regressor has: its interval admits that.
+        """
         found = with_intervals(self.values, self.covariance, bootstrap_reach(self.blocks))
-        return dict(zip(self.names, found, strict=True))
+        named = dict(zip(self.names, found, strict=True))
+        if self.instrument is None:
+            inertia = named["inertia"]
+            more = self.rows.attenuation * abs(inertia.value)
+            ends = (inertia.interval95[0], inertia.interval95[1] + more)
+            named["inertia"] = Estimate(inertia.value, float(np.hypot(inertia.std, more / 2)), ends)
+        return named
 
 
 def fit_rows(rows: Rows, model: Model, strength_unknown: bool = False) -> Fit:

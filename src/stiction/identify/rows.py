@@ -39,6 +39,8 @@ class Rows:
     """Index of the run."""
     slowest: float
     """Speed under which rows were left out [rad/s]."""
+    attenuation: float = 0.0
+    """Share by which noise of the acceleration makes the inertia too small, in least squares [1]."""
 
     def __len__(self) -> int:
         """Return the number of rows."""
@@ -88,7 +90,7 @@ def make_rows(runs: Sequence[Prepared], payloads: Sequence[Payload | None], stre
             parts.setdefault(name, []).append(values[run.used])
         begin += len(run.torque) * run.step
     joined = {name: np.concatenate(values) for name, values in parts.items()}
-    return Rows(**joined, slowest=max(run.threshold for run in runs))
+    return Rows(**joined, slowest=max(run.threshold for run in runs), attenuation=max(run.attenuation for run in runs))
 
 
 def _payload(run: Prepared, payload: Payload | None) -> tuple[np.ndarray, np.ndarray]:

@@ -71,8 +71,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
 def _drive(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
     """Return the torque that drove the joint, and the samples at which it is not known.
 
-    Without measured torque it is kp (target − θ), late by the delay: the damping of the controller stays with the
-    viscous friction, for the two cannot be told apart. A motor at its limit does not follow that law.
+    Without measured torque it is the PD law's, late by the delay; a motor at its limit does not follow that law.
     """
     if signals.torque is not None:
         return signals.torque, np.zeros(len(signals.time), bool)
@@ -86,5 +85,4 @@ def _drive(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndar
     spring, damper = setup.kp * (signals.target - signals.position), setup.kd * velocity
     unusable = np.abs(spring - damper) > SATURATED * (setup.torque_limit or np.inf)
     delay = setup.delay or 0.0
-    late = np.interp(signals.time - delay, signals.time, spring - damper)
-    return late + damper, unusable
+    return np.interp(signals.time - delay, signals.time, spring - damper), unusable

@@ -44,7 +44,8 @@ class IdentifySetup:
     kd: float | None = None
     """Derivative gain during the log [N m s/rad, or N s/m]."""
     torque_limit: float | None = None
-    """Largest torque of the motor, at the joint [N m, or N]."""
+    """Largest torque of the motor, at the joint [N m, or N; with --torque-calibrated False in the unit of the torque
+    column]."""
     torque_source: Literal["motor_side", "output_side"] | None = None
     """Where torque was measured: motor_side is current or command (joint friction not in it), output_side a sensor
     behind the gear, from which joint friction cannot be found."""
@@ -95,7 +96,9 @@ class IdentifySetup:
     @property
     def fits_gravity(self) -> bool:
         """Whether gravity enters the torque equation."""
-        return self.test_condition == "in_air" if self.gravity is None else self.gravity
+        if self.gravity is None:
+            return self.test_condition == "in_air" and self.axis != "linear"
+        return self.gravity
 
     @property
     def payload(self) -> Payload | None:

@@ -113,8 +113,8 @@ def _measured(
     known = coulomb or ratio or dead_band
     if coulomb is None and known is not None:
         parts.append(
-            "No torque was measured: these are in units of the command, in which the motor's strength cancels; newton "
-            "metres are not known."
+            "Newton metres are not known: these are in units of the command, or of the torque column, in which the "
+            "motor's strength cancels."
         )
     if known is not None and known.interval95[0] <= 0:
         parts.append("The interval of the dry friction reaches zero: this log does not prove that there is any.")

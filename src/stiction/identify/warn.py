@@ -50,7 +50,7 @@ def find_warnings(record: JointRecord, run: Run) -> tuple[str, ...]:
         *_missing(record, run),
         *_unknown(record, run),
         *_fit(record),
-        *_parts(record),
+        *_parts(record, run),
         *_estimators(record),
         *(run.signals.timing.warnings() if run.signals.timing else ()),
         *_signals(record, run),
@@ -80,6 +80,16 @@ def _unknown(record: JointRecord, run: Run) -> list[str]:
     strength = record.diagnostics["strength"]
     if strength["missing"]:
         found.append(strength["missing"])
+    if not run.measured and run.setup.kd and not run.setup.velocity_delay:
+        found.append(
+            f"I/k holds for a controller whose velocity is not late: each millisecond of lateness adds "
+            f"{1e-3 * run.setup.kd:.3g} to it (--velocity-delay)"
+        )
+    if "encoder_bias" in run.setup.unknowns and record.encoder_bias is not None and run.setup.hanging_angle is None:
+        found.append(
+            "the encoder's bias is that of the log's angle against the controller's; one that both share shows in "
+            "gravity alone: --hanging-angle"
+        )
     if strength["source"] == "declared":
         found.append(f"all of it rests on the motor strength that was declared, {run.setup.motor_strength:.4g}")
     if run.setup.payload is not None and strength["source"] == "unknown":
@@ -87,9 +97,15 @@ def _unknown(record: JointRecord, run: Run) -> list[str]:
             "the payload's weight cannot be told from the link's own: log once without it as well and give that log "
             "with --repeat"
         )
-    if run.setup.torque_calibrated is False and record.torque_limit is not None:
-        found.append("the ratio f/τ_max is right only if the torque limit is in the unit of the torque column")
-    if record.offset is None and record.inertia is not None:
+    if run.setup.torque_calibrated is False:
+        found.append(
+            "the unit of the torque is not known: the torque limit was taken to be in the unit of the torque column, "
+            "and the dead band is null, for kp is not in that unit"
+        )
+    for name in run.setup.unknowns:
+        if getattr(record, name) is None:
+            found.append(f"the {name.replace('_', ' ')} was asked for, and this log does not tell it")
+    if not strength["missing"] and record.offset is None and record.inertia is not None:
         found.append("over this range of angles the offset cannot be told from gravity: it is null; move further")
     return found
 
@@ -99,7 +115,11 @@ def _fit(record: JointRecord) -> list[str]:
     found = []
     for name in ("inertia", "viscous_friction", "coulomb_friction"):
         estimate = getattr(record, name)
-        if estimate is not None and estimate.interval95[0] <= 0:
+        if estimate is not None and estimate.interval95[1] < 0:
+            found.append(
+                f"{name} comes out below zero, which no joint has: viscous and Coulomb friction are not its law"
+            )
+        elif estimate is not None and estimate.interval95[0] <= 0:
             found.append(
                 f"the interval of {name} reaches zero: the log does not show that there is any; move more, or longer"
             )
@@ -131,12 +151,23 @@ def _follows(follows: dict[str, Any] | None) -> list[str]:
     ]
 
 
-def _parts(record: JointRecord) -> list[str]:
+def _parts(record: JointRecord, run: Run) -> list[str]:
     """Warn where parts of the log, or repeats, do not agree, and say what that points to."""
     found = []
     for comparison in record.diagnostics["comparisons"]:
-        if comparison["disputed"]:
-            one, two = comparison["parts"]
+        one, two = comparison["parts"]
+        if comparison["disputed"] and comparison["alternative"]:
+            reason = (
+                "torque and angle of the log are not of the same instant, as with a controller that holds its torque "
+                "between updates; log faster"
+                if run.measured
+                else "give --delay, and --velocity-delay, if they are known"
+            )
+            found.append(
+                f"with the {two}, {' and '.join(comparison['disputed'])} come out otherwise, beyond their intervals, "
+                f"which are widened until they admit both: {reason}"
+            )
+        elif comparison["disputed"]:
             found.append(
                 f"{one} and {two} do not agree on {' and '.join(comparison['disputed'])}, beyond their own intervals"
                 f"{_reason(comparison)}; the stated intervals are widened until they admit both"

@@ -39,11 +39,10 @@ def cloud(record: JointRecord, fit: FitSignals) -> Markup:
     axis.set_xlabel(f"speed [{position}/s]")
     axis.set_ylabel(f"friction [{torque}]")
     legend(axis)
-    damped = "" if record.torque_source else " The slope contains the controller's damping, kd."
     return picture(
         figure_uri(figure),
         "Each dot is a sample that entered the fit. The step at zero speed is twice the dry friction, the slope is the "
-        f"viscous friction.{damped} Samples around reversals are left out: there friction may take any value.",
+        "viscous friction. Samples around reversals are left out: there friction may take any value.",
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from markupsafe import Markup
 
 from stiction.formats.joints import Estimate, JointRecord
@@ -15,6 +17,7 @@ COMPARED = ("inertia", "viscous_friction", "coulomb_friction")
 def agreement(record: JointRecord) -> tuple[Markup, ...]:
     """Tabulate what the halves of the log, its slow and fast parts, and repeats say by themselves."""
     blocks = []
+    how = "by torque regression" if record.diagnostics.get("closed_loop") else "by output error"
     for comparison in record.diagnostics.get("comparisons", ()):
         one, two = comparison["parts"]
         rows = []
@@ -26,7 +29,7 @@ def agreement(record: JointRecord) -> tuple[Markup, ...]:
         gap = abs(a.value - b.value) / max((a.std**2 + b.std**2) ** 0.5, 1e-300)
         label = f"Friction at a speed of {number(comparison['speed'])}"
         rows.append([label, _plus_minus(a), _plus_minus(b), f"{gap:.1f}"])
-        blocks.append(table(["", one, two, "apart, in combined std"], rows, f"The same again: {comparison['label']}"))
+        blocks.append(table(["", one, two, "apart, in combined std"], rows, _caption(comparison, how)))
     tried = [
         [entry["source"], f"{entry['torque_error']:.2%}", _errors(entry["simulation_errors"] or {}) or "not done"]
         for entry in record.diagnostics.get("predictions", ())
@@ -44,6 +47,15 @@ def agreement(record: JointRecord) -> tuple[Markup, ...]:
     return tuple(blocks)
 
 
+def _caption(comparison: dict[str, Any], how: str) -> str:
+    """Return the caption of a comparison; repeats and moved torque are always by torque regression."""
+    if comparison["alternative"]:
+        return "Torque and angle at the same instant, or not"
+    if comparison["label"].startswith("repeat"):
+        how = "by torque regression"
+    return f"The same again: {comparison['label']}, each {how}"
+
+
 def estimators(record: JointRecord) -> tuple[Markup, ...]:
     """Tabulate regression against output error and instrumental variables, those that were done."""
     names = {"instrumental_variable": "instrumental variable", "output_error": "output error"}
@@ -52,20 +64,18 @@ def estimators(record: JointRecord) -> tuple[Markup, ...]:
         reason = record.diagnostics.get("closed_loop") or "gains and target are not known"
         return (paragraph(f"Only the torque regression was done: {reason}."),)
     seen = record.diagnostics["seen"]
-    damping = 0.0 if record.torque_source else float(record.kd or 0.0)
     rows = []
     for name in (name for name in (*COMPARED, "offset") if name in seen):
         cells = [_plus_minus(Estimate.from_dict(seen[name], name))]
-        for label, data in others.items():
+        for data in others.values():
             if name not in data:
                 cells.append("")
                 continue
-            extra = damping if label == "output error" and name == "viscous_friction" else 0.0
-            cells.append(_plus_minus(Estimate.from_dict(data[name], name), extra))
+            cells.append(_plus_minus(Estimate.from_dict(data[name], name)))
         rows.append([f"{LABELS[name][0]} [{unit(record, name)}]", *cells])
     caption = "Estimators that fail in different ways: where they agree, the number can be trusted"
     if not record.torque_source:
-        caption += "; viscous friction with the controller's kd in it, all in units of k"
+        caption += "; in units of k"
     blocks = [table(["", "regression", *others], rows, caption)]
     if "output error" in others:
         errors = others["output error"]["relative_errors"]
@@ -80,9 +90,9 @@ def _errors(errors: dict[str, float]) -> str:
     return ", ".join(f"{name} {value:.3%}" for name, value in errors.items() if value is not None)
 
 
-def _plus_minus(estimate: Estimate, more: float = 0.0) -> str:
+def _plus_minus(estimate: Estimate) -> str:
     """Return value ± deviation."""
-    return f"{number(estimate.value + more)} ± {number(estimate.std)}"
+    return f"{number(estimate.value)} ± {number(estimate.std)}"
 
 
 def diagnostics(record: JointRecord) -> Markup:

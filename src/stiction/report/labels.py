@@ -46,7 +46,10 @@ def axis_units(record: JointRecord) -> tuple[str, str]:
     """Return the units of position and torque; torque of unknown strength is in units of the command."""
     if record.axis == "linear":
         return "m", "N"
-    return "rad", "N m" if record.inertia is not None else "N m of command"
+    if record.torque_source is None:
+        return "rad", "N m of command"
+    known = record.diagnostics.get("strength", {}).get("source") in ("measured", "declared", None)
+    return "rad", "N m" if known else "unit of the torque column"
 
 
 def number(value: float) -> str:
