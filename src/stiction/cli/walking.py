@@ -22,6 +22,9 @@ RESULTS = ("joints.json", "fit.npz", "training.json", "report.html")
 """What is written into --out."""
 
 
+CAPTION = "± is the half-width of the 95 % interval; viscous in N m s/rad"
+
+
 @dataclass(frozen=True, kw_only=True)
 class WalkOptions(WalkSetup):
     """Options for a walking log."""
@@ -98,7 +101,7 @@ def show(console: Console, result) -> None:
     """Print what a `WalkIdentification` found, and its warnings, for a person."""
     from stiction.report.walking import grouped_warnings, span
 
-    table = Table("", "dry friction [N m]", "of limit [%]", "viscous", "per load [1]", "swings")
+    table = Table("", "dry friction [N m]", "of limit [%]", "viscous", "per load [1]", "swings", caption=CAPTION)
     for name, record in result.joints.joints.items():
         cells = (
             span(record.coulomb_friction),

@@ -55,6 +55,9 @@ def identify_joint(
     setup = setup or IdentifySetup()
     run = make_run(log, joint, setup)
     others = [make_run(other, joint, setup.for_repeat()) for other in repeats]
+    for other in others:
+        if np.array_equal(other.signals.position, run.signals.position):
+            raise StictionError(f"{other.source} is the same log as {run.source}: a repeat is another log of the joint")
     base = _symmetric(run, others)
     rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
     check_fit(run.source, base)

@@ -88,3 +88,15 @@ def test_a_record_is_explained_once_for_all_its_joints() -> None:
 def test_a_comment_stays_one_line() -> None:
     """A name with a line break would become code in the file that it is written to."""
     assert one_line("a\nimport os\r\n\u2028b\x00") == "a import os b?"
+
+
+def test_of_a_stribeck_joint_the_laws_own_friction_is_taken() -> None:
+    """The best symmetric fit of such a joint has negative viscous friction: with it a simulated joint would be wrong."""
+    law = {"law": "stribeck", "parameters": {"coulomb_friction": number(0.44).to_dict()}}
+    law["parameters"]["viscous_friction"] = number(0.07).to_dict()
+    record = shank(
+        viscous_friction=number(-0.2), coulomb_friction=number(0.6), static_friction=number(0.7), friction_law=law
+    )
+    found = joint_physics("shank", record)
+    assert (found.friction, found.damping) == (0.44, 0.07)
+    assert any("its Coulomb and viscous part" in note for note in beyond_coulomb(record))

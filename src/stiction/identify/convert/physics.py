@@ -47,8 +47,11 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -
     Raises `StictionError` for a record of which nothing can be used.
     """
     notes: list[str] = []
-    friction = _size(record.coulomb_friction, "dry friction", notes)
-    damping = _size(record.viscous_friction, "viscous friction", notes)
+    dry, viscous = record.coulomb_friction, record.viscous_friction
+    if stribeck_law(record):
+        # The best symmetric fit of such a joint has too much dry friction and too little viscous.
+        dry, viscous = (_of_law(record, name) for name in ("coulomb_friction", "viscous_friction"))
+    friction, damping = _size(dry, "dry friction", notes), _size(viscous, "viscous friction", notes)
     armature = _armature(record, notes)
     missing = [
         label
@@ -78,11 +81,24 @@ def beyond_coulomb(record: JointRecord, kept: frozenset[str] = frozenset()) -> l
     ]
     law = (record.friction_law or {}).get("law")
     if law not in (None, "coulomb"):
-        notes.append(f"the friction law that fitted best, {law}, is replaced by the symmetric Coulomb and viscous fit")
+        instead = "its Coulomb and viscous part" if stribeck_law(record) else "the symmetric Coulomb and viscous fit"
+        notes.append(f"the friction law that fitted best, {law}, is replaced by {instead}")
     offset = record.offset
     if offset is not None and not offset.interval95[0] <= 0 <= offset.interval95[1]:
         notes.append(f"the constant torque that the motor had to supply, {number(offset.value)}, is not represented")
     return notes
+
+
+def stribeck_law(record: JointRecord) -> bool:
+    """Return whether friction at rest was told apart, in N m: Coulomb and viscous friction are then the law's own."""
+    law = record.friction_law or {}
+    return law.get("law") == "stribeck" and not law.get("over_strength") and record.static_friction is not None
+
+
+def _of_law(record: JointRecord, name: str) -> Estimate:
+    """Return a parameter of the law that was chosen."""
+    parameters = (record.friction_law or {}).get("parameters", {})
+    return Estimate.from_dict(parameters.get(name), f"friction_law.parameters.{name}")
 
 
 def record_notes(joints: list[JointPhysics], kept: frozenset[str] = frozenset(), rotor: str | None = None) -> list[str]:

@@ -150,7 +150,7 @@ def _record(
             settings["inertia"] = shifted(rotor, links)
             settings["offset"] = swing.fit.estimate(len(PARAMETERS)) if len(swing.joints) == 1 else None
         else:
-            settings["combinations"] = {"coulomb_friction/strength": coulomb, "viscous_friction/strength": viscous}
+            settings["combinations"] = {"f/k": coulomb, "B/k": viscous}
         record = JointRecord(**settings, diagnostics=diagnostics)
     return replace(record, diagnostics=diagnostics | {"verdict": judge(record).to_dict()})
 
