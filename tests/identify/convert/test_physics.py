@@ -91,7 +91,7 @@ def test_a_comment_stays_one_line() -> None:
 
 
 def test_of_a_stribeck_joint_the_laws_own_friction_is_taken() -> None:
-    """The best symmetric fit of such a joint has negative viscous friction: with it a simulated joint would be wrong."""
+    """The best symmetric fit of such a joint may have negative viscous friction: a simulated joint would be wrong."""
     law = {"law": "stribeck", "parameters": {"coulomb_friction": number(0.44).to_dict()}}
     law["parameters"]["viscous_friction"] = number(0.07).to_dict()
     record = shank(
