@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.formats.errors import StictionError
-from stiction.formats.joints import Estimate
 from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import ClosedLoop, Response
 from stiction.identify.combinations import shifted
-from stiction.identify.consistency import COMPARED, TIMING, Comparison, common_speed, splits
+from stiction.identify.consistency import COMPARED
 from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
 from stiction.identify.instrument import fit_instrumental
 from stiction.identify.model import GRAVITY, Model
@@ -36,8 +35,6 @@ class InLoop:
     """Regression with simulated instruments."""
     scaled: OutputError | None = None
     """Output error with viscous and Coulomb friction and k, where a known load of one log tells it; in SI units."""
-    comparisons: tuple[Comparison, ...] = ()
-    """Parts of the log, each fitted by output error by itself."""
     reason: str | None = None
     """Why it was not done."""
 
@@ -67,10 +64,7 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
     reason = None
     if symmetric is None:
         reason = "output error found no joint whose simulation follows the log: the model is not right, or the gains"
-    comparisons = () if symmetric is None else _compare_parts(run, gains, base, symmetric)
-    if symmetric is not None and not run.measured:
-        comparisons += _compare_delay(run, gains, base, symmetric)
-    return InLoop(mismatch, symmetric, richer, instrumental, None, comparisons, reason)
+    return InLoop(mismatch, symmetric, richer, instrumental, None, reason)
 
 
 def _mismatch(run: Run, gains: PDGains) -> float | None:
@@ -83,55 +77,9 @@ def _mismatch(run: Run, gains: PDGains) -> float | None:
     return controller_mismatch(run.signals, gains, late, run.prepared.cutoff, biased)
 
 
-def _values(fit: Fit) -> dict[str, float]:
+def values_of(fit: Fit) -> dict[str, float]:
     """Return a fit's values by name."""
     return dict(zip(fit.names, fit.values.tolist(), strict=True))
-
-
-def _compare_parts(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> tuple[Comparison, ...]:
-    """Fit the parts of the log by themselves; the joint is simulated all along, and judged in one part.
-
-    Gravity and offset stay as the whole log has them: the link is the same one, and a part tells them less apart.
-    """
-    start = _values(base) | {name: estimate.value for name, estimate in whole.estimates.items()}
-    known = {name: start[name] for name in BLURRED if name in base.names}
-    found = []
-    for split in splits(run.signals.time, run.prepared.velocity):
-        parts = (split.first, ~split.first)
-        fits = [fit_in_loop(run, gains, base, start, part, known) for part in parts]
-        if fits[0] is None or fits[1] is None:
-            continue
-        both = [fit.estimates for fit in fits if fit is not None]
-        values = {name: (both[0][name], both[1][name]) for name in COMPARED}
-        speed = common_speed(*(run.prepared.velocity[part] for part in parts))
-        one, other = (_friction(estimates, speed) for estimates in both)
-        found.append(Comparison(split.label, split.parts, values, speed, (one, other)))
-    return tuple(found)
-
-
-def _compare_delay(run: Run, gains: PDGains, base: Fit, whole: OutputError) -> tuple[Comparison, ...]:
-    """Set the fit beside one whose controller may be late, unless that was declared or asked for."""
-    if run.setup.delay is not None or run.setup.unknowns:
-        return ()
-    free = replace(run, setup=replace(run.setup, unknowns=("delay",)))
-    start = _values(base) | {name: estimate.value for name, estimate in whole.estimates.items()}
-    late = fit_in_loop(free, gains, base, start)
-    if late is None or "delay" not in late.estimates:
-        return ()
-    values = {name: (whole.estimates[name], late.estimates[name]) for name in COMPARED}
-    speed = float(np.quantile(np.abs(run.prepared.velocity), 0.9))
-    one, other = _friction(whole.estimates, speed), _friction(late.estimates, speed)
-    parts = ("as declared", f"controller {1e3 * late.estimates['delay'].value:.2g} ms late")
-    return (Comparison(TIMING, parts, values, speed, (one, other), True),)
-
-
-def _friction(seen: dict[str, Estimate], speed: float) -> Estimate:
-    """Return B θ' + b_c at a speed; the two errors are taken as independent, which makes the interval too wide."""
-    viscous, dry = seen["viscous_friction"], seen["coulomb_friction"]
-    value = viscous.value * speed + dry.value
-    std = float(np.hypot(viscous.std * speed, dry.std))
-    reach = 2 * std
-    return Estimate(value, std, (value - reach, value + reach))
 
 
 def fit_with_instruments(run: Run, gains: PDGains, base: Fit) -> Fit | None:
@@ -154,7 +102,7 @@ def fit_in_loop(
     by default; known: what not to fit.
     """
     setup, extra, signals = run.setup, _payload(run), _signals(run)
-    start, known = start or _values(fit), dict(known or {})
+    start, known = start or values_of(fit), dict(known or {})
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
     if extra and not fit.model.gravity:
         known |= dict.fromkeys(GRAVITY, 0.0)
@@ -180,8 +128,8 @@ def fit_strength(run: Run, gains: PDGains, base: Fit) -> OutputError | None:
 
     base: the regression, with 1/k. Returns None where the simulation does not show all of them.
     """
-    payload, strength = run.setup.payload, 1 / _values(base)[INVERSE_STRENGTH]
-    start = {name: strength * value for name, value in _values(base).items() if name != INVERSE_STRENGTH}
+    payload, strength = run.setup.payload, 1 / values_of(base)[INVERSE_STRENGTH]
+    start = {name: strength * value for name, value in values_of(base).items() if name != INVERSE_STRENGTH}
     weight = {} if payload is None else _weight(payload)
     if payload is not None:
         start["inertia"] += payload.inertia
@@ -257,7 +205,7 @@ def _respond(run: Run, gains: PDGains, fit: Fit) -> Response:
     """Simulate a run with a regression's values; raises `StictionError` where no joint has them."""
     extra = _payload(run)
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
-    values = _values(fit)
+    values = values_of(fit)
     values = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
     begin = {
         "start_position": float(run.signals.position[0]),

@@ -15,6 +15,7 @@ from stiction.identify.choice import choose_law
 from stiction.identify.combinations import told_strength
 from stiction.identify.consistency import Comparison, compare, compare_parts
 from stiction.identify.in_loop import InLoop, close_loop, predict_run, symmetric_model
+from stiction.identify.loop_parts import compare_in_loop
 from stiction.identify.record import Evidence, Prediction, make_record
 from stiction.identify.regression import (
     INVERSE_STRENGTH,
@@ -140,7 +141,7 @@ def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tu
         compare(f"repeat {index}", (run.source, other.source), run.rows, other.rows, base)
         for index, other in enumerate(alike, 1)
     )
-    parts = loop.comparisons or compare_parts(run.rows, base)
+    parts = compare_in_loop(run, base, loop.symmetric) or compare_parts(run.rows, base)
     timing = (compare_timing(run.prepared, base),) if run.measured and base.rows is run.rows else ()
     return (*parts, *timing, *runs)
 
