@@ -208,6 +208,14 @@ def _simulated(result: OutputError | None) -> dict[str, Any] | None:
     return data | {"relative_errors": result.relative_errors}
 
 
+def _disagreement(evidence: Evidence) -> dict[str, dict[str, float]] | None:
+    """Compare the estimators under the law that was chosen: under another one each errs in its own way."""
+    fit, found = evidence.base, evidence.loop.symmetric
+    if evidence.loop.chosen is not None:
+        fit, found = evidence.chosen, evidence.loop.chosen
+    return None if found is None else disagreement(fit, found.estimates)
+
+
 def disagreement(fit: Fit, other: dict[str, Estimate]) -> dict[str, dict[str, float]]:
     """Return per parameter |a − b| in combined standard deviations (`sigmas`) and over |a| (`relative`).
 
@@ -258,7 +266,7 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "closed_loop": loop.reason,
         "output_error": simulated,
         "output_error_law": _simulated(loop.chosen),
-        "disagreement": disagreement(base, loop.symmetric.estimates) if loop.symmetric and alone else None,
+        "disagreement": _disagreement(evidence) if alone else None,
         "instrumental_variable": None
         if instrumental is None
         else {name: estimate.to_dict() for name, estimate in instrumental.items()},

@@ -37,6 +37,16 @@ UNDECLARED = (
     "it); declare it with --torque-source"
 )
 
+HINTS = {
+    "inertia": "; is the controller's velocity late (--velocity-delay)?",
+    **dict.fromkeys(
+        ("viscous_friction", "coulomb_friction"),
+        "; or friction is higher at rest, which the regression sees in slow motion alone, for it leaves turning points "
+        "out: log some of it slower",
+    ),
+}
+"""What a disagreement on a parameter may come from."""
+
 NAMELESS = (
     "nobody named the joint, so it is called 'joint': `stiction train --joints` finds a robot's joints by name or "
     "kind; give --joint FL_shank, or --joint shank for all of its kind"
@@ -212,8 +222,7 @@ def _estimators(record: JointRecord) -> list[str]:
         if gap["sigmas"] > LARGEST_SIGMAS and gap["relative"] > LARGEST_GAP:
             found.append(
                 f"regression and output error disagree on {name} by {gap['relative']:.0%} ({gap['sigmas']:.1f} "
-                "combined standard deviations): the model, the gains or the timing are not quite right"
-                + ("; is the controller's velocity late (--velocity-delay)?" if name == "inertia" else "")
+                "combined standard deviations): the model, the gains or the timing are not quite right" + HINTS[name]
             )
     return found
 
