@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.formats.joints import Estimate
-from stiction.identify.consistency import COMPARED, TIMING, Comparison, friction_at
+from stiction.identify.consistency import COMPARED, LARGEST_SIGMAS, TIMING, Comparison, friction_at
 from stiction.identify.intervals import (
     block_count,
     bootstrap_reach,
@@ -45,6 +45,16 @@ def fit_skew(prepared: Prepared, base: Fit) -> Skew:
     blocks = make_blocks(jacobian, residual, base.rows.blocks(block_count(residual)))
     found = with_intervals(values, robust_covariance(blocks), bootstrap_reach(blocks))
     return Skew(found[-1], dict(zip(base.names, found[:-1], strict=True)))
+
+
+def depends_on_timing(prepared: Prepared, fit: Fit) -> bool:
+    """Return whether moving the torque in time changes a parameter of `fit` beyond chance."""
+    seen, moved = fit.estimates(), fit_skew(prepared, fit).estimates
+    gaps = [
+        abs(seen[name].value - moved[name].value) / max(np.hypot(seen[name].std, moved[name].std), 1e-300)
+        for name in seen
+    ]
+    return max(gaps) > LARGEST_SIGMAS
 
 
 def compare_timing(prepared: Prepared, base: Fit) -> Comparison:
