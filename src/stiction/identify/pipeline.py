@@ -28,7 +28,7 @@ from stiction.identify.regression import (
 from stiction.identify.rows import make_rows
 from stiction.identify.runs import Run, make_run
 from stiction.identify.setup import IdentifySetup
-from stiction.identify.skew import compare_timing, depends_on_timing
+from stiction.identify.skew import compare_timing
 from stiction.identify.warn import NAMELESS, find_warnings
 
 
@@ -70,7 +70,7 @@ def identify_joint(
     if late is not None:
         return identify_joint(log, joint, replace(setup, delay=late), repeats)
     unseen = others if rows is run.rows else ()
-    comparisons = _comparisons(run, base, chosen, loop, unseen)
+    comparisons = _comparisons(run, base, loop, unseen)
     evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, unseen))
     record = make_record(evidence)
     warnings = find_warnings(record, run)
@@ -134,7 +134,7 @@ def _check_values(run: Run, fit: Fit) -> None:
         )
 
 
-def _comparisons(run: Run, base: Fit, chosen: Fit, loop: InLoop, others: Sequence[Run]) -> tuple[Comparison, ...]:
+def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tuple[Comparison, ...]:
     """Compare the parts of the log, and the log with its repeats that carry the same load."""
     alike = [other for other in others if other.setup.payload == run.setup.payload]
     runs = tuple(
@@ -142,11 +142,8 @@ def _comparisons(run: Run, base: Fit, chosen: Fit, loop: InLoop, others: Sequenc
         for index, other in enumerate(alike, 1)
     )
     parts = compare_in_loop(run, base, loop.symmetric) or compare_parts(run.rows, base)
-    timing: tuple[Comparison, ...] = ()
-    if run.measured and base.rows is run.rows and (chosen is base or depends_on_timing(run.prepared, chosen)):
-        # Under a law that is not the joint's, torque seems early or late for want of something better.
-        timing = (compare_timing(run.prepared, base),)
-    return (*parts, *timing, *runs)
+    timing = compare_timing(run.prepared, base) if run.measured and base.rows is run.rows else None
+    return (*parts, *([timing] if timing else []), *runs)
 
 
 def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[Prediction, ...]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.formats.joints import Estimate
-from stiction.identify.consistency import COMPARED, LARGEST_SIGMAS, TIMING, Comparison, friction_at
+from stiction.identify.consistency import COMPARED, TIMING, Comparison, friction_at
 from stiction.identify.intervals import (
     block_count,
     bootstrap_reach,
@@ -23,6 +23,9 @@ from stiction.identify.intervals import (
 )
 from stiction.identify.prepare import Prepared
 from stiction.identify.regression import Fit
+
+FURTHEST = 1.5
+"""Samples by which torque may be early or late: more is a law that is not the joint's, for want of a better."""
 
 
 @dataclass(frozen=True)
@@ -47,19 +50,11 @@ def fit_skew(prepared: Prepared, base: Fit) -> Skew:
     return Skew(found[-1], dict(zip(base.names, found[:-1], strict=True)))
 
 
-def depends_on_timing(prepared: Prepared, fit: Fit) -> bool:
-    """Return whether moving the torque in time changes a parameter of `fit` beyond chance."""
-    seen, moved = fit.estimates(), fit_skew(prepared, fit).estimates
-    gaps = [
-        abs(seen[name].value - moved[name].value) / max(np.hypot(seen[name].std, moved[name].std), 1e-300)
-        for name in seen
-    ]
-    return max(gaps) > LARGEST_SIGMAS
-
-
-def compare_timing(prepared: Prepared, base: Fit) -> Comparison:
-    """Set the fit beside the one whose torque may move in time."""
+def compare_timing(prepared: Prepared, base: Fit) -> Comparison | None:
+    """Set the fit beside the one whose torque may move in time; None where it would move further than clocks do."""
     skew, seen = fit_skew(prepared, base), base.estimates()
+    if abs(skew.early.value) > FURTHEST * prepared.step:
+        return None
     parts = ("as logged", f"torque {1e3 * skew.early.value:.2g} ms later")
     values = {name: (seen[name], skew.estimates[name]) for name in COMPARED}
     speed = float(np.quantile(np.abs(base.rows.velocity), 0.9))
