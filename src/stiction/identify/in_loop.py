@@ -216,6 +216,17 @@ def _respond(run: Run, gains: PDGains, fit: Fit) -> Response:
     return loop.run(values, run.signals.position)
 
 
+def simulation_residuals(run: Run, gains: PDGains, model: Model, found: OutputError) -> dict[str, np.ndarray]:
+    """Return simulated − measured position and torque over the whole log, for values found in a part of it."""
+    begin = {"start_position": float(run.signals.position[0]), "start_velocity": float(run.prepared.velocity[0])}
+    begin |= {"delay": run.setup.delay or 0.0}
+    loop = ClosedLoop(run.signals, gains, model, begin, run.setup.velocity_delay)
+    values = {name: found.estimates[name].value if name in found.estimates else 0.0 for name in model.names}
+    response = loop.run(values, run.signals.position)
+    rows = {"position": response.position - run.signals.position}
+    return rows if run.signals.torque is None else rows | {"torque": response.torque - run.signals.torque}
+
+
 def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
     """Return how far a simulation with another run's values is from this run, over its signals; None without a loop."""
     gains = run.gains

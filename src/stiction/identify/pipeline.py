@@ -11,10 +11,11 @@ from stiction.formats.errors import StictionError
 from stiction.formats.fit import FitSignals
 from stiction.formats.joints import JointRecord
 from stiction.formats.log import UNNAMED, Log
-from stiction.identify.choice import choose_law
+from stiction.identify.choice import choose_law, with_loop
 from stiction.identify.combinations import told_strength
 from stiction.identify.consistency import Comparison, compare, compare_parts
 from stiction.identify.in_loop import InLoop, close_loop, predict_run, symmetric_model
+from stiction.identify.loop_choice import choose_in_loop
 from stiction.identify.loop_parts import compare_in_loop
 from stiction.identify.record import Evidence, Prediction, make_record
 from stiction.identify.regression import (
@@ -66,6 +67,10 @@ def identify_joint(
     choice = choose_law(rows, base, strength_unknown)
     chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
     loop = close_loop(run, base, chosen)
+    called_for = choose_in_loop(run, base, loop) if choice.law == "coulomb" and rows is run.rows else None
+    if called_for is not None:
+        choice = with_loop(choice, called_for.fit.model, called_for.gain, called_for.evidence)
+        chosen, loop = called_for.fit, replace(loop, chosen=called_for.found)
     late = _late(run, loop)
     if late is not None:
         return identify_joint(log, joint, replace(setup, delay=late), repeats)

@@ -161,7 +161,8 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     if fit is evidence.base:
         stated = widened(stated, evidence.comparisons)
     for name, estimate in stated.items():
-        if name not in fit.names or name == INVERSE_STRENGTH or fit.inflation[name] >= LARGEST_INFLATION:
+        told = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < LARGEST_INFLATION
+        if name not in fit.names or name == INVERSE_STRENGTH or not told:
             continue
         own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
         unitless = name in UNITLESS

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -121,6 +121,16 @@ def fit_rows(rows: Rows, model: Model, strength_unknown: bool = False) -> Fit:
         columns["stribeck_velocity"] = rise * columns["steepening"]
     jacobian = np.stack([columns[name] for name in names], axis=1)
     return Fit(model, names, np.array([found[name] for name in names]), jacobian, residual, rows)
+
+
+def fit_at(rows: Rows, model: Model, values: dict[str, float]) -> Fit:
+    """Return a Stribeck equation at values that another estimator found, as if it had been fitted."""
+    columns = _columns(rows, model.middle) | _rise(rows, values["stribeck_velocity"])
+    rise = values["static_friction"] - values["coulomb_friction"]
+    columns["stribeck_velocity"] = rise * columns["steepening"]
+    jacobian = np.stack([columns[name] for name in model.names], axis=1)
+    fit = Fit(model, model.names, np.array([values[name] for name in model.names]), jacobian, rows.torque, rows)
+    return replace(fit, residual=rows.torque - predict_torque(fit, rows))
 
 
 def linear_jacobian(rows: Rows, names: tuple[str, ...]) -> np.ndarray:

@@ -1,0 +1,57 @@
+"""Friction that is higher at rest, in logs whose slow samples are too few for torque regression."""
+
+from __future__ import annotations
+
+import pytest
+
+from stiction.identify.choice import choose_law
+from stiction.identify.example import ASYMMETRIC, GO1, SATURN_LITE, STRIBECK, Motor, example_log
+from stiction.identify.in_loop import InLoop, close_loop, symmetric_model
+from stiction.identify.loop_choice import choose_in_loop
+from stiction.identify.pipeline import identify_joint
+from stiction.identify.regression import fit_rows, predict_torque
+from stiction.identify.runs import make_run
+from stiction.identify.setup import IdentifySetup
+
+
+def test_the_loop_finds_what_regression_does_not() -> None:
+    """0.442 in motion, 0.65 at rest, 0.4 rad/s: regression says plain friction; the record must not."""
+    log = example_log(STRIBECK, seed=7)
+    run = make_run(log, None, IdentifySetup())
+    base = fit_rows(run.rows, symmetric_model(run))
+    assert choose_law(run.rows, base).law == "coulomb"
+    record = identify_joint(log).record
+    law = record.friction_law
+    assert law["law"] == "stribeck" and law["method"] == "output_error" and "turning points" in law["text"]
+    truth = {"viscous_friction": 0.0704, "coulomb_friction": 0.442, "static_friction": 0.65, "stribeck_velocity": 0.4}
+    for name, true in truth.items():
+        assert law["parameters"][name]["value"] == pytest.approx(true, rel=0.1), name
+    assert record.static_friction.value == law["parameters"]["static_friction"]["value"]
+    assert record.dead_band.value == pytest.approx(0.65 / 20, rel=0.02)
+    assert {entry["law"]: entry["verdict"] for entry in law["candidates"]}["coulomb"] == "beaten"
+
+
+@pytest.mark.parametrize("motor", [GO1, SATURN_LITE, ASYMMETRIC], ids=lambda motor: motor.name)
+def test_joints_without_it_are_left_alone(motor: Motor) -> None:
+    """The estimators agree, so nothing is simulated again; static friction stays null."""
+    record = identify_joint(example_log(motor, seed=3)).record
+    assert record.friction_law["law"] != "stribeck" and record.static_friction is None
+
+
+def test_without_a_loop_there_is_no_answer() -> None:
+    """No gains: nothing can be simulated."""
+    run = make_run(example_log(STRIBECK), None, IdentifySetup())
+    base = fit_rows(run.rows, symmetric_model(run))
+    assert choose_in_loop(run, base, InLoop()) is None
+
+
+def test_the_equation_holds_the_simulations_values() -> None:
+    """Prediction and figures draw what is stated."""
+    run = make_run(example_log(STRIBECK), None, IdentifySetup())
+    base = fit_rows(run.rows, symmetric_model(run))
+    found = choose_in_loop(run, base, close_loop(run, base, base))
+    assert found is not None and found.gain.certain and found.evidence > 6
+    stated = [found.found.estimates[name].value for name in found.fit.names]
+    assert found.fit.values.tolist() == stated
+    residual = run.rows.torque - predict_torque(found.fit, run.rows)
+    assert residual.tolist() == found.fit.residual.tolist()
