@@ -101,3 +101,10 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
         load_joints(path)
     with pytest.raises(JointsError, match="cannot read"):
         load_joints(tmp_path / "none.json")
+
+
+def test_a_proposal_for_training_is_not_taken_for_joints(tmp_path: Path) -> None:
+    """The two files lie side by side and are easily mixed up."""
+    (tmp_path / "training.json").write_text('{"schema_version": 1, "friction": null, "joints": {}}')
+    with pytest.raises(JointsError, match=r"expected the joints.json that lies beside it"):
+        load_joints(tmp_path / "training.json")

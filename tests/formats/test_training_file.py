@@ -41,3 +41,10 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
     for path in (tmp_path / "none.json", tmp_path):
         with pytest.raises(StictionError, match="cannot read"):
             read_training(path)
+
+
+def test_joints_are_not_taken_for_a_proposal(tmp_path: Path) -> None:
+    """The two files lie side by side and are easily mixed up."""
+    (tmp_path / "joints.json").write_text('{"schema_version": 1, "joints": {}, "warnings": []}')
+    with pytest.raises(StictionError, match=r"expected the training.json that lies beside them"):
+        read_training(tmp_path / "joints.json")

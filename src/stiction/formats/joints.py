@@ -237,6 +237,8 @@ def load_joints(path: Path) -> JointsFile:
         raise JointsError(
             f"{path.name}: not JSON ({str(error)[:120]}); expected the joints.json of identify"
         ) from error
+    if isinstance(data, dict) and "friction" in data:
+        raise JointsError(f"{path.name}: this proposes what to train; expected the joints.json that lies beside it")
     if not isinstance(data, dict) or data.get("schema_version") != SCHEMA_VERSION:
         found = data.get("schema_version") if isinstance(data, dict) else None
         raise JointsError(f"{path.name}: schema version {found!r}; this program reads version {SCHEMA_VERSION}")

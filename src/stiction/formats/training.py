@@ -30,6 +30,10 @@ def read_training(path: Path) -> dict[str, Any]:
         raise StictionError(f"cannot read {path}: {error.strerror or error}") from error
     except (UnicodeDecodeError, ValueError, RecursionError) as error:
         raise StictionError(f"{path.name}: not JSON ({str(error)[:120]}); expected a training.json") from error
+    if isinstance(data, dict) and {"joints", "warnings"} <= data.keys() and "friction" not in data:
+        raise StictionError(
+            f"{path.name}: these are identified joints; expected the training.json that lies beside them"
+        )
     if not isinstance(data, dict) or "friction" not in data or data.get("schema_version") != SCHEMA_VERSION:
         found = data.get("schema_version") if isinstance(data, dict) else None
         raise StictionError(
