@@ -10,6 +10,7 @@ import pytest
 from carried import without_torque
 from equation import equation_rows
 from stiction.formats.log import JointSignals, Log, LogSetup
+from stiction.identify.agreement import disagreement
 from stiction.identify.bias import hanging_bias
 from stiction.identify.example import (
     ASYMMETRIC,
@@ -23,7 +24,6 @@ from stiction.identify.example import (
 )
 from stiction.identify.model import Model
 from stiction.identify.pipeline import identify_joint
-from stiction.identify.record import disagreement
 from stiction.identify.regression import fit_rows
 from stiction.identify.setup import IdentifySetup
 from stiction.joints.gravity import Gravity

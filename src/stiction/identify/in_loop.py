@@ -195,36 +195,27 @@ def _shows(run: Run, unknown: str) -> bool:
 def _follow(run: Run, gains: PDGains, fit: Fit, values: np.ndarray) -> np.ndarray | None:
     """Return the position that the loop would have had with these values, or None where no joint has them."""
     try:
-        response = _respond(run, gains, replace(fit, values=values))
+        response = respond(run, gains, fit.model, values_of(replace(fit, values=values)))
     except StictionError:
         return None
     return response.position
 
 
-def _respond(run: Run, gains: PDGains, fit: Fit) -> Response:
-    """Simulate a run with a regression's values; raises `StictionError` where no joint has them."""
+def respond(run: Run, gains: PDGains, model: Model, values: dict[str, float]) -> Response:
+    """Simulate the whole of a run with the joint's own values, the payload's added; what is not given is zero.
+
+    Raises `StictionError` where no joint has them.
+    """
     extra = _payload(run)
-    model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
-    values = values_of(fit)
-    values = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
+    model = replace(model, gravity=model.gravity or bool(extra))
     begin = {
         "start_position": float(run.signals.position[0]),
         "start_velocity": float(run.prepared.velocity[0]),
         "delay": run.setup.delay or 0.0,
     }
     loop = ClosedLoop(_signals(run), gains, model, begin, run.setup.velocity_delay)
-    return loop.run(values, run.signals.position)
-
-
-def simulation_residuals(run: Run, gains: PDGains, model: Model, found: OutputError) -> dict[str, np.ndarray]:
-    """Return simulated − measured position and torque over the whole log, for values found in a part of it."""
-    begin = {"start_position": float(run.signals.position[0]), "start_velocity": float(run.prepared.velocity[0])}
-    begin |= {"delay": run.setup.delay or 0.0}
-    loop = ClosedLoop(run.signals, gains, model, begin, run.setup.velocity_delay)
-    values = {name: found.estimates[name].value if name in found.estimates else 0.0 for name in model.names}
-    response = loop.run(values, run.signals.position)
-    rows = {"position": response.position - run.signals.position}
-    return rows if run.signals.torque is None else rows | {"torque": response.torque - run.signals.torque}
+    whole = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
+    return loop.run(whole, run.signals.position)
 
 
 def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
@@ -233,7 +224,7 @@ def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
     if gains is None or run.signals.target is None or INVERSE_STRENGTH in fit.names:
         return None
     try:
-        response = _respond(run, gains, fit)
+        response = respond(run, gains, fit.model, values_of(fit))
     except StictionError:
         return None
     pairs = {

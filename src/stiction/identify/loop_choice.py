@@ -11,19 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stiction.identify.agreement import beyond_chance, disagreement
 from stiction.identify.choice import LEAST_EVIDENCE, Gain, gain_of
-from stiction.identify.in_loop import InLoop, fit_in_loop, simulation_residuals
+from stiction.identify.in_loop import InLoop, fit_in_loop, respond
 from stiction.identify.intervals import correlation_time
 from stiction.identify.model import Model
 from stiction.identify.output_error import OutputError
 from stiction.identify.regression import Fit, fit_at
 from stiction.identify.runs import Run
-
-LARGEST_SIGMAS = 3.0
-"""Combined standard deviations by which the estimators must disagree on friction."""
-
-LARGEST_GAP = 0.03
-"""And the share of the friction."""
 
 LEAST_RISE = 1.2
 """Static over Coulomb friction: a controller that holds its torque for 2 ms looked like a rise by a tenth."""
@@ -73,13 +68,8 @@ def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> LoopChoice | None:
 
 def _disagree(base: Fit, found: OutputError) -> bool:
     """Return whether regression and output error dispute the friction."""
-    seen = base.estimates()
-    for name in ("viscous_friction", "coulomb_friction"):
-        one, other = seen[name], found.estimates[name]
-        gap = abs(one.value - other.value)
-        if gap > LARGEST_SIGMAS * np.hypot(one.std, other.std) and gap > LARGEST_GAP * abs(one.value):
-            return True
-    return False
+    gaps = disagreement(base, found.estimates)
+    return any(beyond_chance(gaps[name]) for name in ("viscous_friction", "coulomb_friction") if name in gaps)
 
 
 def _rises(found: OutputError) -> bool:
@@ -119,7 +109,9 @@ def _held_out(run: Run, base: Fit, rich: Fit, start: dict[str, float]) -> Gain |
         blocks = np.array_split(np.flatnonzero(~part & run.signals.valid), BLOCKS)
         for index, (one, fit) in enumerate(zip((base, rich), fits, strict=True)):
             assert fit is not None
-            rows = simulation_residuals(run, gains, one.model, fit)
+            values = {name: estimate.value for name, estimate in fit.estimates.items()}
+            response = respond(run, gains, one.model, values)
+            rows = {name: getattr(response, name) - getattr(run.signals, name) for name in sizes}
             squares = sum((row / max(sizes[name], 1e-300)) ** 2 for name, row in rows.items())
             errors[index] += [float(np.sum(np.asarray(squares)[block])) for block in blocks]
     return gain_of(np.array(errors[1]), np.array(errors[0]))

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import Estimate, JointRecord
+from stiction.identify.agreement import disagreement
 from stiction.identify.bias import loop_unknowns
 from stiction.identify.choice import Choice
 from stiction.identify.combinations import Strength, combine, find_strength, missing_experiment, shifted, times
-from stiction.identify.consistency import COMPARED, Comparison, Drift, find_drift, whiteness, widened
+from stiction.identify.consistency import Comparison, Drift, find_drift, whiteness, widened
 from stiction.identify.in_loop import InLoop
 from stiction.identify.output_error import OutputError
 from stiction.identify.position import position_torque
@@ -215,24 +216,6 @@ def _disagreement(evidence: Evidence) -> dict[str, dict[str, float]] | None:
     if evidence.loop.chosen is not None:
         fit, found = evidence.chosen, evidence.loop.chosen
     return None if found is None else disagreement(fit, found.estimates)
-
-
-def disagreement(fit: Fit, other: dict[str, Estimate]) -> dict[str, dict[str, float]]:
-    """Return per parameter |a − b| in combined standard deviations (`sigmas`) and over |a| (`relative`).
-
-    a is the regression's value, b the other estimator's. Both come from one log, so their errors are not independent,
-    and the combined deviation is a rough yardstick.
-    """
-    result = {}
-    for name, a in fit.estimates().items():
-        if name in other and name in COMPARED:
-            b = other[name]
-            gap = abs(a.value - b.value)
-            result[name] = {
-                "sigmas": gap / max(float(np.hypot(a.std, b.std)), 1e-300),
-                "relative": gap / max(abs(a.value), 1e-300),
-            }
-    return result
 
 
 def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:

@@ -7,18 +7,13 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import JointRecord
+from stiction.identify.agreement import LARGEST_SIGMAS, beyond_chance
 from stiction.identify.checks import unit_warnings
 from stiction.identify.intervals import FEWEST_BLOCKS
 from stiction.identify.runs import Run
 
-LARGEST_GAP = 0.03
-"""Relative disagreement of two estimators that is worth a warning, if it is also beyond `LARGEST_SIGMAS`."""
-
 LARGEST_REST = 0.3
 """Share of the torque that may go unexplained, |residual| / |torque|; good logs leave a tenth or less."""
-
-LARGEST_SIGMAS = 3.0
-"""Combined standard deviations that chance rarely exceeds."""
 
 LARGEST_CHANGE = 0.02
 """Relative change of a parameter, once torque may follow the position, that is worth a warning."""
@@ -219,7 +214,7 @@ def _estimators(record: JointRecord) -> list[str]:
         # Least squares on torque that was not measured is known to be the worse estimator: no news.
         return found
     for name, gap in (record.diagnostics["disagreement"] or {}).items():
-        if gap["sigmas"] > LARGEST_SIGMAS and gap["relative"] > LARGEST_GAP:
+        if beyond_chance(gap):
             found.append(
                 f"regression and output error disagree on {name} by {gap['relative']:.0%} ({gap['sigmas']:.1f} "
                 "combined standard deviations): the model, the gains or the timing are not quite right" + HINTS[name]
