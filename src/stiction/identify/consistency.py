@@ -13,15 +13,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from stiction.formats.joints import Estimate
-from stiction.identify.intervals import (
-    block_count,
-    bootstrap_reach,
-    correlation_time,
-    make_blocks,
-    robust_covariance,
-    with_intervals,
-)
-from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_rows
+from stiction.identify.intervals import bootstrap_reach, correlation_time, with_intervals
+from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_beside, fit_rows
 from stiction.identify.rows import Rows
 
 COMPARED = ("inertia", "viscous_friction", "coulomb_friction")
@@ -185,12 +178,7 @@ def find_drift(rows: Rows, fit: Fit) -> Drift:
         )
     found = dict(zip(fit.names, fit.values, strict=True))
     friction = found["viscous_friction"] * rows.velocity + found["coulomb_friction"] * rows.direction
-    jacobian = np.column_stack([fit.jacobian, late * friction])
-    torque = fit.jacobian @ fit.values + fit.residual
-    values = np.linalg.lstsq(jacobian, torque, rcond=None)[0]
-    residual = torque - jacobian @ values
-    blocks = make_blocks(jacobian, residual, rows.blocks(block_count(residual)))
-    return Drift(with_intervals(values, robust_covariance(blocks), bootstrap_reach(blocks))[-1], None)
+    return Drift(fit_beside(fit, "drift", late * friction).scatter()["drift"], None)
 
 
 @dataclass(frozen=True)

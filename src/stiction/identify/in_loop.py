@@ -164,9 +164,7 @@ def _payload(run: Run) -> dict[str, float]:
     payload = run.setup.payload
     if payload is None:
         return {}
-    along, across = np.cos(payload.angle), -np.sin(payload.angle)
-    weight, inertia = _over_k(run) * payload.weight, _over_k(run) * payload.inertia
-    return {"inertia": inertia, "gravity_sin": weight * along, "gravity_cos": weight * across}
+    return {name: _over_k(run) * value for name, value in ({"inertia": payload.inertia} | _weight(payload)).items()}
 
 
 def _signals(run: Run) -> Uniform:

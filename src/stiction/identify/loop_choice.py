@@ -13,7 +13,7 @@ import numpy as np
 
 from stiction.identify.agreement import beyond_chance, disagreement
 from stiction.identify.choice import LEAST_EVIDENCE, Gain, gain_of
-from stiction.identify.in_loop import InLoop, fit_in_loop, respond
+from stiction.identify.in_loop import InLoop, fit_in_loop, respond, values_of
 from stiction.identify.intervals import correlation_time
 from stiction.identify.model import Model
 from stiction.identify.output_error import OutputError
@@ -51,7 +51,7 @@ def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> LoopChoice | None:
         return None
     rich = replace(base, model=Model("stribeck", base.model.gravity))
     start = {name: estimate.value for name, estimate in loop.symmetric.estimates.items()}
-    start = dict(zip(base.names, base.values.tolist(), strict=True)) | start
+    start = values_of(base) | start
     start["static_friction"] = FIRST_RISE * start["coulomb_friction"]
     start["stribeck_velocity"] = FIRST_SPEED * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
     found = fit_in_loop(run, gains, rich, start)

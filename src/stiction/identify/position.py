@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.joints import PARAMETERS
-from stiction.identify.intervals import block_count, make_blocks, robust_covariance
-from stiction.identify.regression import Fit
+from stiction.identify.regression import Fit, fit_beside
 from stiction.identify.rows import Rows
 
 
@@ -31,14 +30,10 @@ class PositionTorque:
 
 def position_torque(rows: Rows, fit: Fit) -> PositionTorque:
     """Fit the torque equation with θ beside its regressors; fit: the one without θ."""
-    regressor = np.column_stack([fit.jacobian, rows.position - rows.position.mean()])
-    torque = fit.jacobian @ fit.values + fit.residual
-    values = np.linalg.lstsq(regressor, torque, rcond=None)[0]
-    residual = torque - regressor @ values
-    covariance = robust_covariance(make_blocks(regressor, residual, rows.blocks(block_count(residual))))
+    both = fit_beside(fit, "slope", rows.position - rows.position.mean())
     changes = {
         name: float(value / before - 1)
-        for name, value, before in zip(PARAMETERS[:3], values, fit.values)
+        for name, value, before in zip(PARAMETERS[:3], both.values, fit.values)
         if before != 0
     }
-    return PositionTorque(float(values[-1]), float(np.sqrt(covariance[-1, -1])), changes)
+    return PositionTorque(float(both.values[-1]), float(np.sqrt(both.covariance[-1, -1])), changes)

@@ -88,13 +88,17 @@ class Fit:
         """Covariance of the estimates, robust against correlated residuals, shape (P, P)."""
         return robust_covariance(self.blocks)
 
+    def scatter(self) -> dict[str, Estimate]:
+        """Return each parameter with the deviation and the interval that the residual's scatter alone gives it."""
+        found = with_intervals(self.values, self.covariance, bootstrap_reach(self.blocks))
+        return dict(zip(self.names, found, strict=True))
+
     def estimates(self) -> dict[str, Estimate]:
         """Return each parameter with deviation and interval.
 
         Least squares makes the inertia too small by what noise its regressor has: its interval admits that.
         """
-        found = with_intervals(self.values, self.covariance, bootstrap_reach(self.blocks))
-        named = dict(zip(self.names, found, strict=True))
+        named = self.scatter()
         if self.instrument is None:
             inertia = named["inertia"]
             more = self.rows.attenuation * abs(inertia.value)
@@ -121,6 +125,16 @@ def fit_rows(rows: Rows, model: Model, strength_unknown: bool = False) -> Fit:
         columns["stribeck_velocity"] = rise * columns["steepening"]
     jacobian = np.stack([columns[name] for name in names], axis=1)
     return Fit(model, names, np.array([found[name] for name in names]), jacobian, residual, rows)
+
+
+def fit_beside(fit: Fit, name: str, column: np.ndarray) -> Fit:
+    """Fit the equation of `fit` again by least squares with one more parameter; column: its derivative, shape (R,)."""
+    torque = fit.jacobian @ fit.values + fit.residual
+    jacobian = np.column_stack([fit.jacobian, column])
+    values = np.linalg.lstsq(jacobian, torque, rcond=None)[0]
+    residual = torque - jacobian @ values
+    names = (*fit.names, name)
+    return replace(fit, names=names, values=values, jacobian=jacobian, residual=residual, instrument=None)
 
 
 def fit_at(rows: Rows, model: Model, values: dict[str, float]) -> Fit:

@@ -14,15 +14,8 @@ import numpy as np
 
 from stiction.formats.joints import Estimate
 from stiction.identify.consistency import COMPARED, TIMING, Comparison, friction_at
-from stiction.identify.intervals import (
-    block_count,
-    bootstrap_reach,
-    make_blocks,
-    robust_covariance,
-    with_intervals,
-)
 from stiction.identify.prepare import Prepared
-from stiction.identify.regression import Fit
+from stiction.identify.regression import Fit, fit_beside
 
 FURTHEST = 1.5
 """Samples by which torque may be early or late: more is a law that is not the joint's, for want of a better."""
@@ -41,13 +34,8 @@ class Skew:
 def fit_skew(prepared: Prepared, base: Fit) -> Skew:
     """Fit the equation of `base`, whose rows are those of `prepared`, with the torque free to move in time."""
     rate = np.gradient(prepared.torque - prepared.outside, prepared.step)[prepared.used]
-    jacobian = np.column_stack([base.jacobian, rate])
-    torque = base.jacobian @ base.values + base.residual
-    values = np.linalg.lstsq(jacobian, torque, rcond=None)[0]
-    residual = torque - jacobian @ values
-    blocks = make_blocks(jacobian, residual, base.rows.blocks(block_count(residual)))
-    found = with_intervals(values, robust_covariance(blocks), bootstrap_reach(blocks))
-    return Skew(found[-1], dict(zip(base.names, found[:-1], strict=True)))
+    found = fit_beside(base, "early", rate).scatter()
+    return Skew(found.pop("early"), found)
 
 
 def compare_timing(prepared: Prepared, base: Fit) -> Comparison | None:
