@@ -9,7 +9,7 @@ from stiction.cli.main import main
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.formats.training import write_training
 from stiction.identify.proposal import propose
-from stiction.locomotion.config import FrictionCfg
+from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
 
 SMALL = [
@@ -81,7 +81,7 @@ def test_a_proposal_of_identify_is_what_is_trained(tmp_path: Path, capsys: pytes
     config = json.loads((tmp_path / "run" / "config.json").read_text())["config"]["task"]["friction"]
     assert config == proposal["friction"] == {"method": "deception", "level": 0.04, "law": "coulomb", "per": "robot"}
     friction = FrictionCfg(**config)
-    assert [end * friction.level for end in friction.range] == proposal["range"]
+    assert [end * friction.level for end in friction.last.range] == proposal["range"]
     capsys.readouterr()
     for other in ("--method=direct", "--friction-level", "--task.friction.per"):
         value = [] if "=" in other else ["0.1" if "level" in other else "joint"]

@@ -29,7 +29,7 @@ def test_go1_with_an_identification_is_valid() -> None:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("schema_version", 2),
+        ("schema_version", 3),
         ("robot", ""),
         ("seed", "0"),
         ("seed", True),

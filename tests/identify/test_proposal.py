@@ -5,7 +5,7 @@ from __future__ import annotations
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.identify.evidence import METHOD, RANGE, friction_settings
 from stiction.identify.proposal import judge, propose
-from stiction.locomotion.config import FRICTION_RANGES, FrictionCfg
+from stiction.locomotion.friction import FRICTION_RANGES, FrictionCfg
 
 
 def record(high: float, condition: str | None = "loaded", **changes) -> JointRecord:
@@ -18,7 +18,7 @@ def test_what_is_proposed_is_what_training_takes() -> None:
     """Method, range and fields are written twice, for identification does not import training."""
     assert FRICTION_RANGES[METHOD] == RANGE
     assert FrictionCfg(**friction_settings(0.1)) == FrictionCfg(method="deception", level=0.1)
-    assert FrictionCfg(**friction_settings(0.0)).range == (0.0, 0.0)
+    assert FrictionCfg(**friction_settings(0.0)).last.range == (0.0, 0.0)
 
 
 def test_the_worst_joint_sets_the_level() -> None:

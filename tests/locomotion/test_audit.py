@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from stiction.locomotion import audit
-from stiction.locomotion.config import FrictionCfg, RandomizationCfg, TaskCfg
+from stiction.locomotion.config import RandomizationCfg, TaskCfg
+from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.randomization import Randomizer
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet

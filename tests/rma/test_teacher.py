@@ -6,8 +6,9 @@ import pytest
 import torch
 from torch.utils.tensorboard import SummaryWriter
 
-from stiction.locomotion.config import FrictionCfg, TaskCfg
+from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.models import StudentPolicy
 from stiction.rma.run import RunDirectory

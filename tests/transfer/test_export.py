@@ -11,7 +11,8 @@ from stiction.deploy.policy import Network
 from stiction.formats.bundle import BundleError
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
-from stiction.locomotion.config import FrictionCfg, TaskCfg
+from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import StudentCfg, TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.transfer.card import write_card

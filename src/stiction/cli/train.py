@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from stiction.formats.errors import StictionError
-from stiction.locomotion.config import FrictionCfg
+from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import PRESETS, TrainCfg
 
 DESCRIPTION = """Train a teacher (PPO, sees everything) and its student (sees what the robot measures) for a robot.

@@ -11,6 +11,7 @@ from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.deploy.onnx_file import OnnxError, external_tensors
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
+from stiction.joints.pd import compensated
 
 INPUT, OUTPUT = "observation", "action"
 """Names of the network's one input and one output."""
@@ -120,7 +121,11 @@ class Policy:
         clip = np.float32(self.contract.action_clip)
         action = np.clip(self._network(np.atleast_2d(observation)), -clip, clip).reshape(self._last_action.shape)
         self._last_action = action
-        return PolicyStep(observation, action, self._standing + self.contract.action_scale * action.astype(np.float64))
+        target = self._standing + self.contract.action_scale * action.astype(np.float64)
+        if self.contract.compensation is not None:
+            angle = self.contract.array("compensation")
+            target = compensated(target, sensors.joint_position, angle, self.contract.compensation_width)
+        return PolicyStep(observation, action, target)
 
 
 def load_policy(contract: Contract, model: bytes, batch: tuple[int, ...] = (), threads: int = 1) -> Policy:

@@ -35,6 +35,11 @@ def from_plain(kind: type[T], data: Any, where: str = "config") -> T:
         if dataclasses.is_dataclass(nested):
             value = from_plain(nested, value, f"{where}.{name}")  # type: ignore[arg-type]
         elif isinstance(value, list):
-            value = tuple(value)
+            value = _tuples(value)
         values[name] = value
     return kind(**values)
+
+
+def _tuples(value: Any) -> Any:
+    """Return lists within lists as tuples within tuples."""
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value

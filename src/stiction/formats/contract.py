@@ -16,8 +16,8 @@ import numpy as np
 from stiction.formats.errors import StictionError
 from stiction.formats.observation import ObservationLayout
 
-SCHEMA_VERSION = 1
-"""Version of contract.json; a reader refuses any other."""
+SCHEMA_VERSION = 2
+"""Version of contract.json. Version 1, without `compensation`, is read as well; any other is refused."""
 
 LARGEST = 1e9
 """Bound of every number: JSON allows 1e999 and integers of any length."""
@@ -28,6 +28,9 @@ PER_JOINT = ("kp", "kd", "standing", "lower", "upper", "torque_limit", "armature
 METHODS = {
     "none": "conventional domain randomisation, without dry friction in the joints",
     "direct": "dry friction in the joints, drawn closely around its nominal value",
+    "compensation": "dry friction in the joints, drawn closely around its nominal value, which is added to the command",
+    "finetune": "without dry friction at first, then all of it at once, drawn closely around its nominal value",
+    "iterative": "without dry friction at first, then more of it in equal steps, drawn closely around each",
     "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
 }
 """Way of training with friction -> what it means, in words for people."""
@@ -103,6 +106,11 @@ class Contract:
     """What the scaled action is added to; only `standing` is known."""
     quaternion_order: str = "wxyz"
     """Order of the entries of the orientation; only `wxyz` is known."""
+    compensation: tuple[float, ...] | None = None
+    """How far the runtime moves each target on in the direction of motion, f/kp [rad], or None. The target is then
+    a + compensation * clip((a - position) / compensation_width, -1, 1), from the measured position."""
+    compensation_width: float = 0.05
+    """Distance of the target at which all of it is added [rad]."""
     schema_version: int = SCHEMA_VERSION
     """Version of this record."""
 
@@ -141,6 +149,8 @@ def read_contract(text: bytes) -> Contract:
         raise ContractError(f"contract.json is not JSON: {error}; export the bundle again") from error
     if not isinstance(data, dict):
         raise ContractError(f"contract.json holds a {type(data).__name__}; expected an object")
+    if data.get("schema_version") == 1:
+        data = {"compensation": None, "compensation_width": 0.05} | data | {"schema_version": SCHEMA_VERSION}
     known = {field.name for field in fields(Contract)}
     if missing := sorted(known - data.keys()):
         raise ContractError(f"contract.json lacks the field {missing[0]!r}; export the bundle again")
@@ -153,6 +163,8 @@ def read_contract(text: bytes) -> Contract:
         if not isinstance(data[name], list):
             raise ContractError(f"contract field {name!r} must be a list, not {data[name]!r}")
         data[name] = tuple(data[name])
+    if isinstance(data["compensation"], list):
+        data["compensation"] = tuple(data["compensation"])
     return Contract(**data)
 
 
@@ -182,7 +194,7 @@ def _check_scalars(contract: Contract) -> None:
     for name in ("seed", "decimation"):
         value = getattr(c, name)
         _expect(isinstance(value, int) and not isinstance(value, bool) and value >= 0, name, value, "an integer >= 0")
-    for name in ("control_period", "physics_timestep", "action_scale", "action_clip"):
+    for name in ("control_period", "physics_timestep", "action_scale", "action_clip", "compensation_width"):
         value = getattr(c, name)
         _expect(_is_number(value) and value > 0, name, value, "a positive number")
     _expect(_is_number(c.friction_level) and c.friction_level >= 0, "friction_level", c.friction_level, "a number >= 0")
@@ -214,6 +226,9 @@ def _check_joints(contract: Contract) -> None:
         _expect(min(getattr(contract, field)) > 0, field, getattr(contract, field), "positive numbers")
     for field in ("kd", "damping", "friction"):
         _expect(min(getattr(contract, field)) >= 0, field, getattr(contract, field), "numbers >= 0")
+    extra = contract.compensation
+    fits = extra is None or (isinstance(extra, tuple) and len(extra) == len(names) and all(map(_is_number, extra)))
+    _expect(fits, "compensation", extra, f"null, or {len(names)} numbers, one per joint")
     shares = [bound / limit for bound, limit in zip(contract.friction, contract.torque_limit, strict=True)]
     mean = sum(shares) / len(shares)
     agrees = math.isclose(mean, contract.friction_level, rel_tol=1e-6, abs_tol=1e-9)

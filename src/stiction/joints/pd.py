@@ -6,6 +6,7 @@ The paper prints the position term with the opposite sign, (θ − a); that join
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,20 @@ class PDGains:
                 f"gains kp {self.kp}, kd {self.kd}, torque limit {self.torque_limit}, strength {self.strength}: "
                 "kp, torque limit and strength must be positive and kd must not be negative"
             )
+
+
+COMPENSATION_WIDTH = 0.05
+"""Distance of the target at which the whole friction is compensated [rad]; in proportion below, or it would chatter."""
+
+
+def compensated(target: Any, position: Any, friction_angle: Any, width: float = COMPENSATION_WIDTH) -> Any:
+    """Return the target moved on by what friction holds back, a + (f/kp) sat((a − θ)/width), shapes broadcast.
+
+    Section V of the paper compensates friction in the actions and does not say how the direction is chosen: it is that
+    in which the joint is asked to move. target: a [rad]; position: θ as measured [rad]; friction_angle: f/kp [rad].
+    NumPy arrays and torch tensors alike.
+    """
+    return target + friction_angle * ((target - position) / width).clip(-1.0, 1.0)
 
 
 def pd_torque(gains: PDGains, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

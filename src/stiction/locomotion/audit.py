@@ -79,7 +79,7 @@ def audit_joints(stand: Stand) -> list[AuditRow]:
     """Check what acts in a joint, by the step response of each."""
     cfg = stand.cfg
     names = ("armature", "damping", "stiffness", "motor_strength", "action_delay")
-    spans = {name: getattr(cfg.randomization, name) for name in names} | {"friction": cfg.friction.range}
+    spans = {name: getattr(cfg.randomization, name) for name in names} | {"friction": cfg.friction.last.range}
     rows = []
     for name, ends in spans.items():
         if ends[0] == ends[1]:
@@ -162,7 +162,7 @@ def _range_rows(env: LocomotionEnv) -> list[AuditRow]:
     """Check that the draws fill their ranges: drawn span over configured span."""
     rows = []
     for name, values in vars(env.randomizer.draws).items():
-        low, high = env.cfg.friction.range if name == "friction" else getattr(env.cfg.randomization, name)
+        low, high = env.cfg.friction.last.range if name == "friction" else getattr(env.cfg.randomization, name)
         if low == high:
             continue
         values = values[:, :1] if name == "center_of_mass" else values

@@ -3,21 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import Annotated
 
 from tyro.conf import arg
 
 from stiction.formats.errors import StictionError
+from stiction.locomotion.friction import FrictionCfg
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
-
-FrictionMethod = Literal["none", "direct", "deception"]
-
-FRICTION_RANGES: dict[str, tuple[float, float]] = {"none": (0.0, 0.0), "direct": (0.8, 1.2), "deception": (0.0, 1.2)}
-"""Multiplier of the nominal dry friction, by way of training.
-
-`none` is conventional randomisation, the paper's Table II without its friction row. `direct` gives friction the range
-that the table gives every other joint parameter. `deception` is the table's row: only the lower end moves, to zero.
-"""
 
 
 def check_spans(owner: object, lowest: dict[str, float]) -> None:
@@ -31,36 +23,6 @@ def check_spans(owner: object, lowest: dict[str, float]) -> None:
             raise StictionError(
                 f"{name} is the range [{low}, {high}]; expected a lower and an upper end, from {least} on"
             )
-
-
-@dataclass(frozen=True)
-class FrictionCfg:
-    """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
-
-    method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
-    """Way to train with friction: sets the range of the multiplier, see `FRICTION_RANGES`."""
-    level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
-    """Nominal friction as a fraction of each joint's torque limit. None: the value measured for the robot, in N m."""
-    law: Literal["coulomb"] = "coulomb"
-    """Friction law. `coulomb`: a torque [N m] that does not depend on load or speed."""
-    per: Literal["robot", "joint"] = "robot"
-    """One multiplier for all joints of a robot, or one each. Per robot, some robots have nearly no friction anywhere:
-    the paper's explanation of why its wide range works needs exactly those."""
-
-    def __post_init__(self) -> None:
-        """Refuse a level that no motor could overcome, and, from a file, words that mean nothing."""
-        number = self.level is None or (isinstance(self.level, int | float) and not isinstance(self.level, bool))
-        if not number or (self.level is not None and not 0.0 <= self.level < 0.8):
-            raise StictionError(f"friction level {self.level!r}: expected a fraction of the torque limit in [0, 0.8)")
-        choices = {"method": tuple(FRICTION_RANGES), "law": ("coulomb",), "per": ("robot", "joint")}
-        for name, allowed in choices.items():
-            if getattr(self, name) not in allowed:
-                raise StictionError(f"friction {name} {getattr(self, name)!r}: expected one of {', '.join(allowed)}")
-
-    @property
-    def range(self) -> tuple[float, float]:
-        """Lower and upper end of the multiplier."""
-        return FRICTION_RANGES[self.method]
 
 
 @dataclass(frozen=True)

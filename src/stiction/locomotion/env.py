@@ -10,19 +10,20 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from stiction.formats.observation import proprioception
+from stiction.joints.pd import compensated
 from stiction.locomotion import rewards
 from stiction.locomotion.commands import CommandSampler
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
 from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
-from stiction.locomotion.randomization import Randomizer, nominal_joints
+from stiction.locomotion.randomization import Randomizer, friction_angle, nominal_joints
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
 
 RESET_NOISE = (0.1, 0.3)
 """Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
 
-_BUFFERS = ("episode_length_buf", "last_action", "last_velocity", "air_time")
+_BUFFERS = ("episode_length_buf", "last_action", "last_velocity", "air_time", "measured_position")
 """The per-robot buffers that a checkpoint holds beside the simulation."""
 
 
@@ -55,6 +56,9 @@ class LocomotionEnv(VecEnv):
         self.generator = torch.Generator().manual_seed(seed)
         nominal = nominal_joints(self.fleet, cfg.friction, identified)
         self.randomizer = Randomizer(self.fleet, cfg.randomization, cfg.friction, nominal)
+        extra = friction_angle(cfg.friction, nominal, self.spec)
+        self.compensation = None if extra is None else torch.tensor(extra)
+        self.stage = 0
         self.commands = CommandSampler(cfg.commands, num_envs)
         self.layout = proprioception(self.num_actions)
         self.standing = torch.from_numpy(self.fleet.standing).float()
@@ -82,8 +86,10 @@ class LocomotionEnv(VecEnv):
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Apply actions, (N, joints), for one control period; reset robots that fell, blew up or timed out."""
         actions = actions.clamp(-self.cfg.action_clip, self.cfg.action_clip)
-        targets = self.standing + self.spec.action_scale * actions - self.randomizer.draws.encoder_offset
-        self.fleet.set_targets(targets.numpy())
+        targets = self.standing + self.spec.action_scale * actions
+        if self.compensation is not None:
+            targets = compensated(targets, self.measured_position, self.compensation)
+        self.fleet.set_targets((targets - self.randomizer.draws.encoder_offset).numpy())
         blown_up = torch.zeros(self.num_envs, dtype=torch.bool)
         blown_up[self.fleet.step()] = True
         self.episode_length_buf = self.episode_length_buf + 1
@@ -106,6 +112,11 @@ class LocomotionEnv(VecEnv):
         self._push_and_command(dones)
         self._observation = self._observe(dones)
         return self._observation, reward, dones, {"time_outs": time_outs.float(), "log": means | log}
+
+    def enter_stage(self, number: int) -> None:
+        """Go over to a stage of the friction's schedule."""
+        self.stage = number
+        self.randomizer.enter(self.cfg.friction.schedule[number].mixture, self.generator)
 
     def _snapshot(self, actions: torch.Tensor, blown_up: torch.Tensor) -> rewards.Snapshot:
         """Collect what the rewards see."""
@@ -203,6 +214,7 @@ class LocomotionEnv(VecEnv):
         }
         for name, value in raw.items():
             raw[name] = value + getattr(noise, name) * (2 * torch.rand(value.shape, generator=self.generator) - 1)
+        self.measured_position = raw["joint_position"]
         raw |= {"command": self.commands.value, "last_action": self.last_action}
         frame = self.frames(raw)
         velocity = to_tensor(fleet.base_linear_velocity)
@@ -227,12 +239,15 @@ class LocomotionEnv(VecEnv):
             "observation": dict(self._observation.items()),
             "generator": self.generator.get_state(),
             "blown_up": self.fleet.blown_up,
+            "stage": self.stage,
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
         """Restore what `state` returned; the next step is then bit-identical on the same number of threads."""
         for name, value in state["draws"].items():
             setattr(self.randomizer.draws, name, value.clone())
+        self.stage = state["stage"]
+        self.randomizer.mixture = self.cfg.friction.schedule[self.stage].mixture
         self.randomizer.apply(torch.arange(self.num_envs))
         self.fleet.simulation.load_state({name: value.numpy() for name, value in state["simulation"].items()})
         for name, value in state["buffers"].items():

@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from stiction.locomotion.config import FrictionCfg, RandomizationCfg
+from stiction.locomotion.config import RandomizationCfg
+from stiction.locomotion.friction import FrictionCfg, Mixture
+from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
 
 
@@ -42,6 +44,13 @@ def nominal_joints(
     return NominalJoints(**values)
 
 
+def friction_angle(cfg: FrictionCfg, nominal: NominalJoints, robot: RobotSpec) -> tuple[float, ...] | None:
+    """Return f/kp [rad] of each joint's nominal friction, which `compensation` adds to the command; None otherwise."""
+    if cfg.method != "compensation":
+        return None
+    return tuple((nominal.frictionloss / robot.joint_values("stiffness")).tolist())
+
+
 @dataclass
 class Draws:
     """What each robot has now, float32; multipliers unless a unit is given."""
@@ -69,6 +78,7 @@ class Randomizer:
     def __init__(self, fleet: Fleet, cfg: RandomizationCfg, friction: FrictionCfg, nominal: NominalJoints) -> None:
         """Remember the nominal robot. Nothing is drawn before the first `draw`."""
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
+        self.mixture = friction.schedule[0].mixture
         self.base_mass = fleet.spec.base.mass
         cfg.check_robot(fleet.spec)
         size = np.array(fleet.spec.base.size)
@@ -88,14 +98,30 @@ class Randomizer:
         new = {
             name: uniform(getattr(cfg, name), value) for name, value in vars(self.draws).items() if name != "friction"
         }
-        friction = uniform(self.friction.range, self.draws.friction)
-        new["friction"] = friction if self.friction.per == "joint" else friction[:, :1].expand_as(friction)
+        new["friction"] = self._draw_friction(num, generator)
         new["center_of_mass"] = new["center_of_mass"] * self.com_axes
         step = self.fleet.timestep
         new["action_delay"] = (new["action_delay"] / step).round() * step
         for name, value in new.items():
             getattr(self.draws, name)[ids] = value
         self.apply(ids)
+
+    def _draw_friction(self, num: int, generator: torch.Generator) -> torch.Tensor:
+        """Return multipliers of the nominal friction from the stage's mixture, (num, joints)."""
+        size = (num, self.draws.friction.shape[1])
+        weight, low, high = torch.tensor(self.mixture).unbind(-1)
+        share = torch.rand(size, generator=generator)
+        part = torch.zeros(size, dtype=torch.long)
+        if len(weight) > 1:
+            part = torch.multinomial(weight, size[0] * size[1], True, generator=generator).view(size)
+        multiplier = low[part] + (high - low)[part] * share
+        return multiplier if self.friction.per == "joint" else multiplier[:, :1].expand(size)
+
+    def enter(self, mixture: Mixture, generator: torch.Generator) -> None:
+        """Begin a stage of the schedule: every robot's friction is drawn anew, and nothing else."""
+        self.mixture = mixture
+        self.draws.friction = self._draw_friction(self.fleet.num_envs, generator).clone()
+        self.apply(torch.arange(self.fleet.num_envs))
 
     def apply(self, ids: torch.Tensor) -> None:
         """Write the draws of the robots `ids` into the fleet and recompute what derives from them."""

@@ -139,6 +139,7 @@ class PhaseRunner(OnPolicyRunner):
             )
         while self.current_learning_iteration < (num_learning_iterations or self.iterations):
             start = time.perf_counter()
+            self._enter_stage()
             figures = self.iterate()
             figures["seconds"] = time.perf_counter() - start
             self.current_learning_iteration += 1
@@ -146,6 +147,15 @@ class PhaseRunner(OnPolicyRunner):
             it = self.current_learning_iteration
             if it % self.checkpoint_every == 0 or it == self.iterations:
                 self.save()
+
+    def _enter_stage(self) -> None:
+        """Go over to the friction that the schedule has for this iteration."""
+        friction = self.env.cfg.friction
+        stage = len(friction.schedule) - 1
+        if self.phase == "teacher":
+            stage = friction.stage(self.current_learning_iteration, self.iterations)
+        if stage != self.env.stage:
+            self.env.enter_stage(stage)
 
     def iterate(self) -> dict[str, float]:
         """Collect one rollout and update; return the means of all figures."""

@@ -43,8 +43,10 @@ class Fleet:
 
     All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
     `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass
-    after `set_const`). `torque` and `foot_force` lag one physics step, as sensors do; right
-    after a reset they are those of the standing pose, whatever joint angles the robot was given.
+    after `set_const`). What must act at every physics step (friction that depends on load or speed, a motor that is
+    not the PD law) is a function in `before_step`, called with the fleet. `torque` and `foot_force` lag one physics
+    step, as sensors do; right after a reset they are those of the standing pose, whatever joint angles the robot was
+    given.
     """
 
     def __init__(
@@ -94,6 +96,7 @@ class Fleet:
         self.targets = simulation.bind("ctrl")
         self.friction[:] = 0.0
         self.blown_up = np.zeros(num_envs, np.int64)
+        self.before_step: list[Callable[[Fleet], None]] = []
         self.reset(np.arange(num_envs))
 
     def _bind_base_and_feet(self) -> None:
@@ -147,11 +150,22 @@ class Fleet:
 
         The caller ends their episode. The reset here keeps NaN from reaching any observation.
         """
-        blown_up = self.simulation.step(self.decimation)
+        blown_up = self._advance()
         if len(blown_up):
             self.blown_up[blown_up] += 1
             self.reset(blown_up)
         return blown_up
+
+    def _advance(self) -> np.ndarray:
+        """Take the physics steps of one control period; return the ids of robots that blew up, ascending."""
+        if not self.before_step:
+            return self.simulation.step(self.decimation)
+        blown_up = np.zeros(self.num_envs, bool)
+        for _ in range(self.decimation):
+            for act in self.before_step:
+                act(self)
+            blown_up[self.simulation.step(1)] = True
+        return np.flatnonzero(blown_up)
 
     def reset(
         self,

@@ -22,8 +22,8 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import read_bundle
 from stiction.formats.reproducibility import num_threads, stream_seed
-from stiction.locomotion.config import FrictionMethod
 from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.friction import FrictionMethod
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import PhaseRunner, multiply_adds, teacher_cfg, torch_threads

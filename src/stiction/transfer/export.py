@@ -19,6 +19,7 @@ from stiction.formats.bundle import BundleError, write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.observation import proprioception
+from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.robots.catalog import find_robot
 from stiction.transfer.card import write_card
 from stiction.transfer.golden import record_golden
@@ -66,7 +67,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         header: `command`, `revision` and `identified` of the run, as in its config.json.
 
     """
-    from stiction.locomotion.randomization import nominal_joints
+    from stiction.locomotion.randomization import friction_angle, nominal_joints
     from stiction.sim.fleet import Fleet
 
     task = cfg.task
@@ -76,7 +77,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
     level = task.friction.level
     if level is None:
         level = float((joints.frictionloss / spec.joint_values("torque_limit")).mean())
-    low, high = task.friction.range
+    low, high = task.friction.last.range
     return Contract(
         robot=task.robot,
         terrain="flat",
@@ -101,6 +102,8 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         observation=proprioception(spec.num_joints),
         action_scale=spec.action_scale,
         action_clip=task.action_clip,
+        compensation=friction_angle(task.friction, joints, spec),
+        compensation_width=COMPENSATION_WIDTH,
         revision=str(header["revision"]),
         command=_without_folders(str(header["command"])),
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,

@@ -12,6 +12,7 @@ import torch
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.formats.contract import Contract
+from stiction.joints.pd import compensated
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
 
@@ -31,6 +32,9 @@ class TrainedPolicy:
         self._module = module.eval()
         self._standing = to_tensor(contract.array("standing"))
         self._scale, self._clip = contract.action_scale, contract.action_clip
+        extra = contract.compensation
+        self._compensation = None if extra is None else to_tensor(np.array(extra))
+        self._width = contract.compensation_width
         self._frames = FrameBuilder(contract.observation, self._standing)
         self._history = History(num, contract.observation)
         self._last_action = torch.zeros(num, contract.num_joints)
@@ -57,5 +61,7 @@ class TrainedPolicy:
         self._fresh = torch.zeros_like(self._fresh)
         action = self._module(observation).clamp(-self._clip, self._clip)
         target = self._standing + self._scale * action
+        if self._compensation is not None:
+            target = compensated(target, raw["joint_position"], self._compensation, self._width)
         self._last_action = action.clone()
         return PolicyStep(observation.numpy(), action.numpy(), target.double().numpy())

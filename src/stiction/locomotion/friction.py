@@ -1,0 +1,153 @@
+"""Dry friction during training: how much, by which law, and when. No torch, no mujoco.
+
+Every way to train with friction is one *schedule*: stages of the teacher's training, each with a distribution of the
+multiplier of the nominal friction. The student, and whoever asks later, meets the last stage.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal, get_args
+
+from tyro.conf import arg
+
+from stiction.formats.errors import StictionError
+
+FrictionMethod = Literal["none", "direct", "compensation", "finetune", "iterative", "deception"]
+FrictionLaw = Literal["coulomb", "stribeck", "load", "effort"]
+
+Mixture = tuple[tuple[float, float, float], ...]
+"""Uniform distributions side by side: (weight, lower end, upper end) of each."""
+
+FRICTIONLESS: Mixture = ((1.0, 0.0, 0.0),)
+
+FRICTION_RANGES: dict[str, tuple[float, float]] = {
+    "none": (0.0, 0.0),
+    "direct": (0.8, 1.2),
+    "compensation": (0.8, 1.2),
+    "finetune": (0.8, 1.2),
+    "iterative": (0.8, 1.2),
+    "deception": (0.0, 1.2),
+}
+"""Multiplier of the nominal dry friction in the last stage, by way of training.
+
+`none` is conventional randomisation, the paper's Table II without its friction row. The range that the table gives
+every other joint parameter is that of `direct`, of `compensation` (which adds the nominal friction to the command) and
+of the two that begin without friction: `finetune` meets all of it at once, `iterative` in equal steps. `deception` is
+the table's row: only the lower end moves, to zero.
+"""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What is drawn from one moment of the teacher's training on."""
+
+    begin: float
+    """Share of the teacher's iterations that lie before it."""
+    mixture: Mixture
+    """Distribution of the multiplier."""
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest multiplier that can be drawn."""
+        return min(low for _, low, _ in self.mixture), max(high for _, _, high in self.mixture)
+
+
+@dataclass(frozen=True)
+class FrictionCfg:
+    """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
+
+    method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
+    """Way to train with friction, see `FRICTION_RANGES`."""
+    level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
+    """Nominal friction. `coulomb`, `stribeck`: as a fraction of each joint's torque limit; None: the value measured for
+    the robot, in N m. `load`, `effort`: the law's coefficient."""
+    law: Annotated[FrictionLaw, arg(aliases=("--friction-law",))] = "coulomb"
+    """`coulomb`: a torque that depends on neither load nor speed. `stribeck`: more of it at rest. `load`: c (|F| + |T|)
+    of force [N] and torque [N m] that the joint transmits. `effort`: c |τ| of the motor's torque."""
+    per: Literal["robot", "joint"] = "robot"
+    """One multiplier for all joints of a robot, or one each. Per robot, some robots have nearly no friction anywhere:
+    the paper's explanation of why its wide range works needs exactly those."""
+    range: tuple[float, float] | None = None
+    """Multiplier in the last stage, in place of the method's."""
+    mixture: Mixture = ()
+    """Any distribution of the multiplier in the last stage, as uniform ones side by side: weight, lower, upper end of
+    each. `0.2 0 0 0.8 1 1`: one robot in five without friction, the rest with the nominal one."""
+    pretraining: float = 0.5
+    """Share of the teacher's iterations that `finetune` and `iterative` spend without friction; it counts towards the
+    budget."""
+    steps: int = 4
+    """Equal steps in which `iterative` brings the friction in."""
+    static_ratio: float = 1.5
+    """Friction at rest over Coulomb friction, of the law `stribeck`."""
+    stribeck_velocity: float = 0.1
+    """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be drawn or overcome, and, from a file, words that mean nothing."""
+        choices = {
+            "method": tuple(FRICTION_RANGES),
+            "law": get_args(FrictionLaw),
+            "per": ("robot", "joint"),
+        }
+        for name, allowed in choices.items():
+            if getattr(self, name) not in allowed:
+                raise StictionError(f"friction {name} {getattr(self, name)!r}: expected one of {', '.join(allowed)}")
+        self._check_level()
+        self._check_distribution()
+        if not 0 < self.pretraining < 1 or not 1 <= self.steps <= 100:
+            raise StictionError(
+                f"pretraining {self.pretraining}, {self.steps} steps: expected a share in (0, 1) and 1 to 100 steps"
+            )
+        if not 1 <= self.static_ratio <= 10 or not self.stribeck_velocity > 0:
+            raise StictionError(
+                f"static ratio {self.static_ratio}, Stribeck velocity {self.stribeck_velocity} rad/s: expected a ratio "
+                "in [1, 10] and a positive speed"
+            )
+
+    def _check_level(self) -> None:
+        """Refuse a level that no motor could overcome, and a coefficient that nobody named."""
+        number = self.level is None or (isinstance(self.level, int | float) and not isinstance(self.level, bool))
+        if not number or (self.level is not None and not 0.0 <= self.level < 0.8):
+            raise StictionError(f"friction level {self.level!r}: expected a fraction of the torque limit in [0, 0.8)")
+        if self.level is None and self.law in ("load", "effort") and self.method != "none":
+            raise StictionError(f"the friction law {self.law!r} needs its coefficient; say --friction-level")
+
+    def _check_distribution(self) -> None:
+        """Refuse ranges and mixtures that are none."""
+        if self.range is not None and self.mixture:
+            raise StictionError("friction range and mixture both say what is drawn; leave one of them out")
+        if self.method == "none" and (self.range is not None or self.mixture):
+            raise StictionError("the method 'none' has no friction to draw; choose another, or leave out the range")
+        for part in self.last.mixture:
+            if len(part) != 3 or not (part[0] > 0 and 0 <= part[1] <= part[2] <= 10):
+                raise StictionError(
+                    f"friction multipliers {part}: expected a weight above 0, and a lower and an upper end in [0, 10]"
+                )
+
+    @property
+    def last(self) -> Stage:
+        """The stage in which training ends."""
+        return self.schedule[-1]
+
+    @property
+    def schedule(self) -> tuple[Stage, ...]:
+        """The stages, the first from the very beginning."""
+        final: Mixture = self.mixture or ((1.0, *(self.range or FRICTION_RANGES[self.method])),)
+        if self.method == "finetune":
+            return Stage(0.0, FRICTIONLESS), Stage(self.pretraining, final)
+        if self.method == "iterative":
+            rest, n = 1.0 - self.pretraining, self.steps
+            steps = (
+                Stage(
+                    self.pretraining + rest * k / n, tuple((w, a * (k + 1) / n, b * (k + 1) / n) for w, a, b in final)
+                )
+                for k in range(n)
+            )
+            return Stage(0.0, FRICTIONLESS), *steps
+        return (Stage(0.0, final),)
+
+    def stage(self, iteration: int, iterations: int) -> int:
+        """Return the number of the stage that iteration `iteration` of `iterations` of the teacher belongs to."""
+        begun = [k for k, stage in enumerate(self.schedule) if iteration >= round(stage.begin * iterations)]
+        return begun[-1]
