@@ -26,7 +26,8 @@ def test_a_run_leaves_what_the_design_says(tmp_path: Path, capsys: pytest.Captur
     summary = json.loads(capsys.readouterr().out)
     assert summary["env_steps"] == 4 * 8 and summary["multiply_adds"]["actor"] > 0
     config = json.loads((out / "config.json").read_text())
-    assert config["config"]["task"]["friction"] == {"method": "direct", "level": 0.1, "law": "coulomb", "per": "robot"}
+    friction = config["config"]["task"]["friction"]
+    assert friction | {"method": "direct", "level": 0.1, "law": "coulomb", "per": "robot"} == friction
     assert config["seed"] == 0 and config["command"].startswith("stiction train")
     assert len((out / "metrics.jsonl").read_text().splitlines()) == 2
     assert list((out / "tensorboard").iterdir()) and (out / "summary.json").exists() and (out / "curves.png").exists()
@@ -79,8 +80,9 @@ def test_a_proposal_of_identify_is_what_is_trained(tmp_path: Path, capsys: pytes
     source = ["--friction-from", str(tmp_path / "training.json")]
     assert main(["train", *SMALL, *source, "--out", str(tmp_path / "run")]) == 0
     config = json.loads((tmp_path / "run" / "config.json").read_text())["config"]["task"]["friction"]
-    assert config == proposal["friction"] == {"method": "deception", "level": 0.04, "law": "coulomb", "per": "robot"}
-    friction = FrictionCfg(**config)
+    assert proposal["friction"] == {"method": "deception", "level": 0.04, "law": "coulomb", "per": "robot"}
+    assert config == config | proposal["friction"]
+    friction = FrictionCfg(**proposal["friction"])
     assert [end * friction.level for end in friction.last.range] == proposal["range"]
     capsys.readouterr()
     for other in ("--method=direct", "--friction-level", "--task.friction.per"):
@@ -93,7 +95,7 @@ def test_a_proposal_of_identify_is_what_is_trained(tmp_path: Path, capsys: pytes
     ("friction", "said"),
     [
         (None, "proposes no joint friction"),
-        ({"method": "deception"}, "missing or unknown"),
+        ({"method": "deception"}, "at least 'method' and 'level'"),
         ({"method": "magic", "level": 0.1, "law": "coulomb", "per": "robot"}, "'magic'"),
         ({"method": "direct", "level": "0.1", "law": "coulomb", "per": "robot"}, "'0.1'"),
         ({"method": "direct", "level": 0.9, "law": "coulomb", "per": "robot"}, "0.9"),

@@ -17,6 +17,7 @@ VERBS = {
     "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
     "train": "train a teacher and a student for a robot, with or without joint friction",
     "evaluate": "drive a policy bundle over friction levels and commands, and tabulate what it reached",
+    "study": "run one of the experiments behind the results, and write its page",
     "export": "turn a training run into a policy bundle that can be checked",
     "verify": "check a policy bundle: every file, the contract, and the golden vectors",
     "bench": "measure the throughput ratios on this machine, side by side in one run",

@@ -76,7 +76,7 @@ def _friction_from(path: Path, cfg: TrainCfg, arguments: list[str]) -> TrainCfg:
     from stiction.formats.configuration import from_plain
     from stiction.formats.training import read_training
 
-    own = ("--method", "--friction-level", "--task.friction.")
+    own = ("--method", "--friction-level", "--friction-law", "--task.friction.")
     given = [flag for word in arguments if (flag := word.partition("=")[0].replace("_", "-")).startswith(own)]
     if given:
         raise StictionError(

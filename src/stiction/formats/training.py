@@ -1,6 +1,6 @@
 """`training.json`: the joint friction to train with, as identification proposes it and `stiction train` reads it.
 
-Its object `friction` holds exactly the fields of the run's own `config.json` under `task.friction`, so that a proposal
+Its object `friction` holds fields of the run's own `config.json` under `task.friction`, so that a proposal
 and a run can be compared line by line. The rest is for people: what the level rests on, joint by joint.
 """
 
@@ -43,4 +43,6 @@ def read_training(path: Path) -> dict[str, Any]:
     if data["friction"] is None:
         reason = " ".join(str(data.get("text", "it does not say why")).split())[:400]
         raise StictionError(f"{path.name} proposes no joint friction to train with: {reason}")
+    if not isinstance(data["friction"], dict) or not {"method", "level"} <= data["friction"].keys():
+        raise StictionError(f"{path.name}: 'friction' is {data['friction']!r}; expected at least 'method' and 'level'")
     return data

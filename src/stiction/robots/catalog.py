@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import re
+from dataclasses import replace
 
 import stiction.robots as shipped
 from stiction.formats.errors import StictionError
-from stiction.robots.spec import RobotSpec
+from stiction.robots.spec import JointSpec, RobotSpec
+
+VARIATIONS = ("kp", "torque")
+"""What `NAME@...` can multiply: gains, torque limits."""
 
 
 def robot_names() -> list[str]:
@@ -18,6 +23,41 @@ def robot_names() -> list[str]:
 
 def find_robot(name: str) -> RobotSpec:
     """Return the robot called `name`: a shipped one, or `package.module[:VARIABLE]` anywhere on the Python path.
+
+    `NAME@kp=0.5,torque=2` is that robot with its gains kp halved (kd by the root of it, which keeps the damping ratio)
+    or its torque limits doubled: what an experiment varies, and still one word in every file.
+
+    Raises `StictionError` where there is no such module, it holds no `RobotSpec`, or the variation is none.
+    """
+    plain, _, variation = name.partition("@")
+    return vary(_find(plain), name, variation) if "@" in name else _find(name)
+
+
+def vary(robot: RobotSpec, name: str, variation: str) -> RobotSpec:
+    """Return a robot called `name` with its joints varied as `kp=0.5,torque=2` says."""
+    factors = dict.fromkeys(VARIATIONS, 1.0)
+    for part in variation.split(","):
+        key, _, value = part.partition("=")
+        if key not in factors or not re.fullmatch(r"[0-9]*\.?[0-9]+", value) or not 0.01 <= float(value) <= 100:
+            raise StictionError(
+                f"robot {name!r}: {part!r} is no variation; expected {' or '.join(VARIATIONS)} with a factor from 0.01 "
+                "to 100, as in saturn_lite@kp=0.5,torque=2"
+            )
+        factors[key] = float(value)
+
+    def varied(joint: JointSpec) -> JointSpec:
+        return replace(
+            joint,
+            stiffness=joint.stiffness * factors["kp"],
+            derivative=joint.derivative * factors["kp"] ** 0.5,
+            torque_limit=joint.torque_limit * factors["torque"],
+        )
+
+    return replace(robot, name=name, hip=varied(robot.hip), thigh=varied(robot.thigh), shank=varied(robot.shank))
+
+
+def _find(name: str) -> RobotSpec:
+    """Return the robot called `name`, without variations.
 
     Raises `StictionError` where there is no such module, or it holds no `RobotSpec`.
     """

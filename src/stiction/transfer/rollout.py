@@ -57,7 +57,7 @@ def robot_of(contract: Contract, robot: str | None = None) -> RobotSpec:
         StictionError: the robot is unknown, or its joints or torque limits are not those of the contract.
 
     """
-    if robot is None and not contract.robot.isidentifier():
+    if robot is None and not contract.robot.partition("@")[0].isidentifier():
         raise StictionError(
             f"the bundle is for the robot {contract.robot!r}, which is not a shipped one; "
             "if you trust that module, name it with --robot"

@@ -1,0 +1,1 @@
+"""One file a study: parse, call, write its page."""

@@ -1,0 +1,29 @@
+"""`stiction study`: the experiments behind the results, each one command and one page."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+STUDIES: dict[str, str] = {}
+"""Study -> what it answers. The module is `stiction.cli.studies.<name>`."""
+
+USAGE = "usage: stiction study NAME [--help] [options]\n\nstudies:\n"
+
+
+def overview() -> str:
+    """Return the text of `stiction study --help`."""
+    return USAGE + "".join(f"  {name:<12}{text}\n" for name, text in STUDIES.items())
+
+
+def main(arguments: list[str]) -> int:
+    """Run one study; return its exit status."""
+    name = arguments[0] if arguments else ""
+    if name in ("-h", "--help"):
+        print(overview(), end="")
+        return 0
+    if name not in STUDIES:
+        said = f"stiction study: unknown study {name!r}" if name else overview().rstrip()
+        print(f"{said}{'; the studies are: ' + ', '.join(STUDIES) if name else ''}", file=sys.stderr)
+        return 2
+    return int(importlib.import_module(f"stiction.cli.studies.{name}").main(arguments[1:]) or 0)
