@@ -12,8 +12,12 @@ from stiction.formats.training import read_training, write_training
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:
     """The version is added, nothing is lost."""
-    write_training(tmp_path / "training.json", {"friction": {"level": 0.1}, "text": "μ"})
-    assert read_training(tmp_path / "training.json") == {"schema_version": 1, "friction": {"level": 0.1}, "text": "μ"}
+    write_training(tmp_path / "training.json", {"friction": {"method": "direct", "level": 0.1}, "text": "μ"})
+    assert read_training(tmp_path / "training.json") == {
+        "schema_version": 1,
+        "friction": {"method": "direct", "level": 0.1},
+        "text": "μ",
+    }
 
 
 @pytest.mark.parametrize(
