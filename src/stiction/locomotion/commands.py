@@ -20,6 +20,10 @@ class CommandSampler:
         """Whether each robot is asked to move, (N,) bool."""
         return self.value.norm(dim=-1) > self.cfg.moving_above
 
+    def override(self, mask: torch.Tensor, value: torch.Tensor) -> None:
+        """Command `value`, (N, 3), to the robots in `mask`, (N,) bool. The tensor is replaced."""
+        self.value = torch.where(mask[:, None], value, self.value)
+
     def draw(self, ids: torch.Tensor, generator: torch.Generator) -> None:
         """Draw new commands for the robots `ids`. The tensor is replaced: observations keep the old one."""
         if not len(ids):

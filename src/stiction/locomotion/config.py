@@ -9,6 +9,7 @@ from tyro.conf import arg
 
 from stiction.formats.errors import StictionError
 from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.terrain import TerrainCfg
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 
 
@@ -155,7 +156,7 @@ class RewardCfg:
 
 @dataclass(frozen=True)
 class TaskCfg:
-    """Velocity tracking on flat ground."""
+    """Velocity tracking."""
 
     robot: Annotated[str, arg(aliases=("--robot",))] = "saturn_lite"
     """A shipped robot, or `package.module:VARIABLE`."""
@@ -165,6 +166,7 @@ class TaskCfg:
     """Physics steps in one control period."""
     episode: float = 20.0
     """Length of an episode [s]."""
+    terrain: TerrainCfg = field(default_factory=TerrainCfg)
     friction: FrictionCfg = field(default_factory=FrictionCfg)
     randomization: RandomizationCfg = field(default_factory=RandomizationCfg)
     noise: NoiseCfg = field(default_factory=NoiseCfg)

@@ -17,11 +17,15 @@ from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
 from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
 from stiction.locomotion.randomization import Randomizer, friction_angle, nominal_joints
+from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
 
 RESET_NOISE = (0.1, 0.3)
 """Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
+
+ELEVATION_SCALE = 0.2
+"""Unit of the elevation map [m]."""
 
 _BUFFERS = ("episode_length_buf", "last_action", "last_velocity", "air_time", "measured_position")
 """The per-robot buffers that a checkpoint holds beside the simulation."""
@@ -33,10 +37,11 @@ def to_tensor(array: np.ndarray) -> torch.Tensor:
 
 
 class LocomotionEnv(VecEnv):
-    """Velocity tracking on flat ground for any legged robot.
+    """Velocity tracking for any legged robot.
 
     Observation groups, all float32 and fresh at every step: `proprioception` (o_prio), `history` (o_H, flattened,
-    oldest frame first), `privileged` (o_priv), `explicit` (o_exp: base velocity [m/s] and foot contacts).
+    oldest frame first), `privileged` (o_priv), `explicit` (o_exp: base velocity [m/s] and foot contacts), and on other
+    than flat ground `elevation` (e_t: how far the ground lies below the standing height, in units of 0.2 m).
     """
 
     def __init__(
@@ -52,7 +57,11 @@ class LocomotionEnv(VecEnv):
         self.num_envs, self.device = num_envs, "cpu"
         self.spec = find_robot(cfg.robot)
         self.num_actions = self.spec.num_joints
-        self.fleet = Fleet(self.spec, num_envs, cfg.timestep, cfg.decimation, threads)
+        self.course = None
+        if cfg.terrain.kind != "flat":
+            self.course = Curriculum(cfg.terrain, num_envs, np.random.default_rng(seed))
+        terrain = self.course.terrain if self.course else None
+        self.fleet = Fleet(self.spec, num_envs, cfg.timestep, cfg.decimation, threads, terrain=terrain)
         self.generator = torch.Generator().manual_seed(seed)
         nominal = nominal_joints(self.fleet, cfg.friction, identified)
         self.randomizer = Randomizer(self.fleet, cfg.randomization, cfg.friction, nominal)
@@ -106,8 +115,13 @@ class LocomotionEnv(VecEnv):
 
         fallen = snapshot.fallen | blown_up
         time_outs = (self.episode_length_buf >= self.max_episode_length) & ~fallen
+        if self.course:
+            self.course.walk(self.fleet.qvel[:, :2], self.cfg.control_period)
+            time_outs |= torch.from_numpy(self.course.crossed(self.fleet.base_position[:, :2])) & ~fallen
         dones = fallen | time_outs
         log = self._log(snapshot, fallen, dones, blown_up)
+        if self.course:
+            log |= {name: torch.tensor(value) for name, value in self.course.figures().items()}
         self._reset(dones.nonzero().flatten())
         self._push_and_command(dones)
         self._observation = self._observe(dones)
@@ -137,7 +151,7 @@ class LocomotionEnv(VecEnv):
             linear_velocity=self.linear_velocity,
             angular_velocity=to_tensor(fleet.base_angular_velocity),
             up=torch.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), -1),
-            height_error=to_tensor(fleet.base_position[:, 2]) - self.spec.standing_height,
+            height_error=to_tensor(fleet.base_position[:, 2] - fleet.ground) - self.spec.standing_height,
             torque_share=to_tensor(fleet.torque) / self.torque_limit,
             joint_deviation=to_tensor(fleet.joint_position) - self.standing,
             joint_acceleration=acceleration,
@@ -181,12 +195,12 @@ class LocomotionEnv(VecEnv):
         def symmetric(width: int, size: float) -> np.ndarray:
             return (size * (2 * torch.rand(num, width, generator=self.generator) - 1)).double().numpy()
 
-        self.fleet.reset(
-            ids.numpy(),
-            joint_position=self.fleet.standing + symmetric(joints, angle),
-            heading=symmetric(1, np.pi)[:, 0],
-            velocity=symmetric(6, speed),
-        )
+        joint_position, heading = self.fleet.standing + symmetric(joints, angle), symmetric(1, np.pi)[:, 0]
+        velocity, start = symmetric(6, speed), None
+        if self.course:
+            difficulty, uniform, start, heading = self.course.begin(ids.numpy())
+            self.fleet.place_terrain(ids.numpy(), difficulty, uniform)
+        self.fleet.reset(ids.numpy(), joint_position, heading, velocity, start)
         self.commands.draw(ids, self.generator)
         self.unsync.reset(ids)
         self.episode_length_buf[ids] = 0
@@ -206,6 +220,7 @@ class LocomotionEnv(VecEnv):
     def _observe(self, fresh: torch.Tensor) -> TensorDict:
         """Build every observation group from the state after resets and pushes."""
         fleet, noise = self.fleet, self.cfg.noise
+        elevation = self._look_around() if self.course else {}
         raw = {
             "angular_velocity": to_tensor(fleet.base_angular_velocity),
             "roll_pitch": roll_pitch(to_tensor(fleet.base_quaternion)),
@@ -224,8 +239,21 @@ class LocomotionEnv(VecEnv):
             "history": self.history.push(frame, fresh),
             "privileged": self.randomizer.privileged(),
             "explicit": torch.cat((velocity, contact), -1),
+            **elevation,
         }
         return TensorDict(groups, batch_size=[self.num_envs])
+
+    def _look_around(self) -> dict[str, torch.Tensor]:
+        """Hold the robots on their courses, find the ground under them, and return the elevation map as a group."""
+        assert self.course is not None
+        fleet = self.fleet
+        on_course = torch.from_numpy(self.course.on_course)
+        self.commands.override(on_course, to_tensor(self.course.command(fleet.yaw)))
+        scan = fleet.ground_around(SCAN_POINTS)
+        fleet.ground[:] = scan[:, UNDER].mean(-1)
+        below = to_tensor(fleet.base_position[:, 2:3] - self.spec.standing_height - scan)
+        noise = 2 * torch.rand(below.shape, generator=self.generator) - 1
+        return {"elevation": ((below + self.cfg.terrain.elevation_noise * noise) / ELEVATION_SCALE).clamp(-5.0, 5.0)}
 
     def state(self) -> dict[str, Any]:
         """Return everything the next step depends on, for a checkpoint."""
@@ -240,6 +268,8 @@ class LocomotionEnv(VecEnv):
             "generator": self.generator.get_state(),
             "blown_up": self.fleet.blown_up,
             "stage": self.stage,
+            "course": self.course.state() if self.course else None,
+            "ground": self.fleet.ground,
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -249,6 +279,10 @@ class LocomotionEnv(VecEnv):
         self.stage = state["stage"]
         self.randomizer.mixture = self.cfg.friction.schedule[self.stage].mixture
         self.randomizer.apply(torch.arange(self.num_envs))
+        if self.course:
+            self.course.load_state(state["course"])
+            self.fleet.show_terrain(np.arange(self.num_envs))
+        self.fleet.ground[:] = state["ground"].numpy()
         self.fleet.simulation.load_state({name: value.numpy() for name, value in state["simulation"].items()})
         for name, value in state["buffers"].items():
             setattr(self, name, value.clone())

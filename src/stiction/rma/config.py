@@ -22,6 +22,10 @@ class NetworkCfg:
     """Width to which every frame of the history is reduced first, by the same weights for all frames."""
     history: tuple[int, ...] = (64,)
     """Hidden layers of f_ada of the student, of f_est and of the critic's view of the history, after the frames."""
+    terrain: tuple[int, ...] = (64, 32)
+    """Hidden layers of the encoder of the elevation map; there is none on flat ground."""
+    terrain_latent: int = 16
+    """Size of e_t*."""
     latent: int = 16
     """Size of z and z*."""
     initial_std: float = 0.8

@@ -11,7 +11,10 @@ from tensordict import TensorDict
 from torch import nn
 
 GROUPS = ["proprioception", "history", "privileged", "explicit"]
-"""Every observation group; each model picks what it may see."""
+"""The observation groups on any ground; each model picks what it may see."""
+
+ELEVATION = "elevation"
+"""The group that is there too on other than flat ground."""
 
 
 class HistoryEncoder(nn.Module):
@@ -37,6 +40,9 @@ class RMAActor(MLPModel):
     (z* = f_ada_stu(o_H)). The explicit state is always the estimate f_est(o_H), as on the robot. Both are detached
     where they come from the history, unless `end_to_end`: PPO then never trains what the supervised losses train, and
     the student's cloning loss does.
+
+    On other than flat ground there is a second latent: the teacher encodes the elevation map e_t, the student takes the
+    same features from the history, by f_hist, and climbs blind.
     """
 
     end_to_end = False
@@ -53,17 +59,24 @@ class RMAActor(MLPModel):
         history_frame: int,
         history: tuple[int, ...],
         distribution_cfg: dict[str, Any],
+        terrain: tuple[int, ...] = (),
+        terrain_latent: int = 0,
         latent_source: str = "privileged",
     ) -> None:
         """Build from the sizes of the observation groups."""
-        size = {name: obs[name].shape[-1] for name in GROUPS}
-        self.latent_dim = size["proprioception"] + size["explicit"] + latent
+        size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
+        self.sees_terrain = ELEVATION in size
+        self.latent_dim = size["proprioception"] + size["explicit"] + latent + terrain_latent * self.sees_terrain
         super().__init__(obs, obs_groups, obs_set, output_dim, hidden_dims, "elu", False, distribution_cfg)
         encoder = (size["history"], size["proprioception"], history_frame, history)
         self.latent_source = latent_source
         self.privileged_encoder = MLP(size["privileged"], latent, list(privileged), "elu")
         self.adaptation = HistoryEncoder(*encoder, latent)
         self.estimator = HistoryEncoder(*encoder, size["explicit"])
+        self.blind = False
+        if self.sees_terrain:
+            self.terrain_encoder = nn.Sequential(MLP(size[ELEVATION], terrain_latent, list(terrain), "elu"), nn.Tanh())
+            self.terrain_history = nn.Sequential(HistoryEncoder(*encoder, terrain_latent), nn.Tanh())
 
     def _get_latent_dim(self) -> int:
         """Return the size of the actor's input."""
@@ -76,11 +89,22 @@ class RMAActor(MLPModel):
             latent = self.adaptation(obs["history"]) if self.latent_source == "history" else None
         if latent is None:
             latent = self.privileged_encoder(obs["privileged"])
-        return torch.cat((obs["proprioception"], explicit, latent), -1)
+        parts = (obs["proprioception"], explicit, latent)
+        return torch.cat((*parts, self.terrain_features(obs)) if self.sees_terrain else parts, -1)
+
+    def terrain_features(self, obs: TensorDict) -> torch.Tensor:
+        """Return e_t*, from the elevation map, or from the history where `blind`."""
+        return self.terrain_history(obs["history"]) if self.blind else self.terrain_encoder(obs[ELEVATION])
 
     def supervised_parameters(self) -> list[nn.Parameter]:
-        """Return the parameters that L_ada and L_est train."""
-        return [*self.adaptation.parameters(), *self.estimator.parameters()]
+        """Return the parameters that L_ada, L_est and L_hist train."""
+        modules = [self.adaptation, self.estimator, *([self.terrain_history] if self.sees_terrain else [])]
+        return [parameter for module in modules for parameter in module.parameters()]
+
+    def supervised_losses(self, obs: TensorDict) -> dict[str, torch.Tensor]:
+        """Return L_ada, L_est and, where there is terrain, L_hist."""
+        losses = {"adaptation": self.adaptation_loss(obs), "estimator": self.estimator_loss(obs)}
+        return losses | ({"terrain": self.terrain_loss(obs)} if self.sees_terrain else {})
 
     def policy_parameters(self) -> list[nn.Parameter]:
         """Return the parameters that PPO trains: all others."""
@@ -92,6 +116,12 @@ class RMAActor(MLPModel):
         with torch.no_grad():
             target = self.privileged_encoder(obs["privileged"])
         return nn.functional.mse_loss(self.adaptation(obs["history"]), target)
+
+    def terrain_loss(self, obs: TensorDict) -> torch.Tensor:
+        """L_hist = MSE(e_t*, f_hist(o_H)), e_t* held fixed."""
+        with torch.no_grad():
+            target = self.terrain_encoder(obs[ELEVATION])
+        return nn.functional.mse_loss(self.terrain_history(obs["history"]), target)
 
     def estimator_loss(self, obs: TensorDict) -> torch.Tensor:
         """L_est = MSE(o_exp*, o_exp)."""
@@ -112,7 +142,8 @@ class RMACritic(MLPModel):
         history: tuple[int, ...],
     ) -> None:
         """Build from the sizes of the observation groups."""
-        size = {name: obs[name].shape[-1] for name in GROUPS}
+        size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
+        self.seen = [name for name in size if name != "history"]
         encoded = history[-1] // 2
         self.latent_dim = sum(size.values()) - size["history"] + encoded
         super().__init__(obs, obs_groups, obs_set, output_dim, hidden_dims, "elu")
@@ -124,7 +155,7 @@ class RMACritic(MLPModel):
 
     def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> torch.Tensor:
         """Assemble the value head's input."""
-        seen = [obs[name] for name in ("proprioception", "privileged", "explicit")]
+        seen = [obs[name] for name in self.seen]
         return torch.cat((*seen, self.history_encoder(obs["history"])), -1)
 
 
@@ -136,8 +167,12 @@ class StudentPolicy(nn.Module):
         super().__init__()
         self.frame = actor.adaptation.frame
         self.adaptation, self.estimator, self.mlp = actor.adaptation, actor.estimator, actor.mlp
+        self.terrain = actor.terrain_history if actor.sees_terrain else None
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
         """Map observations (N, history) to actions (N, joints); the current frame is the history's last."""
         current = observation[:, -self.frame :]
-        return self.mlp(torch.cat((current, self.estimator(observation), self.adaptation(observation)), -1))
+        parts = [current, self.estimator(observation), self.adaptation(observation)]
+        if self.terrain is not None:
+            parts.append(self.terrain(observation))
+        return self.mlp(torch.cat(parts, -1))

@@ -23,11 +23,16 @@ from stiction.formats.reproducibility import num_threads, stream_seed
 from stiction.locomotion.env import LocomotionEnv
 from stiction.rma.checkpoint import keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.rma.config import TrainCfg
-from stiction.rma.models import GROUPS, RMAActor, StudentPolicy
+from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.run import RunDirectory
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
 """Called after every iteration with phase, iteration, iterations, figures."""
+
+
+def groups(cfg: TrainCfg) -> list[str]:
+    """Return the observation groups of a run."""
+    return [*GROUPS, ELEVATION] if cfg.task.terrain.kind != "flat" else GROUPS
 
 
 def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
@@ -37,6 +42,8 @@ def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
         "class_name": "stiction.rma.models:RMAActor",
         "hidden_dims": net.actor,
         "latent": net.latent,
+        "terrain": net.terrain,
+        "terrain_latent": net.terrain_latent,
         "privileged": net.privileged,
         "history_frame": net.history_frame,
         "history": net.history,
@@ -54,7 +61,7 @@ def teacher_cfg(cfg: TrainCfg) -> dict[str, Any]:
     teacher, net = cfg.teacher, cfg.network
     return {
         "num_steps_per_env": teacher.steps,
-        "obs_groups": {"actor": GROUPS, "critic": GROUPS},
+        "obs_groups": {"actor": groups(cfg), "critic": groups(cfg)},
         **_models(cfg, "actor"),
         "critic": {
             "class_name": "stiction.rma.models:RMACritic",
@@ -83,7 +90,7 @@ def student_cfg(cfg: TrainCfg) -> dict[str, Any]:
     student = cfg.student
     return {
         "num_steps_per_env": student.steps,
-        "obs_groups": {"student": GROUPS, "teacher": GROUPS},
+        "obs_groups": {"student": groups(cfg), "teacher": groups(cfg)},
         **_models(cfg, "student", "teacher"),
         "algorithm": {
             "class_name": "stiction.rma.student:StudentDistillation",
@@ -291,6 +298,6 @@ def load_student(run: RunDirectory) -> StudentPolicy:
     state = load_checkpoint(path)["algorithm"]["student_state_dict"]
     env = LocomotionEnv(cfg.task, 1, 0)
     model = {key: value for key, value in _models(cfg, "student")["student"].items() if key != "class_name"}
-    actor = RMAActor(env.get_observations(), {"student": GROUPS}, "student", env.num_actions, **model)
+    actor = RMAActor(env.get_observations(), {"student": groups(cfg)}, "student", env.num_actions, **model)
     actor.load_state_dict(state)
     return StudentPolicy(actor).eval()

@@ -34,7 +34,7 @@ class StudentDistillation(Distillation):
         self.num_mini_batches = num_mini_batches
         self.adaptation_weight, self.estimator_weight = adaptation_weight, estimator_weight
         self.student.latent_source, self.teacher.latent_source = "history", "privileged"
-        self.student.end_to_end = True
+        self.student.end_to_end = self.student.blind = True
 
     def warm_start(self, actor_state: dict[str, torch.Tensor]) -> None:
         """Load the trained teacher's actor into teacher and student."""
@@ -46,24 +46,23 @@ class StudentDistillation(Distillation):
         """Descend L_clone + w L_ada + w L_est over the rollout; return their means."""
         observations = self.storage.observations.flatten(0, 1)
         labels = self.storage.privileged_actions.flatten(0, 1)
-        total = {"clone": 0.0, "adaptation": 0.0, "estimator": 0.0}
+        total: dict[str, float] = {}
         updates = self.num_learning_epochs * self.num_mini_batches
         for _ in range(self.num_learning_epochs):
             for ids in torch.randperm(len(labels), device=self.device).chunk(self.num_mini_batches):
                 batch = observations[ids]
-                losses = {
-                    "clone": self.loss_fn(self.student(batch), labels[ids]),
-                    "adaptation": self.student.adaptation_loss(batch),
-                    "estimator": self.student.estimator_loss(batch),
-                }
+                losses = {"clone": self.loss_fn(self.student(batch), labels[ids])}
+                losses |= self.student.supervised_losses(batch)
                 loss = losses["clone"] + self.adaptation_weight * losses["adaptation"]
                 loss = loss + self.estimator_weight * losses["estimator"]
+                if "terrain" in losses:
+                    loss = loss + self.adaptation_weight * losses["terrain"]
                 self.optimizer.zero_grad()
                 loss.backward()
                 nn.utils.clip_grad_norm_(self.student.parameters(), self.max_grad_norm or 1.0)
                 self.optimizer.step()
                 for name, value in losses.items():
-                    total[name] += value.item() / updates
+                    total[name] = total.get(name, 0.0) + value.item() / updates
         self.num_updates += 1
         self.storage.clear()
         return total

@@ -58,16 +58,16 @@ class TeacherPPO(PPO):
         `PPO.update` has rewound the storage's cursor; its contents stay until the next rollout overwrites them.
         """
         observations = self.storage.observations.flatten(0, 1)
-        total = {"adaptation": 0.0, "estimator": 0.0}
+        total: dict[str, float] = {}
         for ids in torch.randperm(observations.batch_size[0], device=self.device).chunk(self.adaptation_batches):
             batch = observations[ids]
-            adaptation, estimator = self.actor.adaptation_loss(batch), self.actor.estimator_loss(batch)
+            losses = self.actor.supervised_losses(batch)
             self.adaptation_optimizer.zero_grad()
-            (adaptation + estimator).backward()
+            sum(losses.values(), torch.zeros(())).backward()
             nn.utils.clip_grad_norm_(self.actor.supervised_parameters(), self.max_grad_norm)
             self.adaptation_optimizer.step()
-            total["adaptation"] += adaptation.item() / self.adaptation_batches
-            total["estimator"] += estimator.item() / self.adaptation_batches
+            for name, value in losses.items():
+                total[name] = total.get(name, 0.0) + value.item() / self.adaptation_batches
         # PPO clips the gradient norm of the whole actor and clears only what it trains: leave nothing behind for it.
         self.adaptation_optimizer.zero_grad()
         return total

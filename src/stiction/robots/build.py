@@ -58,6 +58,7 @@ def _add_leg(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, leg: L
         )
     visual = {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "contype": 0, "conaffinity": 0}
     thigh.add_geom(size=[0.02, 0, 0], fromto=[0, 0, 0, 0, 0, -thigh_length], rgba=[0.25, 0.3, 0.36, 1], **visual)
+    visual["contype"] = OBSTACLE
     shank.add_geom(size=[0.013, 0, 0], fromto=[0, 0, 0, 0, 0, -shank_length], rgba=[0.55, 0.6, 0.66, 1], **visual)
     shank.add_geom(
         name=f"{leg.name}_foot",
@@ -77,10 +78,15 @@ def _add_leg(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, leg: L
     )
 
 
-def build(robot: RobotSpec, timestep: float = 0.005) -> mujoco.MjSpec:
+GROUND, OBSTACLE = 1, 2
+"""Collision bits: feet and trunk touch the plane and obstacles, shanks obstacles alone, legs never each other."""
+
+
+def build(robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | None = None) -> mujoco.MjSpec:
     """Return the robot on flat ground as an `MjSpec`, its base free, in its standing pose (keyframe 0).
 
-    `timestep`: physics step [s]. Only feet and trunk touch the ground, legs do not touch each other.
+    `timestep`: physics step [s]; `obstacles`: half sizes of boxes [m], (boxes, 3), parked far below until somebody
+    places them. On the plane only feet and trunk touch the ground; a shank can catch on the edge of a box.
     """
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
@@ -90,6 +96,7 @@ def build(robot: RobotSpec, timestep: float = 0.005) -> mujoco.MjSpec:
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
     _add_scene(spec)
+    _add_obstacles(spec, np.zeros((0, 3)) if obstacles is None else obstacles)
     base = spec.worldbody.add_body(
         name="base",
         pos=[0, 0, robot.standing_height],
@@ -131,6 +138,25 @@ def _add_scene(spec: mujoco.MjSpec) -> None:
     spec.worldbody.add_geom(name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.5], material="grid")
 
 
+def _add_obstacles(spec: mujoco.MjSpec, half_sizes: np.ndarray) -> None:
+    """Add boxes that each simulation puts where it wants.
+
+    MuJoCo sorts the boxes of a body into a tree when it compiles, which knows nothing of later places: it is left out.
+    """
+    for number, half in enumerate(half_sizes):
+        spec.worldbody.add_geom(
+            name=f"obstacle{number}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=half,
+            pos=[0.0, 0.0, -10.0],
+            contype=OBSTACLE,
+            conaffinity=GROUND | OBSTACLE,
+            rgba=[0.72, 0.74, 0.70, 1] if number % 2 else [0.80, 0.81, 0.77, 1],
+        )
+    if len(half_sizes):
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
+
+
 def _add_actuators(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
     """Add one PD position actuator per joint, limited to the motor's torque."""
     rows = zip(
@@ -155,6 +181,6 @@ def _add_actuators(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
         )
 
 
-def build_model(robot: RobotSpec, timestep: float = 0.005) -> mujoco.MjModel:
+def build_model(robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | None = None) -> mujoco.MjModel:
     """Return the compiled model of `build`."""
-    return build(robot, timestep).compile()
+    return build(robot, timestep, obstacles).compile()

@@ -16,6 +16,7 @@ from stiction.robots.build import build_model
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 from stiction.sim.native import NativeSimulation
 from stiction.sim.protocol import Simulation
+from stiction.sim.terrain import Terrain
 
 BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
@@ -44,9 +45,10 @@ class Fleet:
     All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
     `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass
     after `set_const`). What must act at every physics step (friction that depends on load or speed, a motor that is
-    not the PD law) is a function in `before_step`, called with the fleet. `torque` and `foot_force` lag one physics
-    step, as sensors do; right after a reset they are those of the standing pose, whatever joint angles the robot was
-    given.
+    not the PD law) is a function in `before_step`, called with the fleet. `ground` is the height of the ground under
+    each robot [m], written by whoever walks on other than flat ground: a robot's height counts from it. `torque` and
+    `foot_force` lag one physics step, as sensors do; right after a reset they are those of the standing pose, whatever
+    joint angles the robot was given.
     """
 
     def __init__(
@@ -57,11 +59,13 @@ class Fleet:
         decimation: int = 4,
         threads: int = 1,
         backend: Callable[[mujoco.MjModel, int, int], Simulation] = NativeSimulation,
+        terrain: Terrain | None = None,
     ) -> None:
         """Build the robots in their standing pose, without dry friction.
 
         `timestep`: physics step [s]; `decimation`: physics steps in one control period; `threads`: of the simulator;
-        `backend`: makes the batched simulation from model, number and threads.
+        `backend`: makes the batched simulation from model, number and threads; `terrain`: courses of the robots, flat
+        ground without.
         """
         if num_envs < 1 or decimation < 1 or not 0 < timestep <= 0.02:
             raise StictionError(
@@ -69,7 +73,8 @@ class Fleet:
                 "expected at least one robot, one step, and a step of at most 0.02 s"
             )
         self.spec, self.num_envs, self.timestep, self.decimation = spec, num_envs, timestep, decimation
-        self.model = build_model(spec, timestep)
+        self.terrain = Terrain(np.zeros(num_envs)) if terrain is None else terrain
+        self.model = build_model(spec, timestep, self.terrain.boxes)
         self.simulation = simulation = backend(self.model, num_envs, threads)
         joints = slice(BASE_DOFS, None)
         self.qpos, self.qvel = simulation.bind("qpos"), simulation.bind("qvel")
@@ -96,6 +101,7 @@ class Fleet:
         self.targets = simulation.bind("ctrl")
         self.friction[:] = 0.0
         self.blown_up = np.zeros(num_envs, np.int64)
+        self.ground = np.zeros(num_envs)
         self.before_step: list[Callable[[Fleet], None]] = []
         self.reset(np.arange(num_envs))
 
@@ -106,6 +112,11 @@ class Fleet:
         self.base_mass = self.simulation.expand("body_mass")[:, base]
         self.base_com = self.simulation.expand("body_ipos")[:, base]
         self._geom_friction = self.simulation.expand("geom_friction")
+        boxes = [self.model.geom(f"obstacle{number}").id for number in range(len(self.terrain.boxes))]
+        self._boxes = slice(boxes[0], boxes[-1] + 1) if boxes else None
+        if self._boxes is not None:
+            self._geom_position = self.simulation.expand("geom_pos")[:, self._boxes]
+            self._geom_quaternion = self.simulation.expand("geom_quat")[:, self._boxes]
 
     @property
     def control_period(self) -> float:
@@ -116,6 +127,12 @@ class Fleet:
     def base_linear_velocity(self) -> np.ndarray:
         """Velocity of the base's origin in the base frame [m/s], shape (N, 3); a copy."""
         return rotate_inverse(self.base_quaternion, self.qvel[:, :3])
+
+    @property
+    def yaw(self) -> np.ndarray:
+        """Heading of the base in the world [rad], shape (N,); a copy."""
+        w, x, y, z = self.base_quaternion.T
+        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     @property
     def foot_contact(self) -> np.ndarray:
@@ -167,17 +184,37 @@ class Fleet:
             blown_up[self.simulation.step(1)] = True
         return np.flatnonzero(blown_up)
 
+    def place_terrain(self, ids: np.ndarray, difficulty: np.ndarray, uniform: np.ndarray) -> None:
+        """Lay the courses of the robots `ids` out anew; see `Terrain.place`."""
+        self.terrain.place(ids, difficulty, uniform)
+        self.show_terrain(ids)
+
+    def show_terrain(self, ids: np.ndarray) -> None:
+        """Put the boxes of the robots `ids` where their courses have them."""
+        if self._boxes is not None:
+            self._geom_position[ids] = self.terrain.position[ids]
+            self._geom_quaternion[ids] = self.terrain.quaternion[ids]
+
+    def ground_around(self, points: np.ndarray) -> np.ndarray:
+        """Return the height of the ground [m] at points given in the frame of base and heading, (P, 2); (N, P)."""
+        cosine, sine = np.cos(self.yaw)[:, None], np.sin(self.yaw)[:, None]
+        forward, left = points.T
+        around = np.stack((cosine * forward - sine * left, sine * forward + cosine * left), -1)
+        return self.terrain.height(self.base_position[:, None, :2] + around)
+
     def reset(
         self,
         ids: np.ndarray,
         joint_position: np.ndarray | None = None,
         heading: np.ndarray | None = None,
         velocity: np.ndarray | None = None,
+        position: np.ndarray | None = None,
     ) -> None:
-        """Stand the robots `ids` on the ground at the origin, delay lines filled with the standing pose.
+        """Stand the robots `ids` on level ground at the origin, delay lines filled with the standing pose.
 
         `joint_position`: (len(ids), joints) [rad]; `heading`: (len(ids),) [rad]; `velocity`: initial velocity of the
-        base, (len(ids), 6), linear in the world and angular in the base frame.
+        base, (len(ids), 6), linear in the world and angular in the base frame; `position`: elsewhere than at the
+        origin, (len(ids), 2) [m].
         """
         if not len(ids):
             return
@@ -185,6 +222,8 @@ class Fleet:
         self._delayed_targets[ids] = self.standing[:, None]
         if joint_position is not None:
             self.joint_position[ids] = joint_position
+        if position is not None:
+            self.base_position[ids, :2] = position
         if heading is not None:
             self.base_quaternion[ids] = 0.0
             self.base_quaternion[ids, 0] = np.cos(heading / 2)
@@ -194,7 +233,7 @@ class Fleet:
 
     def fallen(self) -> np.ndarray:
         """Return whether each robot lies or is about to, shape (N,)."""
-        low = self.base_position[:, 2] < FALLEN_HEIGHT * self.spec.standing_height
+        low = self.base_position[:, 2] - self.ground < FALLEN_HEIGHT * self.spec.standing_height
         return low | (base_up(self.base_quaternion) < FALLEN_TILT)
 
     def set_gravity(self, gravity: tuple[float, float, float]) -> None:

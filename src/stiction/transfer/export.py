@@ -80,7 +80,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
     low, high = task.friction.last.range
     return Contract(
         robot=task.robot,
-        terrain="flat",
+        terrain=task.terrain.kind,
         method=task.friction.method,
         seed=cfg.seed,
         friction_law=task.friction.law,

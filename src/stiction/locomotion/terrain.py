@@ -1,0 +1,168 @@
+"""Walking on other than flat ground: which robot on what, how hard, and what is commanded there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, get_args
+
+import numpy as np
+from tyro.conf import arg
+
+from stiction.formats.errors import StictionError
+from stiction.sim.terrain import KINDS, REACH, SLABS, Terrain, assign, step_height
+
+TerrainName = Literal["flat", "slopes", "rough", "stairs", "mixed"]
+
+SHARES: dict[str, tuple[float, ...]] = {
+    "flat": (1.0, 0.0, 0.0, 0.0),
+    "slopes": (0.25, 0.75, 0.0, 0.0),
+    "rough": (0.25, 0.0, 0.75, 0.0),
+    "stairs": (0.25, 0.0, 0.0, 0.75),
+    "mixed": (0.25, 0.15, 0.2, 0.4),
+}
+"""Shares of the robots on flat ground, slopes, rough ground and stairs. A quarter stays on flat ground, under ordinary
+commands: turning and walking sideways are not forgotten."""
+
+START = 0.7
+"""Distance of a robot's start from the foot of its course [m]."""
+
+BEYOND = 0.6
+"""A robot that is this far beyond the other foot has crossed its course [m]."""
+
+SIDEWAYS = 1.0
+"""Half-width of the start, across the way [m]."""
+
+ASKEW = 0.2
+"""Half-width of the first error of heading [rad]."""
+
+SCAN = (np.linspace(-0.6, 0.9, 13), np.linspace(-0.3, 0.3, 5))
+"""Where the elevation map is sampled, forward and left of the base [m]: a tread is two to three points deep."""
+
+SCAN_POINTS = np.stack(np.meshgrid(*SCAN, indexing="ij"), -1).reshape(-1, 2)
+
+UNDER = (np.abs(SCAN_POINTS[:, 0]) <= 0.35) & (np.abs(SCAN_POINTS[:, 1]) <= 0.2)
+"""The points of the map that lie under the trunk: their mean is the ground that the base's height counts from."""
+
+
+@dataclass(frozen=True)
+class TerrainCfg:
+    """The ground in training, and the curriculum over it."""
+
+    kind: Annotated[TerrainName, arg(aliases=("--terrain",))] = "flat"
+    """What the robots walk on, see `SHARES`."""
+    levels: int = 20
+    """Levels of difficulty; the last has steps of 20 cm, slopes of 26°, slabs of up to 15 cm."""
+    first_level: int = 2
+    """Levels are drawn from 0 up to this one at first."""
+    promote_above: float = 0.75
+    """A robot goes one level up after an episode in which it covered more than this share of the commanded way..."""
+    demote_below: float = 0.4
+    """... and one down where it covered less than this."""
+    speed: tuple[float, float] = (0.3, 0.55)
+    """Commanded speed across a course [m/s]."""
+    heading_gain: float = 1.0
+    """Turn rate over error of heading, by which robots on a course are held on their way [1/s], as a pilot would."""
+    elevation_noise: float = 0.02
+    """Half-width of the noise on the elevation map [m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no curriculum."""
+        if self.kind not in get_args(TerrainName):
+            raise StictionError(f"terrain {self.kind!r}: expected one of {', '.join(get_args(TerrainName))}")
+        if not 0 <= self.first_level <= self.levels or not 0 <= self.demote_below <= self.promote_above:
+            raise StictionError(
+                f"terrain levels 0 to {self.levels}, first {self.first_level}, demotion under {self.demote_below}, "
+                f"promotion above {self.promote_above}: expected them in that order"
+            )
+        if not 0 < self.speed[0] <= self.speed[1]:
+            raise StictionError(f"speed on terrain {self.speed}: expected a lower and an upper end above 0 [m/s]")
+
+
+def hold_heading(error: np.ndarray, gain: float) -> np.ndarray:
+    """Return the turn rate that corrects an error of heading [rad], at most 0.6 rad/s, as a pilot would give it."""
+    return np.clip(gain * ((error + np.pi) % (2 * np.pi) - np.pi), -0.6, 0.6)
+
+
+class Curriculum:
+    """Who walks what. Levels move at the end of an episode; the first reset leaves them as they were drawn."""
+
+    def __init__(self, cfg: TerrainCfg, num: int, generator: np.random.Generator) -> None:
+        """Assign kinds and draw first levels."""
+        self.cfg, self.generator = cfg, generator
+        self.terrain = Terrain(assign(SHARES[cfg.kind], num))
+        self.on_course = self.terrain.kind != KINDS.index("flat")
+        self.level = np.where(self.on_course, generator.integers(0, cfg.first_level + 1, num), 0)
+        self.heading, self.speed = np.zeros(num), np.zeros(num)
+        self.covered, self.asked = np.zeros(num), np.zeros(num)
+
+    def begin(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Move the levels of the robots `ids` and start their next episode, facing their way within `ASKEW`.
+
+        Returns difficulty (n,), random numbers for `Terrain.place` (n, SLABS, 4), start (n, 2) [m], heading (n,) [rad].
+        """
+        cfg, num = self.cfg, len(ids)
+        walked = self.asked[ids] > 0
+        share = self.covered[ids] / np.where(walked, self.asked[ids], 1.0)
+        level = self.level[ids] + (walked & (share > cfg.promote_above)) - (walked & (share < cfg.demote_below))
+        again = self.generator.integers(0, cfg.levels + 1, num)
+        self.level[ids] = np.where(level > cfg.levels, again, np.maximum(level, 0)) * self.on_course[ids]
+        self.covered[ids] = self.asked[ids] = 0.0
+        self.speed[ids] = self.generator.uniform(*cfg.speed, num)
+
+        stairs = self.terrain.kind[ids] == KINDS.index("stairs")
+        quarter = np.where(stairs, self.generator.integers(0, 4, num), 2 * self.generator.integers(0, 2, num))
+        heading = np.where(self.on_course[ids], np.pi / 2 * quarter, self.generator.uniform(-np.pi, np.pi, num))
+        self.heading[ids] = heading
+        way = np.stack((np.cos(heading), np.sin(heading)), -1)
+        left = np.stack((-way[:, 1], way[:, 0]), -1)
+        aside = self.generator.uniform(-SIDEWAYS, SIDEWAYS, (num, 1))
+        start = np.where(self.on_course[ids][:, None], aside * left - (REACH + START) * way, 0.0)
+        askew = self.generator.uniform(-ASKEW, ASKEW, num)
+        return self.level[ids] / cfg.levels, self.generator.random((num, SLABS, 4)), start, heading + askew
+
+    def command(self, yaw: np.ndarray) -> np.ndarray:
+        """Return what is commanded on a course: its speed, and a turn that holds the way; (N, 3) [m/s, rad/s].
+
+        yaw: heading now [rad], (N,).
+        """
+        turn = hold_heading(self.heading - yaw, self.cfg.heading_gain)
+        return np.stack((self.speed, np.zeros_like(turn), turn), -1)
+
+    def walk(self, velocity: np.ndarray, period: float) -> None:
+        """Count the way of one control period. `velocity`: of the base in the world, (N, 2) [m/s]."""
+        along = velocity[:, 0] * np.cos(self.heading) + velocity[:, 1] * np.sin(self.heading)
+        self.covered += along * period
+        self.asked += self.speed * period
+
+    def crossed(self, position: np.ndarray) -> np.ndarray:
+        """Return who has crossed its course, (N,) bool. `position`: of the base, (N, 2) [m]."""
+        along = position[:, 0] * np.cos(self.heading) + position[:, 1] * np.sin(self.heading)
+        return self.on_course & (along > REACH + BEYOND)
+
+    def figures(self) -> dict[str, float]:
+        """Return mean level and mean difficulty in its own unit, by kind of ground."""
+        figures = {"terrain/level": float(self.level[self.on_course].mean())}
+        unit = {"stairs": "step_height", "slope": "slope", "rough": "slab_height"}
+        for name in self.terrain.used:
+            mine = self.terrain.kind == KINDS.index(name)
+            height = step_height(name, self.level[mine] / self.cfg.levels)
+            figures[f"terrain/{unit[name]}"] = float(height.mean())
+            figures[f"terrain/{unit[name]}_best_tenth"] = float(np.quantile(height, 0.9))
+        return figures
+
+    def state(self) -> dict[str, Any]:
+        """Return what a checkpoint must hold; the layout of the ground is drawn anew from it."""
+        names = ("level", "heading", "speed", "covered", "asked")
+        return {name: getattr(self, name).copy() for name in names} | {
+            "difficulty": self.terrain.difficulty.copy(),
+            "position": self.terrain.position.copy(),
+            "quaternion": self.terrain.quaternion.copy(),
+            "generator": self.generator.bit_generator.state,
+        }
+
+    def load_state(self, state: dict[str, Any]) -> None:
+        """Restore what `state` returned."""
+        for name in ("level", "heading", "speed", "covered", "asked"):
+            getattr(self, name)[:] = np.asarray(state[name])
+        self.generator.bit_generator.state = state["generator"]
+        self.terrain.restore(*(np.asarray(state[name]) for name in ("difficulty", "position", "quaternion")))
