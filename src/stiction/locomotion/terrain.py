@@ -52,7 +52,7 @@ class TerrainCfg:
     """What the robots walk on, see `SHARES`."""
     levels: int = 20
     """Levels of difficulty; the last has steps of 20 cm, slopes of 26°, slabs of up to 15 cm."""
-    first_level: int = 2
+    first_level: int = 5
     """Levels are drawn from 0 up to this one at first."""
     promote_above: float = 0.75
     """A robot goes one level up after an episode in which it covered more than this share of the commanded way..."""

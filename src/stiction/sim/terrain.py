@@ -18,8 +18,8 @@ KINDS = ("flat", "slope", "rough", "stairs")
 TREAD = 0.30
 """Depth of a stair [m]."""
 
-STEPS = 8
-"""Stairs up, and down again."""
+STEPS = 6
+"""Stairs up, and down again: as many as are crossed in a quarter of a minute at 0.4 m/s."""
 
 LANDING = 0.6
 """Half the length of the landing between up and down [m]: longer than a trunk."""
