@@ -142,6 +142,7 @@ def _add_obstacles(spec: mujoco.MjSpec, half_sizes: np.ndarray) -> None:
     """Add boxes that each simulation puts where it wants.
 
     MuJoCo sorts the boxes of a body into a tree when it compiles, which knows nothing of later places: it is left out.
+    And it takes a box that is not turned when it compiles for one that never is: these are, about z.
     """
     for number, half in enumerate(half_sizes):
         spec.worldbody.add_geom(
@@ -149,6 +150,7 @@ def _add_obstacles(spec: mujoco.MjSpec, half_sizes: np.ndarray) -> None:
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=half,
             pos=[0.0, 0.0, -10.0],
+            quat=[0.8, 0.0, 0.0, 0.6],
             contype=OBSTACLE,
             conaffinity=GROUND | OBSTACLE,
             rgba=[0.72, 0.74, 0.70, 1] if number % 2 else [0.80, 0.81, 0.77, 1],
