@@ -5,7 +5,9 @@ from __future__ import annotations
 import importlib
 import sys
 
-STUDIES: dict[str, str] = {}
+STUDIES: dict[str, str] = {
+    "stairs": "how high a policy climbs, without and with joint friction",
+}
 """Study -> what it answers. The module is `stiction.cli.studies.<name>`."""
 
 USAGE = "usage: stiction study NAME [--help] [options]\n\nstudies:\n"

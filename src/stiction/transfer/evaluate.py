@@ -20,6 +20,7 @@ from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
 from stiction.formats.results import ResultRow
 from stiction.locomotion.config import NoiseCfg
+from stiction.sim.fleet import Fleet
 from stiction.transfer.command import Command, parse_command
 from stiction.transfer.metrics import Metrics, Recording, measure
 from stiction.transfer.rollout import Rollout, friction_at, robot_of
@@ -158,7 +159,9 @@ def evaluate_bundle(
         cfg.noise,
         cfg.action_delay,
     )
-    recording, blown_up = _record(rollout, velocity, round(cfg.seconds / contract.control_period), progress)
+    recording, blown_up = record(
+        rollout, lambda fleet: velocity, round(cfg.seconds / contract.control_period), progress
+    )
     first = round(cfg.settle / contract.control_period)
     weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
     rows, measured = [], []
@@ -171,10 +174,13 @@ def evaluate_bundle(
     return Evaluation(tuple(rows), tuple(measured), blown_up)
 
 
-def _record(
-    rollout: Rollout, velocity: np.ndarray, steps: int, progress: Callable[[float], None]
+def record(
+    rollout: Rollout, pilot: Callable[[Fleet], np.ndarray], steps: int, progress: Callable[[float], None]
 ) -> tuple[Recording, int]:
-    """Run the batch and keep what the metrics need; return it and the number of simulations that blew up."""
+    """Run the batch and keep what the metrics need; return it and the number of simulations that blew up.
+
+    pilot: commands every robot before each control step: forward, sideways [m/s], turn [rad/s], (N, 3).
+    """
     fleet, legs = rollout.fleet, len(rollout.fleet.spec.legs)
     num, period = fleet.num_envs, fleet.control_period
     recording = Recording(
@@ -189,7 +195,7 @@ def _record(
     upright, blown_up = np.ones(num, dtype=bool), 0
     last_velocity = fleet.joint_velocity.copy()
     for t in range(steps):
-        moment = rollout.step(velocity)
+        moment = rollout.step(pilot(fleet))
         blown_up += len(moment.blown_up)
         upright = upright & ~fleet.fallen()
         upright[moment.blown_up] = False

@@ -19,6 +19,7 @@ from stiction.locomotion.config import NoiseCfg
 from stiction.robots.catalog import find_robot
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 from stiction.sim.fleet import Fleet
+from stiction.sim.terrain import Terrain
 
 INITIAL_ANGLE = 0.1
 """Half-width of the initial joint angles about the standing pose [rad], as in training: the first entry of
@@ -78,7 +79,7 @@ def friction_at(contract: Contract, level: np.ndarray) -> np.ndarray:
 
 
 class Rollout:
-    """N robots on flat ground with the gains, inertias and viscous friction of the contract, driven by one policy."""
+    """N robots with the gains, inertias and viscous friction of the contract, driven by one policy."""
 
     def __init__(
         self,
@@ -90,6 +91,7 @@ class Rollout:
         threads: int = 1,
         noise: NoiseCfg | None = None,
         action_delay: float = 0.0,
+        terrain: Terrain | None = None,
     ) -> None:
         """Put the robots into their standing pose.
 
@@ -103,6 +105,7 @@ class Rollout:
             threads: threads of the simulator.
             noise: sensor noise, by default as in training.
             action_delay: delay between target and motor [s], in whole physics steps as in training.
+            terrain: the courses of the robots; flat ground without.
 
         Raises:
             StictionError: the delay is longer than the model holds.
@@ -112,7 +115,7 @@ class Rollout:
         longest = DELAY_SAMPLES * contract.physics_timestep
         if not 0.0 <= action_delay <= longest:
             raise StictionError(f"action delay {action_delay} s; expected 0 to {longest:g} s, what the model holds")
-        self.fleet = Fleet(spec, num, contract.physics_timestep, contract.decimation, threads)
+        self.fleet = Fleet(spec, num, contract.physics_timestep, contract.decimation, threads, terrain=terrain)
         self.fleet.set_gains(contract.array("kp"), contract.array("kd"))
         self.fleet.friction[:] = friction
         self.fleet.damping[:] = contract.array("damping")

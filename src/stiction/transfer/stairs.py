@@ -1,0 +1,137 @@
+"""How high can a policy climb? Stairs up, a landing, stairs down, step height by step height, blind.
+
+A pilot holds the robot on its way: the turn rate is the error of heading times a gain, as in training; nothing else is
+corrected. A trial succeeds when the robot has left the last step behind without a fall, within twice the time that the
+commanded speed takes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stiction.deploy.policy import load_policy
+from stiction.formats.bundle import Bundle
+from stiction.formats.climb import Climb
+from stiction.formats.errors import StictionError
+from stiction.formats.reproducibility import seed_streams
+from stiction.locomotion.config import NoiseCfg
+from stiction.locomotion.terrain import ASKEW, BEYOND, SCAN_POINTS, SIDEWAYS, START, UNDER, TerrainCfg, hold_heading
+from stiction.sim.fleet import Fleet
+from stiction.sim.terrain import KINDS, LANDING, REACH, SLABS, STEEPEST, STEPS, TREAD, Terrain
+from stiction.transfer.evaluate import record
+from stiction.transfer.metrics import Recording
+from stiction.transfer.rollout import Rollout, friction_at, robot_of
+
+LENGTH = START + 2 * REACH + BEYOND
+"""Way from the start to where a trial has succeeded [m]."""
+
+PATIENCE = 2.0
+"""A trial may take this many times what the commanded speed takes."""
+
+
+@dataclass(frozen=True)
+class ClimbCfg:
+    """What a policy is put through."""
+
+    step_heights: tuple[float, ...] = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.14)
+    """Heights of a step [m]."""
+    friction_levels: tuple[float, ...] = (0.0, 0.2)
+    """Dry friction as fractions of each joint's torque limit [-]."""
+    trials: int = 100
+    """Trials per height and level."""
+    speed: float = 0.4
+    """Commanded speed [m/s]."""
+    seed: int = 0
+    """Seed of initial states and sensor noise."""
+    noise: NoiseCfg = field(default_factory=NoiseCfg)
+    """Sensor noise, as in training."""
+
+    def __post_init__(self) -> None:
+        """Refuse what nobody can climb."""
+        if not self.step_heights or not all(0 < height <= STEEPEST["stairs"] for height in self.step_heights):
+            raise StictionError(
+                f"step heights {self.step_heights}: expected at least one, in (0, {STEEPEST['stairs']}] m"
+            )
+        if not self.friction_levels or not all(0 <= level < 0.9 for level in self.friction_levels):
+            raise StictionError(f"friction levels {self.friction_levels}: expected at least one, in [0, 0.9)")
+        if self.trials < 1 or not 0.05 <= self.speed <= 2.0:
+            raise StictionError(f"{self.trials} trials at {self.speed} m/s: expected at least one, at 0.05 to 2 m/s")
+
+
+def climb(
+    bundle: Bundle, cfg: ClimbCfg, threads: int = 1, progress: Callable[[float], None] = lambda share: None
+) -> list[Climb]:
+    """Drive a bundle over stairs of every height at every level of friction.
+
+    Raises:
+        StictionError: the bundle does not fit the robot.
+
+    """
+    contract = bundle.contract
+    cells = [(level, height) for level in cfg.friction_levels for height in cfg.step_heights]
+    num = len(cells) * cfg.trials
+    level, height = np.repeat(np.array(cells), cfg.trials, axis=0).T
+    streams = seed_streams(cfg.seed, [f"trial {number}" for number in range(cfg.trials)])
+    terrain = Terrain(np.full(num, KINDS.index("stairs")))
+    rollout = Rollout(
+        contract,
+        load_policy(contract, bundle.policy, (num,)),
+        robot_of(contract),
+        friction_at(contract, level),
+        list(streams.values()),
+        threads,
+        cfg.noise,
+        terrain=terrain,
+    )
+    fleet = rollout.fleet
+    fleet.place_terrain(np.arange(num), height / STEEPEST["stairs"], np.zeros((num, SLABS, 4)))
+    _line_up(fleet, seed_streams(cfg.seed, ["start"])["start"], cfg.trials)
+    seconds = PATIENCE * LENGTH / cfg.speed
+
+    def pilot(fleet: Fleet) -> np.ndarray:
+        fleet.ground[:] = fleet.ground_around(SCAN_POINTS[UNDER]).mean(-1)
+        turn = hold_heading(-fleet.yaw, TerrainCfg.heading_gain)
+        return np.stack((np.full(num, cfg.speed), np.zeros(num), turn), -1)
+
+    recording, _ = record(rollout, pilot, round(seconds / contract.control_period), progress)
+    return [
+        _judge(bundle.name, *cell, recording.of(slice(number * cfg.trials, (number + 1) * cfg.trials)))
+        for number, cell in enumerate(cells)
+    ]
+
+
+def _line_up(fleet: Fleet, generator: np.random.Generator, trials: int) -> None:
+    """Put the robots before their stairs, off the middle and askew; trial i is the same at every height and level."""
+    copies = fleet.num_envs // trials
+    fleet.base_position[:, 0] = -(REACH + START)
+    fleet.base_position[:, 1] = np.tile(generator.uniform(-SIDEWAYS, SIDEWAYS, trials), copies)
+    half = np.tile(generator.uniform(-ASKEW, ASKEW, trials), copies) / 2
+    fleet.base_quaternion[:, 0], fleet.base_quaternion[:, 3] = np.cos(half), np.sin(half)
+
+
+def _judge(policy: str, level: float, height: float, recording: Recording) -> Climb:
+    """Return what the trials of one height and level came to."""
+    along = recording.position[..., 0]
+    over = (along > REACH + BEYOND) & recording.upright
+    success = over.any(axis=0)
+    first = over.argmax(axis=0)[success] + 1
+    farthest = np.where(recording.upright, along, -np.inf).max(axis=0)
+    return Climb(
+        policy=policy,
+        friction_level=level,
+        step_height=height,
+        trials=along.shape[1],
+        successes=int(success.sum()),
+        falls=int((~recording.upright[-1] & ~success).sum()),
+        steps_climbed=float(steps_passed(farthest).mean()),
+        seconds=float(np.median(first) * recording.period) if success.any() else None,
+    )
+
+
+def steps_passed(along: np.ndarray) -> np.ndarray:
+    """Return the number of steps behind a robot whose base came as far as `along` [m] of the middle, any shape."""
+    up = np.clip(np.floor((along + REACH) / TREAD) + 1, 0, STEPS)
+    return up + np.clip(np.floor((along - LANDING) / TREAD) + 1, 0, STEPS)

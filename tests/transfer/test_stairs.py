@@ -1,0 +1,75 @@
+"""Stairs: what counts as climbed, with numbers worked out by hand, and one drive over low steps."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stiction.cli.main import main
+from stiction.formats.climb import Climb, highest_climbed, wilson
+from stiction.formats.errors import StictionError
+from stiction.report.stairs import answers
+from stiction.sim.terrain import LANDING, REACH, STEPS, TREAD
+from stiction.transfer.metrics import Recording
+from stiction.transfer.stairs import ClimbCfg, _judge, steps_passed
+
+
+def row(height: float, successes: int, trials: int = 100) -> Climb:
+    """Return the row of one height."""
+    return Climb("p", 0.2, height, trials, successes, 0, 6.0, None)
+
+
+def test_wilson_by_hand() -> None:
+    """80 of 100: (0.8 + 0.019207) / 1.038415 ± 1.887 sqrt(0.0016 + 0.000096); none of ten ends at 3.84 / 13.84."""
+    low, high = wilson(80, 100)
+    assert (low, high) == (pytest.approx(0.7112, abs=1e-3), pytest.approx(0.8666, abs=1e-3))
+    assert wilson(0, 10) == (0.0, pytest.approx(3.8415 / 13.8415, abs=1e-4))
+
+
+def test_a_height_counts_only_if_all_lower_ones_do() -> None:
+    """A lucky height above one that most robots fail would be reported."""
+    assert highest_climbed([row(0.08, 85), row(0.04, 99), row(0.06, 70)]).step_height == 0.04
+    assert highest_climbed([row(0.02, 79)]) is None
+    assert "climbs 4 cm: 80 of 100" in answers([row(0.04, 80), row(0.06, 10)])[0]
+    assert "climbs none" in answers([row(0.04, 79)])[0]
+
+
+def test_steps_passed_by_hand() -> None:
+    """Before the foot none; on the first tread one; on the landing all of the way up; behind the last twice as many."""
+    along = np.array([-REACH - 0.1, -REACH + 0.1, -REACH + TREAD + 0.1, 0.0, LANDING + 0.1, REACH + 0.1])
+    assert steps_passed(along).tolist() == [0, 1, 2, STEPS, STEPS + 1, 2 * STEPS]
+
+
+def test_a_trial_is_judged_by_where_it_stood_upright() -> None:
+    """A robot that rolled over the last step would have climbed it."""
+    steps, far = 4, REACH + 1.0
+    position = np.zeros((steps, 3, 2))
+    position[:, 0, 0] = (-REACH, 0.0, far, far)  # arrives in step 3
+    position[:, 1, 0] = (-REACH, 0.0, far, far)  # falls before it arrives
+    position[:, 2, 0] = -REACH - 0.1  # never starts
+    upright = np.array([[True] * 4, [True, True, False, False], [True] * 4]).T
+    empty = np.zeros((steps, 3))
+    recording = Recording(0.02, np.zeros((steps, 3, 3)), position, np.zeros((steps, 3, 6), bool), empty, empty, upright)
+    result = _judge("p", 0.0, 0.1, recording)
+    assert (result.trials, result.successes, result.falls) == (3, 1, 1)
+    assert result.seconds == pytest.approx(0.06)
+    assert result.steps_climbed == pytest.approx((2 * STEPS + STEPS + 0) / 3)
+
+
+@pytest.mark.parametrize("changes", [{"step_heights": (0.5,)}, {"friction_levels": ()}, {"trials": 0}, {"speed": 0.0}])
+def test_what_nobody_can_climb_is_refused(changes: dict) -> None:
+    """The mistake would show after minutes of simulation, or never."""
+    with pytest.raises(StictionError):
+        ClimbCfg(**changes)
+
+
+def test_the_study_writes_its_page(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The command of the result would not run. A step of 1 cm is climbed by the policy that knows flat ground alone."""
+    out = tmp_path / "out"
+    policy = "saturn_lite-flat-none-0.2"
+    options = ["--step-heights", "0.01", "--friction-levels", "0", "--trials", "2", "--out", str(out)]
+    assert main(["study", "stairs", policy, *options]) == 0
+    assert "climbs 1 cm: 2 of 2" in capsys.readouterr().out
+    assert {file.name for file in out.iterdir()} == {"stairs.csv", "summary.json", "stairs.png", "report.html"}
+    assert (out / "stairs.csv").read_text().splitlines()[1].startswith(f"{policy},0.0,0.01,2,2,0,12.0,")
+    assert main(["study", "magic"]) == 2 and "stairs" in capsys.readouterr().err
