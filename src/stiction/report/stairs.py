@@ -57,9 +57,8 @@ def answers(rows: Sequence[Climb]) -> list[str]:
             sentences.append(f"{at} climbs none of the tested heights in {ENOUGH:.0%} of the trials.")
             continue
         low, high = wilson(best.successes, best.trials)
-        sentences.append(
-            f"{at} climbs {100 * best.step_height:g} cm: {best.successes} of {best.trials} trials, {low:.0%} to {high:.0%}."
-        )
+        share = f"{best.successes} of {best.trials} trials, {low:.0%} to {high:.0%}"
+        sentences.append(f"{at} climbs {100 * best.step_height:g} cm: {share}.")
     return sentences
 
 
