@@ -50,9 +50,10 @@ class TerrainCfg:
 
     kind: Annotated[TerrainName, arg(aliases=("--terrain",))] = "flat"
     """What the robots walk on, see `SHARES`."""
-    levels: int = 20
-    """Levels of difficulty; the last has steps of 20 cm, slopes of 26°, slabs of up to 15 cm."""
-    first_level: int = 5
+    levels: int = 10
+    """Levels of difficulty, each of an equal range in which a course is drawn: steps of 0 to 2 cm in the lowest, of 18
+    to 20 cm in the highest; slopes up to 26°, slabs up to 15 cm."""
+    first_level: int = 2
     """Levels are drawn from 0 up to this one at first."""
     promote_above: float = 0.75
     """A robot goes one level up after an episode in which it covered more than this share of the commanded way..."""
@@ -69,9 +70,9 @@ class TerrainCfg:
         """Refuse what is no curriculum."""
         if self.kind not in get_args(TerrainName):
             raise StictionError(f"terrain {self.kind!r}: expected one of {', '.join(get_args(TerrainName))}")
-        if not 0 <= self.first_level <= self.levels or not 0 <= self.demote_below <= self.promote_above:
+        if not 0 <= self.first_level < self.levels or not 0 <= self.demote_below <= self.promote_above:
             raise StictionError(
-                f"terrain levels 0 to {self.levels}, first {self.first_level}, demotion under {self.demote_below}, "
+                f"{self.levels} terrain levels, first ones up to {self.first_level}, demotion under {self.demote_below}, "
                 f"promotion above {self.promote_above}: expected them in that order"
             )
         if not 0 < self.speed[0] <= self.speed[1]:
@@ -104,8 +105,9 @@ class Curriculum:
         walked = self.asked[ids] > 0
         share = self.covered[ids] / np.where(walked, self.asked[ids], 1.0)
         level = self.level[ids] + (walked & (share > cfg.promote_above)) - (walked & (share < cfg.demote_below))
-        again = self.generator.integers(0, cfg.levels + 1, num)
-        self.level[ids] = np.where(level > cfg.levels, again, np.maximum(level, 0)) * self.on_course[ids]
+        again = self.generator.integers(0, cfg.levels, num)
+        self.level[ids] = np.where(level >= cfg.levels, again, np.maximum(level, 0)) * self.on_course[ids]
+        difficulty = (self.level[ids] + self.generator.random(num)) / cfg.levels
         self.covered[ids] = self.asked[ids] = 0.0
         self.speed[ids] = self.generator.uniform(*cfg.speed, num)
 
@@ -118,7 +120,7 @@ class Curriculum:
         aside = self.generator.uniform(-SIDEWAYS, SIDEWAYS, (num, 1))
         start = np.where(self.on_course[ids][:, None], aside * left - (REACH + START) * way, 0.0)
         askew = self.generator.uniform(-ASKEW, ASKEW, num)
-        return self.level[ids] / cfg.levels, self.generator.random((num, SLABS, 4)), start, heading + askew
+        return difficulty, self.generator.random((num, SLABS, 4)), start, heading + askew
 
     def command(self, yaw: np.ndarray) -> np.ndarray:
         """Return what is commanded on a course: its speed, and a turn that holds the way; (N, 3) [m/s, rad/s].
@@ -145,7 +147,7 @@ class Curriculum:
         unit = {"stairs": "step_height", "slope": "slope", "rough": "slab_height"}
         for name in self.terrain.used:
             mine = self.terrain.kind == KINDS.index(name)
-            height = step_height(name, self.level[mine] / self.cfg.levels)
+            height = step_height(name, self.terrain.difficulty[mine])
             figures[f"terrain/{unit[name]}"] = float(height.mean())
             figures[f"terrain/{unit[name]}_best_tenth"] = float(np.quantile(height, 0.9))
         return figures
