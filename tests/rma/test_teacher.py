@@ -4,15 +4,16 @@ from dataclasses import replace
 
 import pytest
 import torch
-from torch.utils.tensorboard import SummaryWriter
 
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
+from stiction.rma.board import Board
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.models import StudentPolicy
+from stiction.rma.phase import PhaseRunner
 from stiction.rma.run import RunDirectory
-from stiction.rma.runner import PhaseRunner, student_cfg, teacher_cfg
+from stiction.rma.runner import student_cfg, teacher_cfg
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2)),
@@ -36,7 +37,7 @@ def phase(env: LocomotionEnv, tmp_path, name: str = "teacher", cfg: TrainCfg = C
     run.checkpoints.mkdir(parents=True, exist_ok=True)
     settings = teacher_cfg(cfg) if name == "teacher" else student_cfg(cfg)
     iterations = cfg.teacher.iterations if name == "teacher" else cfg.student.iterations
-    return PhaseRunner(name, env, run, settings, iterations, 100, SummaryWriter(str(tmp_path / "tb")), lambda *_: None)
+    return PhaseRunner(name, env, run, settings, iterations, (100, 0), cfg.stop, Board(tmp_path / "tb"))
 
 
 def rollout(runner: PhaseRunner) -> None:

@@ -1,44 +1,90 @@
-"""Progress of long work, on standard error."""
+"""Progress of a training run, on standard error: a live display on a terminal, lines in a file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.console import Console, Group
+from rich.live import Live
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.text import Text
 
+from stiction.cli.eta import RunClock, span
 from stiction.rma.config import TrainCfg
 
-PLAIN_EVERY = 50
-"""Iterations between lines where standard error is not a terminal."""
+PLAIN_EVERY = 30.0
+"""Time between lines where standard error is not a terminal [s]."""
+
+
+def figures_line(cfg: TrainCfg, figures: Mapping[str, float]) -> str:
+    """Return how the robots walk, in one line: what a person looks at first."""
+    words = [
+        f"reward {figures['reward']:.4f}",
+        f"error {figures['walk/tracking_error']:.3f} m/s",
+        f"tripod {figures['walk/tripod_share']:.0%}",
+        f"falls {figures['walk/falls']:.3f}/s",
+    ]
+    if "terrain/level" in figures:
+        words.append(f"terrain level {figures['terrain/level']:.2f}")
+    friction = cfg.task.friction
+    if friction.method != "none":
+        nominal, sign = (1.0, "×") if friction.level is None else (friction.level, "")
+        low, high = figures["friction/low"] * nominal, figures["friction/high"] * nominal
+        words.append(f"friction {sign}{low:.3g} to {sign}{high:.3g}")
+        if len(friction.schedule) > 1:
+            words[-1] += f" (stage {figures['friction/stage'] + 1:.0f} of {len(friction.schedule)})"
+    return ", ".join(words)
+
+
+class Display:
+    """Shows both phases, the time left of the whole run, and how the robots walk."""
+
+    def __init__(self, cfg: TrainCfg, console: Console, clock: Callable[[], float] = time.monotonic) -> None:
+        """Begin before the first iteration. `clock` [s] times the lines where there is no terminal."""
+        self.cfg, self.console, self.clock = cfg, console, clock
+        self._run = RunClock(cfg)
+        self._next_line = clock()
+        self._note = Text("the first iteration runs ...")
+        self._bars = Progress(TextColumn("{task.description:<8}"), BarColumn(), MofNCompleteColumn(), console=console)
+        sizes = {"teacher": cfg.teacher.iterations, "student": cfg.student.iterations}
+        self._tasks = {name: self._bars.add_task(name, total=total) for name, total in sizes.items()}
+        self._seen: set[str] = set()
+
+    @property
+    def view(self) -> Group:
+        """What a terminal shows."""
+        return Group(self._bars, self._note)
+
+    def __call__(self, phase: str, iteration: int, iterations: int, figures: dict[str, float]) -> None:
+        """Take one iteration."""
+        self._run.add(phase, figures)
+        left = f"{span(self._run.remaining(phase, iteration))} left"
+        pace = f"{left}, {figures['env_steps_per_second']:,.0f} env-steps/s"
+        walk = figures_line(self.cfg, figures)
+        if phase == "student":
+            # A teacher that reached its target, or was trained before a resume, is done whatever its bar says.
+            self._bars.update(self._tasks["teacher"], completed=self.cfg.teacher.iterations)
+        self._bars.update(self._tasks[phase], completed=iteration)
+        self._note.plain = f"{pace}\n{walk}"
+        begins, self._seen = phase not in self._seen, self._seen | {phase}
+        if not self.console.is_terminal and (begins or iteration == iterations or self.clock() >= self._next_line):
+            self._next_line = self.clock() + PLAIN_EVERY
+            self.say(f"{phase} {iteration}/{iterations}: {pace}, {walk}")
+
+    def say(self, text: str) -> None:
+        """Print a line; on a terminal, above the live display."""
+        self.console.print(text, soft_wrap=True, highlight=False, markup=False)
 
 
 @contextmanager
-def training_progress(cfg: TrainCfg, quiet: bool) -> Iterator[Callable[[str, int, int, dict[str, float]], None]]:
-    """Show both phases with time left and how the robots walk; a line now and then where there is no terminal."""
-    console = Console(stderr=True, quiet=quiet)
-    columns = (
-        TextColumn("{task.description:<8}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
-    )
-    with Progress(*columns, console=console, disable=quiet or not console.is_terminal) as bar:
-        sizes = {"teacher": cfg.teacher.iterations, "student": cfg.student.iterations}
-        tasks = {name: bar.add_task(name, total=total, note="") for name, total in sizes.items()}
-
-        def report(phase: str, iteration: int, iterations: int, figures: dict[str, float]) -> None:
-            note = (
-                f"reward {figures['reward']:.4f}, error {figures['walk/tracking_error']:.3f} m/s, "
-                f"tripod {figures['walk/tripod_share']:.0%}, falls {figures['walk/falls']:.3f}/s"
-            )
-            bar.update(tasks[phase], completed=iteration, note=note)
-            if not console.is_terminal and iteration % PLAIN_EVERY == 0:
-                console.print(
-                    f"{phase} {iteration}/{iterations}: {note}, {figures['seconds']:.1f} s/iteration", soft_wrap=True
-                )
-
-        yield report
+def training_progress(cfg: TrainCfg) -> Iterator[Display]:
+    """Show a training run on standard error while it lasts."""
+    console = Console(stderr=True)
+    display = Display(cfg, console)
+    if not console.is_terminal:
+        yield display
+        return
+    with Live(get_renderable=lambda: display.view, console=console, refresh_per_second=4):
+        yield display

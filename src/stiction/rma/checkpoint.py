@@ -75,7 +75,12 @@ def save_checkpoint(path: Path, tree: dict[str, Any]) -> None:
     rest = _split(tree, "", tensors)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.tmp")
-    save_file(tensors, temporary)
+    # A header from an earlier try would vouch for tensors that are not its own.
+    path.with_suffix(".json").unlink(missing_ok=True)
+    try:
+        save_file(tensors, temporary)
+    except SafetensorError as error:
+        raise OSError(f"{temporary}: {error}") from error
     _replace(path, temporary)
     write_json(path.with_suffix(".json"), {"tensors": len(tensors), "tree": rest})
 
@@ -91,7 +96,9 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
             )
         tree = _join(header["tree"], tensors)
     except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
-        raise StictionError(f"checkpoint {path} cannot be read: {error}; train again or name another run") from error
+        raise StictionError(
+            f"checkpoint {path} cannot be read: {error}; remove it to go on from the one before it, or train again"
+        ) from error
     if not isinstance(tree, dict):
         raise StictionError(f"checkpoint {path}: holds no named parts; it was not written by this program")
     return tree
@@ -99,12 +106,18 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
 
 def latest_checkpoint(folder: Path, phase: str) -> Path | None:
     """Return the newest complete checkpoint of a phase (`teacher` or `student`), or None."""
-    complete = [path for path in folder.glob(f"{phase}_*.safetensors") if path.with_suffix(".json").exists()]
-    return max(complete, default=None)
+    return max(_complete(folder, phase), default=None)
+
+
+def _complete(folder: Path, phase: str) -> list[Path]:
+    """Return the complete checkpoints of a phase, oldest first."""
+    return sorted(path for path in folder.glob(f"{phase}_*.safetensors") if path.with_suffix(".json").exists())
 
 
 def keep_newest(folder: Path, phase: str, keep: int = 2) -> None:
-    """Delete all but the newest checkpoints of a phase."""
-    for path in sorted(folder.glob(f"{phase}_*.safetensors"))[:-keep]:
-        path.with_suffix(".json").unlink(missing_ok=True)
-        path.unlink()
+    """Delete all but the newest complete checkpoints of a phase, and what a kill left incomplete."""
+    kept = _complete(folder, phase)[-keep:]
+    for path in folder.glob(f"{phase}_*.safetensors"):
+        if path not in kept:
+            path.with_suffix(".json").unlink(missing_ok=True)
+            path.unlink()

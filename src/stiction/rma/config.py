@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Annotated
+
+from tyro.conf import arg
 
 from stiction.formats.errors import StictionError
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
+
+STD_RANGE = (0.05, 2.0)
+"""Bounds of the actions' standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +91,36 @@ class StudentCfg:
 
 
 @dataclass(frozen=True)
+class StopCfg:
+    """When a phase has learned enough and ends before its last iteration. Off unless a tracking error is named.
+
+    All figures are those of training: noisy, pushed, randomised. Its tracking error is some 0.1 m/s above that of an
+    evaluation. Teacher and student each end by this rule, the teacher not before the last stage of friction has begun.
+    """
+
+    tracking_error: Annotated[float | None, arg(aliases=("--stop-at-tracking-error",))] = None
+    """Mean tracking error under which a phase ends [m/s]; None: never, as in every comparison of methods."""
+    iterations: int = 20
+    """Iterations over which all figures are averaged."""
+    falls: float = 0.01
+    """Most falls that count as none [1/s]: one in 100 s of walking with pushes."""
+    terrain_level: float | None = None
+    """Mean terrain level that must be reached as well; None: any. Without it, a run on terrain may end on its easiest
+    part."""
+
+    def __post_init__(self) -> None:
+        """Refuse targets that mean nothing."""
+        if self.tracking_error is not None and not self.tracking_error > 0:
+            raise StictionError(f"stop.tracking_error is {self.tracking_error}; expected more than 0 m/s")
+        if self.iterations < 1 or self.falls < 0:
+            raise StictionError(
+                f"stop after {self.iterations} iterations with {self.falls} falls a second: expected at least 1 and 0"
+            )
+        if self.terrain_level is not None and self.tracking_error is None:
+            raise StictionError("stop.terrain_level has no effect by itself; say --stop-at-tracking-error too")
+
+
+@dataclass(frozen=True)
 class TrainCfg:
     """One training run: a teacher, then its student."""
 
@@ -100,6 +136,11 @@ class TrainCfg:
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     checkpoint_every: int = 50
     """Iterations between checkpoints."""
+    video_every: int = 0
+    """Iterations between short clips of the policy, in `clips/`; 0: none. They are rendered by a process of their own
+    from a checkpoint and change nothing in the training; each takes some ten seconds of one core. The presets have
+    clips, for people like to see what they train; this default has none, for nobody looks at those of an experiment."""
+    stop: StopCfg = field(default_factory=StopCfg)
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run, before any folder is made."""
@@ -111,6 +152,8 @@ class TrainCfg:
         for name, count in counts.items():
             if count < 1:
                 raise StictionError(f"{name} is {count}; expected at least 1")
+        if self.video_every < 0:
+            raise StictionError(f"video_every is {self.video_every}; expected a number of iterations, or 0 for none")
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             samples = self.num_envs * cfg.steps
             if samples < cfg.mini_batches:
@@ -130,10 +173,14 @@ class TrainCfg:
         return rollouts * self.num_envs
 
 
+_SHOWN = TrainCfg(video_every=100)
+
 PRESETS = {
-    "full": TrainCfg(),
-    "quick": TrainCfg(teacher=replace(TeacherCfg(), iterations=350), student=replace(StudentCfg(), iterations=80)),
-    "paper": TrainCfg(task=TaskCfg(randomization=RandomizationCfg.literal())),
+    "full": _SHOWN,
+    "quick": replace(
+        _SHOWN, teacher=replace(TeacherCfg(), iterations=350), student=replace(StudentCfg(), iterations=80)
+    ),
+    "paper": replace(_SHOWN, task=TaskCfg(randomization=RandomizationCfg.literal())),
 }
-"""`full` is what the results are made with; `quick` has half its budget; `paper` randomises the paper's table and no
-more: no action delay, no encoder offset."""
+"""`full` is what the results are made with; `quick` has nearly half its budget; `paper` randomises the paper's table
+and no more: no action delay, no encoder offset. All three show clips."""

@@ -111,11 +111,16 @@ class RMAActor(MLPModel):
         supervised = {id(parameter) for parameter in self.supervised_parameters()}
         return [parameter for parameter in self.parameters() if id(parameter) not in supervised]
 
-    def adaptation_loss(self, obs: TensorDict) -> torch.Tensor:
-        """L_ada = MSE(z, z*), z held fixed."""
+    def latents(self, obs: TensorDict) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return z, held fixed, and z*, each (N, latent)."""
         with torch.no_grad():
             target = self.privileged_encoder(obs["privileged"])
-        return nn.functional.mse_loss(self.adaptation(obs["history"]), target)
+        return target, self.adaptation(obs["history"])
+
+    def adaptation_loss(self, obs: TensorDict) -> torch.Tensor:
+        """L_ada = MSE(z, z*), z held fixed."""
+        target, guess = self.latents(obs)
+        return nn.functional.mse_loss(guess, target)
 
     def terrain_loss(self, obs: TensorDict) -> torch.Tensor:
         """L_hist = MSE(e_t*, f_hist(o_H)), e_t* held fixed."""

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +13,7 @@ from stiction.formats.configuration import from_plain, to_plain
 from stiction.formats.errors import StictionError
 from stiction.formats.metrics import read_metrics
 from stiction.formats.reproducibility import git_revision, machine
-from stiction.rma.checkpoint import write_json
+from stiction.rma.checkpoint import latest_checkpoint, write_json
 from stiction.rma.config import TrainCfg
 
 
@@ -31,14 +34,14 @@ class RunDirectory:
                 f"{path} holds a run already; resume it with --resume, or name another folder with --out"
             )
         run = cls(path)
+        header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
         try:
             run.checkpoints.mkdir(parents=True, exist_ok=True)
+            write_json(path / "config.json", header | {"config": to_plain(cfg)})
         except OSError as error:
             raise StictionError(
                 f"the run's folder {path} cannot be made: {error.strerror}; name another --out"
             ) from error
-        header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
-        write_json(path / "config.json", header | {"config": to_plain(cfg)})
         return run
 
     def header(self) -> dict[str, Any]:
@@ -57,6 +60,53 @@ class RunDirectory:
     def config(self) -> TrainCfg:
         """Return the configuration the run was started with."""
         return from_plain(TrainCfg, self.header()["config"], str(self.path / "config.json"))
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run has its summary."""
+        return (self.path / "summary.json").is_file()
+
+    def summary(self) -> dict[str, Any]:
+        """Return summary.json; empty where the run is not finished. Raises `StictionError` where it cannot be read."""
+        if not self.finished:
+            return {}
+        file = self.path / "summary.json"
+        try:
+            return dict(json.loads(file.read_text()))
+        except (OSError, ValueError, TypeError) as error:
+            raise StictionError(f"{file} cannot be read: {error}; remove it and finish the run again") from error
+
+    def check_finished(self, phase: str) -> None:
+        """Raise `StictionError` unless a phase, `teacher` or `student`, has a checkpoint of its last iteration.
+
+        The last one is the configuration's, or the one in which the phase reached its target. A half-trained policy
+        walks badly and looks like a result.
+        """
+        newest, cfg = latest_checkpoint(self.checkpoints, phase), self.config()
+        iterations = {"teacher": cfg.teacher, "student": cfg.student}[phase].iterations
+        iterations = self.summary().get("stopped", {}).get(phase, {}).get("iteration", iterations)
+        stands = int(newest.stem.rpartition("_")[2]) if newest else 0
+        if stands != iterations:
+            raise StictionError(
+                f"{self.path} is not finished, its {phase} stands at iteration {stands} of {iterations}; "
+                f"finish it with `stiction train --resume {self.path}`"
+            )
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Turn a full disk, and a folder that is not ours, into one line."""
+        try:
+            yield
+        except OSError as error:
+            raise StictionError(
+                f"the run {self.path} cannot be written: {error}; make room or name the right owner, then "
+                f"`stiction train --resume {self.path}` goes on from the last checkpoint"
+            ) from error
+
+    def flush(self) -> None:
+        """Bring the figures to the disk: those before a checkpoint must not be lost with the machine's power."""
+        with self.metrics.open("a") as file:
+            os.fsync(file.fileno())
 
     def log(self, row: dict[str, Any]) -> None:
         """Append one iteration's figures."""

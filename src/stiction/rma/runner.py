@@ -2,32 +2,23 @@
 
 from __future__ import annotations
 
-import contextlib
 import copy
-import io
-import math
-import time
-import warnings
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
-from rsl_rl.runners import OnPolicyRunner
-from torch.utils.tensorboard import SummaryWriter
 
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import num_threads, stream_seed
 from stiction.locomotion.env import LocomotionEnv
-from stiction.rma.checkpoint import keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
-from stiction.rma.config import TrainCfg
+from stiction.rma.board import Board
+from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
+from stiction.rma.config import STD_RANGE, TrainCfg
 from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
+from stiction.rma.phase import Film, PhaseRunner, Progress
 from stiction.rma.run import RunDirectory
-
-Progress = Callable[[str, int, int, dict[str, float]], None]
-"""Called after every iteration with phase, iteration, iterations, figures."""
 
 
 def groups(cfg: TrainCfg) -> list[str]:
@@ -50,7 +41,7 @@ def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
         "distribution_cfg": {
             "class_name": "GaussianDistribution",
             "init_std": net.initial_std,
-            "std_range": (0.05, 2.0),
+            "std_range": STD_RANGE,
         },
     }
     return {name: copy.deepcopy(actor) for name in names}  # rsl_rl takes its configuration apart while it reads it
@@ -104,175 +95,86 @@ def student_cfg(cfg: TrainCfg) -> dict[str, Any]:
     }
 
 
-@contextlib.contextmanager
-def torch_threads(count: int) -> Iterator[None]:
-    """Give torch `count` threads for a while.
-
-    Rollouts use one: their tensors are small, and torch's own threads, which wait actively after each operation,
-    would take the cores from the simulator's (measured on two cores: a third of its speed).
-    """
-    before = torch.get_num_threads()
-    torch.set_num_threads(count)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
-
-
-@dataclass
-class PhaseRunner(OnPolicyRunner):
-    """One phase of a run. rsl_rl builds algorithm and storage; the loop, the figures and the checkpoints are ours."""
-
-    phase: str
-    env: LocomotionEnv
-    run: RunDirectory
-    rl_cfg: dict[str, Any]
-    iterations: int
-    checkpoint_every: int
-    writer: SummaryWriter
-    progress: Progress
-
-    def __post_init__(self) -> None:
-        """Build the algorithm; rsl_rl prints its networks to standard output, which belongs to --json."""
-        with contextlib.redirect_stdout(io.StringIO()):
-            super().__init__(self.env, self.rl_cfg, log_dir=None, device="cpu")
-
-    def learn(self, num_learning_iterations: int | None = None, init_at_random_ep_len: bool = False) -> None:
-        """Train until `iterations`, from wherever the phase stands."""
-        self.alg.train_mode()
-        if init_at_random_ep_len and self.current_learning_iteration == 0:
-            self.env.episode_length_buf = torch.randint(
-                0, self.env.max_episode_length, (self.env.num_envs,), generator=self.env.generator
-            )
-        while self.current_learning_iteration < (num_learning_iterations or self.iterations):
-            start = time.perf_counter()
-            self._enter_stage()
-            figures = self.iterate()
-            figures["seconds"] = time.perf_counter() - start
-            self.current_learning_iteration += 1
-            self._report(figures)
-            it = self.current_learning_iteration
-            if it % self.checkpoint_every == 0 or it == self.iterations:
-                self.save()
-
-    def _enter_stage(self) -> None:
-        """Go over to the friction that the schedule has for this iteration."""
-        friction = self.env.cfg.friction
-        stage = len(friction.schedule) - 1
-        if self.phase == "teacher":
-            stage = friction.stage(self.current_learning_iteration, self.iterations)
-        if stage != self.env.stage:
-            self.env.enter_stage(stage)
-
-    def iterate(self) -> dict[str, float]:
-        """Collect one rollout and update; return the means of all figures."""
-        sums: dict[str, torch.Tensor] = {}
-        steps = self.cfg["num_steps_per_env"]
-        start = time.perf_counter()
-        with torch.no_grad(), torch_threads(1):
-            obs = self.env.get_observations()
-            for _ in range(steps):
-                actions = self.alg.act(obs)
-                obs, reward, dones, extras = self.env.step(actions)
-                self.alg.process_env_step(obs, reward, dones, extras)
-                for name, value in {"reward": reward.mean(), "action": actions.abs().mean(), **extras["log"]}.items():
-                    sums[name] = sums.get(name, torch.zeros(())) + value
-            self.alg.compute_returns(obs)
-        rollout = time.perf_counter() - start
-        losses = self.alg.update()
-        figures = {name: float(value) / steps for name, value in sums.items()}
-        figures["walk/blown_up"] *= steps
-        figures |= {f"loss/{name}": value for name, value in losses.items()}
-        figures |= {"rollout_seconds": rollout, "learning_rate": float(self.alg.learning_rate)}
-        policy = self.alg.get_policy()
-        figures["action_std"] = float(policy.distribution.std_param.detach().mean())
-        return figures
-
-    def _report(self, figures: dict[str, float]) -> None:
-        """Write one iteration's figures everywhere; stop a run that has diverged."""
-        it = self.current_learning_iteration
-        bad = [name for name, value in figures.items() if not math.isfinite(value)]
-        if bad:
-            raise StictionError(
-                f"training diverged in iteration {it} of the {self.phase}: {', '.join(bad)} not finite; "
-                "train again in another folder with a smaller --teacher.learning-rate or --student.learning-rate"
-            )
-        self.run.log({"phase": self.phase, "iteration": it, **{k: round(v, 6) for k, v in figures.items()}})
-        for name, value in figures.items():
-            self.writer.add_scalar(f"{self.phase}/{name}", value, it)
-        self.progress(self.phase, it, self.iterations, figures)
-
-    def save(self, path: str = "", infos: dict | None = None) -> None:
-        """Write a checkpoint that a resumed run continues from bit by bit."""
-        file = self.run.checkpoints / f"{self.phase}_{self.current_learning_iteration:06d}.safetensors"
-        tree = {
-            "algorithm": self.alg.save(),
-            "environment": self.env.state(),
-            "random": torch.get_rng_state(),
-            "threads": torch.get_num_threads(),
-            "iteration": self.current_learning_iteration,
-        }
-        save_checkpoint(file, tree)
-        keep_newest(self.run.checkpoints, self.phase)
-
-    def restore(self, path: Path) -> None:
-        """Continue from a checkpoint of this phase."""
-        tree = load_checkpoint(path)
-        if tree["threads"] != torch.get_num_threads():
-            warnings.warn(
-                f"{path.name} was written on {tree['threads']} threads and continues on {torch.get_num_threads()}: "
-                "the result will not be that of an uninterrupted run bit by bit",
-                stacklevel=2,
-            )
-        self.alg.load(tree["algorithm"], None, True)
-        self.env.load_state(tree["environment"])
-        torch.set_rng_state(tree["random"])
-        self.current_learning_iteration = tree["iteration"]
-
-
 def train(
     cfg: TrainCfg,
     run: RunDirectory,
     identified: dict[str, np.ndarray] | None = None,
     progress: Progress = lambda *_: None,
+    interrupted: Callable[[], bool] = lambda: False,
+    film: Film = lambda *_: None,
 ) -> dict[str, Any]:
-    """Train teacher and student in the run directory, from its newest checkpoint if it has any; return the summary."""
+    """Train teacher and student in the run directory, from its newest checkpoint if it has any; return the summary.
+
+    Args:
+        cfg: the whole configuration.
+        run: where everything is written.
+        identified: nominal joints, see `nominal_joints`.
+        progress: called after every iteration.
+        interrupted: asked after every iteration whether to stop.
+        film: called with the checkpoints that are due to be filmed.
+
+    Raises:
+        StictionError: training has diverged, or the run's folder cannot be written.
+        Interrupted: it was asked to stop, and has written a checkpoint.
+
+    """
     threads = num_threads()
     torch.set_num_threads(threads)
     torch.manual_seed(stream_seed(cfg.seed, "training"))
     env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads, identified)
-    teacher_checkpoint = latest_checkpoint(run.checkpoints, "teacher")
-    student_checkpoint = latest_checkpoint(run.checkpoints, "student")
-    writer = SummaryWriter(str(run.path / "tensorboard"))
 
     def phase(name: str, rl_cfg: dict[str, Any], iterations: int) -> PhaseRunner:
-        return PhaseRunner(name, env, run, rl_cfg, iterations, cfg.checkpoint_every, writer, progress)
+        board = Board(run.path / "tensorboard" / name)
+        every = (cfg.checkpoint_every, cfg.video_every)
+        return PhaseRunner(name, env, run, rl_cfg, iterations, every, cfg.stop, board, progress, interrupted, film)
 
-    teacher = phase("teacher", teacher_cfg(cfg), cfg.teacher.iterations)
+    with run.writing():
+        teacher = phase("teacher", teacher_cfg(cfg), cfg.teacher.iterations)
+        student = _train_phases(run, teacher, lambda: phase("student", student_cfg(cfg), cfg.student.iterations))
+        figures = _summary(cfg, run, teacher, student) | {"threads": threads}
+        run.finish(figures)
+    return figures
+
+
+def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callable[[], PhaseRunner]) -> PhaseRunner:
+    """Take teacher and student to their ends from wherever the run stands; return the student's runner.
+
+    The student is built after the teacher has learned: the order in which random numbers are drawn is part of a run.
+    """
+    teacher_checkpoint = latest_checkpoint(run.checkpoints, "teacher")
+    student_checkpoint = latest_checkpoint(run.checkpoints, "student")
     if teacher_checkpoint is not None:
         teacher.restore(teacher_checkpoint)
     if student_checkpoint is None:
         run.forget_after("teacher", teacher.current_learning_iteration)
     teacher.learn(init_at_random_ep_len=True)
+    teacher.board.close()
 
-    student = phase("student", student_cfg(cfg), cfg.student.iterations)
+    student = build_student()
     student.alg.warm_start(teacher.alg.get_policy().state_dict())
     if student_checkpoint is not None:
         student.restore(student_checkpoint)
         run.forget_after("student", student.current_learning_iteration)
     student.learn()
-    writer.close()
+    student.board.close()
+    return student
 
+
+def _summary(cfg: TrainCfg, run: RunDirectory, teacher: PhaseRunner, student: PhaseRunner) -> dict[str, Any]:
+    """Return what a finished run says of itself; `stopped` names the phases that reached their target early."""
     rows = run.rows()
-    figures = {
-        "env_steps": cfg.env_steps,
+    phases = {"teacher": (teacher, cfg.teacher.steps), "student": (student, cfg.student.steps)}
+    return {
+        "env_steps": sum(runner.current_learning_iteration * steps for runner, steps in phases.values()) * cfg.num_envs,
         "seconds": round(sum(row["seconds"] for row in rows), 1),
-        "threads": threads,
         "multiply_adds": multiply_adds(teacher),
-        "last": {name: [r for r in rows if r["phase"] == name][-1] for name in ("teacher", "student")},
+        "last": {name: [row for row in rows if row["phase"] == name][-1] for name in phases},
+        "stopped": {
+            name: {"iteration": runner.current_learning_iteration, **runner.stopped}
+            for name, (runner, _) in phases.items()
+            if runner.stopped is not None
+        },
     }
-    run.finish(figures)
-    return figures
 
 
 def multiply_adds(teacher: PhaseRunner) -> dict[str, int]:
@@ -289,15 +191,25 @@ def multiply_adds(teacher: PhaseRunner) -> dict[str, int]:
     return {"actor": count(teacher.alg.actor), "critic": count(teacher.alg.critic)}
 
 
+def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) -> RMAActor:
+    """Return the actor of a phase, `teacher` or `student`; the teacher's takes its latent from o_priv.
+
+    `checkpoint`: the file to read, by default the phase's newest. Raises `StictionError` where the run has none yet.
+    """
+    path = checkpoint or latest_checkpoint(run.checkpoints, phase)
+    if path is None:
+        raise StictionError(f"{run.path} has no {phase} yet; finish it with `stiction train --resume {run.path}`")
+    cfg = run.config()
+    state = load_checkpoint(path)["algorithm"][{"teacher": "actor", "student": "student"}[phase] + "_state_dict"]
+    env = LocomotionEnv(cfg.task, 1, 0)
+    model = {key: value for key, value in _models(cfg, phase)[phase].items() if key != "class_name"}
+    actor = RMAActor(env.get_observations(), {phase: groups(cfg)}, phase, env.num_actions, **model)
+    actor.load_state_dict(state)
+    actor.latent_source = {"teacher": "privileged", "student": "history"}[phase]
+    actor.blind = phase == "student"
+    return actor.eval()
+
+
 def load_student(run: RunDirectory) -> StudentPolicy:
     """Return the trained student of a run. Raises `StictionError` where it has none yet."""
-    path = latest_checkpoint(run.checkpoints, "student")
-    if path is None:
-        raise StictionError(f"{run.path} has no student yet; finish it with `stiction train --resume {run.path}`")
-    cfg = run.config()
-    state = load_checkpoint(path)["algorithm"]["student_state_dict"]
-    env = LocomotionEnv(cfg.task, 1, 0)
-    model = {key: value for key, value in _models(cfg, "student")["student"].items() if key != "class_name"}
-    actor = RMAActor(env.get_observations(), {"student": groups(cfg)}, "student", env.num_actions, **model)
-    actor.load_state_dict(state)
-    return StudentPolicy(actor).eval()
+    return StudentPolicy(load_actor(run, "student")).eval()

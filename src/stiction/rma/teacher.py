@@ -34,6 +34,7 @@ class TeacherPPO(PPO):
         super().__init__(*args, **kwargs)
         self.alternate, self.adaptation_batches = alternate, adaptation_batches
         self.iteration = 0
+        self.kl = 0.0
         policy = chain(self.actor.policy_parameters(), self.critic.parameters())
         self.optimizer = torch.optim.Adam(policy, lr=self.learning_rate)
         self.adaptation_optimizer = torch.optim.Adam(self.actor.supervised_parameters(), lr=adaptation_learning_rate)
@@ -47,10 +48,23 @@ class TeacherPPO(PPO):
     def update(self) -> dict[str, float]:
         """Update the policy, then adaptation and estimator, then choose the next latent source."""
         losses = super().update()
+        self.kl = self._divergence()
         losses |= self._supervise()
         self.iteration += 1
         self._choose_latent()
         return losses
+
+    def _divergence(self) -> float:
+        """Return KL(policy that walked || policy after the update), mean over the robots' last step.
+
+        Nothing is sampled. Like `_supervise`, it reads the rollout that `PPO.update` has left in the storage.
+        """
+        storage, distribution = self.storage, self.actor.distribution
+        with torch.no_grad():
+            mean = self.actor(storage.observations[-1])
+            std = distribution.std_param.clamp(*distribution.std_range).expand_as(mean)
+            before = tuple(parameter[-1] for parameter in storage.distribution_params)
+            return float(distribution.kl_divergence(before, (mean, std)).mean())
 
     def _supervise(self) -> dict[str, float]:
         """Take one pass of L_ada and L_est over the rollout just used.

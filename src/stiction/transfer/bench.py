@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch.utils.tensorboard import SummaryWriter
 
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
@@ -24,9 +23,11 @@ from stiction.formats.bundle import read_bundle
 from stiction.formats.reproducibility import num_threads, stream_seed
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionMethod
+from stiction.rma.board import Board
 from stiction.rma.config import TrainCfg
+from stiction.rma.phase import PhaseRunner, torch_threads
 from stiction.rma.run import RunDirectory
-from stiction.rma.runner import PhaseRunner, multiply_adds, teacher_cfg, torch_threads
+from stiction.rma.runner import multiply_adds, teacher_cfg
 from stiction.sim.native import NativeSimulation
 
 
@@ -101,9 +102,9 @@ def measure_training(cfg: TrainCfg, blocks: int) -> tuple[Timing, dict[str, int]
     torch.set_num_threads(threads)
     torch.manual_seed(stream_seed(cfg.seed, "bench"))
     env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads)
-    with tempfile.TemporaryDirectory() as folder, SummaryWriter(folder) as writer:
-        run = RunDirectory(Path(folder))
-        runner = PhaseRunner("teacher", env, run, teacher_cfg(cfg), 10**6, 10**6, writer, lambda *_: None)
+    with tempfile.TemporaryDirectory() as folder:
+        run, board = RunDirectory(Path(folder)), Board(Path(folder))
+        runner = PhaseRunner("teacher", env, run, teacher_cfg(cfg), 10**6, (10**6, 0), cfg.stop, board)
         runner.alg.train_mode()
         steps = cfg.teacher.steps * cfg.num_envs
         seconds: dict[str, list[float]] = {"bare": [], "rollout": [], "iteration": []}

@@ -43,18 +43,15 @@ def export_run(run: Path, out: Path) -> BundleCheck:
         StictionError: not a run, a run that is not finished, or `out` exists already.
 
     """
-    from stiction.rma.checkpoint import latest_checkpoint
     from stiction.rma.run import RunDirectory
     from stiction.rma.runner import load_student
 
     directory = RunDirectory(run)
     header, cfg = directory.header(), directory.config()
-    newest = latest_checkpoint(directory.checkpoints, "student")
-    iteration = int(newest.stem.rpartition("_")[2]) if newest else 0
-    if iteration != cfg.student.iterations or not (run / "summary.json").is_file():
+    directory.check_finished("student")
+    if not directory.finished:
         raise StictionError(
-            f"{run} is not finished, its student stands at iteration {iteration} of {cfg.student.iterations}; "
-            f"finish it with `stiction train --resume {run}`"
+            f"{run} is not finished, it has no summary.json; finish it with `stiction train --resume {run}`"
         )
     return export_policy(load_student(directory), contract_of(cfg, header), out)
 

@@ -1,0 +1,80 @@
+"""The figures of one iteration of training: what is averaged over a rollout, and what the networks know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import torch
+from tensordict import TensorDict
+
+from stiction.locomotion.env import LocomotionEnv
+from stiction.rma.models import RMAActor
+
+VELOCITY = 3
+"""Entries of o_exp that are the base's velocity [m/s]; the feet's contacts follow."""
+
+
+class RolloutFigures:
+    """Collects what a rollout logs, step by step, whatever the names are, and the lengths of its episodes."""
+
+    def __init__(self, control_period: float) -> None:
+        """Start empty. `control_period` [s] turns steps into seconds."""
+        self.control_period = control_period
+        self._sums: dict[str, torch.Tensor] = {}
+        self._counts: dict[str, int] = {}
+        self._length = torch.zeros((), dtype=torch.long)
+        self._ended = torch.zeros((), dtype=torch.long)
+
+    def add(self, values: Mapping[str, torch.Tensor | float]) -> None:
+        """Take the scalars of one step; a name may be missing in some steps."""
+        for name, value in values.items():
+            self._sums[name] = self._sums.get(name, torch.zeros(())) + value
+            self._counts[name] = self._counts.get(name, 0) + 1
+
+    def end(self, age: torch.Tensor, dones: torch.Tensor) -> None:
+        """Count the episodes that ended in a step. `age`: steps before it, (N,); `dones`: (N,)."""
+        self._length = self._length + ((age + 1) * dones).sum()
+        self._ended = self._ended + dones.sum()
+
+    def means(self) -> dict[str, float]:
+        """Return the mean of every name over the steps that had it.
+
+        `episode/length` [s] is the mean of the episodes that ended, and missing where none did. The first ones begin
+        at a random age, which makes them look longer than they were.
+        """
+        figures = {name: float(total) / self._counts[name] for name, total in self._sums.items()}
+        if "walk/blown_up" in figures:
+            figures["walk/blown_up"] *= self._counts["walk/blown_up"]
+        if self._ended:
+            figures["episode/length"] = float(self._length) / float(self._ended) * self.control_period
+        return figures
+
+
+def adaptation_figures(actor: RMAActor, obs: TensorDict) -> dict[str, float]:
+    """Return how well the history tells what only simulation knows, over one step of all robots.
+
+    `latent/explained`: 1 - MSE(z, z*) / Var(z), both summed over the latent's entries: 1 is perfect, 0 is what the mean
+    would reach. It is missing where z does not vary. `estimator/velocity_error`: mean length of the velocity's error
+    [m/s]. `estimator/contact_error`: share of feet whose contact is misjudged.
+    """
+    figures = {}
+    with torch.no_grad():
+        z, star = actor.latents(obs)
+        variance = float(z.var(0, correction=0).sum())
+        if variance > 0:
+            figures["latent/explained"] = 1.0 - float((z - star).square().mean(0).sum()) / variance
+        guess, truth = actor.estimator(obs["history"]), obs["explicit"]
+        figures["estimator/velocity_error"] = float((guess - truth)[:, :VELOCITY].norm(dim=-1).mean())
+        wrong = (guess[:, VELOCITY:] > 0.5) != (truth[:, VELOCITY:] > 0.5)
+        figures["estimator/contact_error"] = float(wrong.float().mean())
+    return figures
+
+
+def friction_figures(env: LocomotionEnv) -> dict[str, float]:
+    """Return the stage of the friction's schedule, its range, and the mean that the robots have drawn.
+
+    `friction/low`, `friction/high`, `friction/mean` are multipliers of the nominal friction [-].
+    """
+    low, high = env.cfg.friction.schedule[env.stage].range
+    mean = float(env.randomizer.draws.friction.mean())
+    return {"friction/stage": float(env.stage), "friction/low": low, "friction/high": high, "friction/mean": mean}

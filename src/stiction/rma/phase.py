@@ -1,0 +1,229 @@
+"""One phase of a run, teacher or student: the loop, its figures, its checkpoints, and the reasons to end."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from rsl_rl.runners import OnPolicyRunner
+
+from stiction.formats.errors import StictionError
+from stiction.locomotion.env import LocomotionEnv
+from stiction.rma.board import Board
+from stiction.rma.checkpoint import keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
+from stiction.rma.config import StopCfg
+from stiction.rma.figures import RolloutFigures, adaptation_figures, friction_figures
+from stiction.rma.health import Diagnosis, Health
+from stiction.rma.run import RunDirectory
+from stiction.rma.stop import EarlyStop
+
+Progress = Callable[[str, int, int, dict[str, float]], None]
+"""Called after every iteration with phase, iteration, iterations, figures."""
+
+Film = Callable[[str, int, Path], None]
+"""Called with phase, iteration and a checkpoint that is due to be filmed."""
+
+
+class Interrupted(StictionError):
+    """The run was asked to stop, and did so with a checkpoint."""
+
+
+@contextlib.contextmanager
+def torch_threads(count: int) -> Iterator[None]:
+    """Give torch `count` threads for a while.
+
+    Rollouts use one: their tensors are small, and torch's own threads, which wait actively after each operation,
+    would take the cores from the simulator's (measured on two cores: a third of its speed).
+    """
+    before = torch.get_num_threads()
+    torch.set_num_threads(count)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def film_due(iteration: int, every: int, last: bool) -> bool:
+    """Say whether a clip is due: every so many iterations, and at the end unless one was just made."""
+    return every > 0 and (iteration % every == 0 or (last and 2 * (iteration % every) >= every))
+
+
+@dataclass
+class PhaseRunner(OnPolicyRunner):
+    """One phase of a run. rsl_rl builds algorithm and storage; the loop, the figures and the checkpoints are ours."""
+
+    phase: str
+    env: LocomotionEnv
+    run: RunDirectory
+    rl_cfg: dict[str, Any]
+    iterations: int
+    every: tuple[int, int]
+    """Iterations between checkpoints, and between clips (0: none)."""
+    stop: StopCfg
+    board: Board
+    progress: Progress = lambda *_: None
+    interrupted: Callable[[], bool] = lambda: False
+    """Asked after every iteration: is the run to stop?"""
+    film: Film = lambda *_: None
+    stopped: dict[str, float] | None = None
+    """The means with which the phase reached its target and ended early."""
+
+    def __post_init__(self) -> None:
+        """Build the algorithm; rsl_rl prints its networks to standard output, which belongs to --json."""
+        with contextlib.redirect_stdout(io.StringIO()):
+            super().__init__(self.env, self.rl_cfg, log_dir=None, device="cpu")
+        self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
+        self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1)
+
+    @property
+    def finished(self) -> bool:
+        """Whether the phase has made all its iterations, or reached its target."""
+        return self.stopped is not None or self.current_learning_iteration >= self.iterations
+
+    def learn(self, num_learning_iterations: int | None = None, init_at_random_ep_len: bool = False) -> None:
+        """Train to the end, from wherever the phase stands.
+
+        Raises `StictionError` where training has diverged, `Interrupted` where it was asked to stop.
+        """
+        self.alg.train_mode()
+        if init_at_random_ep_len and self.current_learning_iteration == 0:
+            self.env.episode_length_buf = torch.randint(
+                0, self.env.max_episode_length, (self.env.num_envs,), generator=self.env.generator
+            )
+        while not self.finished:
+            start = time.perf_counter()
+            self._enter_stage()
+            figures = self.iterate()
+            seconds = time.perf_counter() - start
+            steps = self.cfg["num_steps_per_env"] * self.env.num_envs
+            figures |= {"seconds": seconds, "env_steps_per_second": steps / seconds}
+            self.current_learning_iteration += 1
+            self._report(figures)
+            self._preserve()
+
+    def _enter_stage(self) -> None:
+        """Go over to the friction that the schedule has for this iteration."""
+        friction = self.env.cfg.friction
+        stage = len(friction.schedule) - 1
+        if self.phase == "teacher":
+            stage = friction.stage(self.current_learning_iteration, self.iterations)
+        if stage != self.env.stage:
+            self.env.enter_stage(stage)
+
+    def iterate(self) -> dict[str, float]:
+        """Collect one rollout and update; return the means of all figures."""
+        start = time.perf_counter()
+        rollout = RolloutFigures(self.env.cfg.control_period)
+        with torch.no_grad(), torch_threads(1):
+            obs = self.env.get_observations()
+            for _ in range(self.cfg["num_steps_per_env"]):
+                age = self.env.episode_length_buf
+                actions = self.alg.act(obs)
+                obs, reward, dones, extras = self.env.step(actions)
+                self.alg.process_env_step(obs, reward, dones, extras)
+                rollout.add({"reward": reward.mean(), "action": actions.abs().mean(), **extras["log"]})
+                rollout.end(age, dones)
+            self.alg.compute_returns(obs)
+        seconds = time.perf_counter() - start
+        losses = self.alg.update()
+        figures = rollout.means() | {f"loss/{name}": value for name, value in losses.items()}
+        figures |= {"rollout_seconds": seconds, "learning_rate": float(self.alg.learning_rate)}
+        return figures | self._policy_figures() | friction_figures(self.env)
+
+    def _policy_figures(self) -> dict[str, float]:
+        """Return what the updated policy is like."""
+        policy = self.alg.get_policy()
+        figures = {"action_std": float(policy.distribution.std_param.detach().mean())}
+        if self.phase == "teacher":
+            figures["kl"] = self.alg.kl
+        if not all(bool(parameter.isfinite().all()) for parameter in policy.parameters()):
+            figures["parameters"] = math.nan
+        return figures | adaptation_figures(policy, self.env.get_observations())
+
+    def _report(self, figures: dict[str, float]) -> None:
+        """Write one iteration's figures everywhere; stop a run that has diverged."""
+        it = self.current_learning_iteration
+        row = {name: round(value, 6) for name, value in figures.items()}
+        diagnosis = self.health.check(it, row)
+        if diagnosis is not None:
+            raise StictionError(self._describe(diagnosis))
+        self.stopped = self.early_stop.check(row)
+        self.run.log({"phase": self.phase, "iteration": it, **row})
+        self.board.add(it, figures)
+        self.progress(self.phase, it, self.iterations, figures)
+
+    def _describe(self, diagnosis: Diagnosis) -> str:
+        """Say what was seen, since when, what is kept, and what to try."""
+        kept = latest_checkpoint(self.run.checkpoints, self.phase)
+        return (
+            f"training diverged in iteration {self.current_learning_iteration} of the {self.phase}, "
+            f"since iteration {diagnosis.since}: {diagnosis.what}; "
+            f"the last good checkpoint is {kept.name if kept else 'none, there was no time for one'}; "
+            f"train again in another folder with {diagnosis.advice}"
+        )
+
+    def _preserve(self) -> None:
+        """Write a checkpoint where one is due, never one of a run that looks as if it diverges in place of a good one.
+
+        Raises `Interrupted` after it where the run was asked to stop.
+        """
+        it, last, healthy = self.current_learning_iteration, self.finished, not self.health.suspicious
+        stop = self.interrupted() and not (last and self.phase == "student")
+        checkpoint_every, video_every = self.every
+        due = film_due(it, video_every, last)
+        if last or stop or (healthy and (due or it % checkpoint_every == 0)):
+            self.save()
+        if due and healthy:
+            self.film(self.phase, it, self._file())
+        if stop:
+            raise Interrupted(
+                f"stopped after iteration {it} of {self.iterations} of the {self.phase}, nothing is lost; "
+                f"go on with `stiction train --resume {self.run.path}`"
+            )
+
+    def _file(self) -> Path:
+        """Return the checkpoint's path of the iteration that was made last."""
+        return self.run.checkpoints / f"{self.phase}_{self.current_learning_iteration:06d}.safetensors"
+
+    def save(self, path: str = "", infos: dict | None = None) -> None:
+        """Write a checkpoint that a resumed run continues from bit by bit."""
+        tree = {
+            "algorithm": self.alg.save(),
+            "environment": self.env.state(),
+            "random": torch.get_rng_state(),
+            "threads": torch.get_num_threads(),
+            "iteration": self.current_learning_iteration,
+            "stopped": self.stopped,
+        }
+        self.run.flush()
+        self.board.flush()
+        save_checkpoint(self._file(), tree)
+        keep_newest(self.run.checkpoints, self.phase)
+
+    def restore(self, path: Path) -> None:
+        """Continue from a checkpoint of this phase."""
+        tree = load_checkpoint(path)
+        if tree["threads"] != torch.get_num_threads():
+            warnings.warn(
+                f"{path.name} was written on {tree['threads']} threads and continues on {torch.get_num_threads()}: "
+                "the result will not be that of an uninterrupted run bit by bit",
+                stacklevel=2,
+            )
+        self.alg.load(tree["algorithm"], None, True)
+        self.env.load_state(tree["environment"])
+        torch.set_rng_state(tree["random"])
+        self.current_learning_iteration = tree["iteration"]
+        self.stopped = tree.get("stopped")
+        for row in self.run.rows():
+            if row["phase"] == self.phase and row["iteration"] <= tree["iteration"]:
+                figures = {name: value for name, value in row.items() if name not in ("phase", "iteration")}
+                self.health.check(row["iteration"], figures)
+                self.early_stop.check(figures)
