@@ -8,7 +8,7 @@ import shlex
 import sys
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -16,12 +16,27 @@ from stiction.formats.errors import StictionError
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import PRESETS, TrainCfg
 
+if TYPE_CHECKING:
+    from stiction.rma.run import RunDirectory
+
 DESCRIPTION = """Train a teacher (PPO, sees everything) and its student (sees what the robot measures) for a robot.
 
-Example: stiction train --method deception --friction-level 0.2 --out runs/deception
+A first look, some ten minutes on two cores; then results, some twenty:
+  stiction train --preset quick --method deception --friction-level 0.2 --out runs/first
+  stiction train --method deception --friction-level 0.2 --out runs/deception
 
-Stop it at any time; `stiction train --resume runs/deception` goes on from the last checkpoint. Watch it with
-`tensorboard --logdir runs`. Then: `stiction export runs/deception`."""
+Watch it: the terminal shows the time left and how the robots walk (`nohup stiction train ... 2> train.log &` writes a
+line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
+terms), walk/* (tracking error, tripod share, falls), latent/explained (1: the history tells all that the privileged
+encoder says), estimator/velocity_error [m/s], friction/low, high and mean (multipliers of the nominal friction),
+terrain/*. A short clip of the policy at 0.5 m/s appears in clips/ every 100 iterations.
+
+Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
+iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for
+bit. A run that diverges ends with status 1 and says what it saw, since when, and what to try.
+
+The run holds config.json, metrics.jsonl (a line an iteration), tensorboard/, checkpoints/, clips/, curves.png and, when
+it is finished, summary.json. Next: `stiction export runs/deception`."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +46,8 @@ class Train:
     config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
     """The whole configuration."""
     preset: Literal["full", "quick", "paper"] = "full"
-    """Defaults for everything else: `full` is what results are made with, `quick` is for a first look, `paper`
-    randomises the paper's table and no more."""
+    """Defaults for everything else. `full`: what results are made with, 700 iterations of the teacher and 240 of the
+    student. `quick`: for a first look, 350 and 80. `paper`: as `full`, and randomises the paper's table and no more."""
     out: Path = Path("runs/train")
     """Folder of the run."""
     friction_from: Path | None = None
@@ -40,7 +55,7 @@ class Train:
     resume: Path | None = None
     """Continue the run in this folder; all other options come from its config.json."""
     json: bool = False
-    """Print summary.json on standard output, and nothing else."""
+    """Print the summary on standard output, and nothing else there; progress goes to standard error."""
 
 
 def _preset(arguments: list[str]) -> str:
@@ -102,43 +117,90 @@ def main(arguments: list[str]) -> int:
     default = Train(config=PRESETS[_preset(arguments)])
     options = tyro.cli(Train, args=arguments, prog="stiction train", description=DESCRIPTION, default=default)
 
-    import numpy as np
+    if options.resume is not None:
+        return _resume(options, arguments)
+    return _run(options, *_begin(options, arguments))
 
-    from stiction.cli.progress import training_progress
-    from stiction.report.training import draw_training
+
+def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg]:
+    """Make the folder of a new run."""
     from stiction.rma.run import RunDirectory
-    from stiction.rma.runner import train
     from stiction.robots.catalog import find_robot
 
-    if options.resume is not None:
-        _only_resume(arguments)
-        run = RunDirectory(options.resume)
-        run.resume()
-        cfg, identified = run.config(), run.header()["identified"]
-    else:
-        cfg = options.config
-        if options.friction_from is not None:
-            cfg = _friction_from(options.friction_from, cfg, arguments)
-        if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
-            raise StictionError(
-                f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
-                "use --method none, or a level above 0"
-            )
-        cfg.task.randomization.check_robot(find_robot(cfg.task.robot))
-        identified = _identified(cfg.joints, cfg.task.robot)
-        run = RunDirectory.create(options.out, cfg, shlex.join(["stiction", "train", *arguments]), identified)
-    values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
-    with training_progress(cfg, quiet=options.json) as progress:
-        summary = train(cfg, run, values, progress)
-    curves = draw_training(run.path)
-    if options.json:
-        print(json.dumps(summary))
-    else:
-        student = summary["last"]["student"]
-        print(
-            f"student in {run.path}: tracking error {student['walk/tracking_error']:.3f} m/s, "
-            f"tripod share {student['walk/tripod_share']:.0%}, {summary['seconds'] / 60:.1f} min\n"
-            f"curves: {curves}\nnext: stiction export {run.path}",
-            file=sys.stderr,
+    cfg = options.config
+    if options.friction_from is not None:
+        cfg = _friction_from(options.friction_from, cfg, arguments)
+    if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
+        raise StictionError(
+            f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
+            "use --method none, or a level above 0"
         )
+    cfg.task.randomization.check_robot(find_robot(cfg.task.robot))
+    identified = _identified(cfg.joints, cfg.task.robot)
+    command = shlex.join(["stiction", "train", *arguments])
+    return RunDirectory.create(options.out, cfg, command, identified), cfg
+
+
+def _resume(options: Train, arguments: list[str]) -> int:
+    """Go on with a run; say so and do nothing where it is finished."""
+    from stiction.rma.run import RunDirectory
+
+    assert options.resume is not None
+    _only_resume(arguments)
+    run = RunDirectory(options.resume)
+    cfg = run.config()
+    if run.finished:
+        print(f"stiction train: {run.path} is finished already; next: stiction export {run.path}", file=sys.stderr)
+        _report(run, run.summary(), options.json)
+        return 0
+    with run.writing():
+        run.resume()
+    return _run(options, run, cfg)
+
+
+def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
+    """Train, with progress, clips and an ear for signals; return the exit status."""
+    import numpy as np
+
+    from stiction.cli.interruption import stop_requests
+    from stiction.cli.progress import training_progress
+    from stiction.rma.phase import Interrupted
+    from stiction.rma.runner import train
+    from stiction.transfer.film import Crew
+
+    identified = run.header()["identified"]
+    values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
+    with training_progress(cfg) as display, stop_requests(display.say, "this iteration") as asked:
+        crew = Crew(run.path, display.say)
+        try:
+            summary = train(cfg, run, values, display, asked, crew)
+            crew.finish()
+        except Interrupted as stop:
+            display.say(f"stiction train: {stop}")
+            return asked.status
+        finally:
+            crew.abandon()
+    _report(run, summary, options.json)
     return 0
+
+
+def _report(run: RunDirectory, summary: dict[str, Any], as_json: bool) -> None:
+    """Draw the curves of a finished run and print its summary."""
+    from stiction.report.training import draw_training
+
+    with run.writing():
+        curves = draw_training(run.path)
+    if as_json:
+        print(json.dumps(summary))
+        return
+    student = summary["last"]["student"]
+    early = "".join(
+        f"{phase} ended early, in iteration {stop['iteration']}: tracking error {stop['walk/tracking_error']:.3f} m/s\n"
+        for phase, stop in summary.get("stopped", {}).items()
+    )
+    print(
+        f"{early}student in {run.path}: tracking error {student['walk/tracking_error']:.3f} m/s, "
+        f"tripod share {student['walk/tripod_share']:.0%}, {summary['seconds'] / 60:.1f} min\n"
+        f"curves: {curves}\nnext: stiction export {run.path}",
+        file=sys.stderr,
+    )

@@ -83,7 +83,7 @@ class RunDirectory:
         walks badly and looks like a result.
         """
         newest, cfg = latest_checkpoint(self.checkpoints, phase), self.config()
-        iterations = {"teacher": cfg.teacher, "student": cfg.student}[phase].iterations
+        iterations = {"teacher": cfg.teacher.iterations, "student": cfg.student.iterations}[phase]
         iterations = self.summary().get("stopped", {}).get(phase, {}).get("iteration", iterations)
         stands = int(newest.stem.rpartition("_")[2]) if newest else 0
         if stands != iterations:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from stiction.deploy.check import check_bundle
 from stiction.deploy.policy import load_policy
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
+from stiction.sim.fleet import Fleet
 from stiction.transfer.command import parse_command
 from stiction.transfer.rollout import Rollout, friction_at, robot_of
 
@@ -87,34 +89,43 @@ def record_clip(bundle: Path, level: float, command: str, out: Path, seconds: fl
     return out
 
 
-def _render(bundle: Path, level: float, command: str, out: Path, seconds: float) -> None:
-    """Roll the bundle out, render every second step and write the clip."""
+def film(fleet: Fleet, advance: Callable[[], object], out: Path, seconds: float) -> None:
+    """Write a clip of the first robot of a fleet, with the ground that it has, to the WebP file `out`.
+
+    `advance` takes the fleet one control period further; the clip begins after `SETTLE` and lasts `seconds`. Needs
+    OpenGL; to be called in a process of its own.
+    """
     import mujoco
     from PIL import Image
 
+    model, _ = fleet.data(0)
+    camera = mujoco.MjvCamera()
+    camera.type, camera.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, model.body("base").id
+    for name, value in CAMERA.items():
+        setattr(camera, name, value)
+    frames = []
+    period = fleet.control_period
+    with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[flag] = 0
+        for step in range(round((SETTLE + seconds) / period)):
+            advance()
+            if step * period >= SETTLE and step % FRAME_EVERY == 0:
+                renderer.update_scene(fleet.data(0)[1], camera)
+                frames.append(Image.fromarray(renderer.render()))
+    duration = round(1000 * FRAME_EVERY * period)
+    frames[0].save(out, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=60, method=2)
+
+
+def _render(bundle: Path, level: float, command: str, out: Path, seconds: float) -> None:
+    """Roll the bundle out and film it."""
     loaded = check_bundle(bundle).bundle
     noise = seed_streams(0, ["clip"])["clip"]
     contract = loaded.contract
     policy, friction = load_policy(contract, loaded.policy, (1,)), friction_at(contract, np.array([level]))
     rollout = Rollout(contract, policy, robot_of(contract), friction, [noise])
     velocity = np.array([parse_command(command).velocity])
-    model, _ = rollout.fleet.data(0)
-    camera = mujoco.MjvCamera()
-    camera.type, camera.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, model.body("base").id
-    for name, value in CAMERA.items():
-        setattr(camera, name, value)
-    frames = []
-    period = rollout.fleet.control_period
-    with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
-        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
-            renderer.scene.flags[flag] = 0
-        for step in range(round((SETTLE + seconds) / period)):
-            rollout.step(velocity)
-            if step * period >= SETTLE and step % FRAME_EVERY == 0:
-                renderer.update_scene(rollout.fleet.data(0)[1], camera)
-                frames.append(Image.fromarray(renderer.render()))
-    duration = round(1000 * FRAME_EVERY * period)
-    frames[0].save(out, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=60, method=2)
+    film(rollout.fleet, lambda: rollout.step(velocity), out, seconds)
 
 
 if __name__ == "__main__":
