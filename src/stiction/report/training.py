@@ -53,6 +53,7 @@ def draw_training(run: Path) -> Path:
         axis.axvline(teacher + 0.5, color="#7d8590", linewidth=0.8, linestyle="--")
         axis.set_xlabel("iteration (student right of the dashed line)")
         axis.set_ylabel(label)
+        axis.set_xlim(0.5, len(rows) + 0.5)
         if len(names) > 1:
             legend(axis)
     for axis in axes[len(panels) :]:
