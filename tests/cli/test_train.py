@@ -1,11 +1,15 @@
 """`stiction train` as a user runs it, with good and with bad input."""
 
 import json
+import os
+import signal
 from pathlib import Path
 
 import pytest
 
+from stiction.cli.interruption import stop_requests
 from stiction.cli.main import main
+from stiction.cli.progress import Display
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.formats.training import write_training
 from stiction.identify.proposal import propose
@@ -30,7 +34,8 @@ def test_a_run_leaves_what_the_design_says(tmp_path: Path, capsys: pytest.Captur
     assert friction | {"method": "direct", "level": 0.1, "law": "coulomb", "per": "robot"} == friction
     assert config["seed"] == 0 and config["command"].startswith("stiction train")
     assert len((out / "metrics.jsonl").read_text().splitlines()) == 2
-    assert list((out / "tensorboard").iterdir()) and (out / "summary.json").exists() and (out / "curves.png").exists()
+    assert {path.name for path in (out / "tensorboard").iterdir()} == {"teacher", "student"}
+    assert (out / "summary.json").exists() and (out / "curves.png").exists()
     assert sorted(p.suffix for p in (out / "checkpoints").iterdir()) == [
         ".json",
         ".json",
@@ -112,6 +117,81 @@ def test_a_bad_proposal_is_one_line(
     assert said in error and error.count("\n") == 1 and not (tmp_path / "run").exists()
 
 
+def test_a_signal_ends_the_run_where_it_can_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C and SIGTERM: a checkpoint, the way on, the status of a signal; afterwards the signals are as before."""
+    out = tmp_path / "run"
+    arguments = [*SMALL, "--method", "none", "--out", str(out)]
+    before = signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)
+    show = Display.__call__
+    for number in (signal.SIGTERM, signal.SIGINT):
+
+        def send(self: Display, *figures, number=number) -> None:
+            show(self, *figures)
+            os.kill(os.getpid(), number)
+
+        if number == signal.SIGINT:
+            arguments = [*SMALL, "--student.iterations", "2", "--method", "none", "--out", str(tmp_path / "other")]
+        with monkeypatch.context() as patch:
+            patch.setattr(Display, "__call__", send)
+            assert main(["train", *arguments]) == 128 + number
+        captured = capsys.readouterr()
+        assert captured.out == ""
+        assert "stopping after this iteration" in captured.err
+        assert "stopped after iteration 1 of 1 of the teacher" in captured.err and "--resume" in captured.err
+    assert (signal.getsignal(signal.SIGTERM), signal.getsignal(signal.SIGINT)) == before
+    assert main(["train", "--resume", str(out)]) == 0
+    assert "next: stiction export" in capsys.readouterr().err
+
+
+def test_a_second_signal_does_not_wait() -> None:
+    """A rollout of thousands of robots can take a minute: who presses Ctrl-C twice means it."""
+    said: list[str] = []
+    with stop_requests(said.append, "this iteration") as asked:
+        os.kill(os.getpid(), signal.SIGINT)
+        assert asked() and asked.status == 130 and len(said) == 1
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_a_finished_run_says_so(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A script that resumes whatever it finds must neither fail nor train again on a run that is done."""
+    out = tmp_path / "run"
+    assert main(["train", *SMALL, "--method", "none", "--out", str(out)]) == 0
+    first = json.loads(capsys.readouterr().out)
+    written = {path: path.read_bytes() for path in out.rglob("*.json*")}
+    (out / "curves.png").unlink()
+    assert main(["train", "--resume", str(out), "--json"]) == 0
+    captured = capsys.readouterr()
+    again = json.loads(captured.out)
+    assert again == again | first and "finished already" in captured.err
+    assert {path: path.read_bytes() for path in out.rglob("*.json*")} == written and (out / "curves.png").exists()
+
+
+def test_a_run_that_reached_its_target_is_exported(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Both phases end in their first iteration of three, and the bundle is of a finished run."""
+    out = tmp_path / "run"
+    more = ["--teacher.iterations", "3", "--student.iterations", "3", "--method", "none", "--out", str(out)]
+    target = ["--stop-at-tracking-error", "100", "--stop.iterations", "1", "--stop.falls", "100"]
+    assert main(["train", *SMALL, *more, *target]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert {name: stop["iteration"] for name, stop in summary["stopped"].items()} == {"teacher": 1, "student": 1}
+    assert main(["export", str(out), "--out", str(tmp_path / "bundle")]) == 0
+
+
+def test_help_teaches(capsys: pytest.CaptureFixture) -> None:
+    """What to type, what to watch, how to stop and go on: the first thing that people read."""
+    with pytest.raises(SystemExit) as stop:
+        main(["train", "--help"])
+    assert stop.value.code == 0
+    text = capsys.readouterr().out
+    for word in ("--preset quick", "tensorboard --logdir", "Ctrl-C", "--resume", "clips/", "diverges", "metrics.jsonl"):
+        assert word in text, word
+    for flag in ("--video-every", "--stop-at-tracking-error"):
+        assert flag in text, flag
+
+
 def test_resume_with_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """They would be ignored without a word; --json is no setting of the run."""
     for other in (["--seed", "3"], ["--preset=quick"], ["--out", str(tmp_path)], ["--teacher.iterations", "9"]):
@@ -130,6 +210,8 @@ def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.Cap
         (["--method", "direct", "--friction-level", "0"], "--method none"),
         (["--num-envs", "0"], "num_envs"),
         (["--checkpoint-every", "0"], "checkpoint_every"),
+        (["--video-every", "-1"], "video_every"),
+        (["--stop-at-tracking-error", "0"], "stop.tracking_error"),
         (["--student.iterations", "0"], "student.iterations"),
         (["--task.commands.interval", "0"], "new commands every 0.0 s"),
         (["--task.randomization.payload", "3", "-2"], "payload"),

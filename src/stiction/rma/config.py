@@ -138,7 +138,7 @@ class TrainCfg:
     """Iterations between checkpoints."""
     video_every: int = 0
     """Iterations between short clips of the policy, in `clips/`; 0: none. They are rendered by a process of their own
-    from a checkpoint and change nothing in the training; each takes some ten seconds of one core. The presets have
+    from a checkpoint and change nothing in the training; each takes some seven seconds of one core. The presets have
     clips, for people like to see what they train; this default has none, for nobody looks at those of an experiment."""
     stop: StopCfg = field(default_factory=StopCfg)
 

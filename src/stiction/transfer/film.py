@@ -1,7 +1,7 @@
 """Clips of a training run while it goes on: what the policy of a checkpoint does, as an animated WebP.
 
-Each clip is made from a copy of a checkpoint by a process of its own, at the lowest priority: the training shares
-nothing with it, waits for nothing, and is the same with and without. All clips of a run show the same robot, drawn once
+Each clip is made from a copy of a checkpoint by a process of its own, at a low priority: the training shares
+nothing with it, waits for it only at its very end, and is the same with and without. All clips of a run show the same robot, drawn once
 from the run's ranges, told to walk at `FORWARD` without pushes or exploration noise, with the friction of the stage in
 which the checkpoint was written. What changes from clip to clip is the policy.
 """
@@ -30,8 +30,11 @@ FORWARD = 0.5
 SECONDS = 4.0
 """Length of a clip [s]."""
 
-TIMEOUT = 300.0
-"""Longest that a clip may take [s], at the lowest priority beside a training on all cores."""
+PRIORITY = 10
+"""Nice value of the process that films: a tenth of a core where training occupies all of them."""
+
+TIMEOUT = 600.0
+"""Longest that a clip may take [s]; it takes some 7 s of one core, 10 times as long beside a training on all cores."""
 
 
 @dataclass(frozen=True)
@@ -174,5 +177,5 @@ def _render(run: Path, checkpoint: Path, out: Path) -> None:
 
 
 if __name__ == "__main__":
-    os.nice(19)
+    os.nice(PRIORITY)
     _render(Path(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3]))

@@ -1,0 +1,102 @@
+"""Progress: the time left of the whole run, and lines that a log file can keep."""
+
+import io
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from stiction.cli.eta import RunClock, span
+from stiction.cli.progress import Display, figures_line
+from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.friction import FrictionCfg
+from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
+
+CFG = TrainCfg(
+    task=TaskCfg(friction=FrictionCfg("deception", level=0.2)),
+    teacher=TeacherCfg(iterations=100, steps=24, epochs=4),
+    student=StudentCfg(iterations=50, steps=12, epochs=2),
+)
+FIGURES = {
+    "reward": 0.04,
+    "walk/tracking_error": 0.171,
+    "walk/tripod_share": 0.52,
+    "walk/falls": 0.0,
+    "friction/stage": 0.0,
+    "friction/low": 0.0,
+    "friction/high": 1.2,
+    "env_steps_per_second": 5321.4,
+    "rollout_seconds": 1.0,
+    "seconds": 2.0,
+}
+
+
+def test_the_time_left_covers_both_phases() -> None:
+    """Ten iterations of 2 s done of 100, and a student not yet measured: half the steps, (12/24)·2/5 of the passes.
+
+    90·2 + 50·(0.5 + 1·0.2) = 215 s. Once the student is measured, its own rate counts.
+    """
+    clock = RunClock(CFG)
+    for _ in range(10):
+        clock.add("teacher", FIGURES)
+    assert clock.remaining("teacher", 10) == pytest.approx(215.0)
+    clock.add("student", FIGURES | {"seconds": 3.0})
+    assert clock.remaining("student", 10) == pytest.approx(120.0)
+
+
+def test_the_time_left_follows_a_machine_that_slows_down() -> None:
+    """Only the last 20 iterations count: 21 of 4 s after many of 2 s."""
+    clock = RunClock(CFG)
+    for seconds in [2.0] * 50 + [4.0] * 21:
+        clock.add("student", FIGURES | {"seconds": seconds})
+    assert clock.rate("student") == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(45.2, "45 s"), (90.0, "2 min"), (3570, "1 h 00 min"), (11_100.0, "3 h 05 min")],
+)
+def test_times_are_said_as_people_say_them(seconds: float, text: str) -> None:
+    """Nobody reads 11100 s."""
+    assert span(seconds) == text
+
+
+def test_a_file_gets_a_line_every_half_minute() -> None:
+    """A log of a night must show that the run goes on, in few lines: begin, every 30 s, end of each phase."""
+    now, file = [0.0], io.StringIO()
+    display = Display(CFG, Console(file=file, width=40), clock=lambda: now[0])
+    for iteration in range(1, 101):
+        now[0] += 2.0
+        display("teacher", iteration, 100, FIGURES)
+    display("student", 1, 50, FIGURES)
+    lines = file.getvalue().splitlines()
+    assert [line.partition(":")[0] for line in lines] == [
+        *(f"teacher {i}/100" for i in (1, 16, 31, 46, 61, 76, 91, 100)),
+        "student 1/50",
+    ]
+    assert lines[0] == (
+        "teacher 1/100: 4 min left, 5,321 env-steps/s, reward 0.0400, error 0.171 m/s, tripod 52%, falls 0.000/s, "
+        "friction 0 to 0.24"
+    )
+
+
+def test_a_terminal_shows_bars_and_no_lines() -> None:
+    """Lines between the bars would tear the display apart."""
+    file = io.StringIO()
+    console = Console(file=file, force_terminal=True, width=100)
+    display = Display(CFG, console)
+    display("teacher", 7, 100, FIGURES)
+    assert file.getvalue() == ""
+    console.print(display.view)
+    shown = file.getvalue()
+    assert "7/100" in shown and "0/50" in shown and "left" in shown and "error 0.171 m/s" in shown
+
+
+def test_the_line_tells_stage_and_terrain() -> None:
+    """What the robots meet changes in a run: friction by its schedule, terrain by the curriculum."""
+    staged = replace(CFG, task=TaskCfg(friction=FrictionCfg("iterative", level=None, steps=4)))
+    figures = FIGURES | {"friction/stage": 2.0, "friction/low": 0.4, "friction/high": 0.6, "terrain/level": 3.25}
+    line = figures_line(staged, figures)
+    assert line.endswith("terrain level 3.25, friction ×0.4 to ×0.6 (stage 3 of 5)")
+    without = replace(CFG, task=TaskCfg(friction=FrictionCfg("none")))
+    assert "friction" not in figures_line(without, FIGURES)
