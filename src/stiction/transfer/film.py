@@ -1,9 +1,9 @@
 """Clips of a training run while it goes on: what the policy of a checkpoint does, as an animated WebP.
 
-Each clip is made from a copy of a checkpoint by a process of its own, at a low priority: the training shares
-nothing with it, waits for it only at its very end, and is the same with and without. All clips of a run show the same robot, drawn once
-from the run's ranges, told to walk at `FORWARD` without pushes or exploration noise, with the friction of the stage in
-which the checkpoint was written. What changes from clip to clip is the policy.
+Each clip is made from a copy of a checkpoint by a process of its own, at a low priority: the training shares nothing
+with it, waits for it only at its very end, and is the same with and without. All clips of a run show the same robot,
+drawn once from the run's ranges, told to walk at `FORWARD` without pushes or exploration noise, with the friction of
+the stage in which the checkpoint was written. What changes from clip to clip is the policy.
 """
 
 from __future__ import annotations
