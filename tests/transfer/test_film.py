@@ -89,6 +89,26 @@ def test_what_is_filmed_is_the_task_with_one_command() -> None:
     assert filmed.friction == task.friction and filmed.randomization.payload == task.randomization.payload
 
 
+def test_the_robot_of_a_clip_stands_on_the_level_that_was_reached() -> None:
+    """Four robots of sixteen are on flat ground and have no level; the others are on 6: stairs, and the step is 12 cm.
+
+    Levels are moved by the way walked, which for a robot that has just begun would be down.
+    """
+    import torch
+
+    from stiction.locomotion.env import LocomotionEnv
+    from stiction.locomotion.terrain import TerrainCfg
+    from stiction.transfer.film import _to_level
+
+    env = LocomotionEnv(filmed_task(TaskCfg(robot="go1", terrain=TerrainCfg(kind="stairs"))), 1, seed=0)
+    _to_level(env, {"level": torch.tensor([0] * 4 + [6] * 12)})
+    for _ in range(2):
+        env.step(torch.zeros(1, env.num_actions))
+    assert env.course is not None
+    assert env.course.level.tolist() == [6] and int(env.episode_length_buf[0]) == 1
+    assert 0.6 <= env.course.terrain.difficulty[0] < 0.7
+
+
 @pytest.mark.slow
 def test_a_training_run_leaves_clips_that_move(tmp_path: Path) -> None:
     """The whole way: a checkpoint of each phase, another process, OpenGL, a file."""

@@ -15,6 +15,7 @@ PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     ("tripod share while moving", {"walk/tripod_share": "tripod"}),
     ("falls [1/s]", {"walk/falls": "falls"}),
     ("terrain level", {"terrain/level": "level"}),
+    ("step height [m]", {"terrain/step_height": "mean", "terrain/step_height_best_tenth": "best tenth"}),
     (
         "friction over nominal",
         {"friction/high": "largest", "friction/mean": "mean of the robots", "friction/low": "smallest"},

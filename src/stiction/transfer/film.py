@@ -3,7 +3,8 @@
 Each clip is made from a copy of a checkpoint by a process of its own, at a low priority: the training shares nothing
 with it, waits for it only at its very end, and is the same with and without. All clips of a run show the same robot,
 drawn once from the run's ranges, told to walk at `FORWARD` without pushes or exploration noise, with the friction of
-the stage in which the checkpoint was written. What changes from clip to clip is the policy.
+the stage in which the checkpoint was written, on the mean terrain level that was reached. What else changes from clip
+to clip is the policy.
 """
 
 from __future__ import annotations
@@ -17,12 +18,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from stiction.transfer.clip import film, opengl_environment
 
 if TYPE_CHECKING:
     from stiction.locomotion.config import TaskCfg
+    from stiction.locomotion.env import LocomotionEnv
 
 FORWARD = 0.5
 """Commanded speed [m/s]."""
@@ -140,11 +142,29 @@ class Crew:
 
 
 def filmed_task(task: TaskCfg) -> TaskCfg:
-    """Return the task as it is filmed: one command, no pushes, all else as trained."""
+    """Return the task as it is filmed: one command, no pushes, terrain levels that stay, all else as trained."""
     commands = replace(
         task.commands, forward=(FORWARD, FORWARD), sideways=(0.0, 0.0), turn=(0.0, 0.0), standing_share=0.0
     )
-    return replace(task, commands=commands, randomization=replace(task.randomization, push_interval=0.0))
+    terrain = replace(task.terrain, speed=(FORWARD, FORWARD), promote_above=float("inf"), demote_below=0.0)
+    calm = replace(task.randomization, push_interval=0.0)
+    return replace(task, commands=commands, randomization=calm, terrain=terrain)
+
+
+def _to_level(env: LocomotionEnv, course: dict[str, Any]) -> None:
+    """Begin the robot's episode anew on the mean terrain level of the robots in a checkpoint's `course`."""
+    import numpy as np
+
+    from stiction.locomotion.terrain import SHARES
+    from stiction.sim.terrain import KINDS, assign
+
+    assert env.course is not None
+    level = np.asarray(course["level"])
+    climbs = assign(SHARES[env.cfg.terrain.kind], len(level)) != KINDS.index("flat")
+    env.course.level[:] = round(float(level[climbs].mean()))
+    # An episode that covered what was asked, and is over with the next step, begins anew on the level that it was on.
+    env.course.covered[:] = env.course.asked[:] = 1.0
+    env.episode_length_buf = env.episode_length_buf + env.max_episode_length
 
 
 def _render(run: Path, checkpoint: Path, out: Path) -> None:
@@ -163,9 +183,11 @@ def _render(run: Path, checkpoint: Path, out: Path) -> None:
     values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
     actor = load_actor(directory, checkpoint.stem.partition("_")[0], checkpoint)
     env = LocomotionEnv(filmed_task(cfg.task), 1, stream_seed(cfg.seed, "clip"), 1, values)
-    stage = load_checkpoint(checkpoint)["environment"]["stage"]
-    if stage != env.stage:
-        env.enter_stage(stage)
+    trained = load_checkpoint(checkpoint)["environment"]
+    if trained["stage"] != env.stage:
+        env.enter_stage(trained["stage"])
+    if trained.get("course"):
+        _to_level(env, trained["course"])
 
     def advance() -> None:
         with torch.no_grad():
