@@ -72,8 +72,8 @@ class TerrainCfg:
             raise StictionError(f"terrain {self.kind!r}: expected one of {', '.join(get_args(TerrainName))}")
         if not 0 <= self.first_level < self.levels or not 0 <= self.demote_below <= self.promote_above:
             raise StictionError(
-                f"{self.levels} terrain levels, first ones up to {self.first_level}, demotion under {self.demote_below}, "
-                f"promotion above {self.promote_above}: expected them in that order"
+                f"{self.levels} terrain levels, the first up to {self.first_level}, demotion under "
+                f"{self.demote_below}, promotion above {self.promote_above}: expected them in that order"
             )
         if not 0 < self.speed[0] <= self.speed[1]:
             raise StictionError(f"speed on terrain {self.speed}: expected a lower and an upper end above 0 [m/s]")
