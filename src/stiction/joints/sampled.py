@@ -1,0 +1,119 @@
+"""A joint under a PD controller as a computer runs it: torque computed once a period and held, from a late velocity.
+
+Between two samples the torque is constant, so the motion is known in closed form, and a stop inside the period too.
+What makes it differ from the PD law in continuous time: the torque is on average half a period late, and the velocity
+may come later still, through a filter or from a bus. To first order, kd θ'(t − δ) is kd θ' − kd δ θ'': the late part
+of k kd acts as an inertia of −k kd δ. Viscous friction is a thing of the joint and never late.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import expm1, log1p
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.joints.friction import Coulomb
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Joint, Trajectory
+
+SMALL = 1e-3
+"""Time constants under which the answer to a constant torque is taken from its series, which is then exact."""
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How the controller samples."""
+
+    period: float
+    """Time between two torques [s]."""
+    late: int = 0
+    """Periods by which the velocity that the controller uses is late [1]."""
+    cutoff: float = float("inf")
+    """First-order low-pass on the velocity, its cut-off frequency [Hz]; infinite for none."""
+
+    def __post_init__(self) -> None:
+        """Refuse a controller that no computer runs."""
+        if not (0 < self.period < np.inf and self.late >= 0 and self.cutoff > 0):
+            raise StictionError(
+                f"controller with period {self.period} s, velocity {self.late} periods late, cut-off {self.cutoff} Hz: "
+                "expected a positive period, no negative lateness and a positive cut-off"
+            )
+
+    @property
+    def pass_share(self) -> float:
+        """Share of the newest velocity in the filtered one, 1 − exp(−2π cutoff period)."""
+        return -expm1(-2.0 * np.pi * self.cutoff * self.period)
+
+
+def slide(joint: Joint, force: float, position: float, velocity: float, span: float) -> tuple[float, float]:
+    """Return θ and θ' after `span` seconds of I θ'' = force − B θ', force constant [N m]."""
+    x = joint.viscous * span / joint.inertia
+    first = -expm1(-x) / x if x > SMALL else 1.0 - x / 2.0 + x**2 / 6.0 - x**3 / 24.0
+    second = (1.0 - first) / x if x > SMALL else 0.5 - x / 6.0 + x**2 / 24.0
+    push = force / joint.inertia
+    return position + span * (velocity * first + push * span * second), velocity * (1.0 - x * first) + push * span * first
+
+
+def hold(joint: Joint, torque: float, dry: float, state: tuple[float, float], span: float) -> tuple[float, float]:
+    """Return θ and θ' after `span` seconds under a constant torque; dry: Coulomb friction, also at rest [N m]."""
+    position, velocity = state
+    if velocity != 0.0:
+        force = torque - np.sign(velocity) * dry
+        if force * velocity < 0:
+            x = -velocity * joint.viscous / force
+            stop = -joint.inertia * velocity / force * (log1p(x) / x if x > 1e-12 else 1.0)
+            if stop < span:
+                position, velocity, span = slide(joint, force, position, velocity, stop)[0], 0.0, span - stop
+    if velocity == 0.0:
+        if abs(torque) <= dry:
+            return position, 0.0
+        force = torque - np.sign(torque) * dry
+    return slide(joint, force, position, velocity, span)
+
+
+def simulate_sampled(
+    joint: Joint, gains: PDGains, sampling: Sampling, target: np.ndarray, effort: float = 0.0
+) -> Trajectory:
+    """Simulate from rest at θ = 0; the result is at the controller's samples, its torque held after each.
+
+    target: a at each period [rad], shape (num_samples,); effort: friction per drive torque, c of the law
+    b_c + c |τ| [1]. Raises `StictionError` for another law of friction than Coulomb's, a weight, or negative B.
+    """
+    if not isinstance(joint.friction, Coulomb) or joint.gravity is not None or joint.viscous < 0:
+        raise StictionError("the sampled controller is simulated with B ≥ 0 and Coulomb friction, without gravity")
+    made = np.empty((3, len(target)))
+    state, heard, share = (0.0, 0.0), 0.0, sampling.pass_share
+    past = [0.0] * (sampling.late + 1)
+    for index, goal in enumerate(np.asarray(target, float).tolist()):
+        past = [*past[1:], state[1]]
+        heard += share * (past[0] - heard)
+        asked = gains.strength * (gains.kp * (goal - state[0]) - gains.kd * heard)
+        torque = min(max(asked, -gains.torque_limit), gains.torque_limit)
+        made[:, index] = *state, torque
+        dry = joint.friction.level + effort * abs(torque)
+        state = hold(joint, torque, dry, state, sampling.period)
+    return Trajectory(*made)
+
+
+def growth(joint: Joint, gains: PDGains, sampling: Sampling) -> float:
+    """Return by which factor a disturbance grows a period, without friction and limit; unstable above 1 [1].
+
+    The spectral radius of the loop with the state θ, θ', the late velocities and the filter's.
+    """
+    late, share = sampling.late, sampling.pass_share
+    zero = np.array([slide(joint, 0.0, *start, sampling.period) for start in ((1.0, 0.0), (0.0, 1.0))]).T
+    push = np.array(slide(joint, 1.0, 0.0, 0.0, sampling.period))
+    size = 3 + late
+    # Columns: θ, θ', then θ' of 1 to `late` periods ago, last what the filter gave one period ago.
+    used = np.zeros(size)
+    used[1 + late], used[-1] = share, 1.0 - share
+    torque = -gains.strength * (gains.kp * np.eye(size)[0] + gains.kd * used)
+    loop = np.zeros((size, size))
+    loop[:2, :2] = zero
+    loop[:2] += np.outer(push, torque)
+    for age in range(late):
+        loop[2 + age, 1 + age] = 1.0
+    loop[-1] = used
+    return float(np.abs(np.linalg.eigvals(loop)).max())
