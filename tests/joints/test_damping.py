@@ -34,7 +34,7 @@ def test_what_neither_has_cannot_be_moved(moved: float) -> None:
 
 @pytest.mark.parametrize("friction", [Coulomb(0.0), Coulomb(9.0), Stribeck(0.4, 0.8, 0.5)])
 def test_no_friction_law_of_speed_tells_them_apart(friction) -> None:
-    """The motion is the same to rounding with any f(θ'); the motor's torque differs by what was moved times the speed."""
+    """With any f(θ') the motion is the same; the motor's torque differs by what was moved times the speed."""
     joint = Joint(0.0145, 0.0704, friction)
     before = simulate(joint, GAINS, STEP, TARGET)
     after = simulate(*swapped(joint, GAINS, 2.25), STEP, TARGET)
@@ -63,7 +63,7 @@ def test_the_difference_is_that_of_the_worst_sample() -> None:
 
 
 def test_a_net_learns_kd_from_the_motor_and_the_sum_from_the_output() -> None:
-    """Motor-side logs teach k kp and k kd, output-side logs k kp and B + k kd: which is in the net depends on the log."""
+    """Motor-side logs teach k kp and k kd, output-side logs k kp and B + k kd: the log decides."""
     joint = Joint(0.0145, 0.0704, Coulomb(0.0))
     made = simulate(joint, GAINS, STEP, TARGET)
     motor = fit_net(TARGET - made.position, made.velocity, made.torque)

@@ -56,7 +56,9 @@ def test_a_late_derivative_gain_takes_inertia_off() -> None:
 
 
 @pytest.mark.parametrize(("late", "largest"), [(0, 2.0), (1, 1.0)])
-def test_a_derivative_gain_is_stable_up_to_a_period_that_viscous_friction_does_not_have(late: int, largest: float) -> None:
+def test_a_derivative_gain_is_stable_up_to_a_period_that_viscous_friction_does_not_have(
+    late: int, largest: float
+) -> None:
     """θ'ₖ₊₁ = θ'ₖ − (kd T/I) θ'ₖ diverges beyond kd T/I = 2, a period late beyond 1; all of it as B never does."""
     inertia, derivative = 0.0145, 2.5
     weak = 1e-9

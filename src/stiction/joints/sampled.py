@@ -53,7 +53,9 @@ def slide(joint: Joint, force: float, position: float, velocity: float, span: fl
     first = -expm1(-x) / x if x > SMALL else 1.0 - x / 2.0 + x**2 / 6.0 - x**3 / 24.0
     second = (1.0 - first) / x if x > SMALL else 0.5 - x / 6.0 + x**2 / 24.0
     push = force / joint.inertia
-    return position + span * (velocity * first + push * span * second), velocity * (1.0 - x * first) + push * span * first
+    return position + span * (velocity * first + push * span * second), velocity * (
+        1.0 - x * first
+    ) + push * span * first
 
 
 def hold(joint: Joint, torque: float, dry: float, state: tuple[float, float], span: float) -> tuple[float, float]:

@@ -1,0 +1,274 @@
+"""The page of the study of damping: where B and k kd are one number to a joint's motion, and where not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from stiction.formats.damping import (
+    EFFORT,
+    FILTERED,
+    FRICTION,
+    LATE,
+    LEVELS,
+    LIMIT,
+    SHARP,
+    DrawRow,
+    NetRow,
+    RobotRow,
+    SwapRow,
+)
+from stiction.formats.errors import StictionError
+from stiction.formats.results import write_summary
+from stiction.formats.rows import write_rows
+from stiction.report.page import COLORS, Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FLOOR = 1e-16
+"""Where a difference of exactly zero is drawn [rad]."""
+
+NOISE = 1e-12
+"""Difference up to which two motions count as the same, rounding apart [rad]."""
+
+PANELS = (
+    ((FRICTION, EFFORT), "dry friction, over torque limit or drive torque"),
+    ((LIMIT,), "torque limit, over largest torque asked for"),
+    ((SHARP, LATE, FILTERED), "control period [s]"),
+)
+"""Cases and horizontal axis of each panel."""
+
+
+@dataclass(frozen=True)
+class DampingResult:
+    """All that the study found."""
+
+    swaps: tuple[SwapRow, ...]
+    nets: tuple[NetRow, ...]
+    draws: tuple[DrawRow, ...]
+    robots: tuple[RobotRow, ...]
+
+
+def write_damping(out: Path, result: DampingResult, summary: dict[str, Any]) -> Path:
+    """Write the tables, the figure and the page into `out`; return the path of the page.
+
+    Raises:
+        StictionError: something cannot be written.
+
+    """
+    try:
+        for field, rows in vars(result).items():
+            write_rows(out / f"{field}.csv", rows)
+        write_summary(
+            out / "summary.json", summary | {name: [asdict(r) for r in v] for name, v in vars(result).items()}
+        )
+        draw_swaps(result.swaps).savefig(out / "damping.png", dpi=130, facecolor="white")
+        page = out / "report.html"
+        text = render_page("B and k·kd: one number?", sections(result, summary), lead(result))
+        page.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise StictionError(f"the study cannot be written to {out}: {error}; choose another --out") from error
+    return page
+
+
+def draw_swaps(rows: Sequence[SwapRow]) -> Figure:
+    """Return the largest difference of the angle over each case's level, half of k kd moved, B × 1.2 dashed."""
+    robots = list(dict.fromkeys(row.robot for row in rows))
+    figure, axes = new_figure(len(robots), len(PANELS), size=(4.2 * len(PANELS), 3.1 * len(robots)))
+    for index, axis in enumerate(axes):
+        robot, (cases, label) = robots[index // len(PANELS)], PANELS[index % len(PANELS)]
+        for case, color in zip(cases, COLORS, strict=False):
+            for swap, style in (("half of k·kd to B", "-"), ("B × 1.2", "--")):
+                chosen = [row for row in rows if (row.robot, row.case, row.swap) == (robot, case, swap)]
+                heights = [max(row.position_difference, FLOOR) for row in chosen]
+                name = case if style == "-" else None
+                axis.plot([r.level for r in chosen], heights, style, color=color, marker="o", markersize=3, label=name)
+        axis.set(title=robot, xlabel=label, yscale="log", ylim=(FLOOR / 3, 30.0))
+        if cases == (LIMIT,):
+            axis.invert_xaxis()
+        if SHARP in cases:
+            axis.set_xscale("log")
+        legend(axis)
+        if index % len(PANELS) == 0:
+            axis.set_ylabel("largest difference of the angle [rad]")
+    return figure
+
+
+def lead(result: DampingResult) -> str:
+    """Return the answer in a few sentences."""
+    free = max(row.position_difference for row in result.swaps if row.case == FRICTION)
+    levels = [row.level for row in result.swaps if row.case == FRICTION]
+    walking = [row.free_difference for row in result.robots if row.free_difference is not None]
+    limited = [row.limited_difference for row in result.robots if row.limited_difference is not None]
+    said = (
+        f"With dry friction up to {max(levels):.0%} of the torque limit, "
+        f"a swap between B and kd at equal B + k·kd moves the exactly simulated joint by {_size(free)}, and whole "
+        f"simulated robots whose motors stay under their limits by at most {_size(max(walking))}."
+    )
+    if limited:
+        said += f" Once a motor reaches its limit, angles part by up to {max(limited):.2f} rad within a second."
+    return (
+        said + " A sampled controller, friction that grows with the drive torque and an Actuator Net tell them apart."
+    )
+
+
+def sections(result: DampingResult, summary: dict[str, Any]) -> list[Section]:
+    """Return the sections of the page."""
+    return [
+        Section("One joint", (paragraph(JOINT), picture(figure_uri(draw_swaps(result.swaps)), CAPTION))),
+        Section("In numbers", (swap_table(result.swaps), paragraph(READING), stability_table(result.swaps))),
+        Section("Whole robots, in the simulator of the training", (paragraph(ROBOTS), robot_table(result.robots))),
+        Section("What it means for randomisation", (paragraph(DRAWS), draw_table(result.draws), paragraph(WHICH))),
+        Section("What it means for an Actuator Net", (paragraph(NETS), net_table(result.nets), paragraph(SIDES))),
+        Section("What was run", (paragraph(f"Command: {summary['command']}"), paragraph(_made(summary)))),
+    ]
+
+
+JOINT = (
+    "I θ'' + B θ' = k (kp (a − θ) − kd θ') + f has B and kd in it as B + k·kd alone, whatever f(θ') is. Each point "
+    "is the same joint simulated twice, before and after damping was moved from kd to B: half of k·kd (solid), or as "
+    "much as the paper's randomisation adds at most, 20 % of B (dashed). The exact simulation adds the two numbers "
+    "before it computes, so its difference under dry friction is zero by construction; the checks from outside are the "
+    "sampled controller, whose difference falls with its period, and the robots further down."
+)
+CAPTION = (
+    "Largest difference of the angle within the motion; 1e-16 stands for exactly zero. Differences of the size of the "
+    "motion itself, at long periods, are unstable controllers."
+)
+READING = (
+    "A torque limit cuts kp (a − θ) − kd θ' as a whole and leaves B alone; a swap towards B also asks for more torque, "
+    "and so reaches the limit first. A sampled controller holds its torque: it acts half a period late, and later with "
+    "a late or filtered velocity, which to first order takes k·kd times the delay off the inertia. B is never late. "
+    "With long periods kd makes the loop unstable and B cannot. Below: the factor by which the sampled loop grows in a "
+    "period (above 1 it is unstable), as it is and with all of k·kd moved to B."
+)
+ROBOTS = (
+    "MuJoCo with the training's physics step and implicit integration, which treats joint damping and controller "
+    "damping as two things. Half of kd was moved to B in every joint. Robots that reached no torque limit within the "
+    "first second are counted apart from those that did: the limit alone decides. `Twins` start 1e-9 rad apart and "
+    "have no swap: what contacts make of rounding. Speeds show that what parts is the single motion, not the walk."
+)
+DRAWS = (
+    "B and kd both drawn (multipliers of 0.8 to 1.2), kd alone drawn so that B + k·kd is the same number joint by "
+    "joint, and with B alone drawn over its own 0.8 to 1.2. `spread` is what a policy would meet: the "
+    "standard deviation of the angle. `pairs` is the largest difference between joints of the same sum."
+)
+WHICH = (
+    "So randomising both gives what randomising one gives, but the one must be kd (or the motor's strength, which "
+    "scales k·kd and kp alike): the same multipliers on B alone move the sum by a few per cent of what they move it by "
+    "on kd, and to cover kd's range B would have to become negative. Under a torque limit and in a sampled loop the "
+    "pairs part, yet by far less than the spread: the distribution stays the same there too."
+)
+NETS = (
+    "A linear net, torque = w1 (a − θ) − w2 θ', fitted by least squares to the torque of a logged joint, then put into "
+    "a simulated joint in place of the PD law. A network with hidden layers would learn friction and limits too; where "
+    "the damping ends up is the same for both. `motor_side`: the torque before B and friction take their share, the "
+    "simulation keeps dry friction; `output_side`: what is left after them, the simulation has none. B of the "
+    "simulation is the logged joint's own, one with half of k·kd more (a swapped partner's, whose motion was the "
+    "same), or none."
+)
+SIDES = (
+    "A motor-side net knows kd and nothing of B: it reproduces the joint with that joint's own B, and with the B of a "
+    "joint that moves exactly alike it does not. An output-side net knows B + k·kd: with a B beside it damping counts "
+    "twice. So with a net in the loop kd cannot be drawn, drawing B is the only way to vary the damping, and the log "
+    "must say on which side its torque was. Dry friction in an output-side log turns up as damping in a linear net."
+)
+
+
+def swap_table(rows: Sequence[SwapRow]) -> Markup:
+    """Return the differences as a table: robot, case and level down, swaps across."""
+    names = list(dict.fromkeys(row.swap for row in rows))
+    cells: dict[tuple[str, str, float], list[str]] = {}
+    for row in rows:
+        cells.setdefault((row.robot, row.case, row.level), []).append(_size(row.position_difference, unit=False))
+    lines = [[f"{robot}, {case}", f"{level:g}", *sizes] for (robot, case, level), sizes in cells.items()]
+    caption = f"Largest difference of the angle [rad]. Levels: {'; '.join(f'{k}: {v}' for k, v in LEVELS.items())}."
+    return table(["joint and case", "level", *names], lines, caption)
+
+
+def stability_table(rows: Sequence[SwapRow]) -> Markup:
+    """Return how the sampled loops grow, before and after all of k kd went to B."""
+    lines = [
+        [f"{row.robot}, {row.case}", f"{row.level:g}", f"{row.growth:.3f}", f"{row.growth_swapped:.3f}"]
+        for row in rows
+        if row.growth is not None and row.growth_swapped is not None and row.swap.startswith("all")
+    ]
+    return table(["joint and case", "period [s]", "with kd", "with B"], lines)
+
+
+def robot_table(rows: Sequence[RobotRow]) -> Markup:
+    """Return what whole robots did."""
+    lines = [
+        [
+            row.policy,
+            row.command,
+            f"{row.friction_level:.0%}",
+            f"{row.saturated_share:.2%}",
+            "–" if row.speed is None else f"{row.speed:.3f}",
+            "–" if row.speed_swapped is None else f"{row.speed_swapped:.3f}",
+            str(row.free_robots),
+            "–" if row.free_difference is None else _size(row.free_difference, unit=False),
+            str(row.limited_robots),
+            "–" if row.limited_difference is None else _size(row.limited_difference, unit=False),
+            _size(row.twin_difference, unit=False),
+        ]
+        for row in rows
+    ]
+    header = ["driven by", "command or robot", "friction", "motors at limit", "speed [m/s]", "swapped [m/s]"]
+    return table([*header, "robots under", "difference [rad]", "robots at limit", "difference [rad]", "twins"], lines)
+
+
+def draw_table(rows: Sequence[DrawRow]) -> Markup:
+    """Return what drawn damping does."""
+    lines = [
+        [
+            f"{row.robot}, {row.situation}",
+            row.way,
+            f"{row.damping_std:.4f}",
+            f"{row.spread:.6f}",
+            "–" if row.pair_difference is None else _size(row.pair_difference, unit=False),
+        ]
+        for row in rows
+    ]
+    return table(["joint and situation", "drawn", "std of B + k·kd [N m s/rad]", "spread [rad]", "pairs [rad]"], lines)
+
+
+def net_table(rows: Sequence[NetRow]) -> Markup:
+    """Return what nets in simulations do."""
+    lines = [
+        [
+            f"{row.robot}, friction {row.friction_level:.2%}",
+            row.log,
+            row.simulated,
+            f"{row.damping:.4f}",
+            f"{row.total:.4f}",
+            f"{row.true_total:.4f}",
+            _size(row.position_difference, unit=False),
+        ]
+        for row in rows
+    ]
+    header = ["logged joint", "torque", "B of the simulation", "w2", "w2 + B", "true B + k·kd"]
+    return table([*header, "difference [rad]"], lines, "Damping in N m s/rad.")
+
+
+def _size(value: float, unit: bool = True) -> str:
+    """Return an angle [rad] in words: nothing, rounding, or two digits."""
+    if value == 0.0:
+        return "exactly nothing" if unit else "0"
+    text = f"{value:.0e}" if value < NOISE else f"{value:.2g}"
+    return f"{text} rad" if unit else text
+
+
+def _made(summary: dict[str, Any]) -> str:
+    """Return by what the numbers were made."""
+    return (
+        f"Revision {summary['revision']}, {summary['seconds']:.0f} s on {summary['machine']['cpu']}. Joints: those of "
+        f"the robots' specifications, without links, at their measured dry friction unless said otherwise; target: "
+        f"{summary['study']['amplitude']:g} rad at {summary['study']['frequency']:g} Hz, held for "
+        f"{summary['study']['hold']:g} s. Everything here is simulation."
+    )
