@@ -7,6 +7,7 @@ import sys
 
 STUDIES: dict[str, str] = {
     "stairs": "how high a policy climbs, without and with joint friction",
+    "gait": "which feet are down when, with and without the two gait rewards",
     "damping": "B and k·kd as one number to a joint: where that holds, and where it fails",
 }
 """Study -> what it answers. The module is `stiction.cli.studies.<name>`."""

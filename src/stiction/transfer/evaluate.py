@@ -20,6 +20,7 @@ from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
 from stiction.formats.results import ResultRow
 from stiction.locomotion.config import NoiseCfg
+from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
 from stiction.transfer.command import Command, parse_command
 from stiction.transfer.metrics import Metrics, Recording, measure
@@ -143,6 +144,42 @@ def evaluate_bundle(
         StictionError: the bundle does not fit the robot, or the delay is longer than its model holds.
 
     """
+    driven = drive_bundle(bundle, cfg, robot, threads, progress)
+    rows, measured = [], []
+    for level, command, part in driven.parts:
+        metrics = measure(part, command, driven.spec.groups(), driven.weight)
+        rows.append(_row(bundle, cfg, level, command, metrics))
+        measured.append(metrics)
+    return Evaluation(tuple(rows), tuple(measured), driven.blown_up)
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What a bundle's robots did."""
+
+    spec: RobotSpec
+    """The robot."""
+    weight: float
+    """Its weight [N]."""
+    parts: tuple[tuple[float, Command, Recording], ...]
+    """Of every friction level and command, in the order of the rows: level, command, measured part of the episodes."""
+    blown_up: int
+    """Simulations that became unstable."""
+
+
+def drive_bundle(
+    bundle: Bundle,
+    cfg: EvaluationCfg,
+    robot: str | None = None,
+    threads: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Driven:
+    """Drive a bundle over levels and commands and return what its robots did; arguments as in `evaluate_bundle`.
+
+    Raises:
+        StictionError: the bundle does not fit the robot, or the delay is longer than its model holds.
+
+    """
     contract = bundle.contract
     spec = robot_of(contract, robot)
     commands = cfg.parsed_commands
@@ -164,14 +201,12 @@ def evaluate_bundle(
     )
     first = round(cfg.settle / contract.control_period)
     weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
-    rows, measured = [], []
-    for index in range(len(cfg.friction_levels) * len(commands)):
-        part = recording.of(slice(index * cfg.episodes, (index + 1) * cfg.episodes), first)
-        command = commands[index % len(commands)]
-        metrics = measure(part, command, spec.groups(), weight)
-        rows.append(_row(bundle, cfg, cfg.friction_levels[index // len(commands)], command, metrics))
-        measured.append(metrics)
-    return Evaluation(tuple(rows), tuple(measured), blown_up)
+    cells = [(friction, command) for friction in cfg.friction_levels for command in commands]
+    parts = [
+        (friction, command, recording.of(slice(index * cfg.episodes, (index + 1) * cfg.episodes), first))
+        for index, (friction, command) in enumerate(cells)
+    ]
+    return Driven(spec, weight, tuple(parts), blown_up)
 
 
 def record(

@@ -159,5 +159,13 @@ def gait_shares(
         return None, None, None
     contact = recording.contact[moving]
     sets = [np.zeros(len(groups), dtype=bool), groups == 0, groups == 1]
-    flight, first, second = (float((contact == feet).all(axis=-1).mean()) for feet in sets)
+    flight, first, second = (set_share(contact, feet) for feet in sets)
     return flight, first, second
+
+
+def set_share(contact: np.ndarray, feet: np.ndarray) -> float:
+    """Return the share of steps in which the feet on the ground are exactly `feet`, as a set [-].
+
+    contact: bool, shape (num_steps, L), at least one step; feet: bool, shape (L,).
+    """
+    return float((contact == feet).all(axis=-1).mean())
