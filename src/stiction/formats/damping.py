@@ -97,7 +97,9 @@ class RobotRow:
     friction_level: float
     """Dry friction over torque limit in every joint [-]."""
     command: str
-    """Commanded velocity, empty in the air."""
+    """Commanded velocity; in the air the robot."""
+    limits: str
+    """The motors' torque limits: `own`, or `lifted`, a hundred times as high."""
     saturated_share: float
     """Share of joints and physics steps at the torque limit, without the swap, the first 2 s of a walk left out [-]."""
     speed: float | None

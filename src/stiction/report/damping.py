@@ -163,13 +163,14 @@ READING = (
 ROBOTS = (
     "MuJoCo with the training's physics step and implicit integration, which treats joint damping and controller "
     "damping as two things. Half of kd was moved to B in every joint. Robots that reached no torque limit within the "
-    "first second are counted apart from those that did: the limit alone decides. `Twins` start 1e-9 rad apart and "
-    "have no swap: what contacts make of rounding. Speeds show that what parts is the single motion, not the walk."
+    "first second (under) are counted apart from those that did (at limit); with lifted limits, a hundred times as "
+    "high, the same policies reach none. Twins start 1e-9 rad apart and have no swap: what contacts make of rounding. "
+    "Speeds show that what parts is the single motion, not the walk."
 )
 DRAWS = (
     "B and kd both drawn (multipliers of 0.8 to 1.2), kd alone drawn so that B + k·kd is the same number joint by "
-    "joint, and with B alone drawn over its own 0.8 to 1.2. `spread` is what a policy would meet: the "
-    "standard deviation of the angle. `pairs` is the largest difference between joints of the same sum."
+    "joint, and with B alone drawn over its own 0.8 to 1.2. Spread is what a policy would meet: the "
+    "standard deviation of the angle. Pairs is the largest difference between joints of the same sum."
 )
 WHICH = (
     "So randomising both gives what randomising one gives, but the one must be kd (or the motor's strength, which "
@@ -180,8 +181,8 @@ WHICH = (
 NETS = (
     "A linear net, torque = w1 (a − θ) − w2 θ', fitted by least squares to the torque of a logged joint, then put into "
     "a simulated joint in place of the PD law. A network with hidden layers would learn friction and limits too; where "
-    "the damping ends up is the same for both. `motor_side`: the torque before B and friction take their share, the "
-    "simulation keeps dry friction; `output_side`: what is left after them, the simulation has none. B of the "
+    "the damping ends up is the same for both. Motor side: the torque before B and friction take their share, the "
+    "simulation keeps dry friction; Output side: what is left after them, the simulation has none. B of the "
     "simulation is the logged joint's own, one with half of k·kd more (a swapped partner's, whose motion was the "
     "same), or none."
 )
@@ -225,6 +226,7 @@ def robot_table(rows: Sequence[RobotRow]) -> Markup:
         [
             row.policy,
             row.command,
+            row.limits,
             f"{row.friction_level:.0%}",
             f"{row.saturated_share:.2%}",
             "–" if row.speed is None else f"{row.speed:.3f}",
@@ -237,8 +239,8 @@ def robot_table(rows: Sequence[RobotRow]) -> Markup:
         ]
         for row in rows
     ]
-    header = ["driven by", "command or robot", "friction", "motors at limit", "speed [m/s]", "swapped [m/s]"]
-    return table([*header, "robots under", "difference [rad]", "robots at limit", "difference [rad]", "twins"], lines)
+    header = ["driven by", "command or robot", "limits", "friction", "motors at limit", "speed [m/s]", "swapped [m/s]"]
+    return table([*header, "under", "difference [rad]", "at limit", "difference [rad]", "twins"], lines)
 
 
 def draw_table(rows: Sequence[DrawRow]) -> Markup:

@@ -30,6 +30,9 @@ TWIN = 1e-9
 AT_LIMIT = 0.999
 """Share of the torque limit from which a motor counts as saturated."""
 
+LIFTED = 100.0
+"""Factor of the torque limits where they are lifted."""
+
 FIRST = 1.0
 """How long motions are compared [s]."""
 
@@ -45,8 +48,8 @@ class WalkCfg:
     """Dry friction over torque limit [-]."""
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
     """Commanded velocities."""
-    episodes: int = 16
-    """Robots per level and command, each without a swap, with one, and as a twin."""
+    episodes: int = 8
+    """Robots per level, command and torque limits, each without a swap, with one, and as a twin."""
     seconds: float = 10.0
     """Length of a walk [s]; its first 2 s do not count for speed and saturation."""
     seed: int = 0
@@ -64,23 +67,24 @@ def air_row(robot: str, level: float, cfg: DampingCfg) -> RobotRow:
     fleet.damping[1] += MOVED * fleet.nominal_kd
     fleet.base_position[:, 2] += 1.0
     fleet.joint_position[2] += TWIN
-    watch = _Watch(fleet)
+    watch = _Watch(fleet, 1.0)
     for angle in cfg.target(fleet.control_period):
         fleet.set_targets(fleet.standing + np.full((3, 1), angle))
         watch.step(fleet.step)
-    return watch.made(0.0).row("in the air", level, robot, slice(0, 1), 1)
+    return watch.made(0.0).row(("in the air", level, robot, "own"), slice(0, 1), 1)
 
 
 def walk_rows(
     bundle: Bundle,
     cfg: WalkCfg,
+    lift: bool,
     robot: str | None = None,
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Iterator[RobotRow]:
     """Yield a row for every friction level and command of a policy, driven on plain, swapped and twin robots.
 
-    Raises `StictionError` where the bundle does not fit the robot.
+    lift: with torque limits that are never reached. Raises `StictionError` where the bundle does not fit the robot.
     """
     contract = bundle.contract
     commands = [parse_command(text) for text in cfg.commands]
@@ -98,14 +102,17 @@ def walk_rows(
     fleet.set_gains(contract.array("kp"), (1.0 - MOVED) * derivative, np.arange(plain, 2 * plain))
     fleet.damping[plain : 2 * plain] += MOVED * derivative
     fleet.joint_position[2 * plain :] += TWIN
-    watch, steps = _Watch(fleet), round(cfg.seconds / contract.control_period)
+    factor = LIFTED if lift else 1.0
+    fleet.simulation.expand("actuator_forcerange")[:] *= factor
+    watch, steps = _Watch(fleet, factor), round(cfg.seconds / contract.control_period)
     for step in range(steps):
         watch.step(lambda: rollout.step(velocity))
         progress((step + 1) / steps)
     made = watch.made(SETTLE)
     for index, (friction, command) in enumerate(cells):
         robots = slice(index * cfg.episodes, (index + 1) * cfg.episodes)
-        yield made.row(bundle.name, friction, command.label, robots, plain, command.direction)
+        named = bundle.name, friction, command.label, "lifted" if lift else "own"
+        yield made.row(named, robots, plain, command.direction)
 
 
 @dataclass(frozen=True)
@@ -122,11 +129,12 @@ class _Made:
     """Share of joints and physics steps at the limit once settled, by control step, shape (T, N)."""
 
     def row(
-        self, name: str, level: float, command: str, robots: slice, plain: int, direction: np.ndarray | None = None
+        self, named: tuple[str, float, str, str], robots: slice, plain: int, direction: np.ndarray | None = None
     ) -> RobotRow:
         """Return the row of some plain robots; the swapped ones and the twins stand `plain` and 2 `plain` further on.
 
-        direction: unit vector of the commanded velocity, shape (3,), None in the air.
+        named: the first four fields of the row; direction: unit vector of the commanded velocity, shape (3,), None in
+        the air.
         """
         own, swapped, twin = (slice(robots.start + n * plain, robots.stop + n * plain) for n in range(3))
         gap = np.abs(self.angle[:, swapped] - self.angle[:, own]).max(axis=(0, 2))
@@ -135,9 +143,7 @@ class _Made:
             None if direction is None else float((self.velocity[:, part] @ direction).mean()) for part in (own, swapped)
         ]
         return RobotRow(
-            policy=name,
-            friction_level=level,
-            command=command,
+            *named,
             saturated_share=float(self.saturated[:, own].mean()),
             speed=speeds[0],
             speed_swapped=speeds[1],
@@ -152,9 +158,13 @@ class _Made:
 class _Watch:
     """Keeps what happens in a fleet, its torques at every physics step."""
 
-    def __init__(self, fleet: Fleet) -> None:
-        """Start watching; the fleet's `torque` is that of the step before, so it is looked at before each step."""
+    def __init__(self, fleet: Fleet, lift: float) -> None:
+        """Start watching; lift: factor of the torque limits.
+
+        The fleet's `torque` is that of the step before, so it is looked at before each step.
+        """
         self.fleet, self.share = fleet, np.zeros(fleet.num_envs)
+        self.limit = AT_LIMIT * lift * fleet.torque_limit
         self.angles: list[np.ndarray] = []
         self.velocities: list[np.ndarray] = []
         self.saturated: list[np.ndarray] = []
@@ -162,7 +172,7 @@ class _Watch:
 
     def _look(self, fleet: Fleet) -> None:
         """Count the motors at their limit."""
-        self.share += (np.abs(fleet.torque) >= AT_LIMIT * fleet.torque_limit).mean(axis=1) / fleet.decimation
+        self.share += (np.abs(fleet.torque) >= self.limit).mean(axis=1) / fleet.decimation
 
     def step(self, advance: Callable[[], object]) -> None:
         """Advance by a control period and keep what came of it."""

@@ -23,12 +23,14 @@ class DampingStudy:
 
     bundles: tuple[Path, ...] | None = None
     """Policies that drive walking robots: directories or names of shipped bundles; all shipped ones by default."""
+    robots: tuple[str, ...] = ("go1", "saturn_lite")
+    """Robots whose joint is taken, and that swing their legs in the air."""
     joint: str = "shank"
     """Kind of joint: hip, thigh or shank."""
     draws: int = 100
     """Joints drawn to compare ways of randomising."""
-    episodes: int = 16
-    """Walking robots per friction level and command."""
+    episodes: int = 8
+    """Walking robots per friction level, command and torque limits."""
     seed: int = 0
     """Seed of draws, initial states and sensor noise."""
     out: Path = Path("stiction-damping")
@@ -55,7 +57,7 @@ def main(arguments: list[str]) -> int:
     from stiction.transfer.damping_robot import WalkCfg, air_row, walk_rows
     from stiction.transfer.damping_spread import draw_rows, net_rows
 
-    cfg = DampingCfg(joint=options.joint, draws=options.draws, seed=options.seed)
+    cfg = DampingCfg(options.robots, joint=options.joint, draws=options.draws, seed=options.seed)
     walk = WalkCfg(episodes=options.episodes, seed=options.seed)
     paths = options.bundles if options.bundles is not None else tuple(shipped_bundles().values())
     bundles = [check_bundle(find_bundle(path)).bundle for path in paths]
@@ -67,7 +69,9 @@ def main(arguments: list[str]) -> int:
     robots = [air_row(robot, level, cfg) for robot in cfg.robots for level in AIR_LEVELS]
     with work_progress() as progress:
         for bundle in bundles:
-            robots += walk_rows(bundle, walk, threads=num_threads(), progress=partial(progress, bundle.name))
+            for lift in (True, False):
+                name = f"{bundle.name}, {'lifted' if lift else 'own'} limits"
+                robots += walk_rows(bundle, walk, lift, threads=num_threads(), progress=partial(progress, name))
     result = DampingResult(swaps, nets, draws, tuple(robots))
     summary = {
         "command": shlex.join(["stiction", "study", "damping", *arguments]),

@@ -1,0 +1,73 @@
+"""The studies of damping and gait as commands: they write what they say, and refuse what they cannot do."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import make_bundle, make_contract
+from stiction.cli.main import main
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+
+@pytest.fixture
+def walker(tmp_path: Path) -> Path:
+    """A bundle whose training command tells that it was trained without r_trot."""
+    contract = make_contract(command="stiction train --task.rewards.trot 0", seed=3)
+    return make_bundle(tmp_path / "walker", contract)
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV file."""
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_gait_writes_tables_contacts_figure_and_page(walker: Path, tmp_path: Path, capsys) -> None:
+    """Everything that the page shows can be had as numbers."""
+    out = tmp_path / "gait"
+    options = ["--commands", "vx=0.5", "--episodes", "2", "--seconds", "4", "--out", str(out), "--json"]
+    assert main(["study", "gait", str(walker), *options]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["policies"]["walker"]["variant"] == "no-trot"
+    (row,) = read(out / "gaits.csv")
+    assert (row["policy"], row["variant"], row["seed"], row["command"]) == ("walker", "no-trot", "3", "vx=0.5")
+    feet = read(out / "feet.csv")
+    assert [foot["foot"] for foot in feet] == ["FL", "ML", "RL", "FR", "MR", "RR"]
+    assert [foot["group"] for foot in feet] == ["0", "1", "0", "1", "0", "1"]
+    assert len(read(out / "claims.csv")) == 3
+    with np.load(out / "contacts.npz", allow_pickle=False) as contacts:
+        assert contacts["walker vx=0.5"].shape == (100, 6)
+    assert "three-legged hopping" in (out / "report.html").read_text()
+    assert (out / "gait.png").stat().st_size > 1000
+
+
+def test_gait_refuses_what_it_cannot_name_or_measure(walker: Path, bundle: Path, tmp_path: Path, capsys) -> None:
+    """A hand-made bundle does not tell its rewards, standing has no gait, variants are given for all or for none."""
+    out = ["--out", str(tmp_path / "out"), "--episodes", "1", "--seconds", "3"]
+    for arguments, said in (
+        ([str(bundle)], "--variants"),
+        ([str(walker), "--commands", "stand"], "no gait"),
+        ([str(walker), "--variants", "both", "both"], "2 variants for 1"),
+    ):
+        assert main(["study", "gait", *arguments, *out]) == 1
+        assert said in capsys.readouterr().err
+    assert main(["study", "gait"]) == 2
+
+
+def test_damping_writes_tables_figure_and_page(bundle: Path, tmp_path: Path, capsys) -> None:
+    """The page leads with the answer."""
+    out = tmp_path / "damping"
+    options = ["--bundles", str(bundle), "--episodes", "1", "--draws", "2", "--robots", "go1", "--out", str(out)]
+    assert main(["study", "damping", *options]) == 0
+    assert "B + k·kd" in capsys.readouterr().out
+    assert {row["case"] for row in read(out / "swaps.csv")} >= {"dry friction", "torque limit", "sampled"}
+    assert {row["policy"] for row in read(out / "robots.csv")} == {"in the air", "toy"}
+    assert (out / "damping.png").stat().st_size > 1000
+    page = (out / "report.html").read_text()
+    assert "Actuator Net" in page and "http" not in page.replace("http://www.w3.org", "")

@@ -1,0 +1,107 @@
+"""Verdicts on the paper's sentences: from several seeds, by stated thresholds, and none from one."""
+
+from __future__ import annotations
+
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.formats.gait import BOTH, NEITHER, NO_TROT, NO_UNSYNC, GaitRow
+from stiction.transfer.gait_claims import above, interval, judge, seed_means
+from stiction.transfer.gait_study import trained_variant
+
+
+def row(
+    variant: str, seed: int, together: float = 0.0, sided: float = 0.0, moving: float = 1.0, command: str = "vx=0.5"
+):
+    """Return one row with what the sentences are about."""
+    shares = (0.8, 0.4, 0.4, 0.0, 0.0, together, 0.9, -0.9, sided)
+    return GaitRow(f"{variant}-{seed}", variant, seed, command, "tripod", 1.0, 0.0, moving, *shares)
+
+
+def rows(**numbers: list[tuple[float, float]]) -> list[GaitRow]:
+    """Return rows of variants with `-` as `_`; numbers: together share and one-sidedness of seeds 0, 1, ..."""
+    return [
+        row(name.replace("_", "-"), seed, *pair) for name, pairs in numbers.items() for seed, pair in enumerate(pairs)
+    ]
+
+
+def verdicts(made: list[GaitRow]) -> list[str]:
+    """Return the verdicts without their reasons."""
+    return [claim.verdict.partition(":")[0] for claim in judge(made)]
+
+
+def test_a_t_interval_by_hand() -> None:
+    """0.7, 0.8, 0.9: mean 0.8, standard deviation 0.1, t(2) = 4.3027, half width 0.2484."""
+    assert interval([0.7, 0.8, 0.9]) == pytest.approx((0.5516, 1.0484), abs=1e-4)
+    assert above([0.7, 0.8, 0.9], 0.5) is True
+    assert above([0.7, 0.8, 0.9], 0.6) is None
+    assert above([0.1, 0.2], 2.0) is False
+    assert above([0.9], 0.5) is None
+
+
+def test_the_papers_story_reproduces() -> None:
+    """Pronk without both and without r_trot, hop without r_unsync, none of it with both, in three seeds each."""
+    made = rows(
+        both=[(0.0, 0.1)] * 3,
+        no_trot=[(0.9, 0.0), (0.95, 0.0), (1.0, 0.0)],
+        no_unsync=[(0.0, 0.9)] * 3,
+        neither=[(0.9, 0.2)] * 3,
+    )
+    assert verdicts(made) == ["reproduces"] * 3
+
+
+def test_nothing_to_prevent_is_not_prevention() -> None:
+    """Where the gait does not appear without the reward, the reward prevents nothing."""
+    made = rows(both=[(0.0, 0.1)] * 2, no_trot=[(0.0, 0.1)] * 2, no_unsync=[(0.0, 0.2)] * 2, neither=[(0.1, 0.2)] * 2)
+    assert verdicts(made) == ["does not reproduce"] * 3
+    assert "nothing to prevent" in judge(made)[1].verdict
+
+
+def test_a_reward_that_does_not_prevent_is_told() -> None:
+    """A pronk with and without r_trot."""
+    made = rows(both=[(0.9, 0.0)] * 2, no_trot=[(0.9, 0.0)] * 2)
+    assert verdicts(made)[1] == "does not reproduce"
+    assert "in spite" in judge(made)[1].verdict
+
+
+def test_one_seed_decides_nothing_and_no_seed_is_not_tested() -> None:
+    """However clear its number is."""
+    made = rows(both=[(0.0, 0.0)] * 3, no_trot=[(1.0, 0.0)])
+    assert verdicts(made) == ["not tested", "not decided", "not tested"]
+    assert "one seed" in judge(made)[1].verdict
+
+
+def test_commands_are_averaged_by_seed_and_standing_is_left_out() -> None:
+    """0.2 and 0.6 are 0.4 for one seed, not two samples; a robot that stands has no gait."""
+    made = [
+        row(NEITHER, 0, 0.2),
+        row(NEITHER, 0, 0.6, command="vx=-0.5"),
+        row(NEITHER, 1, 0.9, moving=0.1),
+        row(BOTH, 0, 0.7),
+    ]
+    assert seed_means(made, NEITHER, "together_share") == {0: pytest.approx(0.4)}
+    assert "standing still: seed 1" in judge(made)[0].figures
+
+
+@pytest.mark.parametrize(
+    ("options", "variant"),
+    [
+        ("", BOTH),
+        ("--task.rewards.trot 0", NO_TROT),
+        ("--seed 3 --task.rewards.unsync=0.0", NO_UNSYNC),
+        ("--task.rewards.trot 0 --task.rewards.unsync 0 --out runs/x", NEITHER),
+        ("--task.rewards.trot 0 --task.rewards.trot 1", BOTH),
+    ],
+)
+def test_the_training_command_tells_the_variant(options: str, variant: str) -> None:
+    """A wrong label would turn the ablation upside down."""
+    assert trained_variant(f"stiction train --method none {options}") == variant
+
+
+@pytest.mark.parametrize("command", ["made by hand", "stiction train --resume runs/x"])
+def test_a_command_that_does_not_tell_is_refused(command: str) -> None:
+    """The default would be a guess."""
+    with pytest.raises(StictionError, match="--variants"):
+        trained_variant(command)
+    with pytest.raises(StictionError, match="expected a number"):
+        trained_variant("stiction train --task.rewards.trot none")
