@@ -63,7 +63,20 @@ def test_gait_refuses_what_it_cannot_name_or_measure(walker: Path, bundle: Path,
 def test_damping_writes_tables_figure_and_page(bundle: Path, tmp_path: Path, capsys) -> None:
     """The page leads with the answer."""
     out = tmp_path / "damping"
-    options = ["--bundles", str(bundle), "--episodes", "1", "--draws", "2", "--robots", "go1", "--out", str(out)]
+    options = [
+        "--bundles",
+        str(bundle),
+        "--episodes",
+        "1",
+        "--draws",
+        "2",
+        "--robots",
+        "go1",
+        "--seconds",
+        "2.1",
+        "--out",
+        str(out),
+    ]
     assert main(["study", "damping", *options]) == 0
     assert "B + k·kd" in capsys.readouterr().out
     assert {row["case"] for row in read(out / "swaps.csv")} >= {"dry friction", "torque limit", "sampled"}

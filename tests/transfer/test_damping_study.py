@@ -52,7 +52,7 @@ def test_a_sampled_controllers_difference_is_in_proportion_to_its_period(rows: l
 
 
 def test_a_late_derivative_gain_goes_unstable_where_viscous_friction_does_not(rows: list[SwapRow]) -> None:
-    """kd T/I is 1.7 at 10 ms, over the bound of 1 for a velocity that is a period late."""
+    """Kd T/I is 1.7 at 10 ms, over the bound of 1 for a velocity that is a period late."""
     row = pick(rows, LATE, "all of k·kd to B")[0.01]
     assert row.growth is not None and row.growth_swapped is not None
     assert row.growth > 1.0 > row.growth_swapped
@@ -89,6 +89,15 @@ def test_what_cannot_be_studied_is_refused(change: dict) -> None:
     """One clear line before anything is computed."""
     with pytest.raises(StictionError, match="expected"):
         DampingCfg(**change)
+
+
+def test_walks_that_end_before_anything_counts_are_refused() -> None:
+    """The first 2 s do not count."""
+    pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+    from stiction.transfer.damping_robot import WalkCfg
+
+    with pytest.raises(StictionError, match="over 2 s"):
+        WalkCfg(seconds=2.0)
 
 
 def test_the_training_simulator_sees_one_number_in_the_air() -> None:

@@ -14,7 +14,6 @@ from stiction.formats.damping import (
     FILTERED,
     FRICTION,
     LATE,
-    LEVELS,
     LIMIT,
     SHARP,
     DrawRow,
@@ -25,6 +24,7 @@ from stiction.formats.damping import (
 from stiction.formats.errors import StictionError
 from stiction.formats.results import write_summary
 from stiction.formats.rows import write_rows
+from stiction.report.damping_tables import draw_table, net_table, robot_table, size, stability_table, swap_table
 from stiction.report.page import (
     COLORS,
     Section,
@@ -35,7 +35,6 @@ from stiction.report.page import (
     paragraph,
     picture,
     render_page,
-    table,
 )
 
 if TYPE_CHECKING:
@@ -43,9 +42,6 @@ if TYPE_CHECKING:
 
 FLOOR = 1e-16
 """Where a difference of exactly zero is drawn [rad]."""
-
-NOISE = 1e-12
-"""Difference up to which two motions count as the same, rounding apart [rad]."""
 
 PANELS = (
     ((FRICTION, EFFORT), "dry friction, over torque limit or drive torque"),
@@ -118,8 +114,8 @@ def lead(result: DampingResult) -> str:
     limited = [row.limited_difference for row in result.robots if row.limited_difference is not None]
     said = (
         f"With dry friction up to {max(levels):.0%} of the torque limit, "
-        f"a swap between B and kd at equal B + k·kd moves the exactly simulated joint by {_size(free)}, and whole "
-        f"simulated robots whose motors stay under their limits by at most {_size(max(walking))}."
+        f"a swap between B and kd at equal B + k·kd moves the exactly simulated joint by {size(free)}, and whole "
+        f"simulated robots whose motors stay under their limits by at most {size(max(walking))}."
     )
     if limited:
         said += f" Once a motor reaches its limit, angles part by up to {max(limited):.2f} rad within a second."
@@ -194,94 +190,9 @@ SIDES = (
 )
 
 
-def swap_table(rows: Sequence[SwapRow]) -> Markup:
-    """Return the differences as a table: robot, case and level down, swaps across."""
-    names = list(dict.fromkeys(row.swap for row in rows))
-    cells: dict[tuple[str, str, float], list[str]] = {}
-    for row in rows:
-        cells.setdefault((row.robot, row.case, row.level), []).append(_size(row.position_difference, unit=False))
-    lines = [[f"{robot}, {case}", f"{level:g}", *sizes] for (robot, case, level), sizes in cells.items()]
-    caption = f"Largest difference of the angle [rad]. Levels: {'; '.join(f'{k}: {v}' for k, v in LEVELS.items())}."
-    return table(["joint and case", "level", *names], lines, caption)
-
-
 def _folds(rows: Sequence[SwapRow]) -> tuple[Markup, ...]:
     """Return the long tables, folded."""
     return fold("Every difference", [swap_table(rows)]), fold("Stability of the loops", [stability_table(rows)])
-
-
-def stability_table(rows: Sequence[SwapRow]) -> Markup:
-    """Return how the sampled loops grow, before and after all of k kd went to B."""
-    lines = [
-        [f"{row.robot}, {row.case}", f"{row.level:g}", f"{row.growth:.3f}", f"{row.growth_swapped:.3f}"]
-        for row in rows
-        if row.growth is not None and row.growth_swapped is not None and row.swap.startswith("all")
-    ]
-    return table(["joint and case", "period [s]", "with kd", "with B"], lines)
-
-
-def robot_table(rows: Sequence[RobotRow]) -> Markup:
-    """Return what whole robots did."""
-    lines = [
-        [
-            row.policy,
-            row.command,
-            row.limits,
-            f"{row.friction_level:.0%}",
-            f"{row.saturated_share:.2%}",
-            "–" if row.speed is None else f"{row.speed:.3f}",
-            "–" if row.speed_swapped is None else f"{row.speed_swapped:.3f}",
-            str(row.free_robots),
-            "–" if row.free_difference is None else _size(row.free_difference, unit=False),
-            str(row.limited_robots),
-            "–" if row.limited_difference is None else _size(row.limited_difference, unit=False),
-            _size(row.twin_difference, unit=False),
-        ]
-        for row in rows
-    ]
-    header = ["driven by", "command or robot", "limits", "friction", "motors at limit", "speed [m/s]", "swapped [m/s]"]
-    return table([*header, "under", "difference [rad]", "at limit", "difference [rad]", "twins"], lines)
-
-
-def draw_table(rows: Sequence[DrawRow]) -> Markup:
-    """Return what drawn damping does."""
-    lines = [
-        [
-            f"{row.robot}, {row.situation}",
-            row.way,
-            f"{row.damping_std:.4f}",
-            f"{row.spread:.6f}",
-            "–" if row.pair_difference is None else _size(row.pair_difference, unit=False),
-        ]
-        for row in rows
-    ]
-    return table(["joint and situation", "drawn", "std of B + k·kd [N m s/rad]", "spread [rad]", "pairs [rad]"], lines)
-
-
-def net_table(rows: Sequence[NetRow]) -> Markup:
-    """Return what nets in simulations do."""
-    lines = [
-        [
-            f"{row.robot}, friction {row.friction_level:.2%}",
-            row.log,
-            row.simulated,
-            f"{row.damping:.4f}",
-            f"{row.total:.4f}",
-            f"{row.true_total:.4f}",
-            _size(row.position_difference, unit=False),
-        ]
-        for row in rows
-    ]
-    header = ["logged joint", "torque", "B of the simulation", "w2", "w2 + B", "true B + k·kd"]
-    return table([*header, "difference [rad]"], lines, "Damping in N m s/rad.")
-
-
-def _size(value: float, unit: bool = True) -> str:
-    """Return an angle [rad] in words: nothing, rounding, or two digits."""
-    if value == 0.0:
-        return "exactly nothing" if unit else "0"
-    text = f"{value:.0e}" if value < NOISE else f"{value:.2g}"
-    return f"{text} rad" if unit else text
 
 
 def _made(summary: dict[str, Any]) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
 from stiction.formats.damping import RobotRow
+from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
@@ -40,6 +41,10 @@ SETTLE = 2.0
 """What does not count for speed and saturation at the start of a walk [s]."""
 
 
+LONGEST = 60.0
+"""Longest walk: every angle is kept [s]."""
+
+
 @dataclass(frozen=True)
 class WalkCfg:
     """How the walking robots are driven."""
@@ -54,6 +59,14 @@ class WalkCfg:
     """Length of a walk [s]; its first 2 s do not count for speed and saturation."""
     seed: int = 0
     """Seed of initial states and sensor noise; robot, swapped robot and twin share theirs."""
+
+    def __post_init__(self) -> None:
+        """Refuse walks of which nothing would be measured."""
+        if self.episodes < 1 or not SETTLE < self.seconds <= LONGEST:
+            raise StictionError(
+                f"{self.episodes} walks of {self.seconds} s: expected at least one, over {SETTLE:g} s and at most "
+                f"{LONGEST:g} s long"
+            )
 
 
 def air_row(robot: str, level: float, cfg: DampingCfg) -> RobotRow:

@@ -31,6 +31,8 @@ class DampingStudy:
     """Joints drawn to compare ways of randomising."""
     episodes: int = 8
     """Walking robots per friction level, command and torque limits."""
+    seconds: float = 10.0
+    """Length of a walk [s]; its first 2 s do not count for speed and saturation."""
     seed: int = 0
     """Seed of draws, initial states and sensor noise."""
     out: Path = Path("stiction-damping")
@@ -58,7 +60,7 @@ def main(arguments: list[str]) -> int:
     from stiction.transfer.damping_spread import draw_rows, net_rows
 
     cfg = DampingCfg(options.robots, joint=options.joint, draws=options.draws, seed=options.seed)
-    walk = WalkCfg(episodes=options.episodes, seed=options.seed)
+    walk = WalkCfg(episodes=options.episodes, seconds=options.seconds, seed=options.seed)
     paths = options.bundles if options.bundles is not None else tuple(shipped_bundles().values())
     bundles = [check_bundle(find_bundle(path)).bundle for path in paths]
     make_folder(options.out)
