@@ -6,7 +6,7 @@ import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
@@ -18,7 +18,14 @@ class EvaluateCfg:
     bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Directories of the bundles."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
-    """Dry friction in every joint, as fractions of its torque limit [-]."""
+    """Dry friction in every joint, as fractions of its torque limit [-]; of the laws load and effort, coefficients."""
+    friction_law: Literal["coulomb", "stribeck", "load", "effort"] = "coulomb"
+    """Law of the dry friction, whatever the policies were trained with. coulomb: a torque; stribeck: a torque, more of
+    it at rest; load: c (|F| + |T|) of what the joint transmits; effort: c |torque| of the motor."""
+    static_ratio: float = 1.5
+    """Friction at rest over friction in motion, of the law stribeck."""
+    stribeck_velocity: float = 0.1
+    """Speed at which 63 % of that excess is gone [rad/s], of the law stribeck."""
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
     """Commanded velocities, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5 or vx=0.3,wz=0.2 or stand."""
     episodes: int = 32
@@ -67,6 +74,9 @@ def main(arguments: list[str]) -> int:
         seconds=cfg.seconds,
         seed=cfg.seed,
         action_delay=cfg.action_delay,
+        friction_law=cfg.friction_law,
+        static_ratio=cfg.static_ratio,
+        stribeck_velocity=cfg.stribeck_velocity,
     )
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds)
     make_folder(cfg.out)

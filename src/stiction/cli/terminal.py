@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from stiction.formats.friction import level_text
 from stiction.formats.results import ResultRow
 
 
@@ -50,7 +51,7 @@ def print_rows(rows: Sequence[ResultRow]) -> None:
 def _cells(row: ResultRow) -> list[str]:
     """Return a row's cells, a dash where there is no number."""
     return [
-        f"{100 * row.friction_level:g} %",
+        level_text(row.friction_law, row.friction_level),
         row.command,
         "–" if row.speed_ratio is None else f"{row.speed_ratio:.2f}",
         f"{row.tracking_error:.3f}",

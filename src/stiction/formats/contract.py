@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, fields
 import numpy as np
 
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import LAWS, Law, has_coefficient
 from stiction.formats.observation import ObservationLayout
 
 SCHEMA_VERSION = 2
@@ -59,11 +60,12 @@ class Contract:
     seed: int
     """Seed of the training run."""
     friction_law: str
-    """Law of the joint friction in training: `coulomb`."""
+    """Law of the joint friction in training: `coulomb`, see `stiction.formats.friction`."""
     friction_level: float
-    """Nominal dry friction as a fraction of each joint's torque limit [-]; a mean over joints where it was measured."""
+    """Nominal dry friction as a fraction of each joint's torque limit [-], a mean over joints where it was measured; of
+    the laws `load` and `effort`, their coefficient [-]."""
     friction_range: tuple[float, float]
-    """Range of the dry friction that training drew from, as fractions of the torque limit [-]."""
+    """Range of the dry friction that training drew from, in the unit of `friction_level`."""
     joint_names: tuple[str, ...]
     """Names of the joints, in the order of every vector over joints."""
     control_period: float
@@ -89,7 +91,8 @@ class Contract:
     damping: tuple[float, ...]
     """Nominal viscous friction that training varied [N m s/rad]."""
     friction: tuple[float, ...]
-    """Nominal dry friction that training varied [N m]; `friction_level` is its mean share of `torque_limit`."""
+    """Nominal dry friction that training varied [N m]; `friction_level` is its mean share of `torque_limit`. Of the
+    laws `load` and `effort` the coefficient of each joint [-]; `friction_level` is their mean."""
     observation: ObservationLayout
     """Terms, scales, clips and history of the network's input."""
     action_scale: float
@@ -109,6 +112,8 @@ class Contract:
     compensation: tuple[float, ...] | None = None
     """How far the runtime moves each target on in the direction of motion, f/kp [rad], or None. The target is then
     a + compensation * clip((a - position) / compensation_width, -1, 1), from the measured position."""
+    stribeck: tuple[float, float] | None = None
+    """Of the law `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s]; else None."""
     compensation_width: float = 0.05
     """Distance of the target at which all of it is added [rad]."""
     schema_version: int = SCHEMA_VERSION
@@ -119,6 +124,11 @@ class Contract:
         _check_scalars(self)
         _check_joints(self)
         _check_observation(self.observation, len(self.joint_names))
+
+    @property
+    def law(self) -> Law:
+        """Law of the joint friction in training."""
+        return Law(self.friction_law) if self.stribeck is None else Law(self.friction_law, *self.stribeck)
 
     @property
     def num_joints(self) -> int:
@@ -151,6 +161,7 @@ def read_contract(text: bytes) -> Contract:
         raise ContractError(f"contract.json holds a {type(data).__name__}; expected an object")
     if data.get("schema_version") == 1:
         data = {"compensation": None, "compensation_width": 0.05} | data | {"schema_version": SCHEMA_VERSION}
+    data = {"stribeck": None} | data
     known = {field.name for field in fields(Contract)}
     if missing := sorted(known - data.keys()):
         raise ContractError(f"contract.json lacks the field {missing[0]!r}; export the bundle again")
@@ -163,8 +174,9 @@ def read_contract(text: bytes) -> Contract:
         if not isinstance(data[name], list):
             raise ContractError(f"contract field {name!r} must be a list, not {data[name]!r}")
         data[name] = tuple(data[name])
-    if isinstance(data["compensation"], list):
-        data["compensation"] = tuple(data["compensation"])
+    for name in ("compensation", "stribeck"):
+        if isinstance(data[name], list):
+            data[name] = tuple(data[name])
     return Contract(**data)
 
 
@@ -191,6 +203,7 @@ def _check_scalars(contract: Contract) -> None:
     for name in ("robot", "terrain", "method", "friction_law", "revision", "command"):
         value = getattr(c, name)
         _expect(isinstance(value, str) and bool(value.strip()), name, value, "a text that is not empty")
+    _expect(c.friction_law in LAWS, "friction_law", c.friction_law, " or ".join(map(repr, LAWS)))
     for name in ("seed", "decimation"):
         value = getattr(c, name)
         _expect(isinstance(value, int) and not isinstance(value, bool) and value >= 0, name, value, "an integer >= 0")
@@ -229,10 +242,24 @@ def _check_joints(contract: Contract) -> None:
     extra = contract.compensation
     fits = extra is None or (isinstance(extra, tuple) and len(extra) == len(names) and all(map(_is_number, extra)))
     _expect(fits, "compensation", extra, f"null, or {len(names)} numbers, one per joint")
-    shares = [bound / limit for bound, limit in zip(contract.friction, contract.torque_limit, strict=True)]
-    mean = sum(shares) / len(shares)
+    _check_friction(contract)
+
+
+def _check_friction(contract: Contract) -> None:
+    """Check that the law has its numbers, and that the level is the mean of what the joints have.
+
+    Of torques it is the mean share of the limit, of coefficients their mean.
+    """
+    law, shape = contract.friction_law, contract.stribeck
+    pair = isinstance(shape, tuple) and len(shape) == 2 and all(map(_is_number, shape))
+    right = pair and shape is not None and 1 <= shape[0] <= 10 and shape[1] > 0 if law == "stribeck" else shape is None
+    _expect(right, "stribeck", shape, "a ratio in [1, 10] and a positive speed" if law == "stribeck" else "null")
+    coefficients = has_coefficient(law)
+    units = [1.0] * contract.num_joints if coefficients else contract.torque_limit
+    mean = sum(value / unit for value, unit in zip(contract.friction, units, strict=True)) / len(units)
     agrees = math.isclose(mean, contract.friction_level, rel_tol=1e-6, abs_tol=1e-9)
-    _expect(agrees, "friction_level", contract.friction_level, f"{mean:g}, the mean of 'friction' over 'torque_limit'")
+    what = "the mean of 'friction'" if coefficients else "the mean of 'friction' over 'torque_limit'"
+    _expect(agrees, "friction_level", contract.friction_level, f"{mean:g}, {what}")
 
 
 def _check_observation(layout: ObservationLayout, num_joints: int) -> None:

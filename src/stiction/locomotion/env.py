@@ -20,6 +20,7 @@ from stiction.locomotion.randomization import Randomizer, friction_angle, nomina
 from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
+from stiction.sim.friction import needs_sensors
 
 RESET_NOISE = (0.1, 0.3)
 """Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
@@ -60,8 +61,10 @@ class LocomotionEnv(VecEnv):
         self.course = None
         if cfg.terrain.kind != "flat":
             self.course = Curriculum(cfg.terrain, num_envs, np.random.default_rng(seed))
-        terrain = self.course.terrain if self.course else None
-        self.fleet = Fleet(self.spec, num_envs, cfg.timestep, cfg.decimation, threads, terrain=terrain)
+        terrain, sensors = self.course.terrain if self.course else None, needs_sensors(cfg.friction.joint_law)
+        self.fleet = Fleet(
+            self.spec, num_envs, cfg.timestep, cfg.decimation, threads, terrain=terrain, joint_sensors=sensors
+        )
         self.generator = torch.Generator().manual_seed(seed)
         nominal = nominal_joints(self.fleet, cfg.friction, identified)
         self.randomizer = Randomizer(self.fleet, cfg.randomization, cfg.friction, nominal)
@@ -182,6 +185,8 @@ class LocomotionEnv(VecEnv):
         ):
             ratio = snapshot.linear_velocity[:, 0] / snapshot.command[:, 0]
             log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
+        if self.cfg.friction.law != "coulomb":
+            log["friction/share"] = torch.as_tensor((self.fleet.friction / self.fleet.torque_limit).mean())
         return log
 
     def _reset(self, ids: torch.Tensor) -> None:
@@ -257,7 +262,8 @@ class LocomotionEnv(VecEnv):
 
     def state(self) -> dict[str, Any]:
         """Return everything the next step depends on, for a checkpoint."""
-        return {
+        friction = self.randomizer.law.state()
+        return ({"friction": friction} if friction else {}) | {
             "simulation": self.fleet.simulation.state(),
             "draws": dict(vars(self.randomizer.draws)),
             "buffers": {name: getattr(self, name) for name in _BUFFERS},
@@ -284,6 +290,7 @@ class LocomotionEnv(VecEnv):
             self.fleet.show_terrain(np.arange(self.num_envs))
         self.fleet.ground[:] = state["ground"].numpy()
         self.fleet.simulation.load_state({name: value.numpy() for name, value in state["simulation"].items()})
+        self.randomizer.law.load_state({name: value.numpy() for name, value in state.get("friction", {}).items()})
         for name, value in state["buffers"].items():
             setattr(self, name, value.clone())
         self.commands.value = state["command"].clone()

@@ -7,14 +7,16 @@ multiplier of the nominal friction. The student, and whoever asks later, meets t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from tyro.conf import arg
 
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import Law, has_coefficient
 
 FrictionMethod = Literal["none", "direct", "compensation", "finetune", "iterative", "deception"]
 FrictionLaw = Literal["coulomb", "stribeck", "load", "effort"]
+"""See `stiction.sim.friction`."""
 
 Mixture = tuple[tuple[float, float, float], ...]
 """Uniform distributions side by side: (weight, lower end, upper end) of each."""
@@ -87,31 +89,32 @@ class FrictionCfg:
         """Refuse what cannot be drawn or overcome, and, from a file, words that mean nothing."""
         choices = {
             "method": tuple(FRICTION_RANGES),
-            "law": get_args(FrictionLaw),
             "per": ("robot", "joint"),
         }
         for name, allowed in choices.items():
             if getattr(self, name) not in allowed:
                 raise StictionError(f"friction {name} {getattr(self, name)!r}: expected one of {', '.join(allowed)}")
+        _ = self.joint_law
         self._check_level()
         self._check_distribution()
         if not 0 < self.pretraining < 1 or not 1 <= self.steps <= 100:
             raise StictionError(
                 f"pretraining {self.pretraining}, {self.steps} steps: expected a share in (0, 1) and 1 to 100 steps"
             )
-        if not 1 <= self.static_ratio <= 10 or not self.stribeck_velocity > 0:
-            raise StictionError(
-                f"static ratio {self.static_ratio}, Stribeck velocity {self.stribeck_velocity} rad/s: expected a ratio "
-                "in [1, 10] and a positive speed"
-            )
 
     def _check_level(self) -> None:
         """Refuse a level that no motor could overcome, and a coefficient that nobody named."""
         number = self.level is None or (isinstance(self.level, int | float) and not isinstance(self.level, bool))
         if not number or (self.level is not None and not 0.0 <= self.level < 0.8):
-            raise StictionError(f"friction level {self.level!r}: expected a fraction of the torque limit in [0, 0.8)")
-        if self.level is None and self.law in ("load", "effort") and self.method != "none":
+            unit = "a coefficient" if has_coefficient(self.law) else "a fraction of the torque limit"
+            raise StictionError(f"friction level {self.level!r}: expected {unit} in [0, 0.8)")
+        if self.level is None and has_coefficient(self.law) and self.method != "none":
             raise StictionError(f"the friction law {self.law!r} needs its coefficient; say --friction-level")
+        if has_coefficient(self.law) and self.method == "compensation":
+            raise StictionError(
+                f"the friction law {self.law!r} has no nominal torque that compensation could add; use another method, "
+                "or the law 'coulomb'"
+            )
 
     def _check_distribution(self) -> None:
         """Refuse ranges and mixtures that are none."""
@@ -124,6 +127,11 @@ class FrictionCfg:
                 raise StictionError(
                     f"friction multipliers {part}: expected a weight above 0, and a lower and an upper end in [0, 10]"
                 )
+
+    @property
+    def joint_law(self) -> Law:
+        """The law with its own numbers. Raises `StictionError` where they make none."""
+        return Law(self.law, self.static_ratio, self.stribeck_velocity)
 
     @property
     def last(self) -> Stage:

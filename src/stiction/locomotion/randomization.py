@@ -11,10 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
+from stiction.formats.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture
 from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
+from stiction.sim.friction import joint_friction
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class NominalJoints:
     damping: np.ndarray
     """Viscous friction [N m s/rad]."""
     frictionloss: np.ndarray
-    """Dry friction [N m]."""
+    """Dry friction [N m]; of the laws `load` and `effort`, the coefficient [-]."""
 
 
 def nominal_joints(
@@ -34,12 +36,16 @@ def nominal_joints(
 ) -> NominalJoints:
     """Return the robot's own joints, overridden by an identification, its friction overridden by the level.
 
+    Of the laws with a coefficient, every joint has the same one, and none where no level is named.
+
     `identified`: `armature`, `damping`, `frictionloss`, each (joints,), NaN where not identified.
     """
     values = {name: fleet.spec.joint_values(name) for name in ("armature", "damping", "frictionloss")}
     for name, value in (identified or {}).items():
         values[name] = np.where(np.isnan(value), values[name], value)
-    if friction.level is not None:
+    if has_coefficient(friction.law):
+        values["frictionloss"] = np.full(fleet.spec.num_joints, friction.level or 0.0)
+    elif friction.level is not None:
         values["frictionloss"] = friction.level * fleet.torque_limit
     return NominalJoints(**values)
 
@@ -79,6 +85,7 @@ class Randomizer:
         """Remember the nominal robot. Nothing is drawn before the first `draw`."""
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
+        self.law = joint_friction(fleet, friction.joint_law)
         self.base_mass = fleet.spec.base.mass
         cfg.check_robot(fleet.spec)
         size = np.array(fleet.spec.base.size)
@@ -129,7 +136,7 @@ class Randomizer:
         values = {name: tensor[ids].double().numpy() for name, tensor in vars(self.draws).items()}
         fleet.armature[rows] = values["armature"] * nominal.armature
         fleet.damping[rows] = values["damping"] * nominal.damping
-        fleet.friction[rows] = values["friction"] * nominal.frictionloss
+        self.law.set_level(values["friction"] * nominal.frictionloss, rows)
         strength = values["motor_strength"]
         fleet.set_gains(strength * values["stiffness"] * fleet.nominal_kp, strength * fleet.nominal_kd, rows)
         fleet.set_ground_friction(values["ground_friction"][:, 0], rows)
@@ -138,14 +145,25 @@ class Randomizer:
         fleet.delay[rows] = values["action_delay"]
         fleet.set_const(rows)
 
+    @property
+    def _typical(self) -> np.ndarray | float:
+        """What a coefficient multiplies at one end of the usual: torque limits [N m], or weight over legs [N]."""
+        if self.friction.law == "effort":
+            return self.fleet.torque_limit
+        if self.friction.law == "load":
+            spec = self.fleet.spec
+            return spec.mass * float(np.linalg.norm(self.fleet.model.opt.gravity)) / len(spec.legs)
+        return 1.0
+
     def privileged(self) -> torch.Tensor:
         """Return o_priv = {m_b, f_g, I_j, B_j, f_j} of every robot, shape (N, 2 + 3 joints), each near unit size.
 
         Mass as payload over 3 kg; ground friction minus 1; inertia and damping as (multiplier - 1) over 0.2; dry
-        friction in tenths of the torque limit, so that it means the same at every nominal level.
+        friction in tenths of the torque limit, so that it means the same at every nominal level: of `effort` at the
+        full torque of the motor, of `load` where the joint transmits an even share of the robot's weight and no torque.
         """
         d = self.draws
-        share = torch.from_numpy(self.nominal.frictionloss / self.fleet.torque_limit).float()
+        share = torch.from_numpy(self.nominal.frictionloss / self.fleet.torque_limit * self._typical).float()
         return torch.cat(
             (
                 d.payload / 3.0,

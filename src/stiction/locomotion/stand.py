@@ -16,6 +16,7 @@ from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.randomization import Randomizer, nominal_joints
 from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
+from stiction.sim.friction import needs_sensors
 
 STEP = 0.15
 """Step of the joint target on the stand [rad]."""
@@ -34,7 +35,7 @@ class Stand:
     def fleet(self, num: int, **draws: float | np.ndarray) -> tuple[Fleet, Randomizer]:
         """Return `num` robots, nominal but for `draws`, without gravity."""
         cfg = self.cfg
-        fleet = Fleet(self.spec, num, cfg.timestep, cfg.decimation)
+        fleet = Fleet(self.spec, num, cfg.timestep, cfg.decimation, joint_sensors=needs_sensors(cfg.friction.joint_law))
         randomizer = Randomizer(fleet, cfg.randomization, cfg.friction, nominal_joints(fleet, cfg.friction))
         for name in ("armature", "damping", "stiffness", "motor_strength", "ground_friction"):
             getattr(randomizer.draws, name)[:] = 1.0
@@ -54,7 +55,7 @@ class Stand:
         fleet.set_targets(fleet.standing + STEP * np.eye(joints))
         motion = [fleet.joint_position[everyone, everyone] - fleet.standing]
         for _ in range(round(BENCH_SECONDS / fleet.timestep)):
-            fleet.simulation.step(1)
+            fleet.substep()
             motion.append(fleet.joint_position[everyone, everyone] - fleet.standing)
         return np.array(motion).T
 

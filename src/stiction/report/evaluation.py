@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.report.page import Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
 
@@ -39,7 +40,7 @@ DEFINITIONS = (
 
 
 CONDITIONS = (
-    "MuJoCo, flat ground, Coulomb friction in every joint, sensor noise as in training. The joints' inertia, viscous "
+    "MuJoCo, flat ground, dry friction in every joint ({}), sensor noise as in training. The joints' inertia, viscous "
     "friction and gains are the nominal ones of the policy's training, masses those of the robot's specification. "
     "All of these are held fixed here, while training randomises them; so are:"
 )
@@ -90,19 +91,22 @@ def make_folder(out: Path) -> None:
 
 
 def draw_budget(rows: Sequence[ResultRow]) -> Figure:
-    """Return the friction budget: speed ratio over friction level, a panel for each command, a line for each policy."""
-    commands = _unique(row.command for row in rows if row.speed_ratio is not None)
-    figure, axes = new_figure(1, max(1, len(commands)), size=(4.6 * max(1, len(commands)), 3.4))
-    for axis, command in zip(axes, commands, strict=False):
+    """Return the friction budget: speed ratio over friction level, a line for each policy.
+
+    There is a panel for each command, and for each law: their levels have different units.
+    """
+    panels = list(dict.fromkeys((row.friction_law, row.command) for row in rows if row.speed_ratio is not None))
+    figure, axes = new_figure(1, max(1, len(panels)), size=(4.6 * max(1, len(panels)), 3.4))
+    for axis, (law, command) in zip(axes, panels, strict=False):
         axis.axhspan(*GOOD, color="#4c9f70", alpha=0.12, linewidth=0)
         axis.axhline(0.0, color="#7d8590", linewidth=0.8)
         for policy in _unique(row.policy for row in rows):
-            points = [row for row in rows if (row.policy, row.command) == (policy, command)]
+            points = [row for row in rows if (row.policy, row.friction_law, row.command) == (policy, law, command)]
             points.sort(key=lambda row: row.friction_level)
-            levels = [100 * row.friction_level for row in points]
+            levels = [level_number(law, row.friction_level) for row in points]
             axis.plot(levels, [row.speed_ratio for row in points], marker="o", markersize=4, label=policy)
-        axis.set(title=f"commanded {command}", xlabel="dry friction, % of each joint's torque limit")
-    if commands:
+        axis.set(title=f"commanded {command}", xlabel=level_axis(law))
+    if panels:
         axes[0].set_ylabel("speed reached / commanded")
         legend(axes[0])
     return figure
@@ -117,12 +121,13 @@ def lead(rows: Sequence[ResultRow]) -> str:
     """Return the answer in a sentence for each policy: up to which level it follows all linear and turn commands."""
     sentences = []
     for policy in _unique(row.policy for row in rows):
-        levels: dict[float, bool] = {}
+        levels: dict[tuple[str, float], bool] = {}
         for row in rows:
             if row.policy == policy and row.speed_ratio is not None:
-                levels[row.friction_level] = levels.get(row.friction_level, True) and follows(row)
-        good = [f"{100 * level:g} %" for level, all_followed in sorted(levels.items()) if all_followed]
-        tested = ", ".join(f"{100 * level:g} %" for level in sorted(levels))
+                level = row.friction_law, row.friction_level
+                levels[level] = levels.get(level, True) and follows(row)
+        good = [_level(*level) for level, all_followed in sorted(levels.items()) if all_followed]
+        tested = ", ".join(_level(*level) for level in sorted(levels))
         sentences.append(
             f"{policy} follows every command without a fall at {', '.join(good)}" if good else f"{policy} does at none"
         )
@@ -148,12 +153,15 @@ def budget_picture(rows: Sequence[ResultRow]) -> Markup:
 def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] = ()) -> Markup:
     """Return every row as a table.
 
-    `details`: the same rows as in summary.json, for the share of moving steps; without them its column is left out.
+    `details`: the same rows as in summary.json, for the share of moving steps and for the friction that a coefficient
+    came to; without them that column and those torques are left out.
     """
     names = [name for name, _ in DEFINITIONS if details or name != MOVING]
     cells = [_cells(row) for row in rows]
-    for line, detail in zip(cells, details, strict=bool(details)):
+    for line, row, detail in zip(cells, rows, details, strict=bool(details)):
         line.insert(-1, _number(detail["moving_share"], ".0%"))
+        if has_coefficient(row.friction_law) and detail.get("mean_friction") is not None:
+            line[1] += f", {detail['mean_friction']:.2f} N m"
     return table(["policy", "friction", "command", *names, "episodes"], cells)
 
 
@@ -168,11 +176,13 @@ def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
         (name, policy["method"], str(policy["seed"]), policy["revision"], policy["digest"][:16], policy["command"])
         for name, policy in summary["policies"].items()
     ]
+    name = summary["evaluation"].get("friction_law", "coulomb")
+    law = f"law {name}: {LAWS[name]}"
     evaluation = {name: value for name, value in summary["evaluation"].items() if name != "noise"}
     fixed = [FIXED[name].format(value) for name, value in summary["conditions"].items()]
     return (
         paragraph(f"Command: {summary['command']}"),
-        paragraph(f"{CONDITIONS} {', '.join(fixed)}."),
+        paragraph(f"{CONDITIONS.format(law)} {', '.join(fixed)}."),
         paragraph(f"Settings: {json.dumps(evaluation)}"),
         table(["policy", "method", "seed", "revision", "digest", "made by"], policies),
         paragraph(f"Revision {summary['revision']}, {summary['seconds']:.0f} s on {summary['machine']['cpu']}."),
@@ -184,7 +194,7 @@ def _cells(row: ResultRow) -> list[str]:
     """Return one row as text."""
     return [
         row.policy,
-        f"{100 * row.friction_level:g} %",
+        _level(row.friction_law, row.friction_level),
         row.command,
         _number(row.speed_ratio, ".2f"),
         _number(row.tracking_error, ".3f"),
@@ -200,6 +210,11 @@ def _cells(row: ResultRow) -> list[str]:
 def _number(value: float | None, form: str) -> str:
     """Return a number as text, a dash where there is none."""
     return "–" if value is None else format(value, form)
+
+
+def _level(law: str, level: float) -> str:
+    """Return a level as text, with the law's name where it is not Coulomb's."""
+    return level_text(law, level) if law == "coulomb" else f"{law} {level_text(law, level)}"
 
 
 def _unique(values: Iterable[str]) -> list[str]:

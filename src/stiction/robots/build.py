@@ -1,7 +1,8 @@
 """From a `RobotSpec` to a MuJoCo model. The only module of this room that imports mujoco.
 
 Every joint has a `position` actuator of the same name, in the order of `RobotSpec.joint_names`; every foot has a touch
-sensor (normal force, N). Dry friction is the solver's `frictionloss`, set stiff enough to hold (see `FRICTION_D0`).
+sensor (normal force, N). On request every joint also has a force and a torque sensor, after those of the feet. Dry
+friction is the solver's `frictionloss`, set stiff enough to hold (see `FRICTION_D0`).
 """
 
 from __future__ import annotations
@@ -82,11 +83,14 @@ GROUND, OBSTACLE = 1, 2
 """Collision bits: feet and trunk touch the plane and obstacles, shanks obstacles alone, legs never each other."""
 
 
-def build(robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | None = None) -> mujoco.MjSpec:
+def build(
+    robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | None = None, joint_sensors: bool = False
+) -> mujoco.MjSpec:
     """Return the robot on flat ground as an `MjSpec`, its base free, in its standing pose (keyframe 0).
 
     `timestep`: physics step [s]; `obstacles`: half sizes of boxes [m], (boxes, 3), parked far below until somebody
-    places them. On the plane only feet and trunk touch the ground; a shank can catch on the edge of a box.
+    places them; `joint_sensors`: measure what every joint transmits, see `_add_joint_sensors`. On the plane only feet
+    and trunk touch the ground; a shank can catch on the edge of a box.
     """
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
@@ -114,10 +118,27 @@ def build(robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | Non
     )
     for leg in robot.legs:
         _add_leg(spec, base, robot, leg)
+    if joint_sensors:
+        _add_joint_sensors(spec, robot)
     _add_actuators(spec, robot)
     standing = robot.joint_values("standing")
     spec.add_key(name="standing", qpos=[0, 0, robot.standing_height, 1, 0, 0, 0, *standing], ctrl=standing)
     return spec
+
+
+def _add_joint_sensors(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
+    """Add sensors of force [N] and torque [N m] between each joint's two links, joint by joint, three axes each.
+
+    The torque is about the centre of mass of the link behind the joint: there PhysX takes it for its joint friction
+    (`stiction.sim.friction`).
+    """
+    for name in robot.joint_names:
+        link = spec.joint(name).parent
+        link.add_site(name=f"{name}_load", pos=link.ipos, size=[0.01, 0, 0], group=4)
+        for kind, quantity in (("force", mujoco.mjtSensor.mjSENS_FORCE), ("torque", mujoco.mjtSensor.mjSENS_TORQUE)):
+            spec.add_sensor(
+                name=f"{name}_{kind}", type=quantity, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=f"{name}_load"
+            )
 
 
 def _add_scene(spec: mujoco.MjSpec) -> None:
@@ -183,6 +204,8 @@ def _add_actuators(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
         )
 
 
-def build_model(robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | None = None) -> mujoco.MjModel:
+def build_model(
+    robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | None = None, joint_sensors: bool = False
+) -> mujoco.MjModel:
     """Return the compiled model of `build`."""
-    return build(robot, timestep, obstacles).compile()
+    return build(robot, timestep, obstacles, joint_sensors).compile()

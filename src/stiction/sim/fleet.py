@@ -45,10 +45,11 @@ class Fleet:
     All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
     `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass
     after `set_const`). What must act at every physics step (friction that depends on load or speed, a motor that is
-    not the PD law) is a function in `before_step`, called with the fleet. `ground` is the height of the ground under
-    each robot [m], written by whoever walks on other than flat ground: a robot's height counts from it. `torque` and
-    `foot_force` lag one physics step, as sensors do; right after a reset they are those of the standing pose, whatever
-    joint angles the robot was given.
+    not the PD law) is a function in `before_step`, called with the fleet; what it remembers of a robot it forgets in a
+    function in `after_reset`, called with the ids. `ground` is the height of the ground under each robot [m], written
+    by whoever walks on other than flat ground: a robot's height counts from it. `torque`, `foot_force` and `joint_load`
+    lag one physics step, as sensors do; right after a reset they are those of the standing pose, whatever joint angles
+    the robot was given.
     """
 
     def __init__(
@@ -60,12 +61,13 @@ class Fleet:
         threads: int = 1,
         backend: Callable[[mujoco.MjModel, int, int], Simulation] = NativeSimulation,
         terrain: Terrain | None = None,
+        joint_sensors: bool = False,
     ) -> None:
         """Build the robots in their standing pose, without dry friction.
 
         `timestep`: physics step [s]; `decimation`: physics steps in one control period; `threads`: of the simulator;
         `backend`: makes the batched simulation from model, number and threads; `terrain`: courses of the robots, flat
-        ground without.
+        ground without; `joint_sensors`: measure `joint_load`.
         """
         if num_envs < 1 or decimation < 1 or not 0 < timestep <= 0.02:
             raise StictionError(
@@ -74,7 +76,7 @@ class Fleet:
             )
         self.spec, self.num_envs, self.timestep, self.decimation = spec, num_envs, timestep, decimation
         self.terrain = Terrain(np.zeros(num_envs)) if terrain is None else terrain
-        self.model = build_model(spec, timestep, self.terrain.boxes)
+        self.model = build_model(spec, timestep, self.terrain.boxes, joint_sensors)
         self.simulation = simulation = backend(self.model, num_envs, threads)
         joints = slice(BASE_DOFS, None)
         self.qpos, self.qvel = simulation.bind("qpos"), simulation.bind("qvel")
@@ -85,7 +87,8 @@ class Fleet:
         self.joint_velocity = self.qvel[:, joints]
         self.joint_acceleration = simulation.bind("qacc")[:, joints]
         self.torque = simulation.bind("actuator_force")
-        self.foot_force = simulation.bind("sensordata")
+        sensors, feet = simulation.bind("sensordata"), len(spec.legs)
+        self.foot_force, self._joint_wrench = sensors[:, :feet], sensors[:, feet:]
         self.friction = simulation.expand("dof_frictionloss")[:, joints]
         self.damping = simulation.expand("dof_damping")[:, joints]
         self.armature = simulation.expand("dof_armature")[:, joints]
@@ -103,6 +106,7 @@ class Fleet:
         self.blown_up = np.zeros(num_envs, np.int64)
         self.ground = np.zeros(num_envs)
         self.before_step: list[Callable[[Fleet], None]] = []
+        self.after_reset: list[Callable[[np.ndarray], None]] = []
         self.reset(np.arange(num_envs))
 
     def _bind_base_and_feet(self) -> None:
@@ -138,6 +142,14 @@ class Fleet:
     def foot_contact(self) -> np.ndarray:
         """Whether each foot carries load, shape (N, legs); a copy."""
         return self.foot_force > 1.0
+
+    @property
+    def joint_load(self) -> np.ndarray:
+        """Force [N] and torque [N m] that each joint transmits, shape (N, joints, 2, 3); with `joint_sensors` only.
+
+        The torque is about the centre of mass of the link behind the joint; both in that link's frame.
+        """
+        return self._joint_wrench.reshape(self.num_envs, -1, 2, 3)
 
     def set_ground_friction(self, value: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
         """Set the sliding friction coefficient between feet and ground, shape (len(ids),) or a number."""
@@ -179,10 +191,17 @@ class Fleet:
             return self.simulation.step(self.decimation)
         blown_up = np.zeros(self.num_envs, bool)
         for _ in range(self.decimation):
-            for act in self.before_step:
-                act(self)
-            blown_up[self.simulation.step(1)] = True
+            blown_up[self.substep()] = True
         return np.flatnonzero(blown_up)
+
+    def substep(self) -> np.ndarray:
+        """Take one physics step, whatever acts before it included; return the ids of robots that blew up.
+
+        The caller resets them.
+        """
+        for act in self.before_step:
+            act(self)
+        return self.simulation.step(1)
 
     def place_terrain(self, ids: np.ndarray, difficulty: np.ndarray, uniform: np.ndarray) -> None:
         """Lay the courses of the robots `ids` out anew; see `Terrain.place`."""
@@ -230,6 +249,8 @@ class Fleet:
             self.base_quaternion[ids, 3] = np.sin(heading / 2)
         if velocity is not None:
             self.qvel[ids, :6] = velocity
+        for forget in self.after_reset:
+            forget(ids)
 
     def fallen(self) -> np.ndarray:
         """Return whether each robot lies or is about to, shape (N,)."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from stiction.formats.contract import METHODS, Contract
+from stiction.formats.friction import LAWS, has_coefficient, level_text
 
 TEMPLATE = """\
-# {robot}, {terrain}, {method}, {level}
+# {robot}, {terrain}, {method}, {title}
 
 A walking policy for the robot `{robot}` on {terrain} ground: the student of rapid motor adaptation, which sees joints,
 attitude and its own last actions, and follows a commanded velocity.
@@ -13,8 +14,9 @@ attitude and its own last actions, and follows a commanded velocity.
 | | |
 |---|---|
 | trained with | {meaning} |
-| nominal dry friction | {level} of each joint's torque limit, law `{law}` |
-| dry friction in training | {low:.3g} to {high:.3g} of the torque limit |
+| law of the dry friction | `{law}`: {law_meaning} |
+| nominal dry friction | {nominal} |
+| dry friction in training | {low:.3g} to {high:.3g}{unit} |
 | joints | {joints} ({joint_count}) |
 | control period | {period:g} s |
 | identification used | {identification} |
@@ -32,14 +34,18 @@ damage, it is not a signature: take bundles from where you trust.
 def write_card(contract: Contract) -> str:
     """Return the text of card.md."""
     low, high = contract.friction_range
-    used = contract.joints_file
+    used, level = contract.joints_file, level_text(contract.friction_law, contract.friction_level)
+    coefficient = has_coefficient(contract.friction_law)
     return TEMPLATE.format(
         robot=contract.robot,
         terrain=contract.terrain,
         method=contract.method,
         meaning=METHODS.get(contract.method, contract.method),
-        level=f"{100 * contract.friction_level:g} %",
+        title=level if contract.friction_law == "coulomb" else f"{contract.friction_law} {level}",
         law=contract.friction_law,
+        law_meaning=LAWS[contract.friction_law],
+        nominal=level if coefficient else f"{level} of each joint's torque limit",
+        unit="" if coefficient else " of the torque limit",
         low=low,
         high=high,
         joints=", ".join(contract.joint_names),

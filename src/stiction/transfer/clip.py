@@ -17,6 +17,7 @@ import numpy as np
 from stiction.deploy.check import check_bundle
 from stiction.deploy.policy import load_policy
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import Law
 from stiction.formats.reproducibility import seed_streams
 from stiction.sim.fleet import Fleet
 from stiction.transfer.command import parse_command
@@ -51,15 +52,18 @@ def opengl_environment() -> dict[str, str]:
     return environment
 
 
-def record_clip(bundle: Path, level: float, command: str, out: Path, seconds: float = 4.0) -> Path:
+def record_clip(
+    bundle: Path, level: float, command: str, out: Path, seconds: float = 4.0, law: str = "coulomb"
+) -> Path:
     """Render a clip of a bundle at a friction level under a command; return its path.
 
     Args:
         bundle: directory of the bundle.
-        level: dry friction as a fraction of the torque limit [-].
+        level: dry friction as a fraction of the torque limit, or the law's coefficient [-].
         command: as for `parse_command`.
         out: the WebP file to write.
         seconds: length of the clip [s].
+        law: law of the dry friction; `stribeck` with its default numbers.
 
     Raises:
         ClipError: no OpenGL, or the renderer failed; the message says what it said.
@@ -74,6 +78,7 @@ def record_clip(bundle: Path, level: float, command: str, out: Path, seconds: fl
         command,
         str(out),
         str(seconds),
+        law,
     ]
     try:
         done = subprocess.run(
@@ -117,16 +122,16 @@ def film(fleet: Fleet, advance: Callable[[], object], out: Path, seconds: float)
     frames[0].save(out, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=60, method=2)
 
 
-def _render(bundle: Path, level: float, command: str, out: Path, seconds: float) -> None:
+def _render(bundle: Path, level: float, command: str, out: Path, seconds: float, law: Law) -> None:
     """Roll the bundle out and film it."""
     loaded = check_bundle(bundle).bundle
     noise = seed_streams(0, ["clip"])["clip"]
     contract = loaded.contract
-    policy, friction = load_policy(contract, loaded.policy, (1,)), friction_at(contract, np.array([level]))
-    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise])
+    policy, friction = load_policy(contract, loaded.policy, (1,)), friction_at(contract, np.array([level]), law)
+    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise], law=law)
     velocity = np.array([parse_command(command).velocity])
     film(rollout.fleet, lambda: rollout.step(velocity), out, seconds)
 
 
 if __name__ == "__main__":
-    _render(Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3], Path(sys.argv[4]), float(sys.argv[5]))
+    _render(Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3], Path(sys.argv[4]), float(sys.argv[5]), Law(sys.argv[6]))

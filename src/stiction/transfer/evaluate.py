@@ -17,6 +17,7 @@ import numpy as np
 from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import Law, has_coefficient
 from stiction.formats.reproducibility import seed_streams
 from stiction.formats.results import ResultRow
 from stiction.locomotion.config import NoiseCfg
@@ -26,11 +27,14 @@ from stiction.transfer.command import Command, parse_command
 from stiction.transfer.metrics import Metrics, Recording, measure
 from stiction.transfer.rollout import Rollout, friction_at, robot_of
 
-ENGINE, LAW, TERRAIN = "mujoco", "coulomb", "flat"
+ENGINE, TERRAIN = "mujoco", "flat"
 """What is evaluated here, as it stands in results.csv."""
 
+EXTRA = ("group_share", "moving_share", "mean_friction")
+"""Fields of `Metrics` that summary.json has beside the columns of results.csv."""
+
 MAX_LEVEL = 0.9
-"""Highest friction level: above it hardly any torque is left to move the joint [-]."""
+"""Highest friction level: above it hardly any torque is left to move the joint [-]. It bounds coefficients too."""
 
 MAX_ROBOT_SECONDS = 400_000.0
 """Most levels times commands times episodes times seconds: at 50 Hz the recording of these fills some 700 MB [s]."""
@@ -41,7 +45,7 @@ class EvaluationCfg:
     """What a policy is put through."""
 
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
-    """Dry friction as fractions of each joint's torque limit [-]."""
+    """Dry friction as fractions of each joint's torque limit [-]; of `load` and `effort` their coefficients."""
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
     """Commanded velocities: vx, vy [m/s], wz [rad/s], or `stand`."""
     episodes: int = 32
@@ -56,14 +60,19 @@ class EvaluationCfg:
     """Sensor noise, as in training."""
     action_delay: float = 0.0
     """Delay between target and motor [s], in whole physics steps; at most what the robot's model holds."""
+    friction_law: str = "coulomb"
+    """Law of the dry friction, whatever the policy was trained with."""
+    static_ratio: float = 1.5
+    """Friction at rest over friction in motion, of the law `stribeck`."""
+    stribeck_velocity: float = 0.1
+    """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be evaluated."""
+        unit = "coefficients" if has_coefficient(self.law.name) else "fractions of the torque limit"
         for level in self.friction_levels:
             if not 0.0 <= level <= MAX_LEVEL:
-                raise StictionError(
-                    f"friction level {level} is outside [0, {MAX_LEVEL}], fractions of the torque limit"
-                )
+                raise StictionError(f"friction level {level} is outside [0, {MAX_LEVEL}], {unit}")
         if not self.friction_levels or not self.commands:
             raise StictionError("at least one friction level and one command are needed")
         labels = [command.label for command in self.parsed_commands]
@@ -82,6 +91,11 @@ class EvaluationCfg:
                 "robot-seconds; give fewer levels, commands or episodes, or shorter ones"
             )
         seed_streams(self.seed, ["episode"])
+
+    @property
+    def law(self) -> Law:
+        """The law with its own numbers. Raises `StictionError` where they make none."""
+        return Law(self.friction_law, self.static_ratio, self.stribeck_velocity)
 
     @property
     def parsed_commands(self) -> tuple[Command, ...]:
@@ -117,9 +131,9 @@ class Evaluation:
     """Simulations that became unstable; each counts as a fall."""
 
     def details(self) -> list[dict[str, Any]]:
-        """Return the rows as plain data, with `group_share` and `moving_share`, which results.csv has no column for."""
+        """Return the rows as plain data, with what results.csv has no column for (`EXTRA`)."""
         return [
-            asdict(row) | {"group_share": metrics.group_share, "moving_share": metrics.moving_share}
+            asdict(row) | {name: getattr(metrics, name) for name in EXTRA}
             for row, metrics in zip(self.rows, self.metrics, strict=True)
         ]
 
@@ -190,11 +204,12 @@ def drive_bundle(
         contract,
         load_policy(contract, bundle.policy, (cfg.num_robots,)),
         spec,
-        friction_at(contract, level),
+        friction_at(contract, level, cfg.law),
         list(streams.values()),
         threads,
         cfg.noise,
         cfg.action_delay,
+        law=cfg.law,
     )
     recording, blown_up = record(
         rollout, lambda fleet: velocity, round(cfg.seconds / contract.control_period), progress
@@ -226,6 +241,7 @@ def record(
         power=np.zeros((steps, num), dtype=np.float32),
         square_acceleration=np.zeros((steps, num), dtype=np.float32),
         upright=np.zeros((steps, num), dtype=bool),
+        friction=(friction := np.zeros((steps, num), dtype=np.float32)),
     )
     upright, blown_up = np.ones(num, dtype=bool), 0
     last_velocity = fleet.joint_velocity.copy()
@@ -241,6 +257,7 @@ def record(
         recording.power[t] = np.abs(fleet.torque * fleet.joint_velocity).sum(axis=1)
         recording.square_acceleration[t] = (((fleet.joint_velocity - last_velocity) / period) ** 2).mean(axis=1)
         recording.upright[t] = upright
+        friction[t] = fleet.friction.mean(axis=1)
         last_velocity = fleet.joint_velocity.copy()
         progress((t + 1) / steps)
     return recording, blown_up
@@ -253,7 +270,7 @@ def _row(bundle: Bundle, cfg: EvaluationCfg, level: float, command: Command, met
         method=bundle.contract.method,
         seed=bundle.contract.seed,
         engine=ENGINE,
-        friction_law=LAW,
+        friction_law=cfg.friction_law,
         friction_level=level,
         terrain=TERRAIN,
         command=command.label,

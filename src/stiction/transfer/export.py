@@ -18,6 +18,7 @@ from stiction.deploy.policy import INPUT, OUTPUT
 from stiction.formats.bundle import BundleError, write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import has_coefficient
 from stiction.formats.observation import proprioception
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.robots.catalog import find_robot
@@ -71,18 +72,20 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
     spec, identified = find_robot(task.robot), header["identified"]
     found = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
     joints = nominal_joints(Fleet(spec, 1), task.friction, found)
-    level = task.friction.level
+    level, law = task.friction.level, task.friction.joint_law
     if level is None:
-        level = float((joints.frictionloss / spec.joint_values("torque_limit")).mean())
+        units = 1.0 if has_coefficient(law.name) else spec.joint_values("torque_limit")
+        level = float((joints.frictionloss / units).mean())
     low, high = task.friction.last.range
     return Contract(
         robot=task.robot,
         terrain=task.terrain.kind,
         method=task.friction.method,
         seed=cfg.seed,
-        friction_law=task.friction.law,
+        friction_law=law.name,
         friction_level=level,
         friction_range=(low * level, high * level),
+        stribeck=(law.static_ratio, law.stribeck_velocity) if law.name == "stribeck" else None,
         joint_names=spec.joint_names,
         control_period=task.control_period,
         decimation=task.decimation,

@@ -34,7 +34,8 @@ def record_golden(contract: Contract, policy: Driver, spec: RobotSpec, seed: int
 
     """
     streams = seed_streams(seed, ["golden noise", "golden commands"])
-    rollout = Rollout(contract, policy, spec, contract.array("friction")[None], [streams["golden noise"]])
+    noise = [streams["golden noise"]]
+    rollout = Rollout(contract, policy, spec, contract.array("friction")[None], noise, law=contract.law)
     bound = np.array(COMMAND_BOUND)
     moments: list[Moment] = []
     resets, commands = np.zeros(STEPS, dtype=bool), np.zeros((STEPS, 3))

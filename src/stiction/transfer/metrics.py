@@ -42,11 +42,15 @@ class Recording:
     """Mean over joints of the squared joint acceleration [rad²/s⁴], shape (T, N)."""
     upright: np.ndarray
     """False from the step of a fall on, bool, shape (T, N)."""
+    friction: np.ndarray | None = None
+    """Dry friction that the joints could bring up, mean over joints [N m], shape (T, N); None where not recorded."""
 
     def of(self, robots: slice, first_step: int = 0) -> Recording:
         """Return the recording of some robots, from a step on."""
         fields = ("velocity", "position", "contact", "power", "square_acceleration", "upright")
-        return Recording(self.period, *(getattr(self, name)[first_step:, robots] for name in fields))
+        arrays = (getattr(self, name)[first_step:, robots] for name in fields)
+        friction = None if self.friction is None else self.friction[first_step:, robots]
+        return Recording(self.period, *arrays, friction=friction)
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,9 @@ class Metrics:
     """Share of moving steps in which exactly contact group 0, and exactly group 1, is on the ground [-]."""
     moving_share: float | None
     """Share of all steps that are moving ones, what the shares above are of [-]; None where no motion is commanded."""
+    mean_friction: float | None = None
+    """Mean bound of the joints' dry friction [N m]: what a coefficient came to on this walk; None where not recorded.
+    Falls included."""
 
 
 def measure(recording: Recording, command: Command, groups: np.ndarray, weight: float) -> Metrics:
@@ -91,6 +98,7 @@ def measure(recording: Recording, command: Command, groups: np.ndarray, weight: 
         flight_share=flight,
         group_share=None if first is None or second is None else (first, second),
         moving_share=None if moving is None else float(moving.mean()),
+        mean_friction=None if recording.friction is None else float(recording.friction.mean()),
     )
 
 

@@ -15,11 +15,16 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import Law, has_coefficient
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.catalog import find_robot
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 from stiction.sim.fleet import Fleet
+from stiction.sim.friction import joint_friction, needs_sensors
 from stiction.sim.terrain import Terrain
+
+COULOMB = Law("coulomb")
+"""The law where none is named."""
 
 INITIAL_ANGLE = 0.1
 """Half-width of the initial joint angles about the standing pose [rad], as in training: the first entry of
@@ -73,9 +78,10 @@ def robot_of(contract: Contract, robot: str | None = None) -> RobotSpec:
     return spec
 
 
-def friction_at(contract: Contract, level: np.ndarray) -> np.ndarray:
-    """Return the dry friction of every joint [N m], shape (N, J), at levels, fractions of the torque limit, (N,)."""
-    return np.asarray(level)[:, None] * contract.array("torque_limit")
+def friction_at(contract: Contract, level: np.ndarray, law: Law = COULOMB) -> np.ndarray:
+    """Return what a law gives every joint at levels of shape (N,): torques [N m] or coefficients [-], shape (N, J)."""
+    unit = np.ones(contract.num_joints) if has_coefficient(law.name) else contract.array("torque_limit")
+    return np.asarray(level)[:, None] * unit
 
 
 class Rollout:
@@ -92,6 +98,7 @@ class Rollout:
         noise: NoiseCfg | None = None,
         action_delay: float = 0.0,
         terrain: Terrain | None = None,
+        law: Law = COULOMB,
     ) -> None:
         """Put the robots into their standing pose.
 
@@ -99,13 +106,14 @@ class Rollout:
             contract: what the policy expects.
             policy: what drives the robots, its batch (N,).
             spec: the robot, as from `robot_of`.
-            friction: dry friction of each robot's joints [N m], shape (N, J); see `friction_at`.
+            friction: what the law gives each robot's joints, torques [N m] or coefficients, (N, J); see `friction_at`.
             generators: sources of noise; robot i uses number i modulo their count, so that robots that share one
                 meet the same noise.
             threads: threads of the simulator.
             noise: sensor noise, by default as in training.
             action_delay: delay between target and motor [s], in whole physics steps as in training.
-            terrain: the courses of the robots; flat ground without.
+            terrain: courses of the robots, flat ground by default.
+            law: law of the dry friction.
 
         Raises:
             StictionError: the delay is longer than the model holds.
@@ -115,9 +123,18 @@ class Rollout:
         longest = DELAY_SAMPLES * contract.physics_timestep
         if not 0.0 <= action_delay <= longest:
             raise StictionError(f"action delay {action_delay} s; expected 0 to {longest:g} s, what the model holds")
-        self.fleet = Fleet(spec, num, contract.physics_timestep, contract.decimation, threads, terrain=terrain)
+        sensors = needs_sensors(law)
+        self.fleet = Fleet(
+            spec,
+            num,
+            contract.physics_timestep,
+            contract.decimation,
+            threads,
+            terrain=terrain,
+            joint_sensors=sensors,
+        )
         self.fleet.set_gains(contract.array("kp"), contract.array("kd"))
-        self.fleet.friction[:] = friction
+        joint_friction(self.fleet, law).set_level(friction)
         self.fleet.damping[:] = contract.array("damping")
         self.fleet.armature[:] = contract.array("armature")
         self.fleet.delay[:] = round(action_delay / contract.physics_timestep) * contract.physics_timestep

@@ -65,6 +65,7 @@ def describe(bundle: Bundle) -> dict[str, Any]:
         "digest": bundle.digest,
         "robot": contract.robot,
         "method": contract.method,
+        "friction_law": contract.friction_law,
         "friction_level": contract.friction_level,
         "friction_range": contract.friction_range,
         "joints_file": contract.joints_file,

@@ -85,8 +85,10 @@ class RecordCfg:
 class RecordedWalk:
     """A log and where it belongs."""
 
+    law: str
+    """Law of the joints' dry friction; the log itself does not say, nor the level."""
     level: float
-    """Dry friction of the joints as a fraction of the torque limit [-]; the log itself does not say."""
+    """Dry friction of the joints as a fraction of the torque limit, or the law's coefficient [-]."""
     command: str
     """Label of the command."""
     robot: int
@@ -96,8 +98,9 @@ class RecordedWalk:
 
     @property
     def file_name(self) -> str:
-        """Name for the log's file, without the bundle: `0.1--vx=0.5--0.npz`."""
-        return f"{self.level:g}--{self.command}--{self.robot}.npz"
+        """Name for the log's file, without the bundle: `0.1--vx=0.5--0.npz`, `load-0.1--...` of another law."""
+        law = "" if self.law == "coulomb" else f"{self.law}-"
+        return f"{law}{self.level:g}--{self.command}--{self.robot}.npz"
 
 
 def log_all(
@@ -147,11 +150,12 @@ def record_walks(
         contract,
         load_policy(contract, bundle.policy, (len(level),)),
         spec,
-        friction_at(contract, level),
+        friction_at(contract, level, evaluation.law),
         list(streams.values()),
         threads,
         evaluation.noise,
         evaluation.action_delay,
+        law=evaluation.law,
     )
     steps = round(cfg.seconds / contract.control_period)
     truths = record_motion(rollout, contract.array("kd"), velocity, steps, progress)
@@ -175,7 +179,7 @@ def record_walks(
         measured = None
         if truth is not None:
             measured = measure_walk(WalkLog(header, **truth), cfg.noise, generator)
-        walks.append(RecordedWalk(float(level[index]), command, index % number, measured))
+        walks.append(RecordedWalk(evaluation.friction_law, float(level[index]), command, index % number, measured))
     return walks
 
 
@@ -202,7 +206,7 @@ def record_motion(
         rollout.act(velocity)
         for _ in range(fleet.decimation):
             state, before = _state(fleet, velocity), fleet.qvel.copy()
-            blown_up = fleet.simulation.step(1)
+            blown_up = fleet.substep()
             samples.append(state | _forces(fleet, state["quaternion"], kd, fleet.qvel - before))
             upright[blown_up] = False
             fleet.reset(blown_up)
