@@ -20,6 +20,7 @@ import torch
 
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.friction_bench import FrictionBench
 from stiction.locomotion.stand import Stand
 from stiction.robots.spec import RobotSpec
 
@@ -79,7 +80,9 @@ def audit_joints(stand: Stand) -> list[AuditRow]:
     """Check what acts in a joint, by the step response of each."""
     cfg = stand.cfg
     names = ("armature", "damping", "stiffness", "motor_strength", "action_delay")
-    spans = {name: getattr(cfg.randomization, name) for name in names} | {"friction": cfg.friction.last.range}
+    spans = {name: getattr(cfg.randomization, name) for name in names}
+    if cfg.friction.law == "coulomb":
+        spans["friction"] = cfg.friction.last.range
     rows = []
     for name, ends in spans.items():
         if ends[0] == ends[1]:
@@ -90,6 +93,21 @@ def audit_joints(stand: Stand) -> list[AuditRow]:
             effects.append(high - low)
         rows.append(AuditRow(name, "step response, worst joint", effect_share(*effects)))
     return rows
+
+
+def audit_friction(stand: Stand) -> list[AuditRow]:
+    """Check the law of friction at the largest multiplier: what it holds, where it lets go, how it brakes."""
+    most = stand.cfg.friction.last.range[1]
+    if most == 0.0 or stand.cfg.friction.level == 0.0:
+        return []
+    bench, law = FrictionBench(stand, most), stand.cfg.friction.law
+    worst = [values[np.argmax(np.abs(values - 1.0))] for values in (bench.hold(), bench.break_away())]
+    shares = [*worst, effect_share(*bench.slowed(coasting=False)), effect_share(*bench.slowed(coasting=True))]
+    quantities = ("holds below its bound", "torque of break-away", "brakes above its bound", "slows free motion")
+    return [
+        AuditRow("friction", f"{law}: {what}, worst joint", float(share))
+        for what, share in zip(quantities, shares, strict=True)
+    ]
 
 
 def audit_body(stand: Stand) -> list[AuditRow]:
@@ -185,6 +203,8 @@ def check_randomization(
     stand = Stand(spec, cfg)
     report("joints")
     rows = audit_joints(stand)
+    report("friction")
+    rows += audit_friction(stand)
     report("masses and ground")
     rows += audit_body(stand)
     report("task")

@@ -6,7 +6,7 @@ nothing by running fast and falling.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,10 +47,9 @@ class Recording:
 
     def of(self, robots: slice, first_step: int = 0) -> Recording:
         """Return the recording of some robots, from a step on."""
-        fields = ("velocity", "position", "contact", "power", "square_acceleration", "upright")
-        arrays = (getattr(self, name)[first_step:, robots] for name in fields)
-        friction = None if self.friction is None else self.friction[first_step:, robots]
-        return Recording(self.period, *arrays, friction=friction)
+        names = ["velocity", "position", "contact", "power", "square_acceleration", "upright"]
+        names += ["friction"] if self.friction is not None else []
+        return replace(self, **{name: getattr(self, name)[first_step:, robots] for name in names})
 
 
 @dataclass(frozen=True)
