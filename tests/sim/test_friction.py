@@ -1,0 +1,128 @@
+"""Laws of friction in the batched simulator: formulas by hand, what a joint bears, and nothing forgotten or kept."""
+
+import numpy as np
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.formats.friction import Law
+from stiction.robots.catalog import find_robot
+from stiction.sim.fleet import Fleet
+from stiction.sim.friction import KEPT, joint_friction, load_size, stribeck_bound
+
+MEASURED = [Law("effort"), Law("load")]
+
+
+def make(law: Law, num: int = 2, level: float = 0.1) -> Fleet:
+    """Return standing robots under a law."""
+    fleet = Fleet(find_robot("go1"), num, joint_sensors=True)
+    joint_friction(fleet, law).set_level(np.full(fleet.friction.shape, level))
+    return fleet
+
+
+def test_formulas_by_hand() -> None:
+    """Friction of 2 N m, half more at rest: 3 at rest, 2 + 1/e at v_s, 2 far above. |(3, 4, 0)| + |(0, 0, -2)| = 7."""
+    found = stribeck_bound(np.full(3, 2.0), 1.5, 0.1, np.array([0.0, -0.1, 5.0]))
+    np.testing.assert_allclose(found, [3.0, 2.0 + np.exp(-1.0), 2.0])
+    np.testing.assert_allclose(load_size(np.array([[[[3.0, 4.0, 0.0], [0.0, 0.0, -2.0]]]])), [[7.0]])
+
+
+def test_the_bound_is_written_before_every_physics_step() -> None:
+    """Stribeck friction of the speed at the start of the last of four steps, not of the first."""
+    fleet = make(Law("stribeck", 1.5, 0.5), level=2.0)
+    fleet.set_targets(fleet.standing + 0.3)
+    for _ in range(fleet.decimation):
+        before = fleet.joint_velocity.copy()
+        fleet.substep()
+        np.testing.assert_array_equal(fleet.friction, stribeck_bound(np.full((2, 12), 2.0), 1.5, 0.5, before))
+
+
+def test_effort_is_a_share_of_the_motors_last_torque() -> None:
+    """The law c |τ|, one physics step late."""
+    fleet = make(Law("effort"))
+    fleet.set_targets(fleet.standing + 0.2)
+    fleet.substep()
+    torque = fleet.torque.copy()
+    fleet.substep()
+    np.testing.assert_array_equal(fleet.friction, 0.1 * np.abs(torque))
+
+
+def test_load_is_what_the_leg_weighs_and_what_the_ground_bears() -> None:
+    """In the air, trunk held, a hip carries its leg of 1.75 kg; on the ground it bears its share of all else."""
+    fleet = make(Law("load"))
+    fleet.clamp(np.ones((2, 12), bool), base=False)
+    fleet.simulation.expand("dof_armature")[1, :6] = 1e6
+    fleet.set_const(np.arange(2))
+    fleet.base_position[1, 2] += 1.0
+    for _ in range(100):
+        fleet.substep()
+    force = np.linalg.norm(fleet.joint_load[:, :, 0], axis=-1)
+    np.testing.assert_allclose(force[1, ::3], 9.81 * 1.75, rtol=1e-3)
+    np.testing.assert_allclose(force[1, 2::3], 9.81 * 0.2, rtol=1e-3)
+    np.testing.assert_allclose(force[0, ::3].sum(), 9.81 * (12.0 - 4 * 1.75), rtol=0.02)
+    np.testing.assert_allclose(fleet.friction, 0.1 * load_size(fleet.joint_load), rtol=0.01)
+
+
+def test_load_keeps_half_of_the_old_bound_but_nothing_over_a_reset() -> None:
+    """A robot that begins anew would else begin with the friction of the one that fell."""
+    fleet = make(Law("load"))
+    fleet.substep()
+    load = load_size(fleet.joint_load)
+    fleet.friction[:] = 100.0
+    fleet.reset(np.array([1]))
+    standing = load_size(fleet.joint_load)[1]
+    fleet.substep()
+    np.testing.assert_allclose(fleet.friction[0], KEPT * 100.0 + (1 - KEPT) * 0.1 * load[0])
+    np.testing.assert_allclose(fleet.friction[1], 0.1 * standing)
+
+
+@pytest.mark.parametrize("law", MEASURED)
+def test_a_robot_that_blew_up_has_finite_friction_again(law: Law) -> None:
+    """A bound that is not finite would outlive the reset, for parameters are not reset."""
+    fleet = make(law)
+    fleet.joint_velocity[1, 0] = np.nan
+    assert list(fleet.step()) == [1]
+    assert np.isfinite(fleet.friction).all()
+    assert len(fleet.step()) == 0 and (fleet.friction[1] > 0.0).all()
+
+
+@pytest.mark.parametrize("law", [*MEASURED, Law("stribeck")])
+def test_state_restores_the_friction_bit_by_bit(law: Law) -> None:
+    """A checkpoint has neither sensors nor bounds; without them a resumed run would take another way."""
+    targets = 0.2 * np.random.default_rng(0).standard_normal((20, 2, 12))
+    fleet = Fleet(find_robot("go1"), 2, joint_sensors=True)
+    friction = joint_friction(fleet, law)
+    friction.set_level(np.full((2, 12), 0.1))
+
+    def walk(some: np.ndarray) -> np.ndarray:
+        for target in some:
+            fleet.set_targets(fleet.standing + target)
+            fleet.step()
+        return fleet.qpos.copy()
+
+    walk(targets[:10])
+    saved, kept = fleet.simulation.state(), friction.state()
+    first = walk(targets[10:])
+    fleet.reset(np.arange(2))
+    friction.set_level(np.full((2, 12), 0.1))
+    fleet.simulation.load_state(saved)
+    friction.load_state(kept)
+    np.testing.assert_array_equal(walk(targets[10:]), first)
+
+
+def test_joint_sensors_change_neither_the_feet_nor_the_motion() -> None:
+    """Columns that shifted would take a joint's load for a contact."""
+    plain, measured = Fleet(find_robot("go1"), 1), Fleet(find_robot("go1"), 1, joint_sensors=True)
+    for fleet in (plain, measured):
+        fleet.step()
+    np.testing.assert_array_equal(measured.foot_force, plain.foot_force)
+    np.testing.assert_array_equal(measured.qpos, plain.qpos)
+    assert plain.joint_load.size == 0 and measured.joint_load.shape == (1, 12, 2, 3)
+
+
+def test_a_law_that_cannot_be_is_refused() -> None:
+    """No such law, numbers that make none, and a load that nothing measures."""
+    for arguments in (("rust",), ("stribeck", 0.5), ("stribeck", 1.5, 0.0)):
+        with pytest.raises(StictionError, match="expected"):
+            Law(*arguments)
+    with pytest.raises(StictionError, match="joint_sensors"):
+        joint_friction(Fleet(find_robot("go1"), 1), Law("load"))
