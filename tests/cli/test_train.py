@@ -73,6 +73,21 @@ def test_an_identification_becomes_the_nominal_joint(tmp_path: Path, capsys: pyt
         assert contract["friction"][2] == pytest.approx(expected) and contract["armature"][2] == 0.02
 
 
+def test_a_law_is_trained_and_resumed(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """From the flags to the joints, with the friction that was there among the figures; a resumed run keeps the law."""
+    run = tmp_path / "run"
+    options = ["--method", "direct", "--friction-law", "load", "--friction-level", "0.05", "--checkpoint-every", "1"]
+    assert main(["train", *SMALL, *options, "--out", str(run)]) == 0
+    for file in (run / "checkpoints").glob("student_*"):
+        file.unlink()
+    (run / "summary.json").unlink()
+    assert main(["train", "--resume", str(run), "--json"]) == 0
+    rows = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
+    assert [row["phase"] for row in rows] == ["teacher", "student"] and all(row["friction/share"] > 0 for row in rows)
+    path = latest_checkpoint(run / "checkpoints", "teacher")
+    assert set(load_checkpoint(path)["environment"]["friction"]) == {"bound", "measured", "fresh"}
+
+
 def test_a_proposal_of_identify_is_what_is_trained(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The worst joint, 1.8 % in the air, doubled and rounded up, is level 0.04, and that is what the run records."""
     ratios = {"thigh": 0.01, "shank": 0.018}
@@ -208,6 +223,8 @@ def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.Cap
         (["--joints", str(tmp_path / "none.json")], "none.json"),
         (["--friction-level", "1.5"], "1.5"),
         (["--method", "direct", "--friction-level", "0"], "--method none"),
+        (["--friction-law", "load"], "coefficient"),
+        (["--friction-law", "effort", "--friction-level", "0.1", "--method", "compensation"], "compensation"),
         (["--num-envs", "0"], "num_envs"),
         (["--checkpoint-every", "0"], "checkpoint_every"),
         (["--video-every", "-1"], "video_every"),

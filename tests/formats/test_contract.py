@@ -6,6 +6,7 @@ import pytest
 
 from bundles import make_contract
 from stiction.formats.contract import Contract, ContractError, read_contract
+from stiction.formats.friction import Law
 
 
 def edited(contract: Contract, field: str, value: object) -> bytes:
@@ -33,6 +34,7 @@ def test_go1_with_an_identification_is_valid() -> None:
         ("robot", ""),
         ("seed", "0"),
         ("seed", True),
+        ("friction_law", "rust"),
         ("friction_level", -0.1),
         ("friction_range", [0.2, 0.1]),
         ("friction_range", 0.2),
@@ -110,3 +112,26 @@ def test_friction_in_torque_and_as_a_level_must_agree(contract: Contract) -> Non
     """Two numbers for one thing would let an evaluation meet other joints than the card names."""
     with pytest.raises(ContractError, match="friction_level"):
         read_contract(edited(contract, "friction", [1.0] * 18))
+
+
+@pytest.mark.parametrize("law", ["load", "effort"])
+def test_a_coefficient_is_its_own_level(law: str) -> None:
+    """Divided by the torque limit, 0.05 would be 0.2 %; and a law without its own numbers is another law."""
+    level = make_contract(friction_law=law, friction_level=0.05, friction=(0.05,) * 18)
+    assert read_contract(level.to_json().encode()) == level and level.law == Law(law)
+    with pytest.raises(ContractError, match=r"mean of 'friction'$"):
+        read_contract(edited(level, "friction", [1.25, 1.25, 2.25] * 6))
+    with pytest.raises(ContractError, match="stribeck"):
+        read_contract(edited(level, "stribeck", [1.5, 0.1]))
+
+
+def test_stribeck_friction_names_its_shape() -> None:
+    """Without ratio and speed nobody could simulate what was trained. An older contract has neither."""
+    shaped = make_contract(friction_law="stribeck", stribeck=(2.0, 0.3))
+    assert read_contract(shaped.to_json().encode()).law == Law("stribeck", 2.0, 0.3)
+    for wrong in (None, [0.5, 0.3], [2.0, 0.0], [2.0]):
+        with pytest.raises(ContractError, match="stribeck"):
+            read_contract(edited(shaped, "stribeck", wrong))
+    data = json.loads(make_contract().to_json())
+    del data["stribeck"]
+    assert read_contract(json.dumps(data).encode()).stribeck is None

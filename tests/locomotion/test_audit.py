@@ -8,10 +8,11 @@ import torch
 
 from stiction.locomotion import audit
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
-from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.friction import FrictionCfg, FrictionLaw
 from stiction.locomotion.randomization import Randomizer
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
+from stiction.sim.friction import LoadFriction
 
 NAMES = {
     *("armature", "damping", "friction", "stiffness", "motor_strength", "ground_friction", "payload", "center_of_mass"),
@@ -72,6 +73,28 @@ def test_one_dead_joint_is_caught(monkeypatch: pytest.MonkeyPatch, field: str, c
     mutate(monkeypatch, field, columns)
     rows = audit.audit_joints(audit.Stand(find_robot("go1"), TASK))
     assert list(failed(rows)) == [field]
+
+
+@pytest.mark.parametrize(("law", "level"), [("stribeck", 0.1), ("effort", 0.1), ("load", 0.4)])
+def test_every_law_of_friction_acts_as_its_formula_says(law: FrictionLaw, level: float) -> None:
+    """It holds below its bound, lets go at it, brakes by its formula above it, and brings a coasting joint to rest."""
+    task = TaskCfg(robot="go1", friction=FrictionCfg(level=level, law=law))
+    rows = audit.audit_friction(audit.Stand(find_robot("go1"), task))
+    assert [row.quantity.partition(": ")[0] for row in rows] == [law] * 4
+    assert all(abs(row.share - 1.0) < 0.03 for row in rows), rows
+
+
+@pytest.mark.parametrize(("law", "wrong"), [("coulomb", {}), ("load", {"kept": 1.0})])
+def test_a_law_that_does_not_act_is_caught(monkeypatch: pytest.MonkeyPatch, law: FrictionLaw, wrong: dict) -> None:
+    """One joint that keeps its nominal friction, 1/1.2 of what was drawn; a load that never reaches the bound."""
+    if not wrong:
+        mutate(monkeypatch, "friction", 4)
+    for name, value in wrong.items():
+        monkeypatch.setattr(LoadFriction, name, value)
+    rows = audit.audit_friction(
+        audit.Stand(find_robot("go1"), TaskCfg("go1", friction=FrictionCfg(level=0.1, law=law)))
+    )
+    assert "torque of break-away" in {row.quantity.split(": ")[1].partition(",")[0] for row in rows if not row.ok}
 
 
 def test_a_delay_that_never_reaches_the_motor_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -88,6 +88,28 @@ def test_privileged_observation_is_what_was_drawn() -> None:
     np.testing.assert_allclose(privileged[:, 26:] * 0.1 * fleet.torque_limit, fleet.friction, atol=1e-5)
 
 
+@pytest.mark.parametrize("law", ["load", "effort"])
+def test_privileged_friction_of_a_coefficient_is_in_tenths_of_the_limit(law: str) -> None:
+    """Of `load` under a leg's share of 12 kg x 9.81, of `effort` at full torque: of the size of Coulomb's."""
+    env = make(friction=FrictionCfg("deception", level=0.1, law=law, per="joint"))
+    typical = env.fleet.torque_limit if law == "effort" else 12.0 * 9.81 / 4
+    coefficient = env.randomizer.law.level
+    assert 0.0 <= coefficient.min() < coefficient.max() <= 0.12 and np.ptp(coefficient, axis=1).min() > 0.01
+    expected = coefficient * typical / env.fleet.torque_limit / 0.1
+    np.testing.assert_allclose(env.get_observations()["privileged"][:, 26:], expected, atol=1e-5)
+
+
+def test_the_figure_of_friction_is_what_the_joints_have() -> None:
+    """Mean bound over torque limit; under Coulomb's law it would repeat the draw, and is left out."""
+    env = make(friction=FrictionCfg("direct", level=0.1, law="load"))
+    for _ in range(2):
+        *_, extras = env.step(torch.zeros(4, 12))
+    assert float(extras["log"]["friction/share"]) == pytest.approx((env.fleet.friction / env.fleet.torque_limit).mean())
+    assert 0.005 < float(extras["log"]["friction/share"]) < 0.5
+    *_, extras = make(friction=FrictionCfg("direct", level=0.1)).step(torch.zeros(4, 12))
+    assert "friction/share" not in extras["log"]
+
+
 @pytest.mark.parametrize(("method", "low", "high"), [("none", 0, 0), ("direct", 0.8, 1.2), ("deception", 0, 1.2)])
 def test_friction_in_training_has_the_range_of_its_method(method: str, low: float, high: float) -> None:
     """b_c = multiplier x level x torque limit, one multiplier a robot."""
@@ -169,9 +191,10 @@ def test_commands_fill_their_ranges_and_small_ones_are_standing() -> None:
     assert 0.09 < (norm == 0).float().mean() < 0.14
 
 
-def test_state_restores_the_task_bit_by_bit(tmp_path: Path) -> None:
+@pytest.mark.parametrize("law", ["coulomb", "load"])
+def test_state_restores_the_task_bit_by_bit(tmp_path: Path, law: str) -> None:
     """A resumed run must see the same robots, commands, noise and history as one that was never stopped."""
-    env = make(friction=FrictionCfg("deception", level=0.2), episode=0.3)
+    env = make(friction=FrictionCfg("deception", level=0.2, law=law), episode=0.3)
     generator = torch.Generator().manual_seed(3)
     actions = torch.randn(30, 4, 12, generator=generator)
     for action in actions[:10]:
@@ -179,7 +202,7 @@ def test_state_restores_the_task_bit_by_bit(tmp_path: Path) -> None:
     save_checkpoint(tmp_path / "env.safetensors", env.state())
     first = [env.step(action)[:2] for action in actions[10:]]
 
-    other = make(friction=FrictionCfg("deception", level=0.2), episode=0.3)
+    other = make(friction=FrictionCfg("deception", level=0.2, law=law), episode=0.3)
     other.load_state(load_checkpoint(tmp_path / "env.safetensors"))
     for action, (obs, reward) in zip(actions[10:], first, strict=True):
         again, reward_again, *_ = other.step(action)

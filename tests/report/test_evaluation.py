@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -90,3 +90,18 @@ def test_without_the_details_there_is_no_moving_column() -> None:
     """A column of dashes would read as robots that never moved."""
     assert ">moving</th>" not in results_table(ROWS)
     assert ">moving</th>" in results_table(ROWS, SUMMARY["rows"])
+
+
+def test_a_coefficient_is_no_percentage() -> None:
+    """A law with a coefficient has panels and an axis of its own, and the torque that it came to in the table."""
+    load = [replace(row, friction_law="load", friction_level=0.05) for row in ROWS[:1]]
+    figure = draw_budget([*ROWS, *load])
+    assert [axis.get_xlabel() for axis in figure.axes] == [
+        "dry friction, % of each joint's torque limit",
+        "dry friction, % of each joint's torque limit",
+        "load friction c, N m per N and N m transmitted",
+    ]
+    assert [line.get_xydata().tolist() for line in figure.axes[2].get_lines()[1:]] == [[[0.05, 0.95]], []]
+    assert "plain follows every command without a fall at load c = 0.05 of the tested" in lead(load)
+    details = [asdict(load[0]) | {"moving_share": 0.4, "mean_friction": 3.21}]
+    assert "load c = 0.05, 3.21 N m" in results_table(load, details)

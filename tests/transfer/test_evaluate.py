@@ -1,5 +1,6 @@
 """Evaluation: rows for every level and command, reproducible, and refusing what makes no sense."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.transfer.walk import RecordCfg, record_walks
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
@@ -31,8 +33,21 @@ def test_a_row_for_every_level_and_command_in_order(checked: Bundle) -> None:
     assert found == expected
     assert result.blown_up == 0
     assert [set(detail) - set(vars(result.rows[0])) for detail in result.details()] == [
-        {"group_share", "moving_share"}
+        {"group_share", "moving_share", "mean_friction"}
     ] * 4
+
+
+def test_a_law_is_evaluated_whatever_the_policy_was_trained_with(checked: Bundle) -> None:
+    """Coulomb: 0.3 of limits of 25, 25 and 45 N m. Rows, logs and levels say which law."""
+    torques = [metrics.mean_friction for metrics in evaluate_bundle(checked, SHORT).metrics]
+    assert torques == pytest.approx([0.0, 0.0, 9.5, 9.5])
+    cfg = replace(SHORT, friction_law="load", friction_levels=(0.0, 0.05), commands=("vx=0.5",))
+    found = evaluate_bundle(checked, cfg)
+    assert {row.friction_law for row in found.rows} == {"load"}
+    none, some = (metrics.mean_friction or 0.0 for metrics in found.metrics)
+    assert none == 0.0 and 1.0 < some < 6.0
+    walk = record_walks(checked, cfg, RecordCfg(robots=1, seconds=1.0))[1]
+    assert (walk.law, walk.file_name) == ("load", "load-0.05--vx=0.5--0.npz")
 
 
 def test_the_result_depends_on_the_seed_alone(checked: Bundle) -> None:
@@ -67,6 +82,9 @@ def test_a_policy_that_lies_down_falls(tmp_path: Path) -> None:
         ({"friction_levels": (-0.1,)}, "friction level"),
         ({"friction_levels": (0.95,)}, "friction level"),
         ({"friction_levels": (float("nan"),)}, "friction level"),
+        ({"friction_levels": (0.95,), "friction_law": "load"}, "coefficients"),
+        ({"friction_law": "rust"}, "friction law"),
+        ({"friction_law": "stribeck", "static_ratio": 0.5}, "static ratio"),
         ({"friction_levels": ()}, "at least one"),
         ({"friction_levels": (0.1, 0.1)}, "twice"),
         ({"commands": ("vx=0.5", "vx=.5")}, "twice"),

@@ -17,12 +17,14 @@ from stiction.rma.config import StudentCfg, TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.transfer.card import write_card
 from stiction.transfer.export import contract_of, export_network, export_policy, export_run
+from stiction.transfer.golden import record_golden
 
 torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to export")
 pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to export")
 
 from stiction.rma.checkpoint import save_checkpoint  # noqa: E402  (needs torch)
 from stiction.rma.run import RunDirectory  # noqa: E402
+from stiction.transfer.twin import TrainedPolicy  # noqa: E402
 
 HEADER = {"command": "/home/somebody/.venv/bin/stiction train --seed 3", "revision": "abc1234", "identified": None}
 
@@ -75,6 +77,30 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
     assert replace(contract, joints_file=None, friction_range=(0.0, 0.24)) == make_contract(
         method="deception", seed=3, revision="abc1234", command="stiction train --seed 3", action_clip=5.0
     )
+
+
+def test_a_coefficient_is_exported_as_one() -> None:
+    """Not as a share of the torque limit, in the contract and on the card; Stribeck friction goes with its shape."""
+    friction = FrictionCfg("direct", 0.05, "load")
+    contract = contract_of(TrainCfg(task=TaskCfg(friction=friction)), HEADER)
+    assert (contract.friction_law, contract.friction_level, contract.friction) == ("load", 0.05, (0.05,) * 18)
+    assert contract.friction_range == pytest.approx((0.04, 0.06)) and contract.stribeck is None
+    card = write_card(contract)
+    assert card.startswith("# saturn_lite, flat, direct, load c = 0.05\n") and "%" not in card
+    assert "| nominal dry friction | c = 0.05 |" in card and "| 0.04 to 0.06 |" in card
+    shaped = replace(friction, law="stribeck", level=0.1, static_ratio=2.0)
+    contract = contract_of(TrainCfg(task=TaskCfg(friction=shaped)), HEADER)
+    assert contract.stribeck == (2.0, 0.1) and contract.friction[0] == pytest.approx(2.5)
+    assert "| nominal dry friction | 10 % of each joint's torque limit |" in write_card(contract)
+
+
+def test_golden_vectors_are_recorded_under_the_law_of_training(tmp_path: Path) -> None:
+    """A coefficient taken for a torque would leave the joints nearly without friction: other motion, other vectors."""
+    level = {"friction_law": "load", "friction_level": 0.4, "friction": (0.4,) * 18}
+    load, coulomb = make_contract(**level), make_contract(friction_level=0.0)
+    policies = (TrainedPolicy(make_module(contract), contract) for contract in (load, coulomb))
+    found, other = (record_golden(c, p, find_robot(c.robot)) for c, p in zip((load, coulomb), policies, strict=True))
+    assert np.abs(found.joint_velocity).mean() < 0.9 * np.abs(other.joint_velocity).mean()
 
 
 def test_without_a_level_the_measured_friction_is_the_nominal_one() -> None:

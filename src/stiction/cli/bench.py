@@ -28,7 +28,9 @@ class Bench:
     method: Literal["none", "direct", "deception"] = "deception"
     """Friction in the joints during the measurement: rows of dry friction cost the simulator half its speed."""
     friction_level: float = 0.2
-    """Nominal friction, as a fraction of the torque limit."""
+    """Nominal friction, as a fraction of the torque limit, or the coefficient of the law."""
+    friction_law: Literal["coulomb", "stribeck", "load", "effort"] = "coulomb"
+    """Law of the friction: all but coulomb stop the simulator at every physics step."""
     robot: str = "saturn_lite"
     """The robot to measure with."""
     num_envs: int = 512
@@ -55,7 +57,8 @@ def main(arguments: list[str]) -> int:
     note = Console(stderr=True, quiet=options.json)
     note.print("task against bare simulator ...")
     cfg = bench_cfg(replace(PRESETS["full"], num_envs=options.num_envs), options.method, options.friction_level)
-    cfg = replace(cfg, task=replace(cfg.task, robot=options.robot))
+    friction = replace(cfg.task.friction, law=options.friction_law)
+    cfg = replace(cfg, task=replace(cfg.task, robot=options.robot, friction=friction))
     timing, sizes = measure_training(cfg, options.blocks)
     note.print("deployed policy and identification ...")
     summary = {
@@ -63,6 +66,7 @@ def main(arguments: list[str]) -> int:
         "measured": {
             "robot": options.robot,
             "method": options.method,
+            "friction_law": options.friction_law,
             "friction_level": options.friction_level,
             "num_envs": options.num_envs,
             "steps_per_block": cfg.teacher.steps,
