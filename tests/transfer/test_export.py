@@ -94,13 +94,14 @@ def test_a_coefficient_is_exported_as_one() -> None:
     assert "| nominal dry friction | 10 % of each joint's torque limit |" in write_card(contract)
 
 
-def test_golden_vectors_are_recorded_under_the_law_of_training(tmp_path: Path) -> None:
+def test_golden_vectors_are_recorded_under_the_law_of_training() -> None:
     """A coefficient taken for a torque would leave the joints nearly without friction: other motion, other vectors."""
     level = {"friction_law": "load", "friction_level": 0.4, "friction": (0.4,) * 18}
     load, coulomb = make_contract(**level), make_contract(friction_level=0.0)
     policies = (TrainedPolicy(make_module(contract), contract) for contract in (load, coulomb))
     found, other = (record_golden(c, p, find_robot(c.robot)) for c, p in zip((load, coulomb), policies, strict=True))
-    assert np.abs(found.joint_velocity).mean() < 0.9 * np.abs(other.joint_velocity).mean()
+    noise = 0.5
+    assert np.abs(found.joint_velocity[1]).max() < noise + 0.1 < 1.0 < np.abs(other.joint_velocity[1]).max()
 
 
 def test_without_a_level_the_measured_friction_is_the_nominal_one() -> None:
