@@ -162,7 +162,7 @@ class LoadFriction(MeasuredFriction):
     Friction at a joint changes the forces that it transmits, and those, a step later, the friction: a loop that
     chatters at a large c, and contacts make the forces jump. Walking Saturn Lite at c = 0.442 (0.1, 0.02), 5 ms: with
     nothing kept the change from step to step is 34 % (55, 30 %) of the mean bound and reverses its sign in 58 % (48,
-    42 %) of the steps, more than noise would (50 %); with half kept 15 % (31, 17 %) and 33 % (32, 30 %). The mean bound
+    42 %) of the steps, a random walk does in 50 %; with half kept 15 % (31, 17 %) and 33 % (32, 30 %). The mean bound
     changes by 2 % (3, 0 %). Three quarters kept calm it further, but delay it by 15 ms and help the policy: 0.24 m/s at
     c = 0.1 in place of 0.20 (nothing kept) and 0.21 (half).
     """
