@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
@@ -9,8 +11,18 @@ from mujoco.batch import Batch
 # MuJoCo would write every instability to a file in the current folder and to the terminal. `step` reports them instead.
 mujoco.set_mju_user_warning(lambda message: None)
 
-_STATE = ("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
+STATE = ("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
 """Everything in MuJoCo's integration state that this house uses: what a checkpoint must hold."""
+
+
+def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
+    """Return the ids of simulations with an entry that is not finite or above MuJoCo's bound, ascending.
+
+    `fields`: each (num, ...) with the same `num`.
+    """
+    # A sum is finite exactly where all entries are (or overflows, which is a blow-up too): one pass, no mask.
+    bad = [~(np.abs(field).sum(axis=1) < mujoco.mjMAXVAL) for field in fields]
+    return np.flatnonzero(np.any(bad, axis=0))
 
 
 class NativeSimulation:
@@ -50,11 +62,7 @@ class NativeSimulation:
     def step(self, nstep: int) -> np.ndarray:
         """Advance by `nstep` physics steps; return the ids whose state is not finite or out of MuJoCo's bounds."""
         self.batch.step(nstep=nstep)
-        bad = np.zeros(self.num, bool)
-        for field in self._finite:
-            # A sum is finite exactly where all entries are (or overflows, which is a blow-up too): one pass, no mask.
-            bad |= ~(np.abs(field).sum(axis=1) < mujoco.mjMAXVAL)
-        return np.flatnonzero(bad)
+        return out_of_bounds(self._finite)
 
     def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return one simulation's model, with its own parameters, and its state; nothing derived is computed yet."""
@@ -62,7 +70,7 @@ class NativeSimulation:
 
     def state(self) -> dict[str, np.ndarray]:
         """Return a copy of everything the next step depends on, for a checkpoint."""
-        return {name: self.bind(name).copy() for name in _STATE if self.bind(name).size}
+        return {name: self.bind(name).copy() for name in STATE if self.bind(name).size}
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
         """Restore what `state` returned; the next step is then bit-identical."""

@@ -1,0 +1,279 @@
+"""The GPU backend: MuJoCo Warp, one world a robot, float32, without a loop over worlds.
+
+It also runs on Warp's own processor device, six to ten times slower than `native`, which is how it is tested against
+it where there is no GPU. What differs from `native`: the numbers are float32; the solver's tolerance is 1e-6 at best;
+the reset robots' derived fields are those of the *nominal* robot in the standing pose; and on a GPU sums are taken in
+any order, so that runs are not reproducible bit by bit.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+
+import mujoco
+import mujoco_warp as mjw
+import numpy as np
+import warp as wp
+
+from stiction.formats.errors import StictionError
+from stiction.sim.mirror import Mirror
+from stiction.sim.native import STATE, out_of_bounds
+
+# Warp greets on standard output, and says there which kernels it compiles; that belongs to --json.
+wp.config.log_level = wp.LOG_WARNING
+
+CONTACTS = 24
+"""Contacts for which a robot has room; they share it. A hexapod that lies on its trunk has 14."""
+
+FIELDS = (
+    *("dof_armature", "dof_damping", "dof_frictionloss", "actuator_gainprm", "actuator_biasprm", "actuator_delay"),
+    *("body_mass", "body_ipos", "geom_friction", "opt.gravity", "opt.tolerance"),
+)
+"""Model fields that may differ by simulation. Warp would take others too, and some of them would have no effect (the
+place of a geom that does not move, say), so a field is added here together with its test against `native`."""
+
+DERIVED = ("body_subtreemass", "dof_invweight0", "body_invweight0", "actuator_acc0")
+"""What `set_const` recomputes and the physics uses."""
+
+ITERATED = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS
+"""Not a lack of room: the solver stopped before its tolerance, as native MuJoCo does without a word."""
+
+
+@wp.kernel(enable_backward=False)
+def _restart_clocks(stamps: wp.array[int], time: wp.array[float], history: wp.array2d[float]):
+    """Count the delay lines' time stamps from now."""
+    world, k = wp.tid()
+    history[world, stamps[k]] = history[world, stamps[k]] - time[world]
+
+
+@wp.kernel(enable_backward=False)
+def _keep_others(key: wp.array[int], before: wp.array2d[float], after: wp.array2d[float]):
+    """Undo a change in the worlds whose key is not 0."""
+    world, k = wp.tid()
+    if key[world] != 0:
+        after[world, k] = before[world, k]
+
+
+def _rows(array: wp.array) -> wp.array:
+    """Return an array of floats or vectors as (num, floats a world), on the same memory."""
+    width = array.size * wp.types.type_size_in_bytes(array.dtype) // 4 // array.shape[0]
+    return wp.array(ptr=array.ptr, dtype=float, shape=(array.shape[0], width), device=array.device)
+
+
+def _stamps(model: mujoco.MjModel) -> np.ndarray:
+    """Return the columns of `history` that hold times: each delay line is two numbers, its times, its values."""
+    starts = np.concatenate((model.actuator_historyadr, model.sensor_historyadr))
+    counts = np.concatenate((model.actuator_history[:, 0], model.sensor_history[:, 0]))
+    return np.concatenate([start + 2 + np.arange(count) for start, count in zip(starts, counts, strict=True)])
+
+
+def _rows_per_contact(model: mujoco.MjModel) -> int:
+    """Return how many rows of the solver one contact takes at most."""
+    largest = int(model.geom_condim.max(initial=1))
+    return max(1, 2 * (largest - 1)) if model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL else largest
+
+
+def cuda_device() -> str:
+    """Return the name of Warp's first CUDA device. Raises `StictionError` where it has none."""
+    if not wp.is_cuda_available():
+        raise StictionError(
+            "MuJoCo Warp finds no CUDA device (no NVIDIA driver, or none that this machine lets it see); "
+            "train with --device cpu"
+        )
+    return "cuda:0"
+
+
+class WarpSimulation:
+    """`Simulation` on MuJoCo Warp. Fields are float64 on the host; `step` uploads what changed and downloads the rest.
+
+    A clock in float32 would lose the millisecond that delays are made of within an episode. So the device counts from
+    the end of the last `step`, and the delay lines with it; `time` is kept on the host.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, num: int, threads: int = 1, device: str = "cpu", contacts: int = CONTACTS
+    ) -> None:
+        """Make `num` simulations of `model`, all in keyframe 0.
+
+        `threads`: not used, the device has its own; `device`: of Warp, `cpu` or `cuda:0`; `contacts`: room for them, a
+        simulation.
+        """
+        self.num, self.model, self.contacts = num, model, contacts
+        self._device = wp.get_device(device)
+        model = copy.copy(model)
+        # Warp never resets a world by itself and knows no flag for it.
+        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        rows = model.nv + model.njnt + contacts * _rows_per_contact(model)
+        with wp.ScopedDevice(self._device):
+            self._m = mjw.put_model(model, batch_sizes=dict.fromkeys(DERIVED, num))
+            self._m.opt.warn_overflow = 0
+            self._m.opt.graph_conditional = wp.is_conditional_graph_supported()
+            self._d = mjw.make_data(model, nworld=num, nconmax=contacts, njmax=rows)
+            self._key = wp.zeros(num, dtype=int)
+            self._stamps = wp.array(_stamps(model), dtype=int)
+            self._before = [wp.zeros_like(_rows(getattr(self._m, name))) for name in DERIVED]
+        self._graphs: dict[str | int, wp.Graph] = {}
+        self._standing = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, self._standing, 0)
+        mujoco.mj_forward(model, self._standing)
+        self.time = np.zeros(num)
+        self._fresh = np.ones(num, bool)
+        self._fields: dict[str, Mirror] = {}
+        self._results: dict[str, Mirror] = {}
+        self._state = {name: self._mirror(name) for name in STATE if name != "time"}
+        self._start: dict[str, np.ndarray] = {}
+        self.reset(np.arange(num))
+        for name, mirror in self._state.items():
+            mirror.download()
+            self._start[name] = mirror.host[0].copy()
+        self._finite = [self.bind(name) for name in ("qpos", "qvel", "qacc")]
+
+    def _mirror(self, name: str) -> Mirror:
+        """Return the host twin of a field of the data."""
+        return Mirror(getattr(self._d, name), (self.num, *getattr(self._standing, name).shape))
+
+    def _launch(self, what: str | int, work: Callable[[], None]) -> None:
+        """Run `work` on the device, on a GPU as a graph that is captured once: a launch costs more than a kernel."""
+        with wp.ScopedDevice(self._device):
+            if not self._device.is_cuda:
+                work()
+                return
+            if what not in self._graphs:
+                # Modules cannot be loaded during a capture: the first run loads them, and is undone.
+                work()
+                self._upload(always=True)
+                with wp.ScopedCapture() as capture:
+                    work()
+                self._graphs[what] = capture.graph
+            wp.capture_launch(self._graphs[what])
+
+    def _upload(self, always: bool = False) -> None:
+        """Bring the device up to the host."""
+        for mirror in (*self._state.values(), *self._fields.values()):
+            mirror.upload(always)
+
+    def _choose(self, ids: np.ndarray) -> None:
+        """Give the worlds `ids` the key 0, all others none."""
+        key = np.full(self.num, -1, np.int32)
+        key[ids] = 0
+        self._key.assign(key)
+
+    def bind(self, name: str) -> np.ndarray:
+        """Return the live array of a state or derived field, shape (num, ...)."""
+        if name == "time":
+            return self.time
+        if name in self._state:
+            return self._state[name].host
+        if name not in self._results:
+            self._results[name] = self._mirror(name)
+            self._results[name].host[self._fresh] = getattr(self._standing, name)
+        return self._results[name].view
+
+    def expand(self, name: str) -> np.ndarray:
+        """Return the live per-simulation array of a model field, shape (num, ...). Raises `StictionError` if unknown."""
+        if name not in FIELDS:
+            raise StictionError(
+                f"the model field {name!r} cannot differ by robot on the GPU backend, only: {', '.join(FIELDS)}; "
+                "use --device cpu"
+            )
+        if name not in self._fields:
+            owner, attribute = self._owner(self._m, name), name.removeprefix("opt.")
+            shared = getattr(owner, attribute)
+            values = np.repeat(shared.numpy(), self.num, axis=0)
+            setattr(owner, attribute, wp.array(values, dtype=shared.dtype, device=self._device))
+            shape = np.shape(getattr(self._owner(self.model, name), attribute))
+            self._fields[name] = Mirror(getattr(owner, attribute), (self.num, *shape))
+            self._graphs.clear()
+        return self._fields[name].host
+
+    @staticmethod
+    def _owner(model: mujoco.MjModel | mjw.Model, name: str) -> object:
+        """Return what holds a field: the model, or its options."""
+        return model.opt if name.startswith("opt.") else model
+
+    def set_const(self, ids: np.ndarray) -> None:
+        """Recompute the constants derived from masses, inertias and armatures, on the device."""
+        if len(ids):
+            self._upload()
+            self._choose(ids)
+            self._launch("constants", self._derive)
+
+    def _derive(self) -> None:
+        """Recompute the constants of all worlds, and put back those of the worlds without a key."""
+        rows = [_rows(getattr(self._m, name)) for name in DERIVED]
+        for before, now in zip(self._before, rows, strict=True):
+            wp.copy(before, now)
+        mjw.set_const(self._m, self._d, mjw.SetConstGroup.FIXED | mjw.SetConstGroup.INERT0)
+        for before, now in zip(self._before, rows, strict=True):
+            wp.launch(_keep_others, now.shape, [self._key, before], [now])
+
+    def reset(self, ids: np.ndarray) -> None:
+        """Put `ids` into keyframe 0, on the device; the derived fields are the nominal robot's in the standing pose."""
+        if not len(ids):
+            return
+        self._choose(ids)
+        self._launch("reset", lambda: mjw.reset_data_keyframe(self._m, self._d, self._key))
+        self.time[ids] = self.model.key_time[0]
+        self._fresh[ids] = True
+        for name, start in self._start.items():
+            self._state[name].agree(ids, start)
+        for name, mirror in self._results.items():
+            mirror.host[ids] = getattr(self._standing, name)
+
+    def step(self, nstep: int) -> np.ndarray:
+        """Advance by `nstep` physics steps; return the ids whose state is not finite or out of MuJoCo's bounds.
+
+        Raises `StictionError` where a robot had more contacts than there was room for: what then came out means
+        nothing.
+        """
+        self._upload()
+        self._launch(nstep, lambda: self._advance(nstep))
+        for mirror in (*self._state.values(), *self._results.values()):
+            mirror.download()
+        self.time += nstep * self.model.opt.timestep
+        self._fresh[:] = False
+        self._check_room()
+        return out_of_bounds(self._finite)
+
+    def _advance(self, nstep: int) -> None:
+        """Take physics steps, then set the clocks back to zero."""
+        for _ in range(nstep):
+            mjw.step(self._m, self._d)
+        wp.launch(_restart_clocks, (self.num, self._stamps.size), [self._stamps, self._d.time], [self._d.history])
+        self._d.time.zero_()
+
+    def _check_room(self) -> None:
+        """Refuse results that were computed without room for every contact."""
+        lacking = self._d.overflow.numpy() & ~int(ITERATED)
+        if lacking.any():
+            names = mjw.OverflowType(int(np.bitwise_or.reduce(lacking))).name
+            raise StictionError(
+                f"the GPU backend has room for {self.contacts} contacts a robot, and {np.count_nonzero(lacking)} of "
+                f"{self.num} robots needed more ({names}); raise --contacts"
+            )
+
+    def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
+        """Return one simulation's model, with its own parameters, and its state; nothing derived is computed yet."""
+        model = copy.copy(self.model)
+        for name in DERIVED:
+            values = getattr(self._m, name).numpy()[env]
+            getattr(model, name)[...] = values.reshape(getattr(model, name).shape)
+        for name, mirror in self._fields.items():
+            owner, attribute = self._owner(model, name), name.removeprefix("opt.")
+            setattr(owner, attribute, mirror.host[env])
+        data = mujoco.MjData(model)
+        for name, mirror in self._state.items():
+            getattr(data, name)[...] = mirror.host[env]
+        data.time = self.time[env]
+        data.history[self._stamps.numpy()] += data.time
+        return model, data
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Return a copy of everything the next step depends on, for a checkpoint."""
+        return {name: self.bind(name).copy() for name in STATE if self.bind(name).size}
+
+    def load_state(self, state: dict[str, np.ndarray]) -> None:
+        """Restore what `state` returned; on the processor the next step is then bit-identical."""
+        for name, value in state.items():
+            self.bind(name)[...] = value
