@@ -37,7 +37,7 @@ FLOORS = {
 TORCH = frozenset({"torch", "rsl_rl", "tensordict"})
 """Packages that bring torch."""
 
-SIMULATOR = frozenset({"mujoco"})
+SIMULATOR = frozenset({"mujoco", "mujoco_warp", "warp"})
 """Packages that bring a simulator."""
 
 WITHOUT = {

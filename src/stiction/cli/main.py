@@ -73,6 +73,7 @@ def main(arguments: list[str]) -> int:
 
 EXTRAS = {"mujoco": "sim", "PIL": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
 EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tensorboard": "train"}
+EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu"}
 """Package -> the extra that installs it."""
 
 

@@ -124,6 +124,7 @@ def main(arguments: list[str]) -> int:
 
 def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg]:
     """Make the folder of a new run."""
+    from stiction.locomotion.device import find_device
     from stiction.rma.run import RunDirectory
     from stiction.robots.catalog import find_robot
 
@@ -136,6 +137,7 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
             "use --method none, or a level above 0"
         )
     cfg.task.randomization.check_robot(find_robot(cfg.task.robot))
+    find_device(cfg.device, cfg.contacts)
     identified = _identified(cfg.joints, cfg.task.robot)
     command = shlex.join(["stiction", "train", *arguments])
     return RunDirectory.create(options.out, cfg, command, identified), cfg
@@ -170,6 +172,8 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
 
     identified = run.header()["identified"]
     values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
+    if cfg.device != "cpu":
+        print("stiction train: MuJoCo Warp compiles its kernels in the first run: minutes, then cached", file=sys.stderr)
     with training_progress(cfg) as display, stop_requests(display.say, "this iteration") as asked:
         crew = Crew(run.path, display.say)
         try:

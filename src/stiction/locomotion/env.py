@@ -14,6 +14,7 @@ from stiction.joints.pd import compensated
 from stiction.locomotion import rewards
 from stiction.locomotion.commands import CommandSampler
 from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.device import CPU, Device
 from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
 from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
 from stiction.locomotion.randomization import Randomizer, friction_angle, nominal_joints
@@ -52,10 +53,13 @@ class LocomotionEnv(VecEnv):
         seed: int,
         threads: int = 1,
         identified: dict[str, np.ndarray] | None = None,
+        device: Device = CPU,
     ) -> None:
-        """Build the fleet and reset every robot. `identified`: see `nominal_joints`."""
+        """Build the fleet and reset every robot. `identified`: see `nominal_joints`; `device`: simulator, and where
+        observations, rewards and actions are. Everything in between is on the host.
+        """
         self.cfg: Any = cfg
-        self.num_envs, self.device = num_envs, "cpu"
+        self.num_envs, self.device = num_envs, device.torch
         self.spec = find_robot(cfg.robot)
         self.num_actions = self.spec.num_joints
         self.course = None
@@ -63,7 +67,7 @@ class LocomotionEnv(VecEnv):
             self.course = Curriculum(cfg.terrain, num_envs, np.random.default_rng(seed))
         terrain, sensors = self.course.terrain if self.course else None, needs_sensors(cfg.friction.joint_law)
         self.fleet = Fleet(
-            self.spec, num_envs, cfg.timestep, cfg.decimation, threads, terrain=terrain, joint_sensors=sensors
+            self.spec, num_envs, cfg.timestep, cfg.decimation, threads, device.backend, terrain, sensors
         )
         self.generator = torch.Generator().manual_seed(seed)
         nominal = nominal_joints(self.fleet, cfg.friction, identified)
@@ -97,7 +101,7 @@ class LocomotionEnv(VecEnv):
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Apply actions, (N, joints), for one control period; reset robots that fell, blew up or timed out."""
-        actions = actions.clamp(-self.cfg.action_clip, self.cfg.action_clip)
+        actions = actions.cpu().clamp(-self.cfg.action_clip, self.cfg.action_clip)
         targets = self.standing + self.spec.action_scale * actions
         if self.compensation is not None:
             targets = compensated(targets, self.measured_position, self.compensation)
@@ -128,7 +132,8 @@ class LocomotionEnv(VecEnv):
         self._reset(dones.nonzero().flatten())
         self._push_and_command(dones)
         self._observation = self._observe(dones)
-        return self._observation, reward, dones, {"time_outs": time_outs.float(), "log": means | log}
+        extras = {"time_outs": time_outs.float().to(self.device), "log": means | log}
+        return self._observation, reward.to(self.device), dones.to(self.device), extras
 
     def enter_stage(self, number: int) -> None:
         """Go over to a stage of the friction's schedule."""
@@ -246,7 +251,11 @@ class LocomotionEnv(VecEnv):
             "explicit": torch.cat((velocity, contact), -1),
             **elevation,
         }
-        return TensorDict(groups, batch_size=[self.num_envs])
+        return self._hand_out(groups)
+
+    def _hand_out(self, groups: dict[str, torch.Tensor]) -> TensorDict:
+        """Return observation groups where the networks are."""
+        return TensorDict({name: value.to(self.device) for name, value in groups.items()}, batch_size=[self.num_envs])
 
     def _look_around(self) -> dict[str, torch.Tensor]:
         """Hold the robots on their courses, find the ground under them, and return the elevation map as a group."""
@@ -296,6 +305,6 @@ class LocomotionEnv(VecEnv):
         self.commands.value = state["command"].clone()
         self.history.frames = state["history"].clone()
         self.unsync.window, self.unsync.cursor = state["unsync"]["window"].clone(), state["unsync"]["cursor"]
-        self._observation = TensorDict(dict(state["observation"]), batch_size=[self.num_envs])
+        self._observation = self._hand_out(state["observation"])
         self.generator.set_state(state["generator"])
         self.fleet.blown_up[:] = state["blown_up"].numpy()

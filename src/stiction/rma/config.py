@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, get_args
 
 from tyro.conf import arg
 
 from stiction.formats.errors import StictionError
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
+from stiction.sim.protocol import DeviceName
 
 STD_RANGE = (0.05, 2.0)
 """Bounds of the actions' standard deviation."""
@@ -136,6 +137,11 @@ class TrainCfg:
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     checkpoint_every: int = 50
     """Iterations between checkpoints."""
+    device: DeviceName = "cpu"
+    """`cpu`: MuJoCo on all cores. `cuda`: MuJoCo Warp and the networks on a GPU; wants thousands of robots. `warp-cpu`:
+    MuJoCo Warp on the processor, many times slower than `cpu`, to try it where there is no GPU."""
+    contacts: int = 32
+    """Contacts for which MuJoCo Warp has room, a robot. More than that stop the run."""
     video_every: int = 0
     """Iterations between short clips of the policy, in `clips/`; 0: none. They are rendered by a process of their own
     from a checkpoint and change nothing in the training; each takes some seven seconds of one core. The presets have
@@ -144,7 +150,9 @@ class TrainCfg:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be run, before any folder is made."""
-        counts = {"num_envs": self.num_envs, "checkpoint_every": self.checkpoint_every}
+        if self.device not in get_args(DeviceName):
+            raise StictionError(f"device {self.device!r}: expected one of {', '.join(get_args(DeviceName))}")
+        counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             names = ("iterations", "steps", "epochs", "mini_batches")
             counts |= {f"{phase}.{name}": getattr(cfg, name) for name in names}

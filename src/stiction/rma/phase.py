@@ -79,7 +79,7 @@ class PhaseRunner(OnPolicyRunner):
     def __post_init__(self) -> None:
         """Build the algorithm; rsl_rl prints its networks to standard output, which belongs to --json."""
         with contextlib.redirect_stdout(io.StringIO()):
-            super().__init__(self.env, self.rl_cfg, log_dir=None, device="cpu")
+            super().__init__(self.env, self.rl_cfg, log_dir=None, device=self.env.device)
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1)
 
@@ -203,6 +203,8 @@ class PhaseRunner(OnPolicyRunner):
             "iteration": self.current_learning_iteration,
             "stopped": self.stopped,
         }
+        if self.env.device == "cuda":
+            tree["random_cuda"] = torch.cuda.get_rng_state()
         self.run.flush()
         self.board.flush()
         save_checkpoint(self._file(), tree)
@@ -220,6 +222,8 @@ class PhaseRunner(OnPolicyRunner):
         self.alg.load(tree["algorithm"], None, True)
         self.env.load_state(tree["environment"])
         torch.set_rng_state(tree["random"])
+        if self.env.device == "cuda":
+            torch.cuda.set_rng_state(tree["random_cuda"])
         self.current_learning_iteration = tree["iteration"]
         self.stopped = tree.get("stopped")
         for row in self.run.rows():

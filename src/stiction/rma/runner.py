@@ -12,6 +12,7 @@ import torch
 
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import num_threads, stream_seed
+from stiction.locomotion.device import find_device
 from stiction.locomotion.env import LocomotionEnv
 from stiction.rma.board import Board
 from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
@@ -121,7 +122,8 @@ def train(
     threads = num_threads()
     torch.set_num_threads(threads)
     torch.manual_seed(stream_seed(cfg.seed, "training"))
-    env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads, identified)
+    device = find_device(cfg.device, cfg.contacts)
+    env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads, identified, device)
 
     def phase(name: str, rl_cfg: dict[str, Any], iterations: int) -> PhaseRunner:
         board = Board(run.path / "tensorboard" / name)

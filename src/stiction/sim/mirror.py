@@ -1,4 +1,4 @@
-"""An array on a device as a live array of the host. What the caller wrote is uploaded, what the device wrote comes back.
+"""An array on a device as a live array of the host: what the caller wrote goes up, what the device wrote comes down.
 
 The task reads and writes NumPy; the physics runs in float32 elsewhere. A control step of a robot moves about a
 kilobyte each way, which is little beside its physics.

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
+
+DeviceName = Literal["cpu", "cuda", "warp-cpu"]
+"""What computes: MuJoCo on the processor; MuJoCo Warp on a GPU, with torch there too; MuJoCo Warp on the processor."""
 
 
 class Simulation(Protocol):

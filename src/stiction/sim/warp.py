@@ -17,48 +17,28 @@ import numpy as np
 import warp as wp
 
 from stiction.formats.errors import StictionError
+from stiction.sim.kernels import keep_others, place_still, restart_clocks, rows_of
 from stiction.sim.mirror import Mirror
 from stiction.sim.native import STATE, out_of_bounds
 
 # Warp greets on standard output, and says there which kernels it compiles; that belongs to --json.
 wp.config.log_level = wp.LOG_WARNING
 
-CONTACTS = 24
-"""Contacts for which a robot has room; they share it. A hexapod that lies on its trunk has 14."""
+CONTACTS = 32
+"""Contacts for which a robot has room; they share it. Thrown onto rough ground, 64 robots had up to 14 each."""
 
 FIELDS = (
     *("dof_armature", "dof_damping", "dof_frictionloss", "actuator_gainprm", "actuator_biasprm", "actuator_delay"),
-    *("body_mass", "body_ipos", "geom_friction", "opt.gravity", "opt.tolerance"),
+    *("body_mass", "body_ipos", "geom_friction", "geom_pos", "geom_quat", "opt.gravity", "opt.tolerance"),
 )
-"""Model fields that may differ by simulation. Warp would take others too, and some of them would have no effect (the
-place of a geom that does not move, say), so a field is added here together with its test against `native`."""
+"""Model fields that may differ by simulation. Warp takes others too, and some of them would have no effect, so a field
+is added here together with its test against `native`."""
 
 DERIVED = ("body_subtreemass", "dof_invweight0", "body_invweight0", "actuator_acc0")
 """What `set_const` recomputes and the physics uses."""
 
 ITERATED = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS
 """Not a lack of room: the solver stopped before its tolerance, as native MuJoCo does without a word."""
-
-
-@wp.kernel(enable_backward=False)
-def _restart_clocks(stamps: wp.array[int], time: wp.array[float], history: wp.array2d[float]):
-    """Count the delay lines' time stamps from now."""
-    world, k = wp.tid()
-    history[world, stamps[k]] = history[world, stamps[k]] - time[world]
-
-
-@wp.kernel(enable_backward=False)
-def _keep_others(key: wp.array[int], before: wp.array2d[float], after: wp.array2d[float]):
-    """Undo a change in the worlds whose key is not 0."""
-    world, k = wp.tid()
-    if key[world] != 0:
-        after[world, k] = before[world, k]
-
-
-def _rows(array: wp.array) -> wp.array:
-    """Return an array of floats or vectors as (num, floats a world), on the same memory."""
-    width = array.size * wp.types.type_size_in_bytes(array.dtype) // 4 // array.shape[0]
-    return wp.array(ptr=array.ptr, dtype=float, shape=(array.shape[0], width), device=array.device)
 
 
 def _stamps(model: mujoco.MjModel) -> np.ndarray:
@@ -108,11 +88,12 @@ class WarpSimulation:
         with wp.ScopedDevice(self._device):
             self._m = mjw.put_model(model, batch_sizes=dict.fromkeys(DERIVED, num))
             self._m.opt.warn_overflow = 0
-            self._m.opt.graph_conditional = wp.is_conditional_graph_supported()
+            self._m.opt.graph_conditional = not self._device.is_cuda or wp.is_conditional_graph_supported()
             self._d = mjw.make_data(model, nworld=num, nconmax=contacts, njmax=rows)
             self._key = wp.zeros(num, dtype=int)
             self._stamps = wp.array(_stamps(model), dtype=int)
-            self._before = [wp.zeros_like(_rows(getattr(self._m, name))) for name in DERIVED]
+            self._still = wp.array(np.flatnonzero(model.geom_bodyid == 0), dtype=int)
+            self._before = [wp.zeros_like(rows_of(getattr(self._m, name))) for name in DERIVED]
         self._graphs: dict[str | int, wp.Graph] = {}
         self._standing = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, self._standing, 0)
@@ -171,7 +152,10 @@ class WarpSimulation:
         return self._results[name].view
 
     def expand(self, name: str) -> np.ndarray:
-        """Return the live per-simulation array of a model field, shape (num, ...). Raises `StictionError` if unknown."""
+        """Return the live per-simulation array of a model field, shape (num, ...).
+
+        Raises `StictionError` for a field that has not been seen to act.
+        """
         if name not in FIELDS:
             raise StictionError(
                 f"the model field {name!r} cannot differ by robot on the GPU backend, only: {', '.join(FIELDS)}; "
@@ -201,12 +185,12 @@ class WarpSimulation:
 
     def _derive(self) -> None:
         """Recompute the constants of all worlds, and put back those of the worlds without a key."""
-        rows = [_rows(getattr(self._m, name)) for name in DERIVED]
+        rows = [rows_of(getattr(self._m, name)) for name in DERIVED]
         for before, now in zip(self._before, rows, strict=True):
             wp.copy(before, now)
         mjw.set_const(self._m, self._d, mjw.SetConstGroup.FIXED | mjw.SetConstGroup.INERT0)
         for before, now in zip(self._before, rows, strict=True):
-            wp.launch(_keep_others, now.shape, [self._key, before], [now])
+            wp.launch(keep_others, now.shape, [self._key, before], [now])
 
     def reset(self, ids: np.ndarray) -> None:
         """Put `ids` into keyframe 0, on the device; the derived fields are the nominal robot's in the standing pose."""
@@ -238,9 +222,15 @@ class WarpSimulation:
 
     def _advance(self, nstep: int) -> None:
         """Take physics steps, then set the clocks back to zero."""
+        wp.launch(
+            place_still,
+            (self.num, self._still.size),
+            [self._still, self._m.geom_pos, self._m.geom_quat],
+            [self._d.geom_xpos, self._d.geom_xmat],
+        )
         for _ in range(nstep):
             mjw.step(self._m, self._d)
-        wp.launch(_restart_clocks, (self.num, self._stamps.size), [self._stamps, self._d.time], [self._d.history])
+        wp.launch(restart_clocks, (self.num, self._stamps.size), [self._stamps, self._d.time], [self._d.history])
         self._d.time.zero_()
 
     def _check_room(self) -> None:
