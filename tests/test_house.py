@@ -208,6 +208,7 @@ def test_the_rules_find_what_they_forbid() -> None:
     assert "mujoco" in reachable(HOUSE / "robots/build.py", when_imported=True)
     assert "torch" in reachable(HOUSE / "cli/train.py")
     assert "torch" not in reachable(HOUSE / "cli/train.py", when_imported=True)
+    assert reachable(HOUSE / "sim/warp.py", when_imported=True).keys() >= {"warp", "mujoco_warp", "mujoco"}
 
 
 @pytest.mark.parametrize(
@@ -277,6 +278,13 @@ def test_every_package_imported_is_a_declared_dependency(path: Path) -> None:
         if declared.isdisjoint(dist.lower().replace("_", "-") for dist in distributions.get(name, [name]))
     ]
     assert not undeclared, f"add to pyproject.toml: {undeclared}"
+
+
+def test_training_on_the_processor_needs_no_gpu_package() -> None:
+    """If this failed, `stiction[train]` alone could not train: only what --device asks for is imported."""
+    modules = [path for path in in_rooms() if NAMES[path] not in ("sim/warp.py", "sim/mirror.py", "sim/kernels.py")]
+    eager = [NAMES[path] for path in modules if {"warp", "mujoco_warp"} & set(reachable(path, when_imported=True))]
+    assert not eager
 
 
 @each(in_rooms("cli"))

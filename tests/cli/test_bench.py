@@ -41,6 +41,18 @@ def test_the_summary_says_what_the_ratios_were_computed_from(capsys: pytest.Capt
     assert summary["command"] == "stiction bench --robot go1 --num-envs 4 --blocks 1 --json"
 
 
+def test_a_device_without_a_bare_counterpart_has_rates_and_no_ratios() -> None:
+    """A ratio of two devices would say nothing about what the task costs."""
+    from stiction.transfer.bench import Timing
+
+    summary = Timing(bare=(), rollout=(10.0, 30.0, 20.0), iteration=(8.0, 6.0, 7.0)).summary()
+    assert summary["rollout_ratio"] is None and summary["iteration_ratio"] is None and summary["spread"] == {}
+    assert summary["env_steps_per_second"] == {
+        "rollout": {"min": 10.0, "median": 20.0, "max": 30.0},
+        "iteration": {"min": 6.0, "median": 7.0, "max": 8.0},
+    }
+
+
 def test_the_replay_leaves_the_task_as_it_was() -> None:
     """A robot that was never replayed and one that was take the same next steps, resets included."""
     from stiction.locomotion.env import LocomotionEnv

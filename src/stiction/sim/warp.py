@@ -41,6 +41,11 @@ ITERATED = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS
 """Not a lack of room: the solver stopped before its tolerance, as native MuJoCo does without a word."""
 
 
+FOREIGN = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) | int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
+"""Flags for which Warp has no name because it has no such thing: it neither resets a world that blew up, nor sorts the
+geoms of a body into a tree."""
+
+
 def _stamps(model: mujoco.MjModel) -> np.ndarray:
     """Return the columns of `history` that hold times: each delay line is two numbers, its times, its values."""
     starts = np.concatenate((model.actuator_historyadr, model.sensor_historyadr))
@@ -82,8 +87,7 @@ class WarpSimulation:
         self.num, self.model, self.contacts = num, model, contacts
         self._device = wp.get_device(device)
         model = copy.copy(model)
-        # Warp never resets a world by itself and knows no flag for it.
-        model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
+        model.opt.disableflags &= ~FOREIGN
         rows = model.nv + model.njnt + contacts * _rows_per_contact(model)
         with wp.ScopedDevice(self._device):
             self._m = mjw.put_model(model, batch_sizes=dict.fromkeys(DERIVED, num))

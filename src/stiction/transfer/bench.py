@@ -21,6 +21,7 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import read_bundle
 from stiction.formats.reproducibility import num_threads, stream_seed
+from stiction.locomotion.device import find_device
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionMethod
 from stiction.rma.board import Board
@@ -36,7 +37,8 @@ class Timing:
     """Env-steps per second of the three things timed, one entry a block, all blocks in one run."""
 
     bare: tuple[float, ...]
-    """`Batch.step` alone, replaying the block's states and controls with the parameters of its end."""
+    """`Batch.step` alone, replaying the block's states and controls with the parameters of its end; empty where
+    MuJoCo Warp simulates: it has no counterpart on the same threads, and no ratio is given."""
     rollout: tuple[float, ...]
     """`LocomotionEnv.step`: observations, rewards, resets and randomisation on."""
     iteration: tuple[float, ...]
@@ -44,19 +46,21 @@ class Timing:
 
     def summary(self) -> dict[str, Any]:
         """Return medians and the ratios of paired blocks, with their spread."""
-        ratio = np.array(self.rollout) / np.array(self.bare)
-        whole = np.array(self.iteration) / np.array(self.bare)
 
         def spread(values: np.ndarray) -> dict[str, float]:
             return {"min": float(values.min()), "median": float(np.median(values)), "max": float(values.max())}
 
+        rates = {name: np.array(values) for name, values in vars(self).items() if values}
+        ratios = {}
+        if self.bare:
+            ratios = {f"{name}_ratio": rates[name] / rates["bare"] for name in ("rollout", "iteration")}
         return {
-            "rollout_ratio": float(np.median(ratio)),
-            "iteration_ratio": float(np.median(whole)),
-            "spread": {"rollout_ratio": spread(ratio), "iteration_ratio": spread(whole)},
-            "env_steps_per_second": {
-                name: spread(np.array(getattr(self, name))) for name in ("bare", "rollout", "iteration")
+            **{
+                name: float(np.median(ratios[name])) if ratios else None
+                for name in ("rollout_ratio", "iteration_ratio")
             },
+            "spread": {name: spread(ratio) for name, ratio in ratios.items()},
+            "env_steps_per_second": {name: spread(values) for name, values in rates.items()},
         }
 
 
@@ -95,13 +99,14 @@ def _timed_replay(env: LocomotionEnv, states: list[dict[str, np.ndarray]]) -> fl
 def measure_training(cfg: TrainCfg, blocks: int) -> tuple[Timing, dict[str, int]]:
     """Time `blocks` paired blocks of one rollout each; return the timing and the networks' multiply-adds per env-step.
 
-    Each block times the task, then the bare simulator on the states that the task went through, then one training
-    iteration.
+    Each block times the task, then, on the processor, the bare simulator on the states that the task went through, then
+    one training iteration.
     """
     threads = num_threads()
     torch.set_num_threads(threads)
     torch.manual_seed(stream_seed(cfg.seed, "bench"))
-    env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads)
+    device = find_device(cfg.device, cfg.contacts)
+    env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads, device=device)
     with tempfile.TemporaryDirectory() as folder:
         run, board = RunDirectory(Path(folder)), Board(Path(folder))
         runner = PhaseRunner("teacher", env, run, teacher_cfg(cfg), 10**6, (10**6, 0), cfg.stop, board)
@@ -113,7 +118,8 @@ def measure_training(cfg: TrainCfg, blocks: int) -> tuple[Timing, dict[str, int]
             actions = cfg.network.initial_std * torch.randn(cfg.teacher.steps, cfg.num_envs, env.num_actions)
             rollout, states = _timed_rollout(env, actions)
             seconds["rollout"].append(rollout)
-            seconds["bare"].append(_timed_replay(env, states))
+            if cfg.device == "cpu":
+                seconds["bare"].append(_timed_replay(env, states))
             start = time.perf_counter()
             runner.iterate()
             seconds["iteration"].append(time.perf_counter() - start)

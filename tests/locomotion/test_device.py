@@ -1,0 +1,68 @@
+"""Where a run computes: the right simulator, one clear line where it is missing, and tensors where the networks are."""
+
+import sys
+from dataclasses import replace
+
+import pytest
+import torch
+
+from stiction.cli.main import main
+from stiction.formats.errors import StictionError
+from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.device import CPU, Device, find_device
+from stiction.locomotion.env import LocomotionEnv
+from stiction.rma.config import TrainCfg
+from stiction.sim.native import NativeSimulation
+
+
+def test_the_processor_is_native_mujoco() -> None:
+    """The default must not need the extra packages, nor change a run."""
+    assert find_device("cpu", 1) is CPU and CPU.backend is NativeSimulation and CPU.torch == "cpu"
+
+
+def test_the_task_hands_everything_out_where_the_networks_are() -> None:
+    """One tensor left on the host would stop the first update on a GPU; `meta` stands for it here."""
+    cfg = replace(TaskCfg(robot="go1"), episode=0.5)
+    env = LocomotionEnv(cfg, 2, seed=0, device=Device("meta"))
+    observation, reward, dones, extras = env.step(torch.zeros(2, env.num_actions))
+    handed_out = [*env.get_observations().values(), *observation.values(), reward, dones, extras["time_outs"]]
+    assert {value.device.type for value in handed_out} == {"meta"}
+    env.load_state(env.state() | {"observation": {"privileged": torch.ones(2, 3)}} | _tensors(env))
+    assert env.get_observations()["privileged"].device.type == "meta"
+
+
+def _tensors(env: LocomotionEnv) -> dict:
+    """Return the arrays of a state as a checkpoint gives them back."""
+    state = env.state()
+    arrays = {name: torch.from_numpy(state[name]) for name in ("blown_up", "ground")}
+    return arrays | {"simulation": {name: torch.from_numpy(value) for name, value in state["simulation"].items()}}
+
+
+def test_a_missing_package_is_one_line(tmp_path, capsys: pytest.CaptureFixture, monkeypatch) -> None:
+    """It names the extra, and no folder is left behind."""
+    monkeypatch.delitem(sys.modules, "stiction.sim.warp", raising=False)
+    monkeypatch.setitem(sys.modules, "mujoco_warp", None)
+    assert main(["train", "--device", "warp-cpu", "--out", str(tmp_path / "run")]) == 1
+    error = capsys.readouterr().err
+    assert 'pip install "stiction[gpu]"' in error and error.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_missing_gpu_is_one_line(tmp_path, capsys: pytest.CaptureFixture, monkeypatch) -> None:
+    """Whether Warp or torch does not find it."""
+    warp = pytest.importorskip("warp", reason='warp is not installed: pip install "stiction[gpu]"')
+    monkeypatch.setattr(warp, "is_cuda_available", lambda: False)
+    assert main(["train", "--device", "cuda", "--out", str(tmp_path / "run")]) == 1
+    error = capsys.readouterr().err
+    assert "no CUDA device" in error and "--device cpu" in error and error.count("\n") == 1
+    assert not (tmp_path / "run").exists()
+    monkeypatch.setattr(warp, "is_cuda_available", lambda: True)
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    with pytest.raises(StictionError, match=f"torch {torch.__version__.partition('+')[0]}.*finds no CUDA device"):
+        find_device("cuda", 1)
+
+
+def test_an_unknown_device_is_refused() -> None:
+    """A configuration file may name any."""
+    with pytest.raises(StictionError, match="'tpu'"):
+        TrainCfg(device="tpu")  # type: ignore[arg-type]
