@@ -282,7 +282,7 @@ def test_every_package_imported_is_a_declared_dependency(path: Path) -> None:
 
 def test_training_on_the_processor_needs_no_gpu_package() -> None:
     """If this failed, `stiction[train]` alone could not train: only what --device asks for is imported."""
-    modules = [path for path in in_rooms() if NAMES[path] not in ("sim/warp.py", "sim/mirror.py", "sim/kernels.py")]
+    modules = [path for path in in_rooms() if NAMES[path] not in ("sim/warp.py", "sim/mirror.py", "sim/warp_parts.py")]
     eager = [NAMES[path] for path in modules if {"warp", "mujoco_warp"} & set(reachable(path, when_imported=True))]
     assert not eager
 

@@ -156,7 +156,7 @@ def test_state_restores_bit_by_bit_and_the_clock_never_grows() -> None:
 
 
 def test_options_act_by_robot() -> None:
-    """In the air without gravity nothing falls; with a huge tolerance the solver stops at once, and the feet give way."""
+    """Without gravity nothing falls; with a huge tolerance the solver stops at once, and the feet give way."""
     fleet = build(WarpSimulation)
     fleet.simulation.expand("opt.gravity")[:2] = 0.0
     fleet.base_position[:, 2] += 2.0

@@ -1,7 +1,7 @@
 """Where a training run computes: which simulator, and where torch keeps networks and rollouts.
 
-The task itself stays on the host, in NumPy and torch: what it reads from the simulator and writes to it is about a
-kilobyte a robot and control step.
+The task itself stays on the host, in NumPy and torch: what it exchanges with the simulator is a few kilobytes a robot
+and control step.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def find_device(name: DeviceName, contacts: int) -> Device:
     """
     if name == "cpu":
         return CPU
-    from stiction.sim.warp import WarpSimulation, cuda_device
+    from stiction.sim.warp import WarpSimulation
+    from stiction.sim.warp_parts import cuda_device
 
     if name == "warp-cpu":
         return Device("cpu", partial(WarpSimulation, contacts=contacts))

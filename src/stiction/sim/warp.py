@@ -17,9 +17,9 @@ import numpy as np
 import warp as wp
 
 from stiction.formats.errors import StictionError
-from stiction.sim.kernels import keep_others, place_still, restart_clocks, rows_of
 from stiction.sim.mirror import Mirror
 from stiction.sim.native import STATE, out_of_bounds
+from stiction.sim.warp_parts import delay_stamps, keep_others, place_still, restart_clocks, rows_of, rows_per_contact
 
 # Warp greets on standard output, and says there which kernels it compiles; that belongs to --json.
 wp.config.log_level = wp.LOG_WARNING
@@ -46,34 +46,12 @@ FOREIGN = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) | int(mujoco.mjtDisableBit.
 geoms of a body into a tree."""
 
 
-def _stamps(model: mujoco.MjModel) -> np.ndarray:
-    """Return the columns of `history` that hold times: each delay line is two numbers, its times, its values."""
-    starts = np.concatenate((model.actuator_historyadr, model.sensor_historyadr))
-    counts = np.concatenate((model.actuator_history[:, 0], model.sensor_history[:, 0]))
-    return np.concatenate([start + 2 + np.arange(count) for start, count in zip(starts, counts, strict=True)])
-
-
-def _rows_per_contact(model: mujoco.MjModel) -> int:
-    """Return how many rows of the solver one contact takes at most."""
-    largest = int(model.geom_condim.max(initial=1))
-    return max(1, 2 * (largest - 1)) if model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL else largest
-
-
-def cuda_device() -> str:
-    """Return the name of Warp's first CUDA device. Raises `StictionError` where it has none."""
-    if not wp.is_cuda_available():
-        raise StictionError(
-            "MuJoCo Warp finds no CUDA device (no NVIDIA driver, or none that this machine lets it see); "
-            "train with --device cpu"
-        )
-    return "cuda:0"
-
-
 class WarpSimulation:
     """`Simulation` on MuJoCo Warp. Fields are float64 on the host; `step` uploads what changed and downloads the rest.
 
-    A clock in float32 would lose the millisecond that delays are made of within an episode. So the device counts from
-    the end of the last `step`, and the delay lines with it; `time` is kept on the host.
+    Warp tells the samples of a delay line apart by time stamps, to a microsecond; after 16 s a float32 clock is coarser
+    than that, and a delay would be a step too long. So the device counts from the end of the last `step`, the stamps
+    with it; `time` is kept on the host.
     """
 
     def __init__(
@@ -88,14 +66,14 @@ class WarpSimulation:
         self._device = wp.get_device(device)
         model = copy.copy(model)
         model.opt.disableflags &= ~FOREIGN
-        rows = model.nv + model.njnt + contacts * _rows_per_contact(model)
+        rows = model.nv + model.njnt + contacts * rows_per_contact(model)
         with wp.ScopedDevice(self._device):
             self._m = mjw.put_model(model, batch_sizes=dict.fromkeys(DERIVED, num))
             self._m.opt.warn_overflow = 0
             self._m.opt.graph_conditional = not self._device.is_cuda or wp.is_conditional_graph_supported()
             self._d = mjw.make_data(model, nworld=num, nconmax=contacts, njmax=rows)
             self._key = wp.zeros(num, dtype=int)
-            self._stamps = wp.array(_stamps(model), dtype=int)
+            self._stamps = wp.array(delay_stamps(model), dtype=int)
             self._still = wp.array(np.flatnonzero(model.geom_bodyid == 0), dtype=int)
             self._before = [wp.zeros_like(rows_of(getattr(self._m, name))) for name in DERIVED]
         self._graphs: dict[str | int, wp.Graph] = {}
