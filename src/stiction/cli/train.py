@@ -173,7 +173,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     identified = run.header()["identified"]
     values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
     if cfg.device != "cpu":
-        print("stiction train: MuJoCo Warp compiles its kernels in the first run: minutes, then cached", file=sys.stderr)
+        print("stiction train: in its first run MuJoCo Warp compiles its kernels, for minutes", file=sys.stderr)
     with training_progress(cfg) as display, stop_requests(display.say, "this iteration") as asked:
         crew = Crew(run.path, display.say)
         try:
