@@ -24,7 +24,7 @@ NUM = 6
 def build(backend: type, num: int = NUM) -> Fleet:
     """Robots on a slope each, half of them beside it on the plane. One model for all tests: kernels compile once."""
     kind = np.full(num, KINDS.index("slope"))
-    fleet = Fleet(GO1, num, backend=backend, terrain=Terrain(kind))
+    fleet = Fleet(GO1, num, backend=backend, terrain=Terrain(kind), joint_sensors=True)
     fleet.place_terrain(np.arange(num), np.linspace(0.2, 0.6, num), np.zeros((num, SLABS, 4)))
     return fleet
 
@@ -77,6 +77,7 @@ def test_every_randomised_field_acts_as_in_native_mujoco() -> None:
     native, warp = fleets
     np.testing.assert_allclose(warp.base_position, native.base_position, atol=1e-5)
     np.testing.assert_allclose(warp.torque, native.torque, atol=1e-2)
+    np.testing.assert_allclose(*(fleet.simulation.bind("sensordata") for fleet in fleets), rtol=1e-2, atol=0.1)
     assert (native.base_position[NUM // 2 :, 2] > 0.4).all() and (native.foot_force > 1.0).any()
 
 
