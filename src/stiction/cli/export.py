@@ -19,6 +19,8 @@ class ExportCfg:
     """Directory of the run, as `stiction train` made it."""
     out: Path | None = None
     """Directory of the bundle to make; by default `bundle` within the run."""
+    wear: Path | None = None
+    """The RUN-wear.json that `stiction study adaptation` wrote for this run: the bundle then also watches for wear."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -29,7 +31,7 @@ def main(arguments: list[str]) -> None:
     from stiction.transfer.export import export_run
 
     out = cfg.out or cfg.run / "bundle"
-    check = export_run(cfg.run, out)
+    check = export_run(cfg.run, out, cfg.wear)
     if cfg.json:
         print(json.dumps(check.summary() | {"path": str(out)}, indent=2))
     else:

@@ -9,6 +9,7 @@ STUDIES: dict[str, str] = {
     "stairs": "how high a policy climbs, without and with joint friction",
     "gait": "which feet are down when, with and without the two gait rewards",
     "damping": "B and k·kd as one number to a joint: where that holds, and where it fails",
+    "adaptation": "what a student's latent z* does, and whether it tells the friction of the joints",
 }
 """Study -> what it answers. The module is `stiction.cli.studies.<name>`."""
 

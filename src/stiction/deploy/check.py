@@ -9,6 +9,7 @@ import numpy as np
 
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, PolicyStep, load_policy
+from stiction.deploy.wear import WearMonitor
 from stiction.formats.bundle import Bundle, BundleError, read_bundle
 from stiction.formats.golden import Golden
 
@@ -43,6 +44,7 @@ class BundleCheck:
             "method": contract.method,
             "friction_law": contract.friction_law,
             "friction_level": contract.friction_level,
+            "wear": told_by_wear(self.bundle),
             "steps": self.steps,
             "tolerance": TOLERANCE,
             "observation_error": self.observation_error,
@@ -60,6 +62,8 @@ def check_bundle(path: Path | str) -> BundleCheck:
     """
     bundle = read_bundle(path)
     policy = load_policy(bundle.contract, bundle.policy)
+    if bundle.wear is not None:
+        WearMonitor(bundle.contract, bundle.wear)
     replayed = replay(policy, bundle.golden)
     errors = {
         name: float(np.abs(getattr(replayed, name).astype(np.float64) - getattr(bundle.golden, name)).max())
@@ -72,6 +76,12 @@ def check_bundle(path: Path | str) -> BundleCheck:
                 "policy, contract and golden vectors do not belong together; get the bundle again"
             )
     return BundleCheck(bundle, len(bundle.golden), *errors.values())
+
+
+def told_by_wear(bundle: Bundle) -> list[str]:
+    """Return what the bundle's wear monitor tells the friction of: joints, `level`; nothing without one."""
+    wear = bundle.wear
+    return [] if wear is None else [name for name, told in zip(wear.targets, wear.told, strict=True) if told]
 
 
 def replay(policy: Policy, golden: Golden) -> PolicyStep:

@@ -1,8 +1,8 @@
 """A policy bundle: a directory of five files that holds everything needed to run a policy, and to check it.
 
-SHA256SUMS guards against damage and mix-ups. It is not a signature: whoever can write all five files can write a
-consistent bundle of another policy. Take bundles from where you trust, and compare `Bundle.digest` with what its
-maker published.
+A sixth, wear.json, is there where the policy's own walk tells the friction of the joints. SHA256SUMS guards against
+damage and mix-ups. It is not a signature: whoever can write all files can write a consistent bundle of another policy.
+Take bundles from where you trust, and compare `Bundle.digest` with what its maker published.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ import hashlib
 import os
 import shutil
 import stat
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 from stiction.formats.contract import Contract, read_contract
 from stiction.formats.errors import StictionError
 from stiction.formats.golden import Golden, read_golden, write_golden
+from stiction.formats.wear import WearModel, read_wear
 
 POLICY, CONTRACT, GOLDEN, CARD, SUMS = "policy.onnx", "contract.json", "golden.npz", "card.md", "SHA256SUMS"
 
@@ -24,7 +26,10 @@ BOUND_FILES = (CONTRACT, POLICY, CARD)
 """Files whose SHA-256 the golden vectors repeat."""
 
 FILES = (CARD, CONTRACT, GOLDEN, POLICY)
-"""Files that SHA256SUMS lists, in its order."""
+"""Files that SHA256SUMS lists, in its order; after them `WEAR`, where there is one."""
+
+WEAR = "wear.json"
+"""The map of the wear monitor, a file that a bundle may have."""
 
 MAX_FILE_BYTES = 64 * 2**20
 """Largest file that is read [B]."""
@@ -52,6 +57,8 @@ class Bundle:
     """SHA-256 of SHA256SUMS: one number that names the whole bundle."""
     size: int
     """Size of all files together [B]."""
+    wear: WearModel | None = None
+    """The map of the wear monitor, checked; None where the policy's walk tells no friction."""
 
 
 def read_bundle(path: Path | str) -> Bundle:
@@ -65,7 +72,7 @@ def read_bundle(path: Path | str) -> Bundle:
     """
     folder = Path(path)
     contents = _read_files(folder)
-    digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in FILES}
+    digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in listed(contents)}
     sums = contents[SUMS]
     if sums != _sums(digests):
         _explain_sums(folder, sums, digests)
@@ -80,12 +87,22 @@ def read_bundle(path: Path | str) -> Bundle:
         card = contents[CARD].decode("utf-8")
     except UnicodeDecodeError as error:
         raise BundleError(f"{folder}: {CARD} is not UTF-8 text: {error}") from error
+    wear = read_wear(contents[WEAR]) if WEAR in contents else None
+    if wear is not None and wear.joint_names != contract.joint_names:
+        raise BundleError(f"{folder}: {WEAR} is for other joints than the contract; export it again")
     size = sum(map(len, contents.values()))
     digest = hashlib.sha256(sums).hexdigest()
-    return Bundle(folder.resolve().name, contract, contents[POLICY], golden, card, digest, size)
+    return Bundle(folder.resolve().name, contract, contents[POLICY], golden, card, digest, size, wear)
 
 
-def write_bundle(path: Path | str, contract: Contract, policy: bytes, golden: Golden, card: str) -> Path:
+def listed(names: Collection[str]) -> tuple[str, ...]:
+    """Return the files that SHA256SUMS lists, in its order, of a bundle that has the files `names`."""
+    return (*FILES, WEAR) if WEAR in names else FILES
+
+
+def write_bundle(
+    path: Path | str, contract: Contract, policy: bytes, golden: Golden, card: str, wear: WearModel | None = None
+) -> Path:
     """Write a bundle to a directory that does not exist yet, whole or not at all; return its path.
 
     Raises:
@@ -99,6 +116,9 @@ def write_bundle(path: Path | str, contract: Contract, policy: bytes, golden: Go
     digests = {name: hashlib.sha256(data).hexdigest() for name, data in contents.items()}
     contents[GOLDEN] = write_golden(golden, digests)
     digests[GOLDEN] = hashlib.sha256(contents[GOLDEN]).hexdigest()
+    if wear is not None:
+        contents[WEAR] = wear.to_json().encode()
+        digests[WEAR] = hashlib.sha256(contents[WEAR]).hexdigest()
     contents[SUMS] = _sums(digests)
     folder.parent.mkdir(parents=True, exist_ok=True)
     partial = folder.with_name(f".{folder.name}.partial-{os.getpid()}")
@@ -117,11 +137,11 @@ def write_bundle(path: Path | str, contract: Contract, policy: bytes, golden: Go
 
 def _sums(digests: dict[str, str]) -> bytes:
     """Return the text of SHA256SUMS, as `sha256sum --check` reads it."""
-    return "".join(f"{digests[name]}  {name}\n" for name in FILES).encode()
+    return "".join(f"{digests[name]}  {name}\n" for name in listed(digests)).encode()
 
 
 def _read_files(folder: Path) -> dict[str, bytes]:
-    """Read the five files, and nothing but plain files of a bounded size."""
+    """Read the five files, wear.json where there is one, and nothing but plain files of a bounded size."""
     if not folder.is_dir():
         what = "is not a directory" if folder.exists() else "does not exist"
         raise BundleError(f"{folder} {what}; expected a policy bundle, a directory with {', '.join((*FILES, SUMS))}")
@@ -132,7 +152,7 @@ def _read_files(folder: Path) -> dict[str, bytes]:
     for name in (*FILES, SUMS):
         if name not in found:
             raise BundleError(f"{folder}: {name} is missing; a policy bundle has {', '.join((*FILES, SUMS))}")
-    if extra := sorted(found.keys() - {*FILES, SUMS}):
+    if extra := sorted(found.keys() - {*FILES, SUMS, WEAR}):
         raise BundleError(f"{folder}: {extra[0]} does not belong into a policy bundle; remove it or export again")
     for name, status in found.items():
         if not stat.S_ISREG(status.st_mode):
@@ -148,9 +168,11 @@ def _read_files(folder: Path) -> dict[str, bytes]:
 def _explain_sums(folder: Path, sums: bytes, digests: dict[str, str]) -> None:
     """Raise `BundleError` that names the first file that differs from SHA256SUMS."""
     lines = sums.splitlines()
-    for name in FILES:
+    for name in listed(digests):
         if f"{digests[name]}  {name}".encode() not in lines:
             raise BundleError(
                 f"{folder}: {name} does not match {SUMS}: it was altered or damaged; get the bundle again"
             )
-    raise BundleError(f"{folder}: {SUMS} was altered: it must list exactly {', '.join(FILES)}; get the bundle again")
+    raise BundleError(
+        f"{folder}: {SUMS} was altered: it must list exactly {', '.join(listed(digests))}; get the bundle again"
+    )

@@ -94,8 +94,10 @@ class ObservationLayout:
             raise StictionError(f"the observation layout in the contract is malformed: {error}") from error
 
 
-def proprioception(num_joints: int) -> ObservationLayout:
+def proprioception(num_joints: int, history_length: int = HISTORY_LENGTH) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
+
+    `history_length`: frames in o_H, the present one included.
 
     Scales are those customary for legged robots: they bring each term near unit size, so that no running
     normalisation is needed, and the deployed observation is a fixed function of the sensors.
@@ -111,5 +113,6 @@ def proprioception(num_joints: int) -> ObservationLayout:
             Term("joint_velocity", num_joints, 0.05, 5.0, "joint"),
             Term("last_action", num_joints, 1.0, 10.0, "joint"),
             Term("placeholder_contact", 1, 1.0, 1.0, "none"),
-        )
+        ),
+        history_length,
     )

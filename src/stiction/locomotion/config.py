@@ -8,9 +8,13 @@ from typing import Annotated
 from tyro.conf import arg
 
 from stiction.formats.errors import StictionError
+from stiction.formats.observation import HISTORY_LENGTH
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
+
+LONGEST_HISTORY = 200
+"""Most frames in o_H: 4 s at 50 Hz. The rollout storage holds every robot's history at every step."""
 
 
 def check_spans(owner: object, lowest: dict[str, float]) -> None:
@@ -174,9 +178,14 @@ class TaskCfg:
     rewards: RewardCfg = field(default_factory=RewardCfg)
     action_clip: float = 5.0
     """Bound of an action before scaling."""
+    history: int = HISTORY_LENGTH
+    """Frames in o_H, the present one included, one a control period. The paper's H of 10 is eleven frames; more of them
+    let a student look further back."""
 
     def __post_init__(self) -> None:
-        """Refuse times that do not fit each other."""
+        """Refuse times that do not fit each other, and a history that is none."""
+        if not 1 <= self.history <= LONGEST_HISTORY:
+            raise StictionError(f"a history of {self.history} frames: expected 1 to {LONGEST_HISTORY}")
         if not 0 < self.timestep <= 0.02 or self.decimation < 1 or self.episode < self.control_period:
             raise StictionError(
                 f"physics step {self.timestep} s, decimation {self.decimation}, episode {self.episode} s: "

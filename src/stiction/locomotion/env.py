@@ -74,7 +74,7 @@ class LocomotionEnv(VecEnv):
         self.compensation = None if extra is None else torch.tensor(extra)
         self.stage = 0
         self.commands = CommandSampler(cfg.commands, num_envs)
-        self.layout = proprioception(self.num_actions)
+        self.layout = proprioception(self.num_actions, cfg.history)
         self.standing = torch.from_numpy(self.fleet.standing).float()
         self.torque_limit = torch.from_numpy(self.fleet.torque_limit).float()
         self.group = torch.from_numpy(self.spec.groups())

@@ -14,6 +14,7 @@ import torch
 from stiction.formats.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture
+from stiction.locomotion.privileged import friction_share, privileged_observation
 from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import joint_friction
@@ -145,32 +146,11 @@ class Randomizer:
         fleet.delay[rows] = values["action_delay"]
         fleet.set_const(rows)
 
-    @property
-    def _typical(self) -> np.ndarray | float:
-        """What a coefficient multiplies at one end of the usual: torque limits [N m], or weight over legs [N]."""
-        if self.friction.law == "effort":
-            return self.fleet.torque_limit
-        if self.friction.law == "load":
-            spec = self.fleet.spec
-            return spec.mass * float(np.linalg.norm(self.fleet.model.opt.gravity)) / len(spec.legs)
-        return 1.0
-
     def privileged(self) -> torch.Tensor:
-        """Return o_priv = {m_b, f_g, I_j, B_j, f_j} of every robot, shape (N, 2 + 3 joints), each near unit size.
-
-        Mass as payload over 3 kg; ground friction minus 1; inertia and damping as (multiplier - 1) over 0.2; dry
-        friction in tenths of the torque limit, so that it means the same at every nominal level: of `effort` at the
-        full torque of the motor, of `load` where the joint transmits an even share of the robot's weight and no torque.
-        """
-        d = self.draws
-        share = torch.from_numpy(self.nominal.frictionloss / self.fleet.torque_limit * self._typical).float()
-        return torch.cat(
-            (
-                d.payload / 3.0,
-                d.ground_friction - 1.0,
-                (d.armature - 1.0) / 0.2,
-                (d.damping - 1.0) / 0.2,
-                d.friction * share / 0.1,
-            ),
-            -1,
-        )
+        """Return o_priv of every robot, shape (N, 2 + 3 joints); see `privileged_observation`."""
+        d, fleet = self.draws, self.fleet
+        weight = fleet.spec.mass * float(np.linalg.norm(fleet.model.opt.gravity))
+        share = torch.from_numpy(
+            friction_share(self.friction.law, self.nominal.frictionloss, fleet.spec, weight)
+        ).float()
+        return privileged_observation(d.payload, d.ground_friction, d.armature, d.damping, d.friction * share)

@@ -176,8 +176,12 @@ class StudentPolicy(nn.Module):
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
         """Map observations (N, history) to actions (N, joints); the current frame is the history's last."""
+        return self.act(observation, self.adaptation(observation))
+
+    def act(self, observation: torch.Tensor, latent: torch.Tensor) -> torch.Tensor:
+        """Return the mean actions (N, joints) on a latent, z, z* or another robot's, (N, latent)."""
         current = observation[:, -self.frame :]
-        parts = [current, self.estimator(observation), self.adaptation(observation)]
+        parts = [current, self.estimator(observation), latent]
         if self.terrain is not None:
             parts.append(self.terrain(observation))
         return self.mlp(torch.cat(parts, -1))

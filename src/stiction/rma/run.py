@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Iterator
@@ -107,6 +108,13 @@ class RunDirectory:
         """Bring the figures to the disk: those before a checkpoint must not be lost with the machine's power."""
         with self.metrics.open("a") as file:
             os.fsync(file.fileno())
+
+    def student_digest(self) -> str:
+        """Return the SHA-256 of the newest checkpoint of the student. Raises `StictionError` where there is none."""
+        newest = latest_checkpoint(self.checkpoints, "student")
+        if newest is None:
+            raise StictionError(f"{self.path} has no student yet; finish it with `stiction train --resume {self.path}`")
+        return hashlib.sha256(newest.read_bytes()).hexdigest()
 
     def log(self, row: dict[str, Any]) -> None:
         """Append one iteration's figures."""

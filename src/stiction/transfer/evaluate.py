@@ -16,6 +16,7 @@ import numpy as np
 
 from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
+from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import Law, has_coefficient
 from stiction.formats.reproducibility import seed_streams
@@ -25,7 +26,7 @@ from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
 from stiction.transfer.command import Command, parse_command
 from stiction.transfer.metrics import Metrics, Recording, measure
-from stiction.transfer.rollout import Rollout, friction_at, robot_of
+from stiction.transfer.rollout import Driver, Rollout, friction_at, robot_of
 
 ENGINE, TERRAIN = "mujoco", "flat"
 """What is evaluated here, as it stands in results.csv."""
@@ -118,6 +119,17 @@ class EvaluationCfg:
         """Robots in the batch."""
         return len(self.friction_levels) * len(self.commands) * self.episodes
 
+    @property
+    def robot_levels(self) -> np.ndarray:
+        """Friction level of every robot of the batch, shape (N,): by level, then by command, then by episode."""
+        return np.repeat(self.friction_levels, len(self.commands) * self.episodes)
+
+    @property
+    def robot_commands(self) -> np.ndarray:
+        """Commanded velocity of every robot of the batch, shape (N, 3), in the same order."""
+        block = np.repeat([command.velocity for command in self.parsed_commands], self.episodes, axis=0)
+        return np.tile(block, (len(self.friction_levels), 1))
+
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -127,6 +139,8 @@ class Evaluation:
     """One row per level and command."""
     metrics: tuple[Metrics, ...]
     """Of each row, all that was measured."""
+    episodes: tuple[tuple[Metrics, ...], ...]
+    """Of each row, each of its episodes alone."""
     blown_up: int
     """Simulations that became unstable; each counts as a fall."""
 
@@ -158,18 +172,12 @@ def evaluate_bundle(
         StictionError: the bundle does not fit the robot, or the delay is longer than its model holds.
 
     """
-    driven = drive_bundle(bundle, cfg, robot, threads, progress)
-    rows, measured = [], []
-    for level, command, part in driven.parts:
-        metrics = measure(part, command, driven.spec.groups(), driven.weight)
-        rows.append(_row(bundle, cfg, level, command, metrics))
-        measured.append(metrics)
-    return Evaluation(tuple(rows), tuple(measured), driven.blown_up)
+    return judge(drive_bundle(bundle, cfg, robot, threads, progress), bundle.contract, bundle.name, cfg)
 
 
 @dataclass(frozen=True)
 class Driven:
-    """What a bundle's robots did."""
+    """What a policy's robots did."""
 
     spec: RobotSpec
     """The robot."""
@@ -179,6 +187,19 @@ class Driven:
     """Of every friction level and command, in the order of the rows: level, command, measured part of the episodes."""
     blown_up: int
     """Simulations that became unstable."""
+
+
+def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> Evaluation:
+    """Return what the robots' walks were worth; `name` is what the rows call the policy."""
+    rows, measured, each = [], [], []
+    for level, command, part in driven.parts:
+        robots = (slice(0, cfg.episodes), *(slice(e, e + 1) for e in range(cfg.episodes)))
+        groups, weight = driven.spec.groups(), driven.weight
+        metrics, *episodes = (measure(part.of(some), command, groups, weight) for some in robots)
+        rows.append(_row(name, contract, cfg, level, command, metrics))
+        measured.append(metrics)
+        each.append(tuple(episodes))
+    return Evaluation(tuple(rows), tuple(measured), tuple(each), driven.blown_up)
 
 
 def drive_bundle(
@@ -194,29 +215,51 @@ def drive_bundle(
         StictionError: the bundle does not fit the robot, or the delay is longer than its model holds.
 
     """
-    contract = bundle.contract
-    spec = robot_of(contract, robot)
-    commands = cfg.parsed_commands
-    level = np.repeat(cfg.friction_levels, len(commands) * cfg.episodes)
-    velocity = np.tile(np.repeat([c.velocity for c in commands], cfg.episodes, axis=0), (len(cfg.friction_levels), 1))
+    policy = load_policy(bundle.contract, bundle.policy, (cfg.num_robots,))
+    return drive(policy, bundle.contract, robot_of(bundle.contract, robot), cfg, threads, progress)
+
+
+def drive(
+    policy: Driver,
+    contract: Contract,
+    spec: RobotSpec,
+    cfg: EvaluationCfg,
+    threads: int = 1,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Driven:
+    """Let anything drive robots over levels and commands and return what they did.
+
+    Args:
+        policy: the driver, its batch (cfg.num_robots,): robot i is at level i of `cfg.robot_levels`.
+        contract: what it expects of the robot.
+        spec: the robot, as from `robot_of`.
+        cfg: levels, commands, episodes.
+        threads: threads of the simulator; they do not change the result.
+        progress: called with the share that is done [-].
+
+    Raises:
+        StictionError: the delay is longer than the robot's model holds.
+
+    """
     streams = seed_streams(cfg.seed, [f"episode {number}" for number in range(cfg.episodes)])
     rollout = Rollout(
         contract,
-        load_policy(contract, bundle.policy, (cfg.num_robots,)),
+        policy,
         spec,
-        friction_at(contract, level, cfg.law),
+        friction_at(contract, cfg.robot_levels, cfg.law),
         list(streams.values()),
         threads,
         cfg.noise,
         cfg.action_delay,
         law=cfg.law,
     )
+    velocity = cfg.robot_commands
     recording, blown_up = record(
         rollout, lambda fleet: velocity, round(cfg.seconds / contract.control_period), progress
     )
     first = round(cfg.settle / contract.control_period)
     weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
-    cells = [(friction, command) for friction in cfg.friction_levels for command in commands]
+    cells = [(friction, command) for friction in cfg.friction_levels for command in cfg.parsed_commands]
     parts = [
         (friction, command, recording.of(slice(index * cfg.episodes, (index + 1) * cfg.episodes), first))
         for index, (friction, command) in enumerate(cells)
@@ -263,12 +306,14 @@ def record(
     return recording, blown_up
 
 
-def _row(bundle: Bundle, cfg: EvaluationCfg, level: float, command: Command, metrics: Metrics) -> ResultRow:
+def _row(
+    name: str, contract: Contract, cfg: EvaluationCfg, level: float, command: Command, metrics: Metrics
+) -> ResultRow:
     """Return one row of results.csv."""
     return ResultRow(
-        policy=bundle.name,
-        method=bundle.contract.method,
-        seed=bundle.contract.seed,
+        policy=name,
+        method=contract.method,
+        seed=contract.seed,
         engine=ENGINE,
         friction_law=cfg.friction_law,
         friction_level=level,

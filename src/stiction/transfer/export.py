@@ -20,6 +20,7 @@ from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import has_coefficient
 from stiction.formats.observation import proprioception
+from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.robots.catalog import find_robot
 from stiction.transfer.card import write_card
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     import torch
 
     from stiction.rma.config import TrainCfg
+    from stiction.rma.run import RunDirectory
 
 OPSET = 18
 """ONNX operator set: old enough for every onnxruntime of the last years."""
@@ -37,11 +39,13 @@ EXAMPLE_BATCH = 2
 """Batch of the example input: with one, the exporter would take the batch for a constant."""
 
 
-def export_run(run: Path, out: Path) -> BundleCheck:
+def export_run(run: Path, out: Path, wear: Path | None = None) -> BundleCheck:
     """Export the student of a training run, write its bundle, and check what was written.
 
+    `wear`: the wear.json that `stiction study adaptation` made for the run, to go into the bundle.
+
     Raises:
-        StictionError: not a run, a run that is not finished, or `out` exists already.
+        StictionError: not a run, a run that is not finished, a wear.json of another student, or `out` exists already.
 
     """
     from stiction.rma.run import RunDirectory
@@ -54,7 +58,19 @@ def export_run(run: Path, out: Path) -> BundleCheck:
         raise StictionError(
             f"{run} is not finished, it has no summary.json; finish it with `stiction train --resume {run}`"
         )
-    return export_policy(load_student(directory), contract_of(cfg, header), out)
+    model = None if wear is None else _wear_of(directory, wear)
+    return export_policy(load_student(directory), contract_of(cfg, header), out, model)
+
+
+def _wear_of(run: RunDirectory, path: Path) -> WearModel:
+    """Read a wear.json and check that it belongs to the student of a run."""
+    try:
+        model = read_wear(path.read_bytes())
+    except OSError as error:
+        raise StictionError(f"cannot read {path}: {error.strerror or error}") from error
+    if model.student != run.student_digest():
+        raise StictionError(f"{path} is of another student than {run.path}; make it with `stiction study adaptation`")
+    return model
 
 
 def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
@@ -99,7 +115,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         armature=tuple(joints.armature.tolist()),
         damping=tuple(joints.damping.tolist()),
         friction=tuple(joints.frictionloss.tolist()),
-        observation=proprioception(spec.num_joints),
+        observation=proprioception(spec.num_joints, task.history),
         action_scale=spec.action_scale,
         action_clip=task.action_clip,
         compensation=friction_angle(task.friction, joints, spec),
@@ -110,13 +126,14 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
     )
 
 
-def export_policy(module: torch.nn.Module, contract: Contract, out: Path) -> BundleCheck:
+def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: WearModel | None = None) -> BundleCheck:
     """Write the bundle of a network and check it: what onnxruntime and NumPy compute against what torch computed.
 
     Args:
         module: observations (N, size), float32 -> actions (N, J).
         contract: what the policy expects of robot and runtime.
         out: directory to make.
+        wear: map of the wear monitor, or None.
 
     Raises:
         StictionError: `out` exists already, the robot is unknown, or what was written does not pass its own check.
@@ -128,7 +145,7 @@ def export_policy(module: torch.nn.Module, contract: Contract, out: Path) -> Bun
         raise BundleError(f"{out} exists already; choose another --out or remove it")
     model = export_network(module, contract.observation.size)
     golden = record_golden(contract, TrainedPolicy(module, contract), find_robot(contract.robot), contract.seed)
-    return check_bundle(write_bundle(out, contract, model, golden, write_card(contract)))
+    return check_bundle(write_bundle(out, contract, model, golden, write_card(contract), wear))
 
 
 def export_network(module: torch.nn.Module, observation_size: int) -> bytes:

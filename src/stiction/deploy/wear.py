@@ -1,0 +1,125 @@
+"""The wear monitor: what a walk's own observations say about each joint's friction, in NumPy.
+
+There is no torque in the observation. There is what makes it: the target of the step before (its action), the angle and
+the velocity reached. Dry friction takes τ_f = f sign(θ'), so a joint with more of it has a larger error e = target -
+angle while it moves, and the mean of e·sign(θ') over a stretch of walking grows with f. Load, gains, damping and delay
+act on the same mean; the other moments, and the other joints, are there so that a linear map can tell them apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.contract import Contract
+from stiction.formats.errors import StictionError
+from stiction.formats.observation import ObservationLayout
+from stiction.formats.wear import WearModel
+
+SOFT_SIGN = 0.5
+"""Speed at which sign(θ') is taken as tanh(1) [rad/s]: about the noise of the measured velocity."""
+
+JOINT_MOMENTS = 11
+"""Features of each joint."""
+
+BODY_MOMENTS = 13
+"""Features of the robot as a whole."""
+
+
+class Moments:
+    """Turns two neighbouring frames into features whose means over a window are what the monitor sees."""
+
+    def __init__(self, layout: ObservationLayout, action_scale: float) -> None:
+        """Find the terms in a frame. `action_scale`: joint angle per unit of action [rad]."""
+        ends = np.cumsum([term.size for term in layout.terms])
+        self._at = {t.name: (slice(end - t.size, end), t.scale) for t, end in zip(layout.terms, ends, strict=True)}
+        self._action_scale = action_scale
+
+    def __call__(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:
+        """Return the features, shape (..., size), of frames of a step and of the step before, shape (..., frame)."""
+
+        def raw(frame: np.ndarray, name: str) -> np.ndarray:
+            part, scale = self._at[name]
+            return frame[..., part] / scale
+
+        angle, velocity = raw(now, "joint_position"), raw(now, "joint_velocity")
+        change = velocity - raw(before, "joint_velocity")
+        error = self._action_scale * raw(now, "last_action") - angle
+        sign = np.tanh(velocity / SOFT_SIGN)
+        joints = [error, angle, velocity, error * sign, velocity * sign, np.abs(error), error**2, error * velocity]
+        joints += [change * sign, np.abs(change), sign**2]
+        command, rate, tilt = (raw(now, name) for name in ("command", "angular_velocity", "roll_pitch"))
+        return np.concatenate([*joints, command, command**2, rate**2, tilt, tilt**2], axis=-1, dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class WearEstimate:
+    """Dry friction as fractions of the torque limits, from one window of walking; NaN where it is not told."""
+
+    friction: np.ndarray
+    """f/τ_max of each joint [-], shape (J,)."""
+    interval95: np.ndarray
+    """Lower and upper ends, shape (2, J); not below 0."""
+    level: float
+    """Mean of f/τ_max over the joints [-]."""
+    level_interval95: tuple[float, float]
+    """Lower and upper end of it."""
+    unusual: bool
+    """Whether the window was unlike those the map was fitted on: standing still, another ground, more friction than it
+    knows. The numbers are then not to be trusted."""
+
+
+class WearMonitor:
+    """Listens to the policy's input and, after every window, says how much friction the joints have."""
+
+    def __init__(self, contract: Contract, model: WearModel) -> None:
+        """Start with an empty window.
+
+        Raises:
+            StictionError: the map is for other joints or another layout.
+
+        """
+        self.model = model
+        self._moments = Moments(contract.observation, contract.action_scale)
+        self._frame = contract.observation.frame_size
+        size = JOINT_MOMENTS * contract.num_joints + BODY_MOMENTS
+        if model.joint_names != contract.joint_names or len(model.center) != size:
+            raise StictionError(
+                f"wear.json is for the joints {model.joint_names} and {len(model.center)} features; the contract has "
+                f"{contract.joint_names} and {size}; export the bundle again"
+            )
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what was seen: after a stop, a fall, or a pause of the loop."""
+        self._sum, self._count = np.zeros(len(self.model.center)), 0
+        self._before: np.ndarray | None = None
+
+    def step(self, observation: np.ndarray) -> WearEstimate | None:
+        """Take in one input of the network, shape (size,); return an estimate at the end of a window, else None."""
+        frame = np.asarray(observation[-self._frame :], dtype=np.float64)
+        if self._before is not None:
+            self._sum += self._moments(self._before, frame)
+            self._count += 1
+        self._before = frame
+        if self._count < self.model.window:
+            return None
+        mean = self._sum / self._count
+        self._sum, self._count = np.zeros_like(self._sum), 0
+        return estimate(self.model, mean)
+
+
+def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
+    """Return what a window's mean features, shape (features,), say."""
+    standard = np.clip((mean - np.array(model.center)) / np.array(model.scale), -model.limit, model.limit)
+    told = np.array(model.told)
+    value = np.where(told, np.array(model.intercept) + standard @ np.array(model.weights), np.nan)
+    ends = np.maximum(value + np.array([[-1.0], [1.0]]) * np.array(model.reach), 0.0)
+    return WearEstimate(
+        friction=np.maximum(value[:-1], 0.0),
+        interval95=ends[:, :-1],
+        level=float(np.maximum(value[-1], 0.0)),
+        level_interval95=(float(ends[0, -1]), float(ends[1, -1])),
+        unusual=bool((standard**2).mean() > model.unusual),
+    )

@@ -1,0 +1,104 @@
+"""`wear.json`: how one policy's own observations tell the dry friction of the joints it walks on, and how surely."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+
+SCHEMA_VERSION = 1
+"""Version of wear.json; any other is refused."""
+
+LEVEL = "level"
+"""Name of the last target: the mean of f/τ_max over the joints."""
+
+
+@dataclass(frozen=True)
+class WearModel:
+    """A linear map from the mean features of a window (see `deploy.wear`) to f/τ_max of each joint and of the robot.
+
+    Per target: the joints in the contract's order, then `LEVEL`. Fitted and tested in simulation only.
+    """
+
+    joint_names: tuple[str, ...]
+    """The joints."""
+    window: int
+    """Control steps over which features are averaged before an estimate is made."""
+    center: tuple[float, ...]
+    """Median of each feature over the robots it was fitted on."""
+    scale: tuple[float, ...]
+    """Spread of each feature."""
+    limit: float
+    """Standardised features, (feature - center) / scale, are cut off at plus and minus this."""
+    weights: tuple[tuple[float, ...], ...]
+    """One row per feature, one entry per target [-]."""
+    intercept: tuple[float, ...]
+    """What is said where every feature is at its center [-]."""
+    reach: tuple[float, ...]
+    """Half-width of each target's 95 % interval [-]: what 95 % of the calibration robots' errors do not pass."""
+    told: tuple[bool, ...]
+    """Whether each target is told at all: the lower end of its R² on unseen robots is above `threshold`."""
+    determination: tuple[float, ...]
+    """R² of each target on unseen robots [-]."""
+    coverage: tuple[float, ...]
+    """Share of unseen robots' windows whose interval holds the truth [-], each target."""
+    threshold: float
+    """See `told` [-]."""
+    highest: float
+    """Friction of the robots it was fitted on went from 0 to this [-]. It knows nothing of more."""
+    unusual: float
+    """Mean square of the standardised features that 99 % of the calibration windows stay under [-]: a window above it
+    is not like those that the map was fitted on."""
+    student: str
+    """SHA-256 of the student's checkpoint: features of another policy's walk mean something else."""
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that do not fit each other and numbers that are not finite."""
+        targets, features = len(self.joint_names) + 1, len(self.center)
+        per_target = ("intercept", "reach", "told", "determination", "coverage")
+        sizes: dict[str, tuple[object, object]] = {name: (len(getattr(self, name)), targets) for name in per_target}
+        sizes |= {"scale": (len(self.scale), features), "weights": (len(self.weights), features)}
+        sizes |= {"weights' rows": ({len(row) for row in self.weights}, {targets})}
+        for name, (found, expected) in sizes.items():
+            if found != expected:
+                raise StictionError(f"wear.json: {name!r} has {found} entries; expected {expected}; export again")
+        numbers = (self.center, self.scale, self.intercept, self.reach, self.determination, self.coverage, self.weights)
+        finite = all(np.isfinite(np.array(value, dtype=float)).all() for value in numbers)
+        single = np.isfinite([self.threshold, self.highest, self.unusual, self.limit]).all()
+        if not (finite and single and min(self.scale) > 0 and min(self.reach) > 0 and self.window >= 1):
+            raise StictionError("wear.json: a number is not finite, or a scale, reach or window is not positive")
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        """Names of the targets: the joints, then `LEVEL`."""
+        return (*self.joint_names, LEVEL)
+
+    def to_json(self) -> str:
+        """Return the text of wear.json."""
+        return json.dumps({"schema_version": SCHEMA_VERSION} | asdict(self), allow_nan=False) + "\n"
+
+
+def read_wear(text: bytes) -> WearModel:
+    """Parse the bytes of a wear.json.
+
+    Raises:
+        StictionError: not JSON, another version, or a field missing, unknown, or of the wrong kind or size.
+
+    """
+    try:
+        data = json.loads(text.decode("utf-8"))
+        if not isinstance(data, dict) or data.pop("schema_version", None) != SCHEMA_VERSION:
+            raise StictionError(f"wear.json is not of schema version {SCHEMA_VERSION}; make it again")
+        if odd := sorted(data.keys() ^ {field.name for field in fields(WearModel)}):
+            raise StictionError(f"wear.json: the field {odd[0]!r} is missing or unknown; make it again")
+        data["weights"] = tuple(tuple(float(value) for value in row) for row in data["weights"])
+        for name in ("center", "scale", "intercept", "reach", "determination", "coverage"):
+            data[name] = tuple(float(value) for value in data[name])
+        for name in ("joint_names", "told"):
+            data[name] = tuple(data[name])
+        return WearModel(**data)
+    except (ValueError, TypeError, RecursionError) as error:
+        raise StictionError(f"wear.json is malformed: {error}; make it again") from error

@@ -1,0 +1,177 @@
+"""The page on adaptation, from the study's summary: latents taken away, what they tell, and whether wear is told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from markupsafe import Markup
+
+from stiction.formats.errors import StictionError
+from stiction.formats.results import ResultRow, write_results, write_summary
+from stiction.report.page import Section, fold, paragraph, render_page, table
+
+LATENT = {"mean": "frozen at its mean", "swapped": "of another friction level", "peer": "of a robot at the same level"}
+"""Where the latent comes from, in words."""
+
+INPUT = {
+    "latent": "z*",
+    "explicit": "explicit estimate o_exp*",
+    "frame": "one frame, averaged",
+    "moments": "moments: products of what is in a frame",
+    "history 11": "history, H = 10",
+    "history 21": "history, H = 20",
+    "history 51": "history, H = 50",
+    "teacher": "teacher's z, from o_priv",
+}
+"""Inputs of the probes, in words."""
+
+TARGET = {"joint": "each joint's friction, drawn joint by joint", "robot": "the one friction of a robot's joints"}
+
+ABOUT_LATENTS = (
+    "The student walks with the same network, initial state and noise; only what the actor is given as z* changes. The "
+    "mean is over all robots and measured steps of the same evaluation with another seed. A swapped z* is that of a "
+    "robot with the same command, half of the levels away, at the same step: its friction is wrong, and its gait is at "
+    "another phase. The robot at the same level is the control for the second: what it does to the walk, wrong "
+    "friction alone cannot explain. Differences are to the walk on the robot's own z*, means over commands."
+)
+
+ABOUT_PROBES = (
+    "Ridge regression to f/τ_max, fitted on three quarters of the robots, its penalty chosen within them, R² on the "
+    "last quarter: 1 is perfect, 0 is no better than the mean of the training robots. All but the friction is drawn as "
+    "in training: masses, gains, inertia, damping, delay, offsets, ground, pushes, noise, commands. No torque is in "
+    "o_H; what makes it is: target, angle, velocity. A linear probe of o_H cannot multiply them, the moments do."
+)
+
+ABOUT_WEAR = (
+    "The monitor maps the moments of a window of walking to each joint's f/τ_max, with a 95 % interval from robots it "
+    "was not fitted on; R² and coverage are of a third group. It needs the network's input alone. A target is exposed "
+    "where the lower end of its R² is above {:g}, and withheld elsewhere. All of this is simulation, with the "
+    "randomisation of training: no robot has confirmed it."
+)
+
+
+def percent(values: Sequence[bool]) -> str:
+    """Return how many of `values` hold."""
+    return f"{sum(values)} of {len(values)}"
+
+
+def span(interval: Sequence[float] | None, digits: int = 2) -> str:
+    """Return an interval in words, a dash where there is none."""
+    return "–" if interval is None else f"{interval[0]:.{digits}f} to {interval[1]:.{digits}f}"
+
+
+def find(probes: Sequence[dict[str, Any]], name: str, row: str, per: str) -> dict[str, Any]:
+    """Return one probe."""
+    return next(p for p in probes if (p["input"], p["row"], p["per"], p["shuffled"]) == (name, row, per, False))
+
+
+def lead(summary: dict[str, Any]) -> str:
+    """Return the answer in a few sentences, one for each run."""
+    texts = []
+    for name, run in summary["runs"].items():
+        star, moments = (find(run["probes"], kind, "walk", "joint") for kind in ("latent", "moments"))
+        level = find(run["probes"], "latent", "walk", "robot")
+        told = run["wear"]["told"]
+        wear = f"a wear monitor tells {percent(told[:-1])} joints" if any(told[:-1]) else "no joint's wear is told"
+        wear += ", and the robot's level" if told[-1] else ", nor is the robot's level"
+        texts.append(
+            f"{name}: z* tells each joint's friction with R² {star['mean']:.2f} ({span(star['interval95'])}), a robot's"
+            f" level with {level['mean']:.2f} ({span(level['interval95'])}); moments of the same walk tell each joint's"
+            f" with {moments['mean']:.2f} ({span(moments['interval95'])}); {wear}."
+        )
+    return " ".join(texts)
+
+
+def write_adaptation(out: Path, rows: Sequence[ResultRow], summary: dict[str, Any]) -> Path:
+    """Write results.csv, summary.json and report.html into `out`; return the path of the page.
+
+    Raises:
+        StictionError: the files cannot be written.
+
+    """
+    page = out / "report.html"
+    text = render_page("What does adaptation do?", sections(summary), lead(summary))
+    try:
+        write_results(out / "results.csv", rows)
+        write_summary(out / "summary.json", summary)
+        page.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise StictionError(f"the results cannot be written to {out}: {error}; choose another --out") from error
+    return page
+
+
+def sections(summary: dict[str, Any]) -> list[Section]:
+    """Return the page's parts."""
+    runs = summary["runs"]
+    seeds = [
+        fold(f"{method}: over {len(found['effects'][0]['each'])} seeds, t-intervals", pooled(found))
+        for method, found in summary["methods"].items()
+        if len(found["effects"][0]["each"]) > 1
+    ]
+    return [
+        Section(
+            "Latents taken away and swapped",
+            (paragraph(ABOUT_LATENTS), *(effects_table(name, run["latents"]["effects"]) for name, run in runs.items())),
+        ),
+        Section(
+            "What z* tells of the friction",
+            (paragraph(ABOUT_PROBES), *(probes_table(name, run["probes"]) for name, run in runs.items())),
+        ),
+        Section(
+            "Can it watch for wear?",
+            (
+                paragraph(ABOUT_WEAR.format(summary["threshold"])),
+                *(wear_table(name, run["wear"]) for name, run in runs.items()),
+            ),
+        ),
+        *([Section("Over seeds", tuple(seeds))] if seeds else []),
+        Section("How it was made", (paragraph(summary["command"]), paragraph(f"revision {summary['revision']}"))),
+    ]
+
+
+def pooled(found: dict[str, Any]) -> list[Markup]:
+    """Return the tables of one method."""
+    return [effects_table("all seeds", found["effects"]), probes_table("all seeds", found["probes"])]
+
+
+def effects_table(name: str, effects: Sequence[dict[str, Any]]) -> Markup:
+    """Return what other latents change, a row for each latent and level."""
+    ratio, error = (
+        [effect for effect in effects if effect["figure"] == figure] for figure in ("speed_ratio", "tracking_error")
+    )
+    rows = [
+        [
+            f"{LATENT[a['latent']]}, {a['level']:.0%}",
+            f"{a['own']:.2f}",
+            f"{a['value']:.2f}",
+            f"{a['difference']:+.3f} ({span(a['interval95'], 3)})",
+            f"{b['difference']:+.3f} ({span(b['interval95'], 3)})",
+        ]
+        for a, b in zip(ratio, error, strict=True)
+    ]
+    header = ("z*, friction", "speed ratio, own z*", "with this z*", "difference", "difference of the error [m/s]")
+    return table(header, rows, f"{name}: 95 % intervals in brackets")
+
+
+def probes_table(name: str, probes: Sequence[dict[str, Any]]) -> Markup:
+    """Return R² of every input, friction per joint and per robot side by side."""
+    cells: dict[str, list[str]] = {}
+    for probe in probes:
+        label = f"{INPUT[probe['input']]}, {probe['row']}" + (", friction shuffled" if probe["shuffled"] else "")
+        cells.setdefault(label, []).append(f"{probe['mean']:.2f} ({span(probe['interval95'])})")
+    rows = [[label, *values] for label, values in cells.items()]
+    return table(("input", *TARGET.values()), rows, f"{name}: R² on unseen robots, 95 % intervals in brackets")
+
+
+def wear_table(name: str, wear: dict[str, Any]) -> Markup:
+    """Return what the monitor tells of each joint, and how well."""
+    rows = [
+        [target, "yes" if told else "no", f"{r2:.2f}", f"± {reach:.3f}", f"{cover:.0%}"]
+        for target, told, r2, reach, cover in zip(
+            wear["targets"], wear["told"], wear["determination"], wear["reach"], wear["coverage"], strict=True
+        )
+    ]
+    header = ("f/τ_max of", "told", "R²", "95 % interval", "coverage")
+    return table(header, rows, f"{name}: windows of {wear['window']:g} s")

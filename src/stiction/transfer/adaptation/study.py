@@ -1,0 +1,144 @@
+"""The study of adaptation, run by run; what is finished is kept and not done again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.deploy.wear import Moments
+from stiction.formats.errors import StictionError
+from stiction.formats.reproducibility import git_revision, machine
+from stiction.rma.checkpoint import write_json
+from stiction.rma.run import RunDirectory
+from stiction.rma.runner import load_actor
+from stiction.transfer.adaptation.effects import latent_effects, over_seeds
+from stiction.transfer.adaptation.friction_walk import FrictionWalk, Per, WalkCfg, walk_with_friction
+from stiction.transfer.adaptation.monitor import TOLD, fit_monitor
+from stiction.transfer.adaptation.probes import probe_walk
+from stiction.transfer.adaptation.ridge import t_interval
+from stiction.transfer.evaluate import EvaluationCfg
+from stiction.transfer.export import contract_of
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a piece of work and the share of it that is done."""
+
+FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
+"""Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
+
+
+@dataclass(frozen=True)
+class AdaptationCfg:
+    """What the study does with every run."""
+
+    evaluation: EvaluationCfg = field(
+        default_factory=lambda: EvaluationCfg(friction_levels=(0.0, 0.1, 0.2, 0.3), episodes=16, seconds=10.0)
+    )
+    """The walks on latents of their own and from elsewhere."""
+    walk: WalkCfg = field(default_factory=WalkCfg)
+    """The walks that are probed."""
+
+    def __post_init__(self) -> None:
+        """Refuse what leaves nothing to swap or to split."""
+        if len(self.evaluation.friction_levels) < 2 or self.evaluation.episodes < 2:
+            raise StictionError("latents are swapped between friction levels and episodes; give at least two of each")
+        if self.walk.robots < FEWEST_ROBOTS or self.walk.seconds - self.walk.settle < SHORTEST_WALK:
+            raise StictionError(
+                f"{self.walk.robots} robots for {self.walk.seconds:g} s: a probe needs at least {FEWEST_ROBOTS} of "
+                f"them, and {SHORTEST_WALK:g} s beside the {self.walk.settle:g} s to settle"
+            )
+
+
+def study(
+    runs: Sequence[Path], out: Path, cfg: AdaptationCfg, threads: int, progress: Progress = lambda name, share: None
+) -> dict[str, Any]:
+    """Study every run; return the summary. Each run's part is kept in `out` as RUN.json and RUN-wear.json.
+
+    Raises:
+        StictionError: a run without a finished student, or two of the same name.
+
+    """
+    names = [run.resolve().name for run in runs]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise StictionError(f"two runs are called {twice[0]!r}; rename one folder, results tell them apart by name")
+    for run in runs:
+        RunDirectory(run).check_finished("student")
+    parts = [study_run(run, out, cfg, threads, progress) for run in runs]
+    methods = {}
+    for method in dict.fromkeys(part["method"] for part in parts):
+        same = [part for part in parts if part["method"] == method]
+        methods[method] = {"effects": over_seeds([part["latents"] for part in same]), "probes": pooled_probes(same)}
+    return {
+        "config": asdict(cfg),
+        "threshold": TOLD,
+        "revision": git_revision(),
+        "machine": machine(),
+        "methods": methods,
+        "runs": {part["name"]: part for part in parts},
+    }
+
+
+def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: Progress) -> dict[str, Any]:
+    """Return one run's part: `latents`, `probes`, `wear`; read from `out` where the same was done before."""
+    directory, name = RunDirectory(run), run.resolve().name
+    header, train = directory.header(), directory.config()
+    student = directory.student_digest()
+    key = json.loads(json.dumps({"config": asdict(cfg), "student": student}))
+    file = out / f"{name}.json"
+    if file.is_file() and (done := json.loads(file.read_text()))["key"] == key:
+        progress(name, 1.0)
+        return done
+    latents = latent_effects(run, cfg.evaluation, threads, lambda share: progress(f"{name}: latents", share))
+    contract, actor = contract_of(train, header), load_actor(directory, "student")
+    moments = Moments(contract.observation, contract.action_scale)
+    identified = header["identified"]
+    found = {n: np.array(value, float) for n, value in identified["values"].items()} if identified else None
+    probes: list[dict[str, Any]] = []
+    walks: dict[Per, FrictionWalk] = {}
+
+    def walk_and_probe(per: Per) -> None:
+        def share(done: float) -> None:
+            progress(f"{name}: friction per {per}", done)
+
+        walks[per] = walk_with_friction(train, found, actor, per, cfg.walk, threads, lambda done: share(done / 2))
+        probes.extend(probe_walk(walks[per], moments, per, lambda done: share((1 + done) / 2)))
+
+    walk_and_probe("joint")
+    walk_and_probe("robot")
+    wear = fit_monitor(walks, moments, contract.joint_names, cfg.walk.highest, student)
+    if any(wear.told):
+        (out / f"{name}-wear.json").write_text(wear.to_json())
+    per_target = ("told", "determination", "coverage", "reach")
+    part = {
+        "key": key,
+        "name": name,
+        "method": contract.method,
+        "seed": contract.seed,
+        "revision": contract.revision,
+        "command": contract.command,
+        "latents": latents,
+        "probes": probes,
+        "fallen": {per: walk.fallen for per, walk in walks.items()},
+        "wear": {"targets": list(wear.targets), "window": wear.window * contract.control_period}
+        | {field: list(getattr(wear, field)) for field in per_target},
+    }
+    write_json(file, part)
+    return part
+
+
+def pooled_probes(parts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the mean R² of runs of one method, with t-intervals over seeds (null for a single one)."""
+    pooled = []
+    for same in zip(*(part["probes"] for part in parts), strict=True):
+        values = np.array([probe["mean"] for probe in same])
+        interval = t_interval(values)
+        pooled.append(
+            {name: same[0][name] for name in ("input", "row", "per", "shuffled")}
+            | {"mean": float(values.mean()), "interval95": None if interval is None else list(interval)}
+            | {"each": values.tolist()}
+        )
+    return pooled

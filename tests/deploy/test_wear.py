@@ -1,0 +1,170 @@
+"""The wear monitor: its features against numbers worked out by hand, its windows, file, and place in a bundle."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import make_bundle, make_contract, make_golden, make_network, repair_sums
+from stiction.deploy.check import check_bundle
+from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS, Moments, WearMonitor, estimate
+from stiction.formats.bundle import BundleError, read_bundle, write_bundle
+from stiction.formats.contract import Contract
+from stiction.formats.errors import StictionError
+from stiction.formats.observation import proprioception
+from stiction.formats.wear import WearModel, read_wear
+
+
+def make_model(contract: Contract, **changes) -> WearModel:
+    """A map that reads each joint's friction off the mean of e·sign(θ'), the level off the first joint's."""
+    joints = contract.num_joints
+    weights = np.zeros((JOINT_MOMENTS * joints + BODY_MOMENTS, joints + 1))
+    weights[3 * joints : 4 * joints, :joints] = np.eye(joints)
+    weights[3 * joints, joints] = 1.0
+    values = {
+        "joint_names": contract.joint_names,
+        "window": 3,
+        "center": (0.0,) * len(weights),
+        "scale": (1.0,) * len(weights),
+        "limit": 3.0,
+        "weights": tuple(map(tuple, weights.tolist())),
+        "intercept": (0.01,) * (joints + 1),
+        "reach": (0.02,) * (joints + 1),
+        "told": (True,) * joints + (True,),
+        "determination": (0.9,) * (joints + 1),
+        "coverage": (0.95,) * (joints + 1),
+        "threshold": 0.5,
+        "highest": 0.24,
+        "unusual": 1.0,
+        "student": "0" * 64,
+    }
+    return WearModel(**(values | changes))
+
+
+def frame_of(joints: int, angle: float, velocity: float, action: float) -> np.ndarray:
+    """A frame of a robot that stands level under no command, all joints alike."""
+    parts = [np.zeros(3), np.zeros(2), [0.0], np.zeros(3), [0.0], np.full(joints, angle)]
+    return np.concatenate([*parts, np.full(joints, 0.05 * velocity), np.full(joints, action), [0.0]])
+
+
+def test_moments_of_one_joint_by_hand() -> None:
+    """Target 0.25·0.8 = 0.2 rad, angle 0.05, from 1 to 0.5 rad/s: e = 0.15, sign = tanh(1), change -0.5."""
+    moments = Moments(proprioception(1), 0.25)
+    found = moments(frame_of(1, 0.0, 1.0, 0.0), frame_of(1, 0.05, 0.5, 0.8))
+    sign = np.tanh(1.0)
+    joint = [0.15, 0.05, 0.5, 0.15 * sign, 0.5 * sign, 0.15, 0.0225, 0.075, -0.5 * sign, 0.5, sign**2]
+    np.testing.assert_allclose(found, [*joint, *[0.0] * 13], atol=1e-12)
+    assert len(found) == JOINT_MOMENTS + BODY_MOMENTS
+
+
+def test_the_body_is_in_it_in_raw_units() -> None:
+    """Command 0.5, rate 2 rad/s (0.5 scaled), pitch -0.1: themselves where signs matter, and their squares."""
+    frame = frame_of(1, 0.0, 0.0, 0.0)
+    frame[0], frame[4], frame[6] = 0.5, -0.1, 0.5
+    expected = [0.5, 0, 0, 0.25, 0, 0, 4.0, 0, 0, 0, -0.1, 0, 0.01]
+    np.testing.assert_allclose(Moments(proprioception(1), 0.25)(frame, frame)[JOINT_MOMENTS:], expected, atol=1e-12)
+
+
+def test_an_estimate_comes_at_the_end_of_each_window(contract: Contract) -> None:
+    """Three pairs of frames make a window: an estimate after four steps, the next three later; a reset empties."""
+    monitor = WearMonitor(contract, make_model(contract))
+    frame = frame_of(18, 0.0, 50.0, 0.4)
+    observation = np.concatenate([np.full(650, 9.0), frame]).astype(np.float32)
+    said = [monitor.step(observation) for _ in range(7)]
+    assert [one is not None for one in said] == [False, False, False, True, False, False, True]
+    assert said[3] is not None
+    assert said[3].friction == pytest.approx([0.11] * 18, abs=1e-6)
+    assert said[3].interval95[:, 0] == pytest.approx([0.09, 0.13], abs=1e-6)
+    assert said[3].level_interval95 == pytest.approx((0.09, 0.13), abs=1e-6)
+    monitor.step(observation)
+    monitor.reset()
+    assert [monitor.step(observation) is not None for _ in range(4)] == [False, False, False, True]
+
+
+def test_what_is_not_told_is_not_said(contract: Contract) -> None:
+    """A number for a joint that the walk says nothing about would be believed."""
+    model = make_model(contract, told=(True, False) + (True,) * 16 + (False,))
+    found = estimate(model, np.zeros(len(model.center)))
+    assert np.isnan(found.friction[1])
+    assert np.isnan(found.interval95[:, 1]).all()
+    assert np.isnan(found.level)
+    assert found.friction[0] == pytest.approx(0.01)
+    assert found.interval95[:, 0] == pytest.approx([0.0, 0.03])
+
+
+def test_a_window_unlike_all_others_is_marked(contract: Contract) -> None:
+    """Mean square of the features 0.81 and 1.21 about a bound of 1."""
+    model = make_model(contract)
+    features = np.ones(len(model.center))
+    assert estimate(model, 100.0 * features).friction[0] == pytest.approx(3.01)
+    assert not estimate(model, 0.9 * features).unusual
+    assert estimate(model, 1.1 * features).unusual
+
+
+def test_the_file_comes_back_as_it_was(contract: Contract) -> None:
+    """What the robot reads is what was fitted."""
+    model = make_model(contract)
+    assert read_wear(model.to_json().encode()) == model
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"reach": (0.1,)}, "reach"),
+        ({"weights": ((0.0,),)}, "weights"),
+        ({"unusual": float("inf")}, "not finite"),
+        ({"window": 0}, "window"),
+    ],
+)
+def test_a_map_that_fits_nothing_is_refused(contract: Contract, change: dict, message: str) -> None:
+    """A short vector would be broadcast in silence."""
+    with pytest.raises(StictionError, match=message):
+        replace(make_model(contract), **change)
+
+
+@pytest.mark.parametrize("text", [b"[]", b"{}", b"\xff", b'{"schema_version": 1}', b'{"schema_version": 2}'])
+def test_a_file_that_is_none_is_refused(text: bytes) -> None:
+    """With one line, whatever was in it."""
+    with pytest.raises(StictionError, match=r"wear\.json"):
+        read_wear(text)
+
+
+def test_a_map_for_another_robot_is_refused(contract: Contract) -> None:
+    """Twelve joints read with the map of eighteen would give plausible numbers."""
+    with pytest.raises(StictionError, match="joints"):
+        WearMonitor(make_contract("go1"), make_model(contract))
+
+
+def test_a_bundle_carries_the_map_under_its_checksums(tmp_path: Path, contract: Contract) -> None:
+    """Altered, it is found; left out or added without a checksum, too; and a bundle without one stays valid."""
+    network = make_network(contract)
+    folder = write_bundle(
+        tmp_path / "watching", contract, network, make_golden(contract, network), "# Toy\n", make_model(contract)
+    )
+    check = check_bundle(folder)
+    assert check.bundle.wear == make_model(contract)
+    assert check.summary()["wear"][-2:] == [contract.joint_names[-1], "level"]
+    (folder / "wear.json").write_text((folder / "wear.json").read_text().replace("0.01", "0.02", 1))
+    with pytest.raises(BundleError, match=r"wear\.json does not match"):
+        read_bundle(folder)
+    (folder / "wear.json").unlink()
+    with pytest.raises(BundleError, match="SHA256SUMS was altered"):
+        read_bundle(folder)
+    plain = make_bundle(tmp_path / "plain", contract, network)
+    assert check_bundle(plain).summary()["wear"] == []
+    (plain / "wear.json").write_text(make_model(contract).to_json())
+    repair_sums(plain)
+    with pytest.raises(BundleError, match=r"wear\.json does not match"):
+        read_bundle(plain)
+
+
+def test_a_map_for_other_joints_does_not_get_into_a_bundle(tmp_path: Path, contract: Contract) -> None:
+    """Found when the bundle is read, before the robot moves."""
+    network, names = make_network(contract), tuple(f"other_{name}" for name in contract.joint_names)
+    model = WearModel(**(asdict(make_model(contract)) | {"joint_names": names}))
+    folder = write_bundle(tmp_path / "b", contract, network, make_golden(contract, network), "# Toy\n", model)
+    with pytest.raises(BundleError, match="other joints"):
+        read_bundle(folder)
