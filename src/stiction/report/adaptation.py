@@ -74,8 +74,8 @@ def lead(summary: dict[str, Any]) -> str:
         star, moments = (find(run["probes"], kind, "walk", "joint") for kind in ("latent", "moments"))
         level = find(run["probes"], "latent", "walk", "robot")
         told = run["wear"]["told"]
-        wear = f"a wear monitor tells {percent(told[:-1])} joints" if any(told[:-1]) else "no joint's wear is told"
-        wear += ", and the robot's level" if told[-1] else ", nor is the robot's level"
+        parts = [f"the friction of {percent(told[:-1])} joints"] * any(told[:-1]) + ["the robot's level"] * told[-1]
+        wear = f"a wear monitor tells {' and '.join(parts)}" if parts else "no wear is told"
         texts.append(
             f"{name}: z* tells each joint's friction with R² {star['mean']:.2f} ({span(star['interval95'])}), a robot's"
             f" level with {level['mean']:.2f} ({span(level['interval95'])}); moments of the same walk tell each joint's"
