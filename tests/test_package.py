@@ -84,14 +84,17 @@ def test_the_blocker_blocks(base_install: dict[str, str]) -> None:
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_verb_has_a_module(verb: str) -> None:
     """If this failed, `stiction --help` would promise a verb that ends in a traceback."""
-    assert importlib.util.find_spec(f"stiction.cli.{verb}"), f"src/stiction/cli/{verb}.py is missing"
+    name = verb.replace("-", "_")
+    assert importlib.util.find_spec(f"stiction.cli.{name}"), f"src/stiction/cli/{name}.py is missing"
 
 
 def test_every_module_with_a_main_is_a_verb() -> None:
     """If this failed, a verb would exist that nobody can call."""
     for path in PACKAGE.glob("cli/*.py"):
         functions = {node.name for node in ast.parse(path.read_text()).body if isinstance(node, ast.FunctionDef)}
-        assert path.stem in {*VERBS, "main"} or "main" not in functions, f"cli/{path.name} is not in VERBS"
+        assert path.stem.replace("_", "-") in {*VERBS, "main"} or "main" not in functions, (
+            f"cli/{path.name} is not in VERBS"
+        )
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -107,7 +110,7 @@ def test_the_overview_lists_every_verb_and_loads_no_room() -> None:
     """If this failed, `stiction --help` would take seconds."""
     code = "import sys; from stiction.cli.main import main; main(['--help']); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    listed = re.findall(r"^  (\w+) +\S", done.stdout, re.MULTILINE)
+    listed = re.findall(r"^  ([\w-]+) +\S", done.stdout, re.MULTILINE)
     assert listed == list(VERBS)
     loaded = set(done.stderr.split())
     assert not loaded & {"numpy", "torch", "mujoco", "matplotlib", "tyro"}

@@ -60,6 +60,7 @@ def header(period: float) -> WalkHeader:
         kp=contract.kp,
         kd=contract.kd,
         torque_limit=contract.torque_limit,
+        torque_source="motor_side",
         recorded_in="mujoco",
     )
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from actuators import pd_net
 from stiction.cli.main import main
 from stiction.locomotion.config import TaskCfg
 
@@ -53,13 +54,14 @@ def test_a_device_without_a_bare_counterpart_has_rates_and_no_ratios() -> None:
     }
 
 
-def test_the_replay_leaves_the_task_as_it_was() -> None:
-    """A robot that was never replayed and one that was take the same next steps, resets included."""
+@pytest.mark.parametrize("with_net", [False, True])
+def test_the_replay_leaves_the_task_as_it_was(with_net: bool) -> None:
+    """A robot that was never replayed and one that was take the same next steps, resets included; also with a net."""
     from stiction.locomotion.env import LocomotionEnv
     from stiction.transfer.bench import _timed_replay, _timed_rollout
 
-    cfg = TaskCfg(robot="go1", episode=0.3)
-    replayed, untouched = (LocomotionEnv(cfg, num_envs=4, seed=1) for _ in range(2))
+    cfg, net = TaskCfg(robot="go1", episode=0.3), pd_net("go1") if with_net else None
+    replayed, untouched = (LocomotionEnv(cfg, num_envs=4, seed=1, actuator=net) for _ in range(2))
     actions = torch.randn(30, 4, replayed.num_actions, generator=torch.Generator().manual_seed(0))
     _, states = _timed_rollout(replayed, actions[:20])
     _timed_rollout(untouched, actions[:20])

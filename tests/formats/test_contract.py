@@ -27,6 +27,15 @@ def test_go1_with_an_identification_is_valid() -> None:
     assert read_contract(contract.to_json().encode()).num_joints == 12
 
 
+def test_a_contract_from_before_actuator_nets_has_none(contract: Contract) -> None:
+    """Bundles that were exported before the field was there are still read; one that has it keeps it."""
+    data = json.loads(contract.to_json())
+    del data["actuator"]
+    assert read_contract(json.dumps(data).encode()) == contract
+    net = {"name": "net", "sha256": "0" * 64}
+    assert read_contract(edited(contract, "actuator", net)).actuator == net
+
+
 @pytest.mark.parametrize(
     ("field", "value"),
     [
@@ -56,6 +65,8 @@ def test_go1_with_an_identification_is_valid() -> None:
         ("action_offset", "zero"),
         ("quaternion_order", "xyzw"),
         ("joints_file", {"name": "joints.json"}),
+        ("actuator", {"name": "net"}),
+        ("actuator", "net"),
         ("observation", []),
     ],
 )

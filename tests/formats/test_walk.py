@@ -20,6 +20,7 @@ HEADER = WalkHeader(
     kp=(100.0, 100.0, 100.0),
     kd=(2.5, 2.5, 2.5),
     torque_limit=(25.0, 25.0, 45.0),
+    torque_source="motor_side",
     noise={"encoder_resolution": 1e-4},
 )
 

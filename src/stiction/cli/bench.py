@@ -34,6 +34,9 @@ class Bench:
     """Law of the friction: all but coulomb stop the simulator at every physics step."""
     robot: str = "saturn_lite"
     """The robot to measure with."""
+    actuator: Path | None = None
+    """A folder of `stiction train-actuator`: its net gives the torque in the task. With one of output-side torque, use
+    --method none."""
     num_envs: int = 512
     """Robots side by side."""
     device: DeviceName = "cpu"
@@ -53,6 +56,7 @@ def main(arguments: list[str]) -> int:
 
     from rich.console import Console
 
+    from stiction.formats.actuator import read_actuator
     from stiction.formats.reproducibility import git_revision, machine
     from stiction.rma.config import PRESETS
     from stiction.transfer.bench import bench_cfg, measure_training
@@ -62,7 +66,8 @@ def main(arguments: list[str]) -> int:
     cfg = bench_cfg(replace(PRESETS["full"], num_envs=options.num_envs), options.method, options.friction_level)
     friction = replace(cfg.task.friction, law=options.friction_law)
     cfg = replace(cfg, device=options.device, task=replace(cfg.task, robot=options.robot, friction=friction))
-    timing, sizes = measure_training(cfg, options.blocks)
+    net = None if options.actuator is None else read_actuator(options.actuator)
+    timing, sizes = measure_training(cfg, options.blocks, net)
     note.print("deployed policy and identification ...")
     summary = {
         **timing.summary(),
@@ -71,6 +76,7 @@ def main(arguments: list[str]) -> int:
             "method": options.method,
             "friction_law": options.friction_law,
             "friction_level": options.friction_level,
+            "actuator": None if options.actuator is None else options.actuator.resolve().name,
             "num_envs": options.num_envs,
             "device": options.device,
             "steps_per_block": cfg.teacher.steps,

@@ -39,12 +39,15 @@ class EvaluateCfg:
     robot: str | None = None
     """A robot of your own, `package.module:NAME`; by default the shipped robot that the bundle names."""
     log: Path | None = None
-    """Also log the walks as a robot would, for `stiction identify`: a folder for one NPZ per bundle, level, command and
-    robot. The first --log-robots episodes, at the physics rate."""
+    """Also log the walks as a robot would, for `stiction identify` and `stiction train-actuator`: a folder for one NPZ
+    per bundle, level, command and robot. The first --log-robots episodes, at the physics rate."""
     log_robots: int = 4
     """Robots to log per level and command."""
     log_seconds: float = 10.0
     """Length of a log [s]; a fall ends it sooner."""
+    log_torque: Literal["motor_side", "output_side"] = "motor_side"
+    """Torque in the log: `motor_side`, what the motor gave (what `stiction identify` needs), or `output_side`, what
+    reached the link, dry and viscous friction of the joint taken off."""
     out: Path = Path("stiction-evaluation")
     """Directory for results.csv, summary.json, friction_budget.svg and .png, and report.html."""
     json: bool = False
@@ -78,7 +81,7 @@ def main(arguments: list[str]) -> int:
         static_ratio=cfg.static_ratio,
         stribeck_velocity=cfg.stribeck_velocity,
     )
-    record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds)
+    record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
     make_folder(cfg.out)
     bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
     with work_progress() as progress:

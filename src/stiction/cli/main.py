@@ -17,13 +17,14 @@ VERBS = {
     "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
     "train": "train a teacher and a student for a robot, with or without joint friction",
     "evaluate": "drive a policy bundle over friction levels and commands, and tabulate what it reached",
+    "train-actuator": "fit an Actuator Net to logs of walks, in place of the PD law in training",
     "study": "run one of the experiments behind the results, and write its page",
     "export": "turn a training run into a policy bundle that can be checked",
     "verify": "check a policy bundle: every file, the contract, and the golden vectors",
     "bench": "measure the throughput ratios on this machine, side by side in one run",
     "doctor": "measure that every randomised parameter really changes the physics",
 }
-"""Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`."""
+"""Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
 
 USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
 EPILOG = "\n`stiction VERB --help` lists the options of a verb. `stiction --version` prints the version.\n"
@@ -31,7 +32,7 @@ EPILOG = "\n`stiction VERB --help` lists the options of a verb. `stiction --vers
 
 def overview() -> str:
     """Return the text of `stiction --help`."""
-    return USAGE + "".join(f"  {verb:<10}{text}\n" for verb, text in VERBS.items()) + EPILOG
+    return USAGE + "".join(f"  {verb:<16}{text}\n" for verb, text in VERBS.items()) + EPILOG
 
 
 def main(arguments: list[str]) -> int:
@@ -51,7 +52,7 @@ def main(arguments: list[str]) -> int:
         return 2
     limit_library_threads()
     try:
-        status = importlib.import_module(f"stiction.cli.{verb}").main(rest)
+        status = importlib.import_module(f"stiction.cli.{verb.replace('-', '_')}").main(rest)
         return int(status or 0)
     except StictionError as error:
         print(f"stiction {verb}: {' '.join(str(error).split())}", file=sys.stderr)

@@ -10,6 +10,7 @@ STUDIES: dict[str, str] = {
     "gait": "which feet are down when, with and without the two gait rewards",
     "damping": "B and k·kd as one number to a joint: where that holds, and where it fails",
     "adaptation": "what a student's latent z* does, and whether it tells the friction of the joints",
+    "actuator": "the loop of an Actuator Net: f0, log, f_motor, f1",
 }
 """Study -> what it answers. The module is `stiction.cli.studies.<name>`."""
 

@@ -18,7 +18,8 @@ from stiction.formats.friction import LAWS, Law, has_coefficient
 from stiction.formats.observation import ObservationLayout
 
 SCHEMA_VERSION = 2
-"""Version of contract.json. Version 1, without `compensation`, is read as well; any other is refused."""
+"""Version of contract.json. Version 1, without `compensation`, is read as well; any other is refused. `actuator` may
+be missing: there is none then."""
 
 LARGEST = 1e9
 """Bound of every number: JSON allows 1e999 and integers of any length."""
@@ -105,6 +106,8 @@ class Contract:
     """Command that made the policy."""
     joints_file: Mapping[str, str] | None = None
     """`name` and `sha256` of the joints.json that set the nominal joints, or None."""
+    actuator: Mapping[str, str] | None = None
+    """`name` and `sha256` of the Actuator Net that gave the torque in training in place of kp and kd, or None."""
     action_offset: str = "standing"
     """What the scaled action is added to; only `standing` is known."""
     quaternion_order: str = "wxyz"
@@ -161,7 +164,7 @@ def read_contract(text: bytes) -> Contract:
         raise ContractError(f"contract.json holds a {type(data).__name__}; expected an object")
     if data.get("schema_version") == 1:
         data = {"compensation": None, "compensation_width": 0.05} | data | {"schema_version": SCHEMA_VERSION}
-    data = {"stribeck": None} | data
+    data = {"stribeck": None, "actuator": None} | data
     known = {field.name for field in fields(Contract)}
     if missing := sorted(known - data.keys()):
         raise ContractError(f"contract.json lacks the field {missing[0]!r}; export the bundle again")
@@ -218,10 +221,12 @@ def _check_scalars(contract: Contract) -> None:
     _expect(math.isclose(period, c.control_period, rel_tol=1e-9), "control_period", c.control_period, f"{period}")
     _expect(c.action_offset == "standing", "action_offset", c.action_offset, "'standing'")
     _expect(c.quaternion_order == "wxyz", "quaternion_order", c.quaternion_order, "'wxyz'")
-    if c.joints_file is not None:
-        named = isinstance(c.joints_file, Mapping) and set(c.joints_file) == {"name", "sha256"}
-        texts = named and all(isinstance(value, str) for value in c.joints_file.values())
-        _expect(texts, "joints_file", c.joints_file, "null, or an object with the texts 'name' and 'sha256'")
+    for name in ("joints_file", "actuator"):
+        file = getattr(c, name)
+        if file is not None:
+            named = isinstance(file, Mapping) and set(file) == {"name", "sha256"}
+            texts = named and all(isinstance(value, str) for value in file.values())
+            _expect(texts, name, file, "null, or an object with the texts 'name' and 'sha256'")
 
 
 def _check_joints(contract: Contract) -> None:

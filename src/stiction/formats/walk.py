@@ -58,8 +58,9 @@ class WalkHeader:
     """Derivative gains of the joint controllers [N m s/rad]."""
     torque_limit: tuple[float, ...]
     """Largest torques of the motors [N m]."""
-    torque_source: str = "motor_side"
-    """`motor_side` (current or command: joint friction not in it) or `output_side` (behind the gear: in it)."""
+    torque_source: str | None = None
+    """`motor_side` (current or command: joint friction not in it) or `output_side` (behind the gear: in it); None where
+    that was not declared."""
     recorded_in: str = "robot"
     """`robot`, or the engine of the simulation: `mujoco`."""
     policy: str = ""
@@ -82,7 +83,8 @@ class WalkHeader:
             value = getattr(self, name)
             right = len(value) == len(self.joint_names) and all(_number(n) and n >= least for n in value)
             _expect(right, name, value, f"{len(self.joint_names)} numbers of at least {least:g}, one per joint")
-        _expect(self.torque_source in TORQUE_SOURCES, "torque_source", self.torque_source, " or ".join(TORQUE_SOURCES))
+        sources = (*TORQUE_SOURCES, None)
+        _expect(self.torque_source in sources, "torque_source", self.torque_source, " or ".join(TORQUE_SOURCES))
         _expect(all(isinstance(t, str) for t in (self.policy, self.command)), "policy, command", self.policy, "texts")
         named = isinstance(self.noise, dict) and all(map(_number, self.noise.values()))
         _expect(named, "noise", self.noise, "an object of numbers")
@@ -231,6 +233,7 @@ def _read_header(text: str) -> WalkHeader:
     version = data.pop("schema_version", None)
     if version != SCHEMA_VERSION:
         raise WalkError(f"schema version {version!r}; this program reads version {SCHEMA_VERSION}")
+    data.setdefault("torque_source", None)
     known = {item.name for item in fields(WalkHeader)}
     if odd := sorted(known ^ data.keys()):
         raise WalkError(f"header field {odd[0]!r} is missing or unknown")

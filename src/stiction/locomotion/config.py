@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 from tyro.conf import arg
 
+from stiction.formats.actuator import ActuatorNet
 from stiction.formats.errors import StictionError
 from stiction.formats.observation import HISTORY_LENGTH
 from stiction.locomotion.friction import FrictionCfg
@@ -73,6 +74,16 @@ class RandomizationCfg:
                 f"payload down to {self.payload[0]} kg on a trunk of {robot.base.mass} kg leaves no mass; "
                 "raise the lower end of --task.randomization.payload"
             )
+
+    def with_net(self, holds_friction: bool) -> RandomizationCfg:
+        """Return what is left to randomise where an Actuator Net gives the torque.
+
+        kp and the delay are in the net. The motor's strength is not: the paper's table has it, the torque constant of
+        the next robot differs, and it multiplies what the net gives. `holds_friction`: viscous friction is in the net
+        too.
+        """
+        one, none = (1.0, 1.0), (0.0, 0.0)
+        return replace(self, stiffness=one, action_delay=none, damping=one if holds_friction else self.damping)
 
     @classmethod
     def literal(cls) -> RandomizationCfg:
@@ -196,6 +207,15 @@ class TaskCfg:
             raise StictionError(
                 f"action delay up to {self.randomization.action_delay[1]} s: at steps of {self.timestep} s the "
                 f"model holds delays up to {longest:g} s; use a longer step or a shorter delay"
+            )
+
+    def check_net(self, net: ActuatorNet, robot: RobotSpec) -> None:
+        """Raise `StictionError` where an Actuator Net does not fit the robot, the physics step or the friction."""
+        net.check_use(robot.name, robot.joint_names, robot.joint_values("torque_limit"), self.timestep)
+        if net.torque_source == "output_side" and self.friction.method != "none":
+            raise StictionError(
+                f"the Actuator Net is of output-side torque, which contains the joints' friction, and the method "
+                f"{self.friction.method!r} would add it again; use --method none, or a net of motor-side torque"
             )
 
     @property

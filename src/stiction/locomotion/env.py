@@ -9,6 +9,7 @@ import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
+from stiction.formats.actuator import ActuatorNet
 from stiction.formats.observation import proprioception
 from stiction.joints.pd import compensated
 from stiction.locomotion import rewards
@@ -20,6 +21,7 @@ from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
 from stiction.locomotion.randomization import Randomizer, friction_angle, nominal_joints
 from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
+from stiction.sim.actuator import NetMotors
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import needs_sensors
 
@@ -54,9 +56,13 @@ class LocomotionEnv(VecEnv):
         threads: int = 1,
         identified: dict[str, np.ndarray] | None = None,
         device: Device = CPU,
+        actuator: ActuatorNet | None = None,
     ) -> None:
-        """Build the fleet and reset every robot. `identified`: see `nominal_joints`; `device`: simulator, and where
-        observations, rewards and actions are. Everything in between is on the host.
+        """Build the fleet and reset every robot.
+
+        `identified`: see `nominal_joints`; `device`: simulator, and where observations, rewards and actions are, while
+        everything in between is on the host; `actuator`: gives the joints' torque in place of the PD law. Raises
+        `StictionError` where the net does not fit the robot, the physics step or the friction.
         """
         self.cfg: Any = cfg
         self.num_envs, self.device = num_envs, device.torch
@@ -69,7 +75,10 @@ class LocomotionEnv(VecEnv):
         self.fleet = Fleet(self.spec, num_envs, cfg.timestep, cfg.decimation, threads, device.backend, terrain, sensors)
         self.generator = torch.Generator().manual_seed(seed)
         nominal = nominal_joints(self.fleet, cfg.friction, identified)
-        self.randomizer = Randomizer(self.fleet, cfg.randomization, cfg.friction, nominal)
+        if actuator is not None:
+            cfg.check_net(actuator, self.spec)
+        self.motors = None if actuator is None else NetMotors(self.fleet, actuator)
+        self.randomizer = Randomizer(self.fleet, cfg.randomization, cfg.friction, nominal, self.motors)
         extra = friction_angle(cfg.friction, nominal, self.spec)
         self.compensation = None if extra is None else torch.tensor(extra)
         self.stage = 0
@@ -283,6 +292,7 @@ class LocomotionEnv(VecEnv):
             "stage": self.stage,
             "course": self.course.state() if self.course else None,
             "ground": self.fleet.ground,
+            "motors": {} if self.motors is None else self.motors.state() | {"targets": self.fleet.targets.copy()},
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
@@ -306,3 +316,7 @@ class LocomotionEnv(VecEnv):
         self._observation = self._hand_out(state["observation"])
         self.generator.set_state(state["generator"])
         self.fleet.blown_up[:] = state["blown_up"].numpy()
+        if self.motors is not None:
+            motors = {name: value.numpy() for name, value in state["motors"].items()}
+            self.fleet.targets[...] = motors.pop("targets")
+            self.motors.load_state(motors)

@@ -16,6 +16,7 @@ from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture
 from stiction.locomotion.privileged import friction_share, privileged_observation
 from stiction.robots.spec import RobotSpec
+from stiction.sim.actuator import NetMotors
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import joint_friction
 
@@ -82,8 +83,21 @@ class Draws:
 class Randomizer:
     """Draws parameters and writes them into a fleet."""
 
-    def __init__(self, fleet: Fleet, cfg: RandomizationCfg, friction: FrictionCfg, nominal: NominalJoints) -> None:
-        """Remember the nominal robot. Nothing is drawn before the first `draw`."""
+    def __init__(
+        self,
+        fleet: Fleet,
+        cfg: RandomizationCfg,
+        friction: FrictionCfg,
+        nominal: NominalJoints,
+        motors: NetMotors | None = None,
+    ) -> None:
+        """Remember the nominal robot. Nothing is drawn before the first `draw`. `motors`: those of an Actuator Net."""
+        self.motors = motors
+        if motors is not None:
+            cfg = cfg.with_net(motors.holds_friction)
+        if motors is not None and motors.holds_friction:
+            zero = np.zeros_like(nominal.damping)
+            nominal = NominalJoints(nominal.armature, damping=zero, frictionloss=zero)
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
         self.law = joint_friction(fleet, friction.joint_law)
@@ -139,11 +153,14 @@ class Randomizer:
         fleet.damping[rows] = values["damping"] * nominal.damping
         self.law.set_level(values["friction"] * nominal.frictionloss, rows)
         strength = values["motor_strength"]
-        fleet.set_gains(strength * values["stiffness"] * fleet.nominal_kp, strength * fleet.nominal_kd, rows)
+        if self.motors is None:
+            fleet.set_gains(strength * values["stiffness"] * fleet.nominal_kp, strength * fleet.nominal_kd, rows)
+            fleet.delay[rows] = values["action_delay"]
+        else:
+            self.motors.strength[rows] = strength
         fleet.set_ground_friction(values["ground_friction"][:, 0], rows)
         fleet.base_mass[rows] = self.base_mass + values["payload"][:, 0]
         fleet.base_com[rows] = values["center_of_mass"]
-        fleet.delay[rows] = values["action_delay"]
         fleet.set_const(rows)
 
     def privileged(self) -> torch.Tensor:

@@ -135,6 +135,8 @@ class TrainCfg:
     """Seed of everything random in the run."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
+    actuator: str | None = None
+    """A folder of `stiction train-actuator`: its net gives the joints' torque in place of the PD law."""
     checkpoint_every: int = 50
     """Iterations between checkpoints."""
     device: DeviceName = "cpu"

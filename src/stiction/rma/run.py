@@ -10,12 +10,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from stiction.formats.actuator import FILE, ActuatorNet, actuator_file, read_actuator
 from stiction.formats.configuration import from_plain, to_plain
 from stiction.formats.errors import StictionError
 from stiction.formats.metrics import read_metrics
 from stiction.formats.reproducibility import git_revision, machine
 from stiction.rma.checkpoint import latest_checkpoint, write_json
 from stiction.rma.config import TrainCfg
+from stiction.robots.catalog import find_robot
 
 
 class RunDirectory:
@@ -29,21 +31,44 @@ class RunDirectory:
 
     @classmethod
     def create(cls, path: Path, cfg: TrainCfg, command: str, identified: dict[str, Any] | None) -> RunDirectory:
-        """Start a run in an empty or new folder. Raises `StictionError` where a run is there already."""
+        """Start a run in an empty or new folder, with a copy of its Actuator Net if it has one.
+
+        Raises `StictionError` where a run is there already, or the net cannot be read or does not fit the task.
+        """
         if (path / "config.json").exists():
             raise StictionError(
                 f"{path} holds a run already; resume it with --resume, or name another folder with --out"
             )
         run = cls(path)
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
+        if cfg.actuator is not None:
+            cfg.task.check_net(read_actuator(Path(cfg.actuator)), find_robot(cfg.task.robot))
+            file = actuator_file(Path(cfg.actuator))
+            name = file.resolve().parent.name if file.name == FILE else file.name
+            header["actuator"] = {"name": name, "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
         try:
             run.checkpoints.mkdir(parents=True, exist_ok=True)
+            if cfg.actuator is not None:
+                (path / FILE).write_bytes(actuator_file(Path(cfg.actuator)).read_bytes())
             write_json(path / "config.json", header | {"config": to_plain(cfg)})
         except OSError as error:
             raise StictionError(
                 f"the run's folder {path} cannot be made: {error.strerror}; name another --out"
             ) from error
         return run
+
+    def actuator(self) -> ActuatorNet | None:
+        """Return the run's Actuator Net, None where it has none.
+
+        Raises `StictionError` where the file is not the one that the run was started with.
+        """
+        recorded = self.header().get("actuator")
+        if recorded is None:
+            return None
+        net = read_actuator(self.path / FILE)
+        if hashlib.sha256((self.path / FILE).read_bytes()).hexdigest() != recorded["sha256"]:
+            raise StictionError(f"{self.path / FILE} is not the net that the run was started with; put that one back")
+        return net
 
     def header(self) -> dict[str, Any]:
         """Return config.json whole. Raises `StictionError` where it cannot be read."""

@@ -122,8 +122,8 @@ def train(
     threads = num_threads()
     torch.set_num_threads(threads)
     torch.manual_seed(stream_seed(cfg.seed, "training"))
-    device = find_device(cfg.device, cfg.contacts)
-    env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads, identified, device)
+    device, seed = find_device(cfg.device, cfg.contacts), stream_seed(cfg.seed, "environment")
+    env = LocomotionEnv(cfg.task, cfg.num_envs, seed, threads, identified, device, run.actuator())
 
     def phase(name: str, rl_cfg: dict[str, Any], iterations: int) -> PhaseRunner:
         board = Board(run.path / "tensorboard" / name)

@@ -107,6 +107,7 @@ class Fleet:
         self.ground = np.zeros(num_envs)
         self.before_step: list[Callable[[Fleet], None]] = []
         self.after_reset: list[Callable[[np.ndarray], None]] = []
+        self._by_torque = False
         self.reset(np.arange(num_envs))
 
     def _bind_base_and_feet(self) -> None:
@@ -158,9 +159,25 @@ class Fleet:
 
     def set_gains(self, kp: np.ndarray, kd: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
         """Set the controllers: torque = kp (target - q) - kd q', clipped to the limit; (len(ids), joints)."""
+        if self._by_torque:
+            raise ValueError("the joints are driven by torque; they have no gains")
         self._gain[ids, :, 0] = kp
         self._bias[ids, :, 1] = -np.asarray(kp)
         self._bias[ids, :, 2] = -np.asarray(kd)
+
+    def drive_by_torque(self) -> np.ndarray:
+        """Make the actuators motors, without gains and delay; return their torques [N m], (N, joints), to be written.
+
+        They act from the next physics step, clipped to the limits. `targets` are then no more than what was asked for:
+        a function in `before_step` turns them into torques.
+        """
+        command = self.targets
+        self.targets = command.copy()
+        self.set_gains(np.zeros_like(command), np.zeros_like(command))
+        self._gain[:, :, 0] = 1.0
+        self.delay[:] = 0.0
+        self._by_torque = True
+        return command
 
     def set_targets(self, targets: np.ndarray) -> None:
         """Set the joint targets of every robot [rad], shape (N, joints)."""
@@ -238,6 +255,7 @@ class Fleet:
         if not len(ids):
             return
         self.simulation.reset(ids)
+        self.targets[ids] = self.standing
         self._delayed_targets[ids] = self.standing[:, None]
         if joint_position is not None:
             self.joint_position[ids] = joint_position

@@ -1,6 +1,7 @@
 """Throughput, measured side by side in one run: the task against the bare simulator on the same states and threads.
 
-The replay has the states and the joint targets of every step, and the robots' parameters (friction, masses, gains) as
+The replay has the states and the controls of every step (joint targets; the last physics step's torques where an
+Actuator Net gives them), and the robots' parameters (friction, masses, gains) as
 they are when the block ends: keeping every robot's parameters at every step would cost more than what is measured. A
 robot that ends an episode within the block is drawn anew then, so its earlier steps are replayed with its later
 parameters, and the step that ended the episode with standing targets.
@@ -19,6 +20,7 @@ import torch
 
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
+from stiction.formats.actuator import ActuatorNet
 from stiction.formats.bundle import read_bundle
 from stiction.formats.reproducibility import num_threads, stream_seed
 from stiction.locomotion.device import find_device
@@ -69,11 +71,11 @@ def _timed_rollout(env: LocomotionEnv, actions: torch.Tensor) -> tuple[float, li
     states, seconds = [], 0.0
     with torch.no_grad(), torch_threads(1):
         for action in actions:
-            before = env.fleet.simulation.state()
+            before, control = env.fleet.simulation.state(), env.fleet.simulation.bind("ctrl")
             start = time.perf_counter()
             env.step(action)
             seconds += time.perf_counter() - start
-            states.append(before | {"ctrl": env.fleet.targets.copy()})
+            states.append(before | {"ctrl": control.copy()})
     return seconds, states
 
 
@@ -96,17 +98,17 @@ def _timed_replay(env: LocomotionEnv, states: list[dict[str, np.ndarray]]) -> fl
     return seconds
 
 
-def measure_training(cfg: TrainCfg, blocks: int) -> tuple[Timing, dict[str, int]]:
+def measure_training(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = None) -> tuple[Timing, dict[str, int]]:
     """Time `blocks` paired blocks of one rollout each; return the timing and the networks' multiply-adds per env-step.
 
     Each block times the task, then, on the processor, the bare simulator on the states that the task went through, then
-    one training iteration.
+    one training iteration. `actuator`: gives the torque in the task; the bare simulator has none.
     """
     threads = num_threads()
     torch.set_num_threads(threads)
     torch.manual_seed(stream_seed(cfg.seed, "bench"))
-    device = find_device(cfg.device, cfg.contacts)
-    env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), threads, device=device)
+    device, seed = find_device(cfg.device, cfg.contacts), stream_seed(cfg.seed, "environment")
+    env = LocomotionEnv(cfg.task, cfg.num_envs, seed, threads, device=device, actuator=actuator)
     with tempfile.TemporaryDirectory() as folder:
         run, board = RunDirectory(Path(folder)), Board(Path(folder))
         runner = PhaseRunner("teacher", env, run, teacher_cfg(cfg), 10**6, (10**6, 0), cfg.stop, board)

@@ -20,6 +20,7 @@ attitude and its own last actions, and follows a commanded velocity.
 | joints | {joints} ({joint_count}) |
 | control period | {period:g} s |
 | identification used | {identification} |
+| joint torque in training | {torque} |
 | seed | {seed} |
 | code | {revision} |
 | made by | `{command}` |
@@ -36,6 +37,7 @@ def write_card(contract: Contract) -> str:
     low, high = contract.friction_range
     used, level = contract.joints_file, level_text(contract.friction_law, contract.friction_level)
     coefficient = has_coefficient(contract.friction_law)
+    net = contract.actuator
     return TEMPLATE.format(
         robot=contract.robot,
         terrain=contract.terrain,
@@ -52,6 +54,9 @@ def write_card(contract: Contract) -> str:
         joint_count=contract.num_joints,
         period=contract.control_period,
         identification=f"{used['name']}, SHA-256 {used['sha256']}" if used else "none",
+        torque=f"Actuator Net {net['name']}, SHA-256 {net['sha256']}"
+        if net
+        else "PD law with the gains of the contract",
         seed=contract.seed,
         revision=contract.revision,
         command=contract.command,

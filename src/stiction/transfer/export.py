@@ -78,7 +78,8 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
 
     Args:
         cfg: configuration of the run.
-        header: `command`, `revision` and `identified` of the run, as in its config.json.
+        header: `command`, `revision`, `identified` and, where there is one, `actuator` of the run, as in its
+            config.json.
 
     """
     from stiction.locomotion.randomization import friction_angle, nominal_joints
@@ -122,6 +123,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         compensation_width=COMPENSATION_WIDTH,
         revision=str(header["revision"]),
         command=_without_folders(str(header["command"])),
+        actuator=header.get("actuator"),
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,
     )
 

@@ -69,6 +69,7 @@ def describe(bundle: Bundle) -> dict[str, Any]:
         "friction_level": contract.friction_level,
         "friction_range": contract.friction_range,
         "joints_file": contract.joints_file,
+        "actuator": contract.actuator,
         "seed": contract.seed,
         "revision": contract.revision,
         "command": contract.command,

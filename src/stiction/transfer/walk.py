@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -20,8 +21,10 @@ from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
+from stiction.formats.sidecar import TORQUE_SOURCES
 from stiction.formats.walk import WalkHeader, WalkLog, write_walk
 from stiction.sim.fleet import BASE_DOFS, Fleet, rotate_inverse
+from stiction.sim.friction_meter import FrictionMeter
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.rollout import Rollout, friction_at, robot_of, tilted
 
@@ -72,9 +75,15 @@ class RecordCfg:
     """Length of a log [s]; a fall ends it sooner."""
     noise: LogNoiseCfg = field(default_factory=LogNoiseCfg)
     """Errors of the sensors."""
+    torque: Literal["motor_side", "output_side"] = "motor_side"
+    """What the logged torque is. `motor_side`: what the motor gave, joint friction not in it. `output_side`: what a
+    sensor behind the gear says, with the rotor's I q'' put back: motor torque less the dry friction of the solver and
+    less B q'. All of the joint but its rotor, which a simulation that takes this torque still has."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be recorded."""
+        if self.torque not in TORQUE_SOURCES:
+            raise StictionError(f"torque logged on {self.torque!r}; expected {' or '.join(TORQUE_SOURCES)}")
         if not (1 <= self.robots <= 1000 and SHORTEST <= self.seconds <= 3600):
             raise StictionError(
                 f"logs of {self.robots} robots over {self.seconds} s; expected 1 to 1000 and {SHORTEST:g} to 3600 s"
@@ -158,7 +167,8 @@ def record_walks(
         law=evaluation.law,
     )
     steps = round(cfg.seconds / contract.control_period)
-    truths = record_motion(rollout, contract.array("kd"), velocity, steps, progress)
+    meter = FrictionMeter(rollout.fleet) if cfg.torque == "output_side" else None
+    truths = record_motion(rollout, contract.array("kd"), velocity, steps, progress, meter)
     sensors = seed_streams(evaluation.seed, [f"log {index}" for index in range(len(level))])
     walks = []
     for index, (truth, generator) in enumerate(zip(truths, sensors.values(), strict=True)):
@@ -171,6 +181,7 @@ def record_walks(
             kp=contract.kp,
             kd=contract.kd,
             torque_limit=contract.torque_limit,
+            torque_source=cfg.torque,
             recorded_in=ENGINE,
             policy=bundle.name,
             command=command,
@@ -189,6 +200,7 @@ def record_motion(
     velocity: np.ndarray,
     steps: int,
     progress: Callable[[float], None] = lambda share: None,
+    meter: FrictionMeter | None = None,
 ) -> list[dict[str, np.ndarray] | None]:
     """Walk a batch for `steps` control periods and return the true signals of each robot, as the fields of `WalkLog`.
 
@@ -198,8 +210,14 @@ def record_motion(
     The torque is what the motor gave on average over the physics step. MuJoCo's implicit integrator takes the part
     -kd θ' at the *end* of the step, unless the motor is at its limit, and reports the one at the start. The difference,
     kd θ'' Δt, is as large as the rotor's own inertial torque: it would nearly double the inertia found.
+
+    With a `meter`, the torque is that behind the gear: dry friction is what the solver applied, viscous friction is
+    B θ' at the end of the step, where the integrator takes it. I θ'' + ... of the equation of motion then balance to
+    rounding.
     """
     fleet = rollout.fleet
+    if meter is not None:
+        fleet.before_step.append(meter)
     upright, alive = np.ones(fleet.num_envs, bool), np.full(fleet.num_envs, steps * fleet.decimation)
     samples: list[dict[str, np.ndarray]] = []
     for index in range(steps):
@@ -207,7 +225,10 @@ def record_motion(
         for _ in range(fleet.decimation):
             state, before = _state(fleet, velocity), fleet.qvel.copy()
             blown_up = fleet.substep()
-            samples.append(state | _forces(fleet, state["quaternion"], kd, fleet.qvel - before))
+            forces = _forces(fleet, state["quaternion"], kd, fleet.qvel - before)
+            if meter is not None:
+                forces["joint_torque"] += meter.torque - fleet.damping * fleet.joint_velocity
+            samples.append(state | forces)
             upright[blown_up] = False
             fleet.reset(blown_up)
             upright &= ~fleet.fallen()

@@ -105,7 +105,7 @@ def _record(
     kind, limit, kp = KINDS[number % JOINTS_PER_LEG], header.torque_limit[number], header.kp[number]
     settings: dict[str, Any] = {
         "test_condition": "in_air",
-        "torque_source": header.torque_source if motion.measured_torque else None,
+        "torque_source": (header.torque_source or "motor_side") if motion.measured_torque else None,
         "kp": kp,
         "kd": header.kd[number],
         "torque_limit": limit,
@@ -179,6 +179,11 @@ def _warnings(
         found.append(
             "torque was not logged: what the controller asked for stands in, so newton metres are null; friction is "
             "known as a share of the motor's command"
+        )
+    elif log.header.torque_source is None:
+        found.append(
+            "where torque was measured was not declared: taken as the motor's side (current or command, joint friction "
+            "not in it); declare it in the log's header, torque_source"
         )
     if not motion.measured_acceleration:
         found.append("there was no accelerometer: the base's acceleration is neglected, and intervals are wide for it")

@@ -1,0 +1,67 @@
+"""`stiction train-actuator LOG...`: an Actuator Net from logs of walks, beside the analytic law."""
+
+from __future__ import annotations
+
+import shlex
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from stiction.joints.actuator import ActuatorCfg
+
+DESCRIPTION = """Fit an Actuator Net (what torque a motor gives, from its joint's last samples) to logs that declare on
+which side of the joint's friction torque was measured: walking logs of `stiction evaluate --log --log-torque ...` or of
+a robot, or canonical joint logs with a sidecar. Whole runs are kept out of the fit and measure it.
+
+Then: `stiction train --actuator DIR`."""
+
+
+@dataclass(frozen=True)
+class TrainActuator:
+    """Options of `stiction train-actuator`."""
+
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Logs, one file a run, or folders of walking logs."""
+    config: Annotated[ActuatorCfg, tyro.conf.arg(name="")] = field(default_factory=ActuatorCfg)
+    """Inputs, sizes, schedule, split."""
+    out: Path = Path("actuator")
+    """Folder for actuator.npz, summary.json, fit.npz and report.html."""
+    json: bool = False
+    """Print summary.json on standard output, and nothing else."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the verb."""
+    options = tyro.cli(TrainActuator, args=arguments, prog="stiction train-actuator", description=DESCRIPTION)
+
+    import torch
+
+    from stiction.cli.terminal import work_progress
+    from stiction.formats.errors import StictionError
+    from stiction.formats.reproducibility import num_threads
+    from stiction.formats.results import summary_text
+    from stiction.report.actuator import lead, write_actuator_page
+    from stiction.report.evaluation import make_folder
+    from stiction.rma.actuator import train_actuator, write_trained
+    from stiction.rma.actuator_data import read_run
+
+    torch.set_num_threads(num_threads())
+    files = [file for path in options.logs for file in (sorted(path.glob("*.npz")) if path.is_dir() else [path])]
+    if not files:
+        raise StictionError("no log given; expected files, or folders with the NPZ logs of `stiction evaluate --log`")
+    make_folder(options.out)
+    runs = [read_run(file) for file in files]
+    with work_progress() as progress:
+        trained = train_actuator(runs, options.config, shlex.join(["stiction", "train-actuator", *arguments]), progress)
+    try:
+        write_trained(options.out, trained)
+        page = write_actuator_page(options.out)
+    except OSError as error:
+        raise StictionError(f"cannot write to {options.out}: {error.strerror}; choose another --out") from error
+    if options.json:
+        print(summary_text(trained.summary), end="")
+    else:
+        print(f"{lead(trained.summary)}\npage: {page}\nnext: stiction train --actuator {options.out}")
+    return 0

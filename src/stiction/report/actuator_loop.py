@@ -1,0 +1,240 @@
+"""The page of the loop f0 -> log -> f_motor -> f1: what each policy reached on the virtual robots, and what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stiction.report.page import (
+    Section,
+    bullets,
+    figure_uri,
+    legend,
+    new_figure,
+    paragraph,
+    picture,
+    render_page,
+    table,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CLOSE = 0.1
+"""Speed ratios within this of each other are not called different [-]."""
+
+NO_VERDICT = (
+    "One training seed a policy: these sentences describe these policies, and are no verdict on the method. A "
+    "difference that another seed could make is not told from one that the data made."
+)
+
+Row = dict[str, Any]
+
+
+def write_loop_page(out: Path, summary: dict[str, Any]) -> Path:
+    """Write `report.html` and `speed.png` from the summary of the study; return the page's path."""
+    rows = summary["rows"]
+    figure = draw(rows)
+    figure.savefig(out / "speed.png", dpi=150, facecolor="white")
+    page = out / "report.html"
+    said = findings(summary)
+    sections = [
+        Section("What was found", (bullets(said), paragraph(NO_VERDICT))),
+        Section("Speed reached", (picture(figure_uri(figure), CAPTION), speed_table(rows))),
+        Section("The Actuator Nets", (net_table(summary["nets"]), cross_table(summary["cross"]))),
+        Section("The virtual robots", (paragraph(ROBOTS), robot_table(summary["robots"]))),
+        Section("What was run", run_blocks(summary)),
+    ]
+    page.write_text(render_page("Actuator Net: f0, log, f_motor, f1", sections, said[0]), encoding="utf-8")
+    return page
+
+
+CAPTION = "Mean speed along the command over the commanded speed; after a fall the speed counts as zero."
+
+ROBOTS = (
+    "No robot was involved: virtual ones, in the evaluation's simulator, play the real one. robot-0 has the nominal "
+    "joints and the study's dry friction; the others are drawn, motor strength, viscous friction and inertia within "
+    "0.8 to 1.2 of nominal, dry friction within 0.5 to 1.5 of robot-0's. Policies, logs and training know none of it."
+)
+
+
+def pick(rows: Sequence[Row], policy: str, robot: str, friction: bool, command: str) -> Row | None:
+    """Return the row of a policy on a robot, with its friction or without, under a command."""
+    for row in rows:
+        if (row["policy"], row["robot"], row["command"]) == (policy, robot, command) and friction == bool(
+            row["friction_level"]
+        ):
+            return row
+    return None
+
+
+def mean_ratio(rows: Sequence[Row], policy: str, robots: Sequence[str], friction: bool = True) -> float:
+    """Return the mean speed ratio over robots and commands that ask to move; NaN where there is no such row."""
+    values = [
+        row["speed_ratio"]
+        for row in rows
+        if row["policy"] == policy
+        and row["robot"] in robots
+        and bool(row["friction_level"]) == friction
+        and row["speed_ratio"] is not None
+    ]
+    return sum(values) / len(values) if values else float("nan")
+
+
+def compared(first: float, second: float) -> str:
+    """Say how the first number stands to the second."""
+    if abs(first - second) <= CLOSE:
+        return "about as much as"
+    return "more than" if first > second else "less than"
+
+
+def findings(summary: dict[str, Any]) -> list[str]:
+    """Return sentences that follow from the numbers, on each thing that the paper says of the loop."""
+    rows = summary["rows"]
+    policies, commands = unique(rows, "policy"), unique(rows, "command")
+    drawn = [robot["name"] for robot in summary["robots"][1:]]
+    said = [f"f0 on robot-0: {_reached(rows, 'f0', commands)}; the paper's walked backward and fell forward."]
+    for policy in policies[1:]:
+        before, after = mean_ratio(rows, "f0", ["robot-0"]), mean_ratio(rows, policy, ["robot-0"])
+        said.append(
+            f"{policy} on robot-0: {_reached(rows, policy, commands)}; on average {after:.2f} of the commanded speed, "
+            f"{compared(after, before)} f0's {before:.2f}."
+        )
+    pairs = (("f1-everywhere", ["robot-0"], "robot-0"), ("f1-three-robots", drawn, "the drawn robots"))
+    for policy, robots, where in pairs:
+        if {policy, "f1-backward"} <= set(policies):
+            ours, paper = mean_ratio(rows, policy, robots), mean_ratio(rows, "f1-backward", robots)
+            said.append(
+                f"On {where}, {policy} reaches {ours:.2f}, {compared(ours, paper)} f1-backward's {paper:.2f}; the "
+                f"paper blames its limits on {'backward data' if where == 'robot-0' else 'data of a single robot'}."
+            )
+    for policy in policies:
+        ratio = mean_ratio(rows, policy, ["robot-0"], friction=False)
+        falls = [r["fall_rate"] for r in rows if r["policy"] == policy and not r["friction_level"]]
+        said.append(
+            f"Without joint friction {policy} reaches {ratio:.2f} and falls in {max(falls):.0%} of episodes at worst; "
+            "the paper's f1 failed in its other simulator."
+            if policy != "f0"
+            else f"Without joint friction f0 reaches {ratio:.2f}."
+        )
+    said.append(_nets_sentence(summary["nets"]))
+    return said
+
+
+def _reached(rows: Sequence[Row], policy: str, commands: Sequence[str]) -> str:
+    """Say what a policy reached on the study's robot, command by command."""
+    parts = []
+    for command in commands:
+        row = pick(rows, policy, "robot-0", True, command)
+        if row is not None:
+            reached = "stands" if row["speed_ratio"] is None else f"{row['speed_ratio']:.2f} of the speed"
+            parts.append(f"{reached} at {command}, falls in {row['fall_rate']:.0%} of episodes")
+    return "; ".join(parts)
+
+
+def _nets_sentence(nets: dict[str, Any]) -> str:
+    """Say how the two sets of inputs compare with the analytic law on runs that were kept out."""
+    parts = []
+    for name, net in nets.items():
+        error, law = (100 * net["rmse"]["validation"][key] for key in ("net", "baseline"))
+        parts.append(f"{name} {error:.1f} %, law {law:.1f} %")
+    return "Error of the nets on runs kept out, of the torque limit, beside PD with fitted friction: " + "; ".join(
+        parts
+    )
+
+
+def speed_table(rows: Sequence[Row]) -> Any:
+    """Return every row."""
+    cells = [
+        [
+            row["policy"],
+            row["robot"],
+            f"{100 * row['friction_level']:.3g} %",
+            row["command"],
+            "–" if row["speed_ratio"] is None else f"{row['speed_ratio']:.2f}",
+            f"{row['tracking_error']:.3f}",
+            f"{row['fall_rate']:.0%}",
+            f"{row['joint_jitter']:.0f}",
+            str(row["episodes"]),
+        ]
+        for row in rows
+    ]
+    header = ["policy", "robot", "friction", "command", "speed ratio", "error [m/s]", "falls", "jitter", "episodes"]
+    return table(header, cells)
+
+
+def net_table(nets: dict[str, Any]) -> Any:
+    """Return the errors of the nets beside the analytic law."""
+    cells = []
+    for name, net in nets.items():
+        rmse = net["rmse"]
+        values = [rmse[part][law] for law in ("net", "baseline") for part in ("training", "validation")]
+        cells.append([name, *(f"{100 * value:.2f}" for value in values), str(net["samples"]["training"])])
+    header = ["data and inputs", "net, fitted", "net, kept out", "law, fitted", "law, kept out", "samples fitted"]
+    return table(header, cells, "Root mean square error of the torque, % of the limit.")
+
+
+def cross_table(cross: dict[str, dict[str, float]]) -> Any:
+    """Return how each net does on data of the others."""
+    names = list(cross)
+    cells = [[f"net of {name}", *(f"{100 * cross[name][other]:.2f}" for other in names)] for name in names]
+    return table(
+        ["", *(f"on {name}" for name in names)], cells, "The same error, on runs that a net was not fitted to."
+    )
+
+
+def robot_table(robots: Sequence[dict[str, Any]]) -> Any:
+    """Return the joints of the robots."""
+    names = ("level", "strength", "damping", "armature")
+    cells = [[robot["name"], *(f"{robot[name]:.3f}" for name in names)] for robot in robots]
+    return table(["robot", "friction over limit", "motor strength", "viscous friction", "rotor inertia"], cells)
+
+
+def run_blocks(summary: dict[str, Any]) -> tuple[Any, ...]:
+    """Return command, policies and machine."""
+    rows = [
+        (name, str(policy["seed"]), policy["revision"], policy["digest"][:16], _net_of(policy))
+        for name, policy in summary["policies"].items()
+    ]
+    return (
+        paragraph(f"Command: {summary['command']}"),
+        paragraph(f"Torque was measured on the {summary['options']['torque'].replace('_', ' ')}."),
+        table(["policy", "seed", "revision", "digest", "Actuator Net"], rows),
+        paragraph(f"Revision {summary['revision']}, {summary['machine']['cpu']}."),
+    )
+
+
+def _net_of(policy: dict[str, Any]) -> str:
+    """Return the net that a policy was trained with."""
+    net = policy["actuator"]
+    return f"{net['name']}, {net['sha256'][:16]}" if net else "none"
+
+
+def draw(rows: Sequence[Row]) -> Figure:
+    """Draw the speed ratio by robot, a panel for each command, a line for each policy."""
+    commands = unique([row for row in rows if row["speed_ratio"] is not None], "command")
+    figure, axes = new_figure(1, max(1, len(commands)), size=(4.8 * max(1, len(commands)), 3.4))
+    places = unique([{"place": _place(row)} for row in rows], "place")
+    for axis, command in zip(axes, commands, strict=False):
+        axis.axhspan(0.8, 1.2, color="#4c9f70", alpha=0.12, linewidth=0)
+        for policy in unique(rows, "policy"):
+            points = [row for row in rows if (row["policy"], row["command"]) == (policy, command)]
+            at = [places.index(_place(row)) for row in points]
+            axis.plot(at, [row["speed_ratio"] for row in points], "o", markersize=5, label=policy)
+        axis.set(title=f"commanded {command}", xticks=range(len(places)))
+        axis.set_xticklabels(places, rotation=20, ha="right")
+    if commands:
+        axes[0].set_ylabel("speed reached / commanded")
+        legend(axes[0])
+    return figure
+
+
+def _place(row: Row) -> str:
+    """Return where a row was measured."""
+    return f"{row['robot']}, {100 * row['friction_level']:.3g} %"
+
+
+def unique(rows: Sequence[Row], name: str) -> list[str]:
+    """Return each value of a column once, in order."""
+    return list(dict.fromkeys(row[name] for row in rows))

@@ -1,0 +1,233 @@
+"""Fits an Actuator Net to logs and measures it on the runs that were kept out, beside the analytic law."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.formats.actuator import FILE, ActuatorNet, write_actuator
+from stiction.formats.actuator_fit import ActuatorFit, write_actuator_fit
+from stiction.formats.reproducibility import git_revision, machine, stream_seed
+from stiction.formats.results import write_summary
+from stiction.joints.actuator import ActuatorCfg, first_signal, kinds, predict, windows
+from stiction.joints.actuator_net import Fit, fit_net
+from stiction.joints.baseline import Baseline, fit_baseline
+from stiction.rma.actuator_data import LoggedRun, check_runs, split_runs
+
+Progress = Callable[[str, float], None]
+"""Called with the name of the group of joints and the share of its epochs that is done."""
+
+SHOWN = 3.0
+"""Length of the piece of a run that the page draws [s]."""
+
+
+@dataclass(frozen=True)
+class TrainedActuator:
+    """A net, what it is worth, and what the page draws."""
+
+    net: ActuatorNet
+    """The net."""
+    summary: dict[str, Any]
+    """Errors, by part, joint and command; configuration, and what made it."""
+    fit: ActuatorFit
+    """Curves."""
+
+
+def train_actuator(
+    runs: Sequence[LoggedRun],
+    cfg: ActuatorCfg,
+    command: str,
+    progress: Progress = lambda name, share: None,
+) -> TrainedActuator:
+    """Fit a net to runs of one kind of robot.
+
+    Args:
+        runs: what was logged; a share of them, whole runs, is kept out and measures the net.
+        cfg: inputs, sizes, schedule, split.
+        command: the command line, for the record.
+        progress: see `Progress`.
+
+    Raises:
+        StictionError: the runs do not agree with each other, or there are fewer than two.
+
+    """
+    begun = time.perf_counter()
+    check_runs(runs, cfg.history)
+    training, validation = split_runs(runs, cfg.validation_share, cfg.seed)
+    groups = kinds(training[0].joint_names, cfg.share)
+    fits = _fit_groups(groups, training, validation, cfg, progress)
+    net = _assemble(groups, fits, training, validation, cfg, command)
+    baseline = _baseline(training)
+    errors = measure(net, baseline, training, validation)
+    losses = np.array([fit.training for fit in fits]), np.array([fit.validation for fit in fits])
+    summary = {
+        "robot": net.robot,
+        "inputs": net.inputs,
+        "history": net.history,
+        "period": net.period,
+        "torque_source": net.torque_source,
+        "groups": [list(group) for group in groups],
+        "samples": {
+            "training": sum(len(r.torque) for r in training),
+            "validation": sum(len(r.torque) for r in validation),
+        },
+        **errors,
+        "loss": dict(net.loss),
+        "training": dict(net.training),
+        "validation": dict(net.validation),
+        "config": asdict(cfg),
+        "command": command,
+        "revision": net.revision,
+        "seconds": round(time.perf_counter() - begun, 2),
+        "machine": machine(),
+    }
+    return TrainedActuator(net, summary, _curves(net, baseline, validation[0], *losses))
+
+
+def _fit_groups(
+    groups: tuple[tuple[str, ...], ...],
+    training: Sequence[LoggedRun],
+    validation: Sequence[LoggedRun],
+    cfg: ActuatorCfg,
+    progress: Progress,
+) -> list[Fit]:
+    """Fit one perceptron to each group of joints; each has a seed of its own."""
+    fits = []
+    for group in groups:
+        columns = [training[0].joint_names.index(name) for name in group]
+        label = group[0].rpartition("_")[2] if cfg.share == "kind" else "all joints"
+        parts = _samples(training, columns, cfg), _samples(validation, columns, cfg)
+        fits.append(fit_net(*parts, cfg, stream_seed(cfg.seed, f"actuator {label}"), partial(progress, label)))
+    return fits
+
+
+def _assemble(
+    groups: tuple[tuple[str, ...], ...],
+    fits: Sequence[Fit],
+    training: Sequence[LoggedRun],
+    validation: Sequence[LoggedRun],
+    cfg: ActuatorCfg,
+    command: str,
+) -> ActuatorNet:
+    """Return the net with everything that a simulation checks and a reader asks. Losses weigh each joint alike."""
+    first = training[0]
+    sizes = np.array([len(group) for group in groups]) / len(first.joint_names)
+    return ActuatorNet(
+        robot=first.robot,
+        joint_names=first.joint_names,
+        torque_limit=tuple(first.torque_limit.tolist()),
+        groups=groups,
+        inputs=cfg.inputs,
+        history=cfg.history,
+        period=first.period,
+        torque_source=first.torque_source,
+        layers=tuple(fit.layers for fit in fits),
+        training={run.name: run.sha256 for run in training},
+        validation={run.name: run.sha256 for run in validation},
+        loss={
+            "training": float(sizes @ [fit.training[-1] for fit in fits]),
+            "validation": float(sizes @ [fit.validation[-1] for fit in fits]),
+        },
+        seed=cfg.seed,
+        revision=git_revision(),
+        command=command,
+    )
+
+
+def _samples(runs: Sequence[LoggedRun], columns: list[int], cfg: ActuatorCfg) -> tuple[np.ndarray, np.ndarray]:
+    """Return the windows of some joints over all runs, (M, 2 (H + 1)), and their torques over the limits, (M,).
+
+    No window reaches from one run into the next.
+    """
+    inputs, torque = [], []
+    for run in runs:
+        target, position, velocity = (signal[:, columns] for signal in run.signals)
+        rows = windows(first_signal(cfg.inputs, target, position), velocity, cfg.history)
+        inputs.append(rows.reshape(-1, rows.shape[-1]).astype(np.float32))
+        torque.append((run.torque[cfg.history :, columns] / run.torque_limit[columns]).ravel().astype(np.float32))
+    return np.concatenate(inputs), np.concatenate(torque)
+
+
+def _baseline(training: Sequence[LoggedRun]) -> Baseline:
+    """Fit the analytic law to the training runs alone."""
+    first = training[0]
+    target, position, velocity = (np.concatenate([run.signals[index] for run in training]) for index in range(3))
+    torque = np.concatenate([run.torque for run in training])
+    return fit_baseline((first.kp, first.kd, first.torque_limit), target, position, velocity, torque)
+
+
+def measure(
+    net: ActuatorNet, baseline: Baseline, training: Sequence[LoggedRun], validation: Sequence[LoggedRun]
+) -> dict[str, Any]:
+    """Return root mean square errors of the torque, net beside baseline, on the same samples.
+
+    `rmse`: part -> law -> error over the torque limit, all joints [-]; `joints`: joint -> what, in N m, with the
+    baseline's f and B; `commands`: command -> part -> law -> error over the limit, runs of that command alone.
+    """
+    parts = {"training": list(training), "validation": list(validation)}
+    squares = {part: [_squares(net, baseline, run) for run in runs] for part, runs in parts.items()}
+    limit = np.array(net.torque_limit)
+    laws = ("net", "baseline")
+
+    def whole(found: list[dict[str, np.ndarray]], law: str) -> float:
+        return float(np.sqrt(np.concatenate([item[law] / limit**2 for item in found]).mean()))
+
+    joints = {}
+    for index, name in enumerate(net.joint_names):
+        entry = {"coulomb": float(baseline.coulomb[index]), "viscous": float(baseline.viscous[index])}
+        for part, found in squares.items():
+            for law in laws:
+                values = np.concatenate([item[law][:, index] for item in found])
+                entry[f"{law}_{part}"] = float(np.sqrt(values.mean()))
+        joints[name] = entry
+    commands: dict[str, dict[str, dict[str, float]]] = {}
+    for part, runs in parts.items():
+        for label in dict.fromkeys(run.command for run in runs):
+            chosen = [item for item, run in zip(squares[part], runs, strict=True) if run.command == label]
+            commands.setdefault(label or "not known", {})[part] = {law: whole(chosen, law) for law in laws}
+    rmse = {part: {law: whole(found, law) for law in laws} for part, found in squares.items()}
+    return {"rmse": rmse, "joints": joints, "commands": commands}
+
+
+def error_of(net: ActuatorNet, runs: Sequence[LoggedRun]) -> float:
+    """Return a net's root mean square error over runs, of torque over limit, all joints [-]."""
+    squares = [(predict(net, *run.signals) - run.torque[net.history :]) ** 2 / run.torque_limit**2 for run in runs]
+    return float(np.sqrt(np.concatenate(squares).mean()))
+
+
+def _squares(net: ActuatorNet, baseline: Baseline, run: LoggedRun) -> dict[str, np.ndarray]:
+    """Return the squared errors of both laws [N² m²], (T - H, J)."""
+    torque = run.torque[net.history :]
+    return {
+        "net": (predict(net, *run.signals) - torque) ** 2,
+        "baseline": (baseline.torque(*run.signals)[net.history :] - torque) ** 2,
+    }
+
+
+def _curves(
+    net: ActuatorNet, baseline: Baseline, run: LoggedRun, training: np.ndarray, validation: np.ndarray
+) -> ActuatorFit:
+    """Return the last part of a run as the laws see it."""
+    cut = slice(-min(round(SHOWN / net.period), len(run.torque) - net.history), None)
+    return ActuatorFit(
+        time=(np.arange(len(run.torque)) * net.period)[cut],
+        measured=run.torque[cut],
+        net=predict(net, *run.signals)[cut],
+        baseline=baseline.torque(*run.signals)[cut],
+        loss_training=training,
+        loss_validation=validation,
+    )
+
+
+def write_trained(folder: Path, trained: TrainedActuator) -> None:
+    """Write `fit.npz`, `summary.json`, and last `actuator.npz`: where that stands, the others do too."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_actuator_fit(folder / "fit.npz", trained.fit)
+    write_summary(folder / "summary.json", trained.summary)
+    write_actuator(folder / FILE, trained.net)
