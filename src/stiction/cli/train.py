@@ -112,10 +112,15 @@ def _only_resume(arguments: list[str]) -> None:
         )
 
 
+def parse(arguments: list[str]) -> Train:
+    """Return the options that `stiction train` has when it is given these arguments."""
+    default = Train(config=PRESETS[_preset(arguments)])
+    return tyro.cli(Train, args=arguments, prog="stiction train", description=DESCRIPTION, default=default)
+
+
 def main(arguments: list[str]) -> int:
     """Run the verb."""
-    default = Train(config=PRESETS[_preset(arguments)])
-    options = tyro.cli(Train, args=arguments, prog="stiction train", description=DESCRIPTION, default=default)
+    options = parse(arguments)
 
     if options.resume is not None:
         return _resume(options, arguments)

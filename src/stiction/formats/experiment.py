@@ -1,0 +1,165 @@
+"""What the experiment on training with friction came to, as records and files: a page is drawn from these alone."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal
+
+from stiction.formats.results import ResultRow, write_results, write_summary
+
+Outcome = Literal["reproduces", "does not", "only above x", "undecided", "not tested"]
+
+
+@dataclass(frozen=True)
+class RunRecord:
+    """One run of the manifest."""
+
+    name: str
+    """Name of its folder."""
+    condition: str
+    """The way of training that it is a sample of."""
+    part: str
+    """Part of the experiment."""
+    purpose: str
+    """Why it is there."""
+    seed: int
+    """Seed of everything random in it."""
+    arguments: str
+    """Command that trains it, without folder."""
+    state: str
+    """`missing`, `interrupted`, `finished`."""
+    revision: str
+    """Code that trained it; empty where it has not begun."""
+    minutes: float | None
+    """Time that it took [min]; None where it is not finished."""
+
+
+@dataclass(frozen=True)
+class SeedMean:
+    """The mean speed ratio of a condition over its seeds; a row of intervals.csv. The seeds are in results.csv."""
+
+    condition: str
+    """Way of training."""
+    who: str
+    """`teacher` or `student`."""
+    friction_law: str
+    """Law of the evaluation."""
+    friction_level: float
+    """Level of the evaluation [-]."""
+    command: str
+    """Commanded velocity."""
+    seeds: int
+    """Number of seeds."""
+    mean: float
+    """Mean speed ratio over seeds [-]."""
+    low: float | None
+    """Lower end of the 95 % t-interval of that mean; None with one seed."""
+    high: float | None
+    """Upper end."""
+
+
+@dataclass(frozen=True)
+class CurvePoint:
+    """One point of the learning curves; a row of curves.csv. Of the randomised training, not of an evaluation."""
+
+    run: str
+    """Name of the run."""
+    phase: str
+    """`teacher` or `student`."""
+    iteration: int
+    """Iteration of the phase, the last of those averaged."""
+    forward_ratio: float
+    """Speed over commanded speed while forward is commanded [-]."""
+    backward_ratio: float
+    """The same while backward is commanded [-]."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What became of one sentence of the paper."""
+
+    id: str
+    """Section and number."""
+    sentence: str
+    """The sentence, shortened."""
+    criterion: str
+    """What must hold for it to reproduce, computed from the results."""
+    outcome: Outcome
+    """What came out."""
+    evidence: str
+    """The numbers."""
+
+
+@dataclass(frozen=True)
+class Onset:
+    """Where one condition falls under 80 % of the command."""
+
+    condition: str
+    """Way of training, and robot."""
+    method: str
+    """`direct` or `deception`."""
+    level: float | None
+    """Friction level of the slower direction, mean over seeds [-]; None where it stays above in all that was tested."""
+    axes: dict[str, float]
+    """The same friction on each candidate axis; empty where there is no level."""
+
+
+@dataclass(frozen=True)
+class Collapse:
+    """On which axis the onsets of one method agree."""
+
+    method: str
+    """`direct` or `deception`."""
+    spread: dict[str, float]
+    """Axis -> largest over smallest onset on it [-]; empty where not every condition has one."""
+    axis: str | None
+    """The axis on which the onsets agree best; None where that is not decided."""
+    reason: str
+    """Why, or why not."""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Everything that the experiment's page shows."""
+
+    rows: Sequence[ResultRow]
+    """Every policy at every level and command."""
+    runs: Sequence[RunRecord]
+    """The runs of the parts that were asked for."""
+    means: Sequence[SeedMean]
+    """Means over seeds."""
+    curves: Sequence[CurvePoint]
+    """Learning curves."""
+    verdicts: Sequence[Verdict]
+    """One a sentence."""
+    onsets: Sequence[Onset]
+    """One a condition of the fourth part."""
+    collapses: Sequence[Collapse]
+    """One a method."""
+    parts: dict[str, str]
+    """Part -> title."""
+    summary: dict[str, Any] = field(default_factory=dict)
+    """What was run, on what, and the settings of the evaluation."""
+
+    def write(self, out: Path) -> None:
+        """Write results.csv, intervals.csv, curves.csv and summary.json into a folder."""
+        write_results(out / "results.csv", self.rows)
+        write_records(out / "intervals.csv", self.means)
+        write_records(out / "curves.csv", self.curves)
+        named = {name: [asdict(r) for r in getattr(self, name)] for name in ("runs", "verdicts", "onsets", "collapses")}
+        write_summary(out / "summary.json", self.summary | {"parts": self.parts} | named)
+
+
+def write_records(path: Path, records: Iterable[SeedMean | CurvePoint]) -> None:
+    """Write records of one kind as CSV, four decimals, an empty cell for None; without any, an empty file."""
+    records = list(records)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        if records:
+            writer.writerow([f.name for f in fields(records[0])])
+        for record in records:
+            values = asdict(record).values()
+            writer.writerow(["" if v is None else round(v, 4) if isinstance(v, float) else v for v in values])

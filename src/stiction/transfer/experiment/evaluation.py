@@ -1,0 +1,150 @@
+"""Evaluates the finished runs, teacher and student, over friction; what was evaluated once is read from its file."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal
+
+from stiction.formats.errors import StictionError
+from stiction.formats.results import ResultRow, read_results, write_results
+from stiction.rma.checkpoint import latest_checkpoint
+from stiction.rma.config import TrainCfg
+from stiction.transfer.evaluate import EvaluationCfg
+from stiction.transfer.experiment.manifest import LEVEL
+from stiction.transfer.experiment.places import Place
+
+Who = Literal["teacher", "student"]
+
+LEVELS = (0.0, 0.01, 0.05, 0.1, 0.12, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
+"""Coulomb friction of the evaluation at nominal 0.2 [-]: none, the paper's 1 %, the mean of deception (0.12), the
+nominal one, and beyond what was trained, so that the onset of every policy is in sight. In proportion where the nominal
+level is another: a robot with twice the torque meets the same friction in N m."""
+
+COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.442)
+"""Coefficients of the law `load` in the evaluation [-]."""
+
+COMMANDS = ("vx=0.5", "vx=-0.5", "wz=0.5", "stand")
+"""What is commanded."""
+
+BASE = EvaluationCfg(LEVELS, COMMANDS, episodes=16, seconds=12.0)
+"""The evaluation of a run at the experiment's level."""
+
+DIGITS = 6
+"""Significant digits that are kept: more than the episodes can tell, and the files stay small."""
+
+
+def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
+    """Return what the policies of a run are put through: the levels of `base`, in proportion to the run's own.
+
+    Raises:
+        StictionError: the run's friction law is not evaluated here.
+
+    """
+    friction = cfg.task.friction
+    if friction.law != "coulomb" or friction.level is None:
+        raise StictionError(f"a run with the friction law {friction.law!r} is not evaluated here; expected coulomb")
+    return replace(base, friction_levels=tuple(round(x * friction.level / LEVEL, 6) for x in base.friction_levels))
+
+
+@dataclass(frozen=True)
+class Task:
+    """One policy to evaluate."""
+
+    path: Path
+    """Folder of its run."""
+    who: Who
+    """Which of the run's two policies."""
+    settings: EvaluationCfg
+    """What it is put through."""
+    cache: Path
+    """Folder in which its rows are kept."""
+
+    @property
+    def name(self) -> str:
+        """Name of the policy in results.csv."""
+        return f"{self.path.resolve().name}/{self.who}"
+
+    @property
+    def file(self) -> Path:
+        """File of its rows, named after everything that they depend on: settings and weights.
+
+        Raises `StictionError` where the run has no such policy.
+        """
+        checkpoint = latest_checkpoint(self.path / "checkpoints", self.who)
+        if checkpoint is None:
+            raise StictionError(f"{self.path} has no {self.who}; finish it with `stiction train --resume {self.path}`")
+        digest = hashlib.sha256(checkpoint.read_bytes())
+        digest.update(json.dumps(asdict(self.settings), sort_keys=True).encode())
+        return self.cache / f"{self.who}-{digest.hexdigest()[:16]}.csv"
+
+
+def tasks_for(places: Sequence[Place], base: EvaluationCfg = BASE, cache: Path | None = None) -> list[Task]:
+    """Return the policies of finished runs. `cache`: a folder for the rows; by default `evaluation` in each run's."""
+    return [
+        Task(p.path, who, settings_for(p.cfg, base), (cache / p.run.name) if cache else (p.path / "evaluation"))
+        for p in places
+        for who in ("teacher", "student")
+    ]
+
+
+def evaluate_task(task: Task) -> list[ResultRow]:
+    """Evaluate one policy on one thread, unless its rows are there; return them."""
+    file = task.file
+    if not file.exists():
+        import torch
+
+        from stiction.transfer.run_evaluation import evaluate_run
+
+        torch.set_num_threads(1)
+        rows = [_rounded(row) for row in evaluate_run(task.path, task.who, task.settings)]
+        file.parent.mkdir(parents=True, exist_ok=True)
+        temporary = file.with_suffix(".tmp")
+        write_results(temporary, rows)
+        temporary.replace(file)
+    return read_results(file)
+
+
+def _rounded(row: ResultRow) -> ResultRow:
+    """Return a row with `DIGITS` significant digits in every number."""
+    numbers: dict[str, Any] = {name: value for name, value in asdict(row).items() if isinstance(value, float)}
+    numbers = {name: float(f"{value:.{DIGITS}g}") for name, value in numbers.items()}
+    return replace(row, **numbers)
+
+
+def evaluate_tasks(
+    tasks: Sequence[Task], jobs: int, progress: Callable[[str, float], None] = lambda name, share: None
+) -> tuple[list[ResultRow], dict[str, str]]:
+    """Evaluate policies, `jobs` at once; return the rows in the order of the tasks, and policy -> why it has none."""
+    found: dict[str, list[ResultRow]] = {}
+    failed: dict[str, str] = {}
+
+    def collect(task: Task, rows: Callable[[], list[ResultRow]]) -> None:
+        try:
+            found[task.name] = rows()
+        except StictionError as error:
+            failed[task.name] = str(error)
+        progress("evaluation", (len(found) + len(failed)) / len(tasks))
+
+    new = [task for task in tasks if not task.file.exists()]
+    for task in [task for task in tasks if task not in new]:
+        collect(task, partial(evaluate_task, task))
+    if jobs == 1:
+        for task in new:
+            collect(task, partial(evaluate_task, task))
+    elif new:
+        # Forked children would share torch's and the simulator's threads with this process.
+        pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
+        try:
+            waiting: dict[Future, Task] = {pool.submit(evaluate_task, task): task for task in new}
+            for future in as_completed(waiting):
+                collect(waiting[future], future.result)
+        finally:
+            pool.shutdown(cancel_futures=True)
+    return [row for task in tasks for row in found.get(task.name, [])], failed

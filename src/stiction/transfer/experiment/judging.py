@@ -1,0 +1,108 @@
+"""Rules by which a sentence is judged: a criterion on means over training seeds, by their 95 % intervals.
+
+An interval wholly on one side of the criterion decides; one that straddles it does not, and the outcome says so. A
+single seed carries no verdict, whatever it shows: its number is given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.experiment import Outcome
+from stiction.transfer.experiment.statistics import Interval, difference_interval, t_interval
+from stiction.transfer.experiment.table import Points
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What a rule found."""
+
+    outcome: Outcome
+    """The verdict."""
+    evidence: str
+    """The numbers behind it."""
+
+
+def side(interval: Interval, low: float, high: float) -> Outcome:
+    """Return whether an interval lies within [low, high], outside of it, or neither."""
+    if low <= interval[0] and interval[1] <= high:
+        return "reproduces"
+    if interval[1] < low or interval[0] > high:
+        return "does not"
+    return "undecided"
+
+
+def describe(label: str, points: Points) -> str:
+    """Return points as text: `direct 0.93 [0.88, 0.98] (0.90, 0.95, 0.94)`, mean, t-interval, every seed."""
+    if not points:
+        return f"{label} not evaluated"
+    values = list(points.values())
+    interval = t_interval(values)
+    if interval is None:
+        return f"{label} {values[0]:.2f} (one seed)"
+    seeds = ", ".join(f"{value:.2f}" for value in values)
+    return f"{label} {np.mean(values):.2f} [{interval[0]:.2f}, {interval[1]:.2f}] ({seeds})"
+
+
+def within(label: str, points: Points, low: float, high: float) -> Finding:
+    """Judge that the mean over seeds lies within [low, high]."""
+    evidence = describe(label, points)
+    interval = t_interval(list(points.values()))
+    if interval is None:
+        return Finding("not tested", evidence)
+    return Finding(side(interval, low, high), evidence)
+
+
+def larger(first: tuple[str, Points], second: tuple[str, Points]) -> Finding:
+    """Judge that the first sample's mean is larger than the second's, by Welch's interval of the difference."""
+    evidence = f"{describe(*first)}; {describe(*second)}"
+    interval = difference_interval(list(first[1].values()), list(second[1].values()))
+    if interval is None:
+        return Finding("not tested", evidence)
+    above_zero = float(np.nextafter(0.0, 1.0))  # two samples that are the same do not differ
+    text = f"{evidence}; difference [{interval[0]:.2f}, {interval[1]:.2f}]"
+    return Finding(side(interval, above_zero, np.inf), text)
+
+
+def all_of(*findings: Finding) -> Finding:
+    """Judge that several things hold together: it fails with one that does not, and stands when all do."""
+    outcomes = [finding.outcome for finding in findings]
+    evidence = "; ".join(finding.evidence for finding in findings)
+    for outcome in ("does not", "not tested", "undecided"):
+        if outcome in outcomes:
+            return Finding(outcome, evidence)  # type: ignore[arg-type]
+    return Finding("reproduces", evidence)
+
+
+def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
+    """Judge a sentence that names no level: at every level above zero, at none, or only above x.
+
+    `findings`: level -> whether the sentence holds there, from low to high. x is the highest level at which it was not
+    shown to hold. Where it holds at a level and not at a higher one, there is no such x, and it is undecided.
+    """
+    above = [(level, finding) for level, finding in findings if level > 0]
+    tested = [(level, finding) for level, finding in above if finding.outcome != "not tested"]
+    if not tested:
+        return Finding("not tested", "; ".join(f"at {level:g}: {finding.evidence}" for level, finding in above))
+    holds = [finding.outcome == "reproduces" for _, finding in tested]
+    at = "; ".join(f"at {level:g}: {finding.evidence}" for level, finding in _telling(tested, holds))
+    if all(holds):
+        return Finding("reproduces", at)
+    if not any(holds):
+        refuted = all(finding.outcome == "does not" for _, finding in tested)
+        return Finding("does not" if refuted else "undecided", at)
+    first = holds.index(True)
+    if all(holds[first:]):
+        return Finding("only above x", f"x = {tested[first - 1][0]:g}; {at}")
+    return Finding("undecided", f"it holds at {tested[first][0]:g} and not at every level above; {at}")
+
+
+def _telling(tested: Sequence[tuple[float, Finding]], holds: Sequence[bool]) -> list[tuple[float, Finding]]:
+    """Return the levels that a reader wants: the two about the change, or the ends where there is none."""
+    if any(holds) and not all(holds) and holds.index(True) > 0:
+        first = holds.index(True)
+        return [tested[first - 1], tested[first]]
+    return [tested[0], tested[-1]] if len(tested) > 1 else list(tested)

@@ -1,0 +1,89 @@
+"""At which friction a policy stops following, and on which axis that is the same for different robots.
+
+Candidates: friction over torque limit, f/τ_max; over the gain, f/kp, the dead band; over what the first actions ask
+for, f/(kp · action scale · σ). The three differ once gains, limits and σ are varied one at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from stiction.formats.experiment import Collapse, Onset
+from stiction.rma.config import TrainCfg
+from stiction.robots.catalog import find_robot
+from stiction.transfer.experiment.table import Table
+
+FOLLOWING = 0.8
+"""Speed ratio under which a policy does not follow any more [-]."""
+
+CLEARER = 1.2
+"""The best axis must beat the second by this factor in spread to count as decided: seeds move an onset by some 10 %."""
+
+FEWEST = 3
+"""Conditions needed to compare axes: two would agree on some axis by accident."""
+
+AXES = ("f/τ_max", "f/kp [rad]", "f/(kp·scale·σ)")
+
+CANDIDATES = {
+    "direct": ("", "-strong", "-weak", "-kp05", "-kp2", "-torque2"),
+    "deception": ("", "-kp05", "-kp2", "-torque2"),
+}
+"""Method -> endings of the conditions whose onsets are compared."""
+
+
+def onset_level(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
+    """Return the level at which the speed ratio first falls under `FOLLOWING`, interpolated between levels.
+
+    0 where it is under from the start, None where it never falls. `levels` rise from 0.
+    """
+    for index, ratio in enumerate(ratios):
+        if ratio < FOLLOWING:
+            if index == 0:
+                return 0.0
+            above = ratios[index - 1] - FOLLOWING
+            share = above / (ratios[index - 1] - ratio)
+            return levels[index - 1] + share * (levels[index] - levels[index - 1])
+    return None
+
+
+def on_axes(level: float, cfg: TrainCfg) -> dict[str, float]:
+    """Return a friction level of a run's robot on each axis, for the shank, whose friction is the largest."""
+    robot = find_robot(cfg.task.robot)
+    shank = robot.shank
+    friction = level * shank.torque_limit
+    first = shank.stiffness * robot.action_scale * cfg.network.initial_std
+    return dict(zip(AXES, (level, friction / shank.stiffness, friction / first), strict=True))
+
+
+def onsets(table: Table, configured: Mapping[str, TrainCfg]) -> list[Onset]:
+    """Return the onset of the student of every condition that was evaluated. `configured`: condition -> its runs'."""
+    found = []
+    for method, endings in CANDIDATES.items():
+        for name in (f"coulomb20-{method}{ending}" for ending in endings):
+            levels = table.levels(name)
+            ratios = [float(np.mean(list(table.slower(name, level).values()))) for level in levels]
+            if not levels or name not in configured:
+                continue
+            level = onset_level(levels, ratios)
+            axes = on_axes(level, configured[name]) if level else {}
+            found.append(Onset(name, method, level, axes))
+    return found
+
+
+def collapse(method: str, found: Sequence[Onset]) -> Collapse:
+    """Return the axis on which the onsets of one method's conditions have the smallest ratio of largest to smallest."""
+    own = [onset for onset in found if onset.method == method]
+    if len(own) < FEWEST:
+        return Collapse(method, {}, None, f"not decided: {len(own)} conditions, at least {FEWEST} are needed")
+    without = [onset.condition for onset in own if not onset.axes]
+    if without:
+        where = ", ".join(without)
+        return Collapse(method, {}, None, f"not decided: no onset between the tested levels for {where}")
+    spread = {axis: max(o.axes[axis] for o in own) / min(o.axes[axis] for o in own) for axis in AXES}
+    best, second = sorted(AXES, key=spread.__getitem__)[:2]
+    text = f"spread {spread[best]:.2f} on {best}, {spread[second]:.2f} on {second}"
+    if spread[second] < CLEARER * spread[best]:
+        return Collapse(method, spread, None, f"not decided: {text}, too close to tell")
+    return Collapse(method, spread, best, f"{text}, over {len(own)} conditions")
