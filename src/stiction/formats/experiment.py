@@ -14,6 +14,28 @@ Outcome = Literal["reproduces", "does not", "only above x", "undecided", "not te
 
 
 @dataclass(frozen=True)
+class ConditionRecord:
+    """One way to train, as the manifest has it."""
+
+    name: str
+    """Name of its runs without the seed."""
+    part: str
+    """Part of the experiment."""
+    purpose: str
+    """Why it is there."""
+    arguments: str
+    """Words for `stiction train`, without preset, seed and folder."""
+    robot: str
+    """Robot that it was trained on."""
+    law: str
+    """Friction law that it was trained and is evaluated with."""
+    nominal: float
+    """Nominal friction level [-]."""
+    training_mean: float
+    """Mean friction level of the last stage of training [-]."""
+
+
+@dataclass(frozen=True)
 class RunRecord:
     """One run of the manifest."""
 
@@ -21,14 +43,8 @@ class RunRecord:
     """Name of its folder."""
     condition: str
     """The way of training that it is a sample of."""
-    part: str
-    """Part of the experiment."""
-    purpose: str
-    """Why it is there."""
     seed: int
     """Seed of everything random in it."""
-    arguments: str
-    """Command that trains it, without folder."""
     state: str
     """`missing`, `interrupted`, `finished`."""
     revision: str
@@ -102,9 +118,14 @@ class Onset:
     method: str
     """`direct` or `deception`."""
     level: float | None
-    """Friction level of the slower direction, mean over seeds [-]; None where it stays above in all that was tested."""
-    axes: dict[str, float]
-    """The same friction on each candidate axis; empty where there is no level."""
+    """Friction level of the slower direction, mean over seeds [-]: 0 where it is under from the start, None where it
+    stays above in all that was tested."""
+    scales: dict[str, float]
+    """Candidate axis -> what one unit of the level is on it, for this robot and its training."""
+
+    def on(self, axis: str) -> float | None:
+        """Return the onset on an axis; None where there is none between the levels that were tested."""
+        return self.level * self.scales[axis] if self.level else None
 
 
 @dataclass(frozen=True)
@@ -127,8 +148,10 @@ class Experiment:
 
     rows: Sequence[ResultRow]
     """Every policy at every level and command."""
+    conditions: Sequence[ConditionRecord]
+    """The ways of training in the parts that were asked for."""
     runs: Sequence[RunRecord]
-    """The runs of the parts that were asked for."""
+    """Their runs."""
     means: Sequence[SeedMean]
     """Means over seeds."""
     curves: Sequence[CurvePoint]
@@ -149,8 +172,9 @@ class Experiment:
         write_results(out / "results.csv", self.rows)
         write_records(out / "intervals.csv", self.means)
         write_records(out / "curves.csv", self.curves)
-        named = {name: [asdict(r) for r in getattr(self, name)] for name in ("runs", "verdicts", "onsets", "collapses")}
-        write_summary(out / "summary.json", self.summary | {"parts": self.parts} | named)
+        names = ("conditions", "runs", "verdicts", "onsets", "collapses")
+        lists = {name: [asdict(record) for record in getattr(self, name)] for name in names}
+        write_summary(out / "summary.json", self.summary | {"parts": self.parts} | lists)
 
 
 def write_records(path: Path, records: Iterable[SeedMean | CurvePoint]) -> None:

@@ -14,6 +14,7 @@ from typing import Any, Literal
 
 from stiction.formats.errors import StictionError
 from stiction.formats.results import ResultRow, read_results, write_results
+from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.checkpoint import latest_checkpoint
 from stiction.rma.config import TrainCfg
 from stiction.transfer.evaluate import EvaluationCfg
@@ -40,17 +41,31 @@ DIGITS = 6
 """Significant digits that are kept: more than the episodes can tell, and the files stay small."""
 
 
+def training_mean(friction: FrictionCfg) -> float:
+    """Return the mean friction level of the last stage of training [-].
+
+    Raises `StictionError` where the level is the robot's own, which differs from joint to joint.
+    """
+    if friction.level is None:
+        raise StictionError("the run has the robot's own friction; expected one trained at a --friction-level")
+    mixture = friction.last.mixture
+    mean = sum(weight * (low + high) / 2 for weight, low, high in mixture) / sum(weight for weight, _, _ in mixture)
+    return round(mean * friction.level, 6)
+
+
 def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
-    """Return what the policies of a run are put through: the levels of `base`, in proportion to the run's own.
+    """Return what the policies of a run are put through: the levels of `base` in proportion to its own, and its mean.
 
     Raises:
         StictionError: the run's friction law is not evaluated here.
 
     """
     friction = cfg.task.friction
-    if friction.law != "coulomb" or friction.level is None:
+    mean = training_mean(friction)
+    if friction.law != "coulomb":
         raise StictionError(f"a run with the friction law {friction.law!r} is not evaluated here; expected coulomb")
-    return replace(base, friction_levels=tuple(round(x * friction.level / LEVEL, 6) for x in base.friction_levels))
+    levels = {round(level * (friction.level or 0.0) / LEVEL, 6) for level in base.friction_levels}
+    return replace(base, friction_levels=tuple(sorted(levels | {mean})))
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def all_of(*findings: Finding) -> Finding:
     evidence = "; ".join(finding.evidence for finding in findings)
     for outcome in ("does not", "not tested", "undecided"):
         if outcome in outcomes:
-            return Finding(outcome, evidence)  # type: ignore[arg-type]
+            return Finding(outcome, evidence)
     return Finding("reproduces", evidence)
 
 

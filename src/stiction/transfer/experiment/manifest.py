@@ -149,11 +149,15 @@ MANIFEST: tuple[Condition, ...] = (
 
 
 def runs_of(parts: Collection[str]) -> list[Run]:
-    """Return the runs of some parts, in the manifest's order; of all where none is named.
+    """Return the runs of some parts, of all where none is named: part by part, and in each part seed by seed.
+
+    So an experiment that is cut short has the same seeds of every condition.
 
     Raises `StictionError` for a part that does not exist.
     """
     unknown = [part for part in parts if part not in PARTS]
     if unknown:
         raise StictionError(f"part {unknown[0]!r} is none of the experiment's; expected one of {', '.join(PARTS)}")
-    return [run for condition in MANIFEST if not parts or condition.part in parts for run in condition.runs]
+    chosen = [run for condition in MANIFEST if not parts or condition.part in parts for run in condition.runs]
+    order = list(PARTS)
+    return sorted(chosen, key=lambda run: (order.index(run.condition.part), run.seed))

@@ -48,13 +48,12 @@ def onset_level(levels: Sequence[float], ratios: Sequence[float]) -> float | Non
     return None
 
 
-def on_axes(level: float, cfg: TrainCfg) -> dict[str, float]:
-    """Return a friction level of a run's robot on each axis, for the shank, whose friction is the largest."""
+def axis_scales(cfg: TrainCfg) -> dict[str, float]:
+    """Return what one unit of the friction level is on each axis, for the shank, whose friction is the largest."""
     robot = find_robot(cfg.task.robot)
     shank = robot.shank
-    friction = level * shank.torque_limit
     first = shank.stiffness * robot.action_scale * cfg.network.initial_std
-    return dict(zip(AXES, (level, friction / shank.stiffness, friction / first), strict=True))
+    return dict(zip(AXES, (1.0, shank.torque_limit / shank.stiffness, shank.torque_limit / first), strict=True))
 
 
 def onsets(table: Table, configured: Mapping[str, TrainCfg]) -> list[Onset]:
@@ -62,13 +61,11 @@ def onsets(table: Table, configured: Mapping[str, TrainCfg]) -> list[Onset]:
     found = []
     for method, endings in CANDIDATES.items():
         for name in (f"coulomb20-{method}{ending}" for ending in endings):
-            levels = table.levels(name)
-            ratios = [float(np.mean(list(table.slower(name, level).values()))) for level in levels]
-            if not levels or name not in configured:
-                continue
-            level = onset_level(levels, ratios)
-            axes = on_axes(level, configured[name]) if level else {}
-            found.append(Onset(name, method, level, axes))
+            slower = {level: list(table.slower(name, level).values()) for level in table.levels(name)}
+            levels = [level for level, values in slower.items() if values]
+            if levels and name in configured:
+                level = onset_level(levels, [float(np.mean(slower[level])) for level in levels])
+                found.append(Onset(name, method, level, axis_scales(configured[name])))
     return found
 
 
@@ -77,13 +74,18 @@ def collapse(method: str, found: Sequence[Onset]) -> Collapse:
     own = [onset for onset in found if onset.method == method]
     if len(own) < FEWEST:
         return Collapse(method, {}, None, f"not decided: {len(own)} conditions, at least {FEWEST} are needed")
-    without = [onset.condition for onset in own if not onset.axes]
+    without = [onset.condition for onset in own if not onset.level]
     if without:
         where = ", ".join(without)
         return Collapse(method, {}, None, f"not decided: no onset between the tested levels for {where}")
-    spread = {axis: max(o.axes[axis] for o in own) / min(o.axes[axis] for o in own) for axis in AXES}
+    spread = {axis: _ratio([onset.on(axis) or 0.0 for onset in own]) for axis in AXES}
     best, second = sorted(AXES, key=spread.__getitem__)[:2]
     text = f"spread {spread[best]:.2f} on {best}, {spread[second]:.2f} on {second}"
     if spread[second] < CLEARER * spread[best]:
         return Collapse(method, spread, None, f"not decided: {text}, too close to tell")
     return Collapse(method, spread, best, f"{text}, over {len(own)} conditions")
+
+
+def _ratio(values: Sequence[float]) -> float:
+    """Return the largest over the smallest."""
+    return max(values) / min(values)

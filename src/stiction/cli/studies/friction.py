@@ -1,0 +1,119 @@
+"""`stiction study friction`: trains, evaluates and judges the ways to train with dry friction."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import tyro
+
+from stiction.formats.errors import StictionError
+
+if TYPE_CHECKING:
+    from stiction.transfer.experiment.places import Place
+
+DESCRIPTION = """The experiment on training with dry friction: every run of its manifest, and what follows from them.
+
+`stiction study friction --train` trains what is missing, goes on with what was interrupted, and then evaluates;
+without --train it evaluates what is finished. Stop it at any time: nothing is done twice."""
+
+
+@dataclass(frozen=True)
+class FrictionStudy:
+    """Options of `stiction study friction`."""
+
+    runs: Path = Path("runs")
+    """Folder of the training runs, one folder each."""
+    out: Path = Path("results/friction-training")
+    """Folder of results.csv, intervals.csv, curves.csv, summary.json, tables.md, figures and report.html."""
+    parts: tuple[str, ...] = ()
+    """Parts of the experiment: 1 to 6, gait, history; all of them by default."""
+    train: bool = False
+    """First train what is missing."""
+    jobs: int | None = None
+    """Runs, or evaluations, at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
+    cache: Path | None = None
+    """Folder in which evaluations are kept; by default `evaluation` in each run's folder."""
+    episodes: int = 16
+    """Episodes per level and command."""
+    seconds: float = 12.0
+    """Length of an episode [s]; its first 2 s are not measured."""
+    ship: Path | None = None
+    """Export the median seed of each way of training of the first part into this folder."""
+    list: bool = False
+    """Only say what the experiment is made of, and where it stands."""
+    json: bool = False
+    """Print the verdicts as JSON on standard output, and nothing else."""
+
+    def __post_init__(self) -> None:
+        """Refuse no work at once."""
+        if self.jobs is not None and self.jobs < 1:
+            raise StictionError(f"--jobs {self.jobs}: expected at least 1")
+
+
+def places_of(options: FrictionStudy) -> list[Place]:
+    """Return the runs of the chosen parts with their configurations and folders."""
+    from stiction.cli.train import parse
+    from stiction.transfer.experiment.manifest import runs_of
+    from stiction.transfer.experiment.places import Place
+
+    runs = runs_of(options.parts)
+    return [Place(run, parse([*run.arguments]).config, options.runs / run.name) for run in runs]
+
+
+def main(arguments: list[str]) -> int:
+    """Run the study; return 1 if a run could not be trained or evaluated."""
+    options = tyro.cli(FrictionStudy, args=arguments, prog="stiction study friction", description=DESCRIPTION)
+    from stiction.cli.terminal import work_progress
+    from stiction.formats.reproducibility import num_threads
+    from stiction.report.evaluation import make_folder
+    from stiction.report.experiment import lead, write_experiment
+    from stiction.transfer.experiment.assemble import assemble, ship
+    from stiction.transfer.experiment.evaluation import BASE, evaluate_tasks, tasks_for
+    from stiction.transfer.experiment.training import train_missing
+
+    places = places_of(options)
+    states = {place.run.name: place.state() for place in places}
+    if options.list:
+        print_places(places, states)
+        return 0
+    make_folder(options.out)
+    jobs, failed = options.jobs or num_threads(), {}
+    with work_progress() as progress:
+        if options.train:
+            failed = train_missing(places, jobs, progress)
+        base = replace(BASE, episodes=options.episodes, seconds=options.seconds)
+        finished = [place for place in places if place.state() == "finished"]
+        rows, unevaluated = evaluate_tasks(tasks_for(finished, base, options.cache), jobs, progress)
+    failed |= unevaluated
+    command = shlex.join(["stiction", "study", "friction", *arguments])
+    experiment = assemble(places, rows, base, {"command": command, "failed": failed})
+    page = write_experiment(options.out, experiment)
+    complain(failed)
+    if options.ship is not None:
+        for folder in ship(places, rows, options.ship):
+            print(f"shipped: {folder}", file=sys.stderr)
+    if options.json:
+        print(json.dumps({verdict.id: verdict.outcome for verdict in experiment.verdicts}))
+    else:
+        print(f"{lead(experiment)}\nreport: {page}")
+    return 1 if failed else 0
+
+
+def complain(failed: Mapping[str, str]) -> None:
+    """Say on standard error, a line each, what could not be trained or evaluated, and why."""
+    for name, reason in failed.items():
+        print(f"stiction study friction: {name}: {reason}", file=sys.stderr)
+
+
+def print_places(places: list[Place], states: Mapping[str, str], show: Callable[[str], None] = print) -> None:
+    """Print every run with its state and the command that trains it by hand."""
+    for place in places:
+        run = place.run
+        share = place.done() / place.iterations
+        show(f"{states[run.name]:<12}{share:>5.0%}  stiction train {shlex.join(run.arguments)} --out {place.path}")
