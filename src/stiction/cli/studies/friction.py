@@ -41,7 +41,7 @@ class FrictionStudy:
     """Folder in which evaluations are kept; by default `evaluation` in each run's folder."""
     episodes: int = 16
     """Episodes per level and command."""
-    seconds: float = 12.0
+    seconds: float = 10.0
     """Length of an episode [s]; its first 2 s are not measured."""
     ship: Path | None = None
     """Export the median seed of each way of training of the first part into this folder."""

@@ -17,7 +17,7 @@ from stiction.rma.run import RunDirectory
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.experiment.claims import judge_all
 from stiction.transfer.experiment.criteria import Evidence
-from stiction.transfer.experiment.evaluation import training_mean
+from stiction.transfer.experiment.evaluation import COMMANDS, training_mean
 from stiction.transfer.experiment.learning import learning_curve
 from stiction.transfer.experiment.manifest import PARTS
 from stiction.transfer.experiment.onset import CANDIDATES, collapse, onsets
@@ -63,7 +63,7 @@ def assemble(
             **summary,
             "revision": git_revision(),
             "machine": machine(),
-            "evaluation": asdict(base),
+            "evaluation": asdict(base) | {"commands": COMMANDS},
             "conditions_of_evaluation": base.conditions,
             "median_seeds": medians,
         },

@@ -10,7 +10,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from stiction.formats.errors import StictionError
 from stiction.formats.results import ResultRow, read_results, write_results
@@ -20,6 +20,7 @@ from stiction.rma.config import TrainCfg
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.experiment.manifest import LEVEL
 from stiction.transfer.experiment.places import Place
+from stiction.transfer.experiment.table import DIRECTIONS
 
 Who = Literal["teacher", "student"]
 
@@ -31,11 +32,11 @@ level is another: a robot with twice the torque meets the same friction in N m."
 COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.442)
 """Coefficients of the law `load` in the evaluation [-]."""
 
-COMMANDS = ("vx=0.5", "vx=-0.5", "wz=0.5", "stand")
-"""What is commanded."""
+COMMANDS = {"student": (*DIRECTIONS, "wz=0.5", "stand"), "teacher": DIRECTIONS}
+"""What is commanded. The teacher is there for comparison: what no verdict needs of it is left out."""
 
-BASE = EvaluationCfg(LEVELS, COMMANDS, episodes=16, seconds=12.0)
-"""The evaluation of a run at the experiment's level."""
+BASE = EvaluationCfg(LEVELS, DIRECTIONS, episodes=16, seconds=10.0)
+"""The evaluation of a run at the experiment's level; commands by policy."""
 
 DIGITS = 6
 """Significant digits that are kept: more than the episodes can tell, and the files stay small."""
@@ -103,9 +104,14 @@ class Task:
 def tasks_for(places: Sequence[Place], base: EvaluationCfg = BASE, cache: Path | None = None) -> list[Task]:
     """Return the policies of finished runs. `cache`: a folder for the rows; by default `evaluation` in each run's."""
     return [
-        Task(p.path, who, settings_for(p.cfg, base), (cache / p.run.name) if cache else (p.path / "evaluation"))
-        for p in places
-        for who in ("teacher", "student")
+        Task(
+            place.path,
+            who,
+            replace(settings_for(place.cfg, base), commands=COMMANDS[who]),
+            place.path / "evaluation" if cache is None else cache / place.run.name,
+        )
+        for place in places
+        for who in get_args(Who)
     ]
 
 

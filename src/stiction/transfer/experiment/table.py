@@ -14,7 +14,7 @@ from stiction.transfer.experiment.statistics import t_interval
 
 STUDENT, TEACHER = "student", "teacher"
 
-DIRECTIONS = ("vx=0.5", "vx=-0.5")
+DIRECTIONS = "vx=0.5", "vx=-0.5"
 """Forward and backward: the commands by which a way of training is judged."""
 
 Key = tuple[str, str, float, str]

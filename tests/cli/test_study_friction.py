@@ -1,0 +1,60 @@
+"""`stiction study friction` as a user runs it, on an experiment of one small run."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import main
+from stiction.formats.results import read_results
+from stiction.transfer.experiment import evaluation, manifest
+
+SMALL = (
+    *("--robot", "go1", "--num-envs", "4", "--method", "deception", "--friction-level", "0.2"),
+    *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
+    *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
+)
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One condition of one seed."""
+    monkeypatch.setattr(manifest, "MANIFEST", (manifest.Condition("coulomb20-deception", "1", "a test", SMALL),))
+
+
+def test_one_command_trains_evaluates_and_judges(
+    small: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """If this failed, the experiment would not be one command, or a second call would do everything again."""
+    monkeypatch.chdir(tmp_path)
+    options = ["--jobs", "1", "--episodes", "2", "--seconds", "3.1", "--json"]
+    assert main(["study", "friction", "--train", *options]) == 0
+    assert set(json.loads(capsys.readouterr().out).values()) == {"not tested"}
+    out = tmp_path / "results/friction-training"
+    rows = read_results(out / "results.csv")
+    assert {row.policy for row in rows} == {"coulomb20-deception-s0/teacher", "coulomb20-deception-s0/student"}
+    assert {row.method for row in rows} == {"deception"} and {row.episodes for row in rows} == {2}
+    assert sorted({row.friction_level for row in rows}) == sorted({*evaluation.BASE.friction_levels, 0.12})
+    cached = {file: file.stat().st_mtime_ns for file in tmp_path.glob("runs/*/evaluation/*.csv")}
+    assert len(cached) == 2
+    assert main(["study", "friction", "--train", *options]) == 0
+    assert cached == {file: file.stat().st_mtime_ns for file in tmp_path.glob("runs/*/evaluation/*.csv")}
+    capsys.readouterr()
+    assert main(["study", "friction", *options, "--ship", "shipped"]) == 1
+    assert "has 0 finished seeds, its median needs at least 3" in capsys.readouterr().err
+    header = json.loads((tmp_path / "runs/coulomb20-deception-s0/config.json").read_text())
+    header["config"]["seed"] = 5
+    (tmp_path / "runs/coulomb20-deception-s0/config.json").write_text(json.dumps(header))
+    assert main(["study", "friction"]) == 1
+    error = capsys.readouterr().err
+    assert "seed is 5, expected 0" in error and error.count("\n") == 1
+
+
+def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """If this failed, nobody could see what the experiment is before it takes the machine for a day."""
+    assert main(["study", "friction", "--list", "--runs", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.startswith("missing       0%  stiction train --preset quick --robot go1")
+    assert not list(tmp_path.iterdir())
+    assert main(["study", "friction", "--parts", "7"]) == 1
+    assert "part '7' is none of the experiment's" in capsys.readouterr().err
+    assert main(["study", "friction", "--jobs", "0"]) == 1

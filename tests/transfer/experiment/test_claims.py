@@ -1,0 +1,107 @@
+"""Every sentence on made-up results: where the paper is right, where it is wrong, and where nothing is known."""
+
+from stiction.transfer.experiment.claims import CLAIMS, judge_all
+from stiction.transfer.experiment.criteria import Evidence
+from stiction.transfer.experiment.table import Table
+from synthetic import condition_rows, curve, row
+
+WALKS, STANDS, SLOW = (1.0, 0.98, 1.02), (0.05, 0.04, 0.06), (0.5, 0.52, 0.48)
+
+NEVER = "V6"
+"""The sentence on which no result bears."""
+
+
+def curves_of(**walks_at: int) -> dict:
+    """Three seeds of each method, one iteration-step apart."""
+    runs = {f"coulomb20-{method}-s{s}": at + 10 * s for method, at in walks_at.items() for s in range(3)}
+    return {run: curve(run, at) for run, at in runs.items()}
+
+
+def paper_is_right() -> Evidence:
+    """Direct training stands, the wide range walks, without friction in training one is slow from 10 % on."""
+    rows = [
+        *condition_rows("coulomb20-none", {0.0: WALKS, 0.01: WALKS, 0.1: SLOW, 0.2: SLOW}, tracking_error=0.02),
+        *condition_rows("coulomb20-direct", {0.0: STANDS, 0.01: STANDS, 0.1: STANDS, 0.2: STANDS}),
+        *condition_rows("coulomb20-deception", dict.fromkeys((0.0, 0.01, 0.1, 0.2), WALKS)),
+        *condition_rows("coulomb20-compensation", {0.2: STANDS}),
+        *condition_rows("coulomb20-finetune", {0.2: SLOW}),
+        *condition_rows("coulomb20-iterative", {0.2: WALKS}, joint_jitter=400.0),
+        *(row(f"coulomb20-iterative-s{s}/student", 0.2, "stand", None, tracking_error=0.3) for s in range(3)),
+        *condition_rows("coulomb20-direct-strong", {0.2: WALKS}),
+        *condition_rows("coulomb20-direct-weak", {0.2: STANDS}),
+        *condition_rows("coulomb20-narrow", {0.2: SLOW}),
+        *(r for c in (0.05, 0.1) for r in condition_rows(f"load{round(1000 * c)}-direct", {c: WALKS})),
+        *condition_rows("load442-direct", {0.442: STANDS}),
+    ]
+    for index, found in enumerate(rows):
+        if found.policy.startswith("coulomb20-none") and found.command == "vx=0.5":
+            rows[index] = row(found.policy, found.friction_level, "vx=0.5", found.speed_ratio, tracking_error=0.021)
+    return Evidence(Table.of(rows), curves_of(none=100, deception=150, direct=300))
+
+
+def paper_is_wrong() -> Evidence:
+    """Everything walks as well as everything else, except that deception is worst where it should be best."""
+    rows = [
+        *condition_rows("coulomb20-none", dict.fromkeys((0.0, 0.01, 0.1, 0.2), WALKS), tracking_error=0.09),
+        *condition_rows("coulomb20-direct", dict.fromkeys((0.0, 0.01, 0.1, 0.2), WALKS)),
+        *condition_rows("coulomb20-deception", dict.fromkeys((0.0, 0.01, 0.1, 0.2), SLOW)),
+        *condition_rows("coulomb20-compensation", {0.2: WALKS}),
+        *condition_rows("coulomb20-finetune", {0.2: WALKS}),
+        *condition_rows("coulomb20-iterative", {0.2: WALKS}),
+        *(row(f"coulomb20-iterative-s{s}/student", 0.2, "stand", None, tracking_error=0.01) for s in range(3)),
+        *condition_rows("coulomb20-direct-strong", {0.2: STANDS}),
+        *condition_rows("coulomb20-direct-weak", {0.2: WALKS}),
+        *condition_rows("coulomb20-narrow", {0.2: WALKS}),
+        *(r for c in (0.05, 0.1, 0.442) for r in condition_rows(f"load{round(1000 * c)}-direct", {c: WALKS})),
+    ]
+    return Evidence(Table.of(rows), curves_of(none=300, deception=200, direct=100))
+
+
+def outcomes(evidence: Evidence) -> dict[str, str]:
+    """Sentence -> outcome."""
+    return {verdict.id: verdict.outcome for verdict in judge_all(evidence)}
+
+
+def test_results_as_the_paper_tells_them() -> None:
+    """If this failed, a sentence that holds would be called wrong."""
+    expected = {claim.id: "reproduces" for claim in CLAIMS}
+    expected |= {NEVER: "not tested", "V2, as load": "only above x", "A1": "only above x"}
+    assert outcomes(paper_is_right()) == expected
+    evidence = {v.id: v.evidence for v in judge_all(paper_is_right())}
+    assert evidence["A1"].startswith("x = 0.01;") and evidence["V2, as load"].startswith("x = 0.1;")
+
+
+def test_results_against_the_paper() -> None:
+    """If this failed, a criterion could not fail, and its verdict would say nothing."""
+    assert outcomes(paper_is_wrong()) == {c.id: "not tested" if c.id == NEVER else "does not" for c in CLAIMS}
+
+
+def test_without_results_nothing_is_tested() -> None:
+    """If this failed, a verdict could come from an empty table."""
+    assert set(outcomes(Evidence(Table.of([]), {})).values()) == {"not tested"}
+
+
+def test_one_seed_carries_no_verdict() -> None:
+    """If this failed, a run of luck would decide about a sentence."""
+    right = paper_is_right()
+    first = [r for cell in right.table.cells.values() for seed, r in cell.items() if seed == 0]
+    curves = {run: points for run, points in right.curves.items() if run.endswith("-s0")}
+    assert set(outcomes(Evidence(Table.of(first), curves)).values()) == {"not tested"}
+
+
+def test_a_robot_that_walks_one_way_is_neither_stationary_nor_following() -> None:
+    """V2 is about both directions, C1 about either: if this failed, half a gait would count for one or the other."""
+    rows = condition_rows("coulomb20-direct", {0.2: WALKS}, backward=0.0)
+    found = outcomes(Evidence(Table.of(rows), {}))
+    assert found["V2"] == "does not" and found["C1"] == "reproduces"
+
+
+def test_falls_count_against_deception() -> None:
+    """If this failed, a policy that runs and falls would be called a success."""
+    rows = condition_rows("coulomb20-deception", {0.0: WALKS, 0.2: WALKS}, fall_rate=0.5)
+    assert outcomes(Evidence(Table.of(rows), {}))["V9"] == "does not"
+
+
+def test_every_sentence_has_a_name_of_its_own() -> None:
+    """If this failed, `--json` would drop a verdict."""
+    assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)

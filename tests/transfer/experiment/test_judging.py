@@ -1,0 +1,66 @@
+"""The rules of judging, an example for every outcome."""
+
+import numpy as np
+import pytest
+
+from stiction.transfer.experiment.judging import Finding, all_of, larger, over_levels, within
+
+HOLDS, FAILS = Finding("reproduces", "yes"), Finding("does not", "no")
+OPEN, NONE = Finding("undecided", "perhaps"), Finding("not tested", "nothing")
+
+
+@pytest.mark.parametrize(
+    ("points", "outcome"),
+    [
+        ({0: 0.05, 1: 0.06, 2: 0.05}, "reproduces"),
+        ({0: 0.95, 1: 0.96, 2: 0.95}, "does not"),
+        ({0: 0.05, 1: 0.95, 2: 0.5}, "undecided"),
+        ({0: 0.05}, "not tested"),
+        ({}, "not tested"),
+    ],
+)
+def test_a_mean_within_bounds(points: dict, outcome: str) -> None:
+    """If this failed, a single seed or a wide interval would decide."""
+    assert within("direct", points, -np.inf, 0.2).outcome == outcome
+
+
+def test_evidence_shows_mean_interval_and_every_seed() -> None:
+    """If this failed, a reader could not check a verdict: 1, 2, 3 have the interval 2 ± 2.48."""
+    assert within("x", {0: 1.0, 1: 2.0, 2: 3.0}, 0, 1).evidence == "x 2.00 [-0.48, 4.48] (1.00, 2.00, 3.00)"
+    assert within("x", {4: 1.0}, 0, 1).evidence == "x 1.00 (one seed)"
+
+
+def test_a_difference() -> None:
+    """If this failed, which of two methods is ahead would be read the wrong way round."""
+    low, high = ("low", {0: 1.0, 1: 1.1}), ("high", {0: 2.0, 1: 2.1})
+    assert larger(high, low).outcome == "reproduces" and larger(low, high).outcome == "does not"
+    assert larger(("noisy", {0: 0.0, 1: 3.0}), low).outcome == "undecided"
+    assert larger(low, ("one", {0: 0.0})).outcome == "not tested"
+    assert larger(("same", {0: 5.0, 1: 5.0}), ("same", {0: 5.0, 1: 5.0})).outcome == "does not"
+
+
+def test_several_things_at_once() -> None:
+    """If this failed, a sentence would stand on half of its evidence."""
+    assert all_of(HOLDS, HOLDS).outcome == "reproduces"
+    assert all_of(HOLDS, NONE, FAILS).outcome == "does not"
+    assert all_of(HOLDS, OPEN).outcome == "undecided"
+    assert all_of(HOLDS, OPEN, NONE).outcome == "not tested"
+
+
+@pytest.mark.parametrize(
+    ("findings", "outcome", "start"),
+    [
+        ([(0.0, FAILS), (0.1, HOLDS), (0.2, HOLDS)], "reproduces", "at 0.1"),
+        ([(0.1, FAILS), (0.2, FAILS)], "does not", "at 0.1"),
+        ([(0.01, FAILS), (0.1, OPEN), (0.2, HOLDS), (0.3, HOLDS)], "only above x", "x = 0.1; at 0.1: perhaps; at 0.2"),
+        ([(0.1, HOLDS), (0.2, FAILS)], "undecided", "it holds at 0.1 and not"),
+        ([(0.1, FAILS), (0.2, OPEN)], "undecided", "at 0.1"),
+        ([(0.1, NONE), (0.2, NONE)], "not tested", "at 0.1: nothing"),
+        ([(0.1, NONE), (0.2, HOLDS)], "reproduces", "at 0.2"),
+        ([], "not tested", ""),
+    ],
+)
+def test_over_levels(findings: list, outcome: str, start: str) -> None:
+    """If this failed, `only above x` would name the wrong x, or hide that a sentence holds at some levels only."""
+    found = over_levels(findings)
+    assert found.outcome == outcome and found.evidence.startswith(start)

@@ -1,0 +1,30 @@
+"""Intervals over seeds, with numbers worked out by hand (t quantiles from a printed table)."""
+
+import pytest
+
+from stiction.transfer.experiment.statistics import difference_interval, t_interval
+
+
+def test_t_interval_by_hand() -> None:
+    """1, 2, 3: mean 2, s = 1, t(2) = 4.3027, half width 4.3027 / √3 = 2.4841."""
+    assert t_interval([1.0, 2.0, 3.0]) == pytest.approx((2 - 2.4841, 2 + 2.4841), abs=1e-4)
+
+
+def test_difference_by_hand() -> None:
+    """1, 2, 3 against 4, 5, 6: both variances 1, so ν = 4, t = 2.7764, half width 2.7764 √(2/3) = 2.2670."""
+    assert difference_interval([4.0, 5.0, 6.0], [1.0, 2.0, 3.0]) == pytest.approx((0.7330, 5.2670), abs=1e-4)
+
+
+def test_unequal_spread_by_hand() -> None:
+    """0, 2 against 5, 5, 5: all spread is the first's, so ν = 1, t = 12.706, s/√n = 1: -4 ± 12.706."""
+    assert difference_interval([0.0, 2.0], [5.0, 5.0, 5.0]) == pytest.approx((-16.706, 8.706), abs=1e-3)
+
+
+def test_one_seed_has_no_interval() -> None:
+    """If this failed, a single run would carry a verdict."""
+    assert t_interval([1.0]) is None and difference_interval([1.0, 2.0], [1.0]) is None
+
+
+def test_samples_without_spread_differ_by_their_difference() -> None:
+    """Two methods that never walk both need the whole budget: no difference, and no division by zero."""
+    assert difference_interval([350.0, 350.0], [350.0, 350.0]) == (0.0, 0.0)
