@@ -53,7 +53,7 @@ def test_one_command_trains_evaluates_and_judges(
 def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """If this failed, nobody could see what the experiment is before it takes the machine for a day."""
     assert main(["study", "friction", "--list", "--runs", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.startswith("missing       0%  stiction train --preset quick --robot go1")
+    assert capsys.readouterr().out.startswith("missing        0%  stiction train --preset quick --robot go1")
     assert not list(tmp_path.iterdir())
     assert main(["study", "friction", "--parts", "7"]) == 1
     assert "part '7' is none of the experiment's" in capsys.readouterr().err

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from io import TextIOWrapper
 
-from stiction.formats.reproducibility import THREADS_VARIABLE
+from stiction.formats.reproducibility import PACKAGE, THREADS_VARIABLE
 from stiction.transfer.experiment.places import Place
 
 Progress = Callable[[str, float], None]
@@ -54,7 +54,7 @@ class Job:
 
 
 def start(place: Place, command: Callable[[Place], list[str]] = train_command) -> Job | None:
-    """Start the training of a run on one thread; None where another process trains it.
+    """Start the training of a run on one thread, by this very code; None where another process trains it.
 
     The lock passes to the run's own process, so that it holds as long as the training goes on, whoever is interrupted.
     """
@@ -65,7 +65,8 @@ def start(place: Place, command: Callable[[Place], list[str]] = train_command) -
     except OSError:
         lock.close()
         return None
-    environment = {**os.environ, THREADS_VARIABLE: "1"}
+    path = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
+    environment = {**os.environ, THREADS_VARIABLE: "1", "PYTHONPATH": path}
     with (place.path / LOG).open("a") as log:
         process = subprocess.Popen(
             command(place), stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment, pass_fds=[lock.fileno()]
@@ -136,14 +137,21 @@ class Shares:
         self.places = {place.run.name: place for place in places}
         self.before = {name: place.done() for name, place in self.places.items()}
         self.done = dict(self.before)
+        self.told: dict[str, float] = {}
         self.progress = progress
 
     def report(self, trained: Sequence[Place], failed: Mapping[str, str]) -> None:
         """Report runs that are or were in training, and all together: a run that failed has nothing left to do."""
         for place in trained:
             self.done[place.run.name] = place.done()
-            self.progress(place.run.name, place.done() / place.iterations)
+            self._tell(place.run.name, self.done[place.run.name] / place.iterations)
         left = sum(place.iterations - self.done[name] for name, place in self.places.items() if name not in failed)
         gained = sum(self.done.values()) - sum(self.before.values())
         if gained + left:
-            self.progress(ALL, gained / (gained + left))
+            self._tell(ALL, gained / (gained + left))
+
+    def _tell(self, name: str, share: float) -> None:
+        """Report a share that has changed."""
+        if self.told.get(name) != share:
+            self.told[name] = share
+            self.progress(name, share)
