@@ -32,6 +32,12 @@ def short(condition: str) -> str:
     return condition.removeprefix("coulomb20-")
 
 
+def _names(axis: Axes) -> None:
+    """Add a legend where something was drawn."""
+    if axis.get_legend_handles_labels()[0]:
+        legend(axis)
+
+
 def _band(axis: Axes) -> None:
     """Shade the speeds that count as following, and mark standing still."""
     axis.axhspan(*FOLLOWING, color="#4c9f70", alpha=0.12, linewidth=0)
@@ -56,7 +62,7 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
         axis.set_ylim(-0.3, 1.6)
     for axis in axes[2:]:
         axis.set_xlabel(UNITS[law])
-    legend(axes[0])
+    _names(axes[0])
     return figure
 
 
@@ -94,7 +100,7 @@ def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
                 axis.plot(ends, mean, color=color, linewidth=2, label=short(condition))
         axis.set(title=f"{title}, while training", xlabel="iteration of the teacher")
     axes[0].set_ylabel("speed reached / commanded")
-    legend(axes[0])
+    _names(axes[0])
     return figure
 
 
@@ -167,7 +173,7 @@ def draw_collapse(experiment: Experiment) -> Figure:
         axis.set(title=method, xlabel=name)
     axes[0].set_ylabel("speed reached / commanded")
     for axis in axes[:: len(names)]:
-        legend(axis)
+        _names(axis)
     return figure
 
 

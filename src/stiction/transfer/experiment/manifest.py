@@ -144,6 +144,9 @@ MANIFEST: tuple[Condition, ...] = (
         *("none-nogait", "gait", "without both", "none"),
         *("--task.rewards.trot", "0", "--task.rewards.unsync", "0"),
     ),
+    # The set that runs from t - H to t has H + 1 frames.
+    _coulomb("deception-history20", "history", "H = 20 in place of 10", "deception", "--task.history", "21"),
+    _coulomb("deception-history50", "history", "H = 50", "deception", "--task.history", "51"),
 )
 """The conditions in the order in which they are trained."""
 
