@@ -59,7 +59,6 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
             for points in _by_seed(experiment.rows, condition, who, command):
                 axis.plot(*zip(*points, strict=True), color=color, linewidth=0.6, alpha=0.6, marker=".", markersize=3)
         axis.set(title=f"{who}, {DIRECTIONS[command]}", ylabel="speed reached / commanded")
-        axis.set_ylim(-0.3, 1.6)
     for axis in axes[2:]:
         axis.set_xlabel(UNITS[law])
     _names(axes[0])

@@ -59,9 +59,10 @@ def methods_sheet(experiment: Experiment, conditions: Sequence[str], who: str) -
         for word, command in (("forward", "vx=0.5"), ("backward", "vx=-0.5"))
     ]
     header = (f"{who}, friction in % of the torque limit", *(f"{100 * level:g}" for level in levels))
-    seeds = sorted({m.seeds for m in means.values()})
-    note = f"Speed reached over commanded, mean and 95 % t-interval over {' or '.join(map(str, seeds))} seeds."
-    return Sheet(f"Speed over friction, {who}", header, tuple(rows), note if seeds else "")
+    counts = sorted({m.seeds for m in means.values()})
+    seeds = "1 seed" if counts == [1] else f"{' or '.join(map(str, counts))} seeds"
+    note = f"Speed reached over commanded, mean and 95 % t-interval over {seeds}." if counts else ""
+    return Sheet(f"Speed over friction, {who}", header, tuple(rows), note)
 
 
 def part_sheet(experiment: Experiment, part: str) -> Sheet:
