@@ -1,6 +1,7 @@
 """`stiction study friction` as a user runs it, on an experiment of one small run."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,8 +19,9 @@ SMALL = (
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """One condition of one seed."""
+    """One condition of one seed, and fewer levels."""
     monkeypatch.setattr(manifest, "MANIFEST", (manifest.Condition("coulomb20-deception", "1", "a test", SMALL),))
+    monkeypatch.setattr(evaluation, "BASE", replace(evaluation.BASE, friction_levels=(0.0, 0.2)))
 
 
 def test_one_command_trains_evaluates_and_judges(
@@ -34,11 +36,11 @@ def test_one_command_trains_evaluates_and_judges(
     rows = read_results(out / "results.csv")
     assert {row.policy for row in rows} == {"coulomb20-deception-s0/teacher", "coulomb20-deception-s0/student"}
     assert {row.method for row in rows} == {"deception"} and {row.episodes for row in rows} == {2}
-    assert sorted({row.friction_level for row in rows}) == sorted({*evaluation.BASE.friction_levels, 0.12})
+    assert sorted({row.friction_level for row in rows}) == [0.0, 0.12, 0.2]
     cached = {file: file.stat().st_mtime_ns for file in tmp_path.glob("runs/*/evaluation/*.csv")}
     assert len(cached) == 2
     assert main(["study", "friction", "--train", *options, "--ship", "shipped"]) == 1
-    assert "has 1 finished seeds, its median needs at least 3" in capsys.readouterr().err
+    assert "coulomb20-none has 0 finished seeds, its median needs at least 3" in capsys.readouterr().err
     assert cached == {file: file.stat().st_mtime_ns for file in tmp_path.glob("runs/*/evaluation/*.csv")}
     header = json.loads((tmp_path / "runs/coulomb20-deception-s0/config.json").read_text())
     header["config"]["seed"] = 5

@@ -8,6 +8,7 @@ import pytest
 from stiction.cli.train import parse
 from stiction.formats.errors import StictionError
 from stiction.transfer import run_evaluation
+from stiction.transfer.experiment import evaluation
 from stiction.transfer.experiment.evaluation import BASE, LEVELS, Task, evaluate_tasks, settings_for, tasks_for
 from synthetic import place, row, write_run
 
@@ -34,7 +35,9 @@ def tasks(tmp_path: Path, name: str = "toy") -> list[Task]:
     return [task for task in tasks_for([at], BASE) if task.who == "student"]
 
 
-def test_an_evaluation_is_done_once_and_again_when_weights_or_settings_change(tmp_path: Path, walked: list) -> None:
+def test_an_evaluation_is_done_once_and_again_when_what_it_depends_on_changes(
+    tmp_path: Path, walked: list, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """If this failed, results would be of an earlier policy, or every page would cost an hour."""
     task = tasks(tmp_path)[0]
     rows, failed = evaluate_tasks([task], 1)
@@ -45,6 +48,9 @@ def test_an_evaluation_is_done_once_and_again_when_weights_or_settings_change(tm
     (task.path / "checkpoints/student_000001.safetensors").write_text("other weights")
     evaluate_tasks([task], 1)
     assert len(walked) == 3
+    monkeypatch.setattr(evaluation, "code_digest", lambda: "other code")
+    evaluate_tasks([task], 1)
+    assert len(walked) == 4
 
 
 def test_a_policy_that_cannot_be_evaluated_stops_nobody(tmp_path: Path, walked: list) -> None:
@@ -75,6 +81,12 @@ def test_levels_follow_the_torque_and_hold_the_mean_of_training() -> None:
     assert doubled.friction_levels == pytest.approx([level / 2 for level in LEVELS])
     mixture = ["--task.friction.mixture", "0.2", "0", "0", "0.8", "1", "1"]
     assert settings_for(parse([*quick, "0.2", *mixture]).config).friction_levels == tuple(sorted({*LEVELS, 0.16}))
+
+
+def test_a_policy_is_evaluated_under_its_own_law() -> None:
+    """Trained with 0.1 (|F| + |T|), U(0, 1.2): its coefficients, and the mean 0.06; nothing in torque limits."""
+    found = settings_for(parse(["--preset", "quick", "--friction-law", "load", "--friction-level", "0.1"]).config)
+    assert found.friction_law == "load" and found.friction_levels == (0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.3, 0.442)
 
 
 def test_a_run_with_the_robots_own_friction_is_refused() -> None:

@@ -8,11 +8,13 @@ import multiprocessing
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import has_coefficient
+from stiction.formats.reproducibility import PACKAGE
 from stiction.formats.results import ResultRow, read_results, write_results
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.checkpoint import latest_checkpoint
@@ -55,18 +57,36 @@ def training_mean(friction: FrictionCfg) -> float:
 
 
 def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
-    """Return what the policies of a run are put through: the levels of `base` in proportion to its own, and its mean.
+    """Return what the policies of a run are put through, under the friction law that they were trained with.
 
-    Raises:
-        StictionError: the run's friction law is not evaluated here.
-
+    The levels of `base` in proportion to the run's own, those of `COEFFICIENTS` where the level is a coefficient, and
+    in both cases the mean of its training.
     """
     friction = cfg.task.friction
-    mean = training_mean(friction)
-    if friction.law != "coulomb":
-        raise StictionError(f"a run with the friction law {friction.law!r} is not evaluated here; expected coulomb")
-    levels = {round(level * (friction.level or 0.0) / LEVEL, 6) for level in base.friction_levels}
-    return replace(base, friction_levels=tuple(sorted(levels | {mean})))
+    levels: set[float] = set(COEFFICIENTS)
+    if not has_coefficient(friction.law):
+        levels = {round(level * (friction.level or 0.0) / LEVEL, 6) for level in base.friction_levels}
+    settings = replace(base, friction_levels=tuple(sorted(levels | {training_mean(friction)})))
+    return replace(
+        settings,
+        friction_law=friction.law,
+        static_ratio=friction.static_ratio,
+        stribeck_velocity=friction.stribeck_velocity,
+    )
+
+
+MEASURING = (
+    *("sim/*.py", "joints/*.py", "robots/*.py", "rma/models.py"),
+    *(f"transfer/{name}.py" for name in ("run_evaluation", "evaluate", "rollout", "metrics", "teacher", "twin")),
+)
+"""Code that decides what an evaluation measures; where it changes, what was kept before does not count."""
+
+
+@cache
+def code_digest() -> str:
+    """Return the SHA-256 of that code."""
+    files = sorted(file for pattern in MEASURING for file in PACKAGE.glob(pattern))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 @dataclass(frozen=True)
@@ -89,7 +109,7 @@ class Task:
 
     @property
     def file(self) -> Path:
-        """File of its rows, named after everything that they depend on: settings and weights.
+        """File of its rows, named after everything that they depend on: weights, settings and code.
 
         Raises `StictionError` where the run has no such policy.
         """
@@ -98,6 +118,7 @@ class Task:
             raise StictionError(f"{self.path} has no {self.who}; finish it with `stiction train --resume {self.path}`")
         digest = hashlib.sha256(checkpoint.read_bytes())
         digest.update(json.dumps(asdict(self.settings), sort_keys=True).encode())
+        digest.update(code_digest().encode())
         return self.cache / f"{self.who}-{digest.hexdigest()[:16]}.csv"
 
 

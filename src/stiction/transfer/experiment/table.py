@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,9 @@ Key = tuple[str, str, float, str]
 
 Points = dict[int, float]
 """Seed -> value."""
+
+Combine = Callable[[Sequence[float]], float]
+"""One number of several."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +64,11 @@ class Table:
         """Return the mean of |speed ratio - 1| over both directions and the levels, of every seed."""
         return self._combined(condition, levels, who, lambda ratios: float(np.mean(np.abs(np.array(ratios) - 1.0))))
 
-    def _over_directions(self, condition: str, level: float, who: str, choose) -> Points:
+    def _over_directions(self, condition: str, level: float, who: str, choose: Combine) -> Points:
+        """Return what `choose` makes of forward and backward speed ratio, of every seed."""
         return self._combined(condition, [level], who, choose)
 
-    def _combined(self, condition: str, levels: Sequence[float], who: str, combine) -> Points:
+    def _combined(self, condition: str, levels: Sequence[float], who: str, combine: Combine) -> Points:
         """Return a figure of the speed ratios over levels and both directions, of seeds that have all of them."""
         columns = [self.points(condition, level, vx, "speed_ratio", who) for level in levels for vx in DIRECTIONS]
         seeds = sorted(set.intersection(*map(set, columns))) if columns else []

@@ -21,8 +21,8 @@ Progress = Callable[[str, float], None]
 ALL = "all runs"
 """Name under which the progress of everything is reported."""
 
-PATIENCE = 60.0
-"""Time that an interrupted run has to end by itself [s]: it may be writing a checkpoint."""
+PATIENCE = 120.0
+"""Time that an interrupted run has to end by itself [s]: it finishes its iteration and writes a checkpoint."""
 
 POLL = 1.0
 """Time between two looks at the runs [s]."""
@@ -68,8 +68,15 @@ def start(place: Place, command: Callable[[Place], list[str]] = train_command) -
     path = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
     environment = {**os.environ, THREADS_VARIABLE: "1", "PYTHONPATH": path}
     with (place.path / LOG).open("a") as log:
+        # In a session of its own, so that Ctrl-C reaches it once, from `stop`: a second one would not wait.
         process = subprocess.Popen(
-            command(place), stdout=log, stderr=log, stdin=subprocess.DEVNULL, env=environment, pass_fds=[lock.fileno()]
+            command(place),
+            stdout=log,
+            stderr=log,
+            stdin=subprocess.DEVNULL,
+            env=environment,
+            pass_fds=[lock.fileno()],
+            start_new_session=True,
         )
     return Job(place, process, lock)
 
