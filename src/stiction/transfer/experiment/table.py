@@ -12,7 +12,7 @@ from stiction.formats.results import ResultRow
 from stiction.transfer.experiment.manifest import condition_of
 from stiction.transfer.experiment.statistics import t_interval
 
-STUDENT, TEACHER = "student", "teacher"
+STUDENT = "student"
 
 DIRECTIONS = "vx=0.5", "vx=-0.5"
 """Forward and backward: the commands by which a way of training is judged."""
