@@ -62,6 +62,8 @@ def test_an_interrupt_ends_every_run_and_frees_its_lock(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         train_missing(places, 2, interrupt, command, poll=0.02)
     assert running == [0, 1]
+    assert train_missing(places, 2, command=command, poll=0.02, asked=lambda: len(running) > 3) == {}
+    assert running == [0, 1, 0, 1]
     job = start(places[0], sleep)
     assert job is not None
     stop([job])

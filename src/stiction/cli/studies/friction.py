@@ -69,6 +69,7 @@ def places_of(options: FrictionStudy) -> list[Place]:
 def main(arguments: list[str]) -> int:
     """Run the study; return 1 if a run could not be trained or evaluated."""
     options = tyro.cli(FrictionStudy, args=arguments, prog="stiction study friction", description=DESCRIPTION)
+    from stiction.cli.interruption import stop_requests
     from stiction.cli.terminal import work_progress
     from stiction.formats.reproducibility import num_threads
     from stiction.report.evaluation import make_folder
@@ -86,7 +87,10 @@ def main(arguments: list[str]) -> int:
     jobs, failed = options.jobs or num_threads(), {}
     with work_progress() as progress:
         if options.train:
-            failed = train_missing(places, jobs, progress)
+            with stop_requests(say, "an iteration of each run") as asked:
+                failed = train_missing(places, jobs, progress, asked=asked)
+            if asked():
+                return asked.status
         base = replace(BASE, episodes=options.episodes, seconds=options.seconds)
         finished = [place for place in places if place.state() == "finished"]
         rows, unevaluated = evaluate_tasks(tasks_for(finished, base, options.cache), jobs, progress)
@@ -94,10 +98,11 @@ def main(arguments: list[str]) -> int:
     command = shlex.join(["stiction", "study", "friction", *arguments])
     experiment = assemble(places, rows, base, {"command": command, "failed": failed})
     page = write_experiment(options.out, experiment)
-    complain(failed)
+    for name, reason in failed.items():
+        say(f"{name}: {reason}")
     if options.ship is not None:
         for folder in ship(places, rows, options.ship):
-            print(f"shipped: {folder}", file=sys.stderr)
+            say(f"shipped {folder}")
     if options.json:
         print(json.dumps({verdict.id: verdict.outcome for verdict in experiment.verdicts}))
     else:
@@ -105,10 +110,9 @@ def main(arguments: list[str]) -> int:
     return 1 if failed else 0
 
 
-def complain(failed: Mapping[str, str]) -> None:
-    """Say on standard error, a line each, what could not be trained or evaluated, and why."""
-    for name, reason in failed.items():
-        print(f"stiction study friction: {name}: {reason}", file=sys.stderr)
+def say(text: str) -> None:
+    """Print a line on standard error."""
+    print(f"stiction study friction: {text}", file=sys.stderr)
 
 
 def print_places(places: list[Place], states: Mapping[str, str], show: Callable[[str], None] = print) -> None:

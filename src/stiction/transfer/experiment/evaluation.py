@@ -7,6 +7,7 @@ import json
 import multiprocessing
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -172,6 +173,8 @@ def evaluate_tasks(
             found[task.name] = rows()
         except StictionError as error:
             failed[task.name] = str(error)
+        except BrokenProcessPool:
+            failed[task.name] = "a process that evaluates was killed, perhaps for want of memory; give fewer --jobs"
         progress("evaluation", (len(found) + len(failed)) / len(tasks))
 
     new = [task for task in tasks if not task.file.exists()]

@@ -87,11 +87,12 @@ def train_missing(
     progress: Progress = lambda name, share: None,
     command: Callable[[Place], list[str]] = train_command,
     poll: float = POLL,
+    asked: Callable[[], bool] = lambda: False,
 ) -> dict[str, str]:
     """Train what is not finished, `jobs` at once, in the order given; return run -> why it is still not finished.
 
-    A run that fails does not stop the others. Interrupted, all runs in training are asked to end and waited for: they
-    go on from their last checkpoints next time.
+    A run that fails does not stop the others. Once `asked` to stop, or interrupted, all runs in training are asked to
+    end and waited for: they go on from where they stopped next time.
 
     Raises:
         StictionError: a folder holds a run with another configuration; nothing was started then.
@@ -102,7 +103,7 @@ def train_missing(
     running: list[Job] = []
     failed: dict[str, str] = {}
     try:
-        while waiting or running:
+        while (waiting or running) and not asked():
             while waiting and len(running) < jobs:
                 place = waiting.pop(0)
                 job = start(place, command)
