@@ -52,7 +52,7 @@ def paper_is_wrong() -> Evidence:
         *condition_rows("coulomb20-direct-strong", {0.2: STANDS}),
         *condition_rows("coulomb20-direct-weak", {0.2: WALKS}),
         *condition_rows("coulomb20-narrow", {0.2: WALKS}),
-        *(r for c in (0.05, 0.1, 0.442) for r in condition_rows(f"load{round(1000 * c)}-direct", {c: WALKS})),
+        *(r for c in (0.05, 0.2, 0.442) for r in condition_rows(f"load{round(1000 * c)}-direct", {c: WALKS})),
     ]
     return Evidence(Table.of(rows), curves_of(none=300, deception=200, direct=100))
 

@@ -21,8 +21,9 @@ from stiction.formats.errors import StictionError
 LEVEL = 0.2
 """Nominal dry friction of the experiment, a fraction of each joint's torque limit [-]."""
 
-LOAD_COEFFICIENTS = (0.05, 0.1, 0.442)
-"""Coefficients of the law `load` [-]: two about the onset, and the number of the paper's Table III read as one."""
+LOAD_COEFFICIENTS = (0.05, 0.2, 0.442)
+"""Coefficients of the law `load` [-]: where walking begins to suffer and where it ends, for policies that never met the
+law (mean friction 3 and 12 N m a joint), and the number of the paper's Table III read as one."""
 
 PARTS = {
     "1": "The ways to train with friction, five seeds",
