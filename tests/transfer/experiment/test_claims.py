@@ -30,7 +30,7 @@ def paper_is_right() -> Evidence:
         *condition_rows("coulomb20-direct-strong", {0.2: WALKS}),
         *condition_rows("coulomb20-direct-weak", {0.2: STANDS}),
         *condition_rows("coulomb20-narrow", {0.2: SLOW}),
-        *(r for c in (0.05, 0.1) for r in condition_rows(f"load{round(1000 * c)}-direct", {c: WALKS})),
+        *(r for c in (0.05, 0.2) for r in condition_rows(f"load{round(1000 * c)}-direct", {c: WALKS})),
         *condition_rows("load442-direct", {0.442: STANDS}),
     ]
     for index, found in enumerate(rows):
@@ -68,7 +68,7 @@ def test_results_as_the_paper_tells_them() -> None:
     expected |= {NEVER: "not tested", "V2, as load": "only above x", "A1": "only above x"}
     assert outcomes(paper_is_right()) == expected
     evidence = {v.id: v.evidence for v in judge_all(paper_is_right())}
-    assert evidence["A1"].startswith("x = 0.01;") and evidence["V2, as load"].startswith("x = 0.1;")
+    assert evidence["A1"].startswith("x = 0.01;") and evidence["V2, as load"].startswith("x = 0.2;")
 
 
 def test_results_against_the_paper() -> None:
