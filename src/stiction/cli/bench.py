@@ -12,6 +12,7 @@ from typing import Literal
 import tyro
 
 from stiction.formats.errors import StictionError
+from stiction.locomotion.terrain import TerrainName
 from stiction.sim.protocol import DeviceName
 
 DESCRIPTION = """Measure throughput side by side in one run, on all cores (or STICTION_THREADS).
@@ -34,6 +35,8 @@ class Bench:
     """Law of the friction: all but coulomb stop the simulator at every physics step."""
     robot: str = "saturn_lite"
     """The robot to measure with."""
+    terrain: TerrainName = "flat"
+    """What the robots stand on: elevation map and courses cost the task time."""
     actuator: Path | None = None
     """A folder of `stiction train-actuator`: its net gives the torque in the task. With one of output-side torque, use
     --method none."""
@@ -65,7 +68,9 @@ def main(arguments: list[str]) -> int:
     note.print("task against bare simulator ...")
     cfg = bench_cfg(replace(PRESETS["full"], num_envs=options.num_envs), options.method, options.friction_level)
     friction = replace(cfg.task.friction, law=options.friction_law)
-    cfg = replace(cfg, device=options.device, task=replace(cfg.task, robot=options.robot, friction=friction))
+    terrain = replace(cfg.task.terrain, kind=options.terrain)
+    task = replace(cfg.task, robot=options.robot, friction=friction, terrain=terrain)
+    cfg = replace(cfg, device=options.device, task=task)
     net = None if options.actuator is None else read_actuator(options.actuator)
     timing, sizes = measure_training(cfg, options.blocks, net)
     note.print("deployed policy and identification ...")
@@ -76,6 +81,7 @@ def main(arguments: list[str]) -> int:
             "method": options.method,
             "friction_law": options.friction_law,
             "friction_level": options.friction_level,
+            "terrain": options.terrain,
             "actuator": None if options.actuator is None else options.actuator.resolve().name,
             "num_envs": options.num_envs,
             "device": options.device,
