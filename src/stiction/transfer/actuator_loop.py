@@ -21,11 +21,13 @@ from typing import Any
 
 import torch
 
+from stiction.deploy.check import check_bundle
 from stiction.formats.actuator import FILE, INPUT_SETS, read_actuator
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.configuration import to_plain
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import num_threads
+from stiction.formats.shipped import find_bundle
 from stiction.rma.actuator import error_of, train_actuator, write_trained
 from stiction.rma.actuator_data import LoggedRun, read_run
 from stiction.rma.checkpoint import write_json
@@ -64,8 +66,19 @@ class ActuatorLoop:
                     "another --out"
                 )
         else:
+            if cfg.policy is not None:
+                self._check_given(find_bundle(cfg.policy))
             out.mkdir(parents=True, exist_ok=True)
             write_json(file, {"options": options, "command": command})
+
+    def _check_given(self, path: Path) -> None:
+        """Refuse a first policy that is damaged, or was made for another robot or physics step."""
+        contract, task = check_bundle(path).bundle.contract, self.cfg.train.task
+        if (contract.robot, contract.physics_timestep) != (task.robot, task.timestep):
+            raise StictionError(
+                f"{path} is for {contract.robot} at steps of {contract.physics_timestep} s, the study trains "
+                f"{task.robot} at {task.timestep} s; say --task.robot and --task.timestep"
+            )
 
     def run(self) -> dict[str, Any]:
         """Go through all stages that are not done; return what the page needs: errors of the nets, rows, robots."""
@@ -94,16 +107,9 @@ class ActuatorLoop:
         if self.cfg.policy is None:
             return self._trained("f0", self.cfg.train)
         if not folder.exists():
-            given = read_bundle(self.cfg.policy)
-            task = self.cfg.train.task
-            if (given.contract.robot, given.contract.physics_timestep) != (task.robot, task.timestep):
-                raise StictionError(
-                    f"{self.cfg.policy} is for {given.contract.robot} at steps of {given.contract.physics_timestep} s, "
-                    f"the study trains {task.robot} at {task.timestep} s; say --task.robot and --task.timestep"
-                )
             part = folder.with_name("f0.part")
             shutil.rmtree(part, ignore_errors=True)
-            shutil.copytree(self.cfg.policy, part)
+            shutil.copytree(find_bundle(self.cfg.policy), part)
             part.rename(folder)
         return read_bundle(folder)
 

@@ -83,6 +83,11 @@ def main(arguments: list[str]) -> int:
     if options.list:
         print_places(places, states)
         return 0
+    if not options.train and "finished" not in states.values():
+        raise StictionError(
+            f"no run of the experiment in {options.runs} is finished; train them with --train, or name their folder "
+            "with --runs"
+        )
     make_folder(options.out)
     jobs, failed = options.jobs or num_threads(), {}
     with work_progress() as progress:
