@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 import torch
@@ -10,9 +11,11 @@ import torch
 from stiction.formats.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import ELEVATION_SCALE, LocomotionEnv
-from stiction.locomotion.terrain import BEYOND, SCAN_POINTS, Curriculum, TerrainCfg, hold_heading
+from stiction.locomotion.terrain import BEYOND, LENGTH, SCAN_POINTS, START, Curriculum, TerrainCfg, hold_heading
 from stiction.rma.checkpoint import load_checkpoint, save_checkpoint
 from stiction.sim.terrain import KINDS, REACH
+
+UNSOUND = [{"speed": (0.3, float("inf"))}, {"elevation_noise": -0.1}, {"heading_gain": float("nan")}]
 
 STAIRS = TerrainCfg(kind="stairs", elevation_noise=0.0)
 
@@ -37,6 +40,53 @@ def test_levels_follow_the_way_that_was_covered() -> None:
     curriculum.begin(np.arange(4))
     assert curriculum.level.tolist() == [0, 6, 5, 4]
     assert not curriculum.asked.any() and not curriculum.covered.any()
+
+
+def test_who_falls_is_asked_for_the_rest_of_the_way() -> None:
+    """A robot that walks well up to its first step and falls there would be sent to higher ones, again and again.
+
+    All have covered 80 % of what was asked so far. Robot 1 fell with 4 s to go: 1 m of 1 + 0.5 x 4 m is 27 %. Robot 2
+    with 1 s to go: 53 %. Robot 3 stands. Of a fall with time for more than the course, the course is asked for.
+    """
+    curriculum = make_curriculum()
+    curriculum.begin(np.arange(4))
+    curriculum.asked[:], curriculum.covered[:], curriculum.speed[:] = 1.0, 0.8, 0.5
+    curriculum.fall(np.array([False, True, True, False]), np.array([9.0, 4.0, 1.0, 9.0]))
+    assert curriculum.asked == pytest.approx([1.0, 3.0, 1.5, 1.0])
+    curriculum.begin(np.arange(4))
+    assert curriculum.level.tolist() == [0, 4, 5, 6]
+    curriculum.speed[:] = 0.5
+    curriculum.fall(np.full(4, True), np.full(4, 100.0))
+    assert curriculum.asked == pytest.approx(LENGTH)
+
+
+def test_the_task_tells_the_curriculum_of_falls() -> None:
+    """The curriculum would never hear of them. A robot on its side, 20 s before its end, is asked for the course."""
+    env = make_env()
+    level = env.course.level.copy()
+    env.course.covered[:], env.course.asked[:] = 0.5, 0.5
+    env.fleet.base_quaternion[-1] = (np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0)
+    env.fleet.base_position[-1, 2] = 0.2
+    env.course.level[:] = 5 * env.course.on_course
+    _, _, dones, extras = env.step(torch.zeros(8, env.num_actions))
+    assert dones.tolist() == [False] * 7 + [True] and not extras["time_outs"].any()
+    assert env.course.level.tolist() == [0, 0, 5, 5, 5, 5, 5, 4] and level[-1] <= 2
+
+
+@pytest.mark.parametrize("kind", ["slopes", "rough", "stairs"])
+def test_a_course_begins_beyond_the_start(kind: str) -> None:
+    """Robots would start with their feet in the ground, or be told that they had crossed before they were down."""
+    env = make_env(kind=kind, first_level=9, num=64)
+    course = env.course
+    for side in (-1.0, 1.0):
+        x = side * (REACH + 1e-6 + np.linspace(0.0, START, 15))
+        points = np.stack(np.meshgrid(x, np.linspace(-2.0, 2.0, 41)), -1).reshape(1, -1, 2)
+        assert np.abs(course.terrain.height(np.repeat(points, 64, 0))).max() < 1e-9
+    for robot in range(64):
+        model, data = env.fleet.simulation.materialize(robot)
+        mujoco.mj_forward(model, data)
+        touched = {model.geom(geom).name for contact in data.contact[: data.ncon] for geom in contact.geom}
+        assert not any(name.startswith("obstacle") for name in touched)
 
 
 def test_the_first_reset_moves_nobody() -> None:
@@ -110,7 +160,7 @@ def test_a_checkpoint_holds_the_ground(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "changes", [{"kind": "lava"}, {"first_level": 30}, {"demote_below": 0.9}, {"speed": (0.5, 0.3)}]
+    "changes", [{"kind": "lava"}, {"first_level": 30}, {"demote_below": 0.9}, {"speed": (0.5, 0.3)}, *UNSOUND]
 )
 def test_a_curriculum_that_is_none_is_refused(changes: dict) -> None:
     """The mistake would show after an hour of training."""

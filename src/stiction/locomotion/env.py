@@ -131,6 +131,8 @@ class LocomotionEnv(VecEnv):
         time_outs = (self.episode_length_buf >= self.max_episode_length) & ~fallen
         if self.course:
             self.course.walk(self.fleet.qvel[:, :2], self.cfg.control_period)
+            left = (self.max_episode_length - self.episode_length_buf) * self.cfg.control_period
+            self.course.fall(fallen.numpy(), left.numpy())
             time_outs |= torch.from_numpy(self.course.crossed(self.fleet.base_position[:, :2])) & ~fallen
         dones = fallen | time_outs
         log = self._log(snapshot, fallen, dones, blown_up)

@@ -29,11 +29,17 @@ START = 0.7
 BEYOND = 0.6
 """A robot that is this far beyond the other foot has crossed its course [m]."""
 
+LENGTH = START + 2 * REACH + BEYOND
+"""Way from the start to where a course has been crossed [m]."""
+
 SIDEWAYS = 1.0
 """Half-width of the start, across the way [m]."""
 
 ASKEW = 0.2
 """Half-width of the first error of heading [rad]."""
+
+FASTEST = 10.0
+"""Bound of the commanded speed [m/s]."""
 
 SCAN = (np.linspace(-0.6, 0.9, 13), np.linspace(-0.3, 0.3, 5))
 """Where the elevation map is sampled, forward and left of the base [m]: a tread is two to three points deep."""
@@ -58,7 +64,7 @@ class TerrainCfg:
     promote_above: float = 0.75
     """A robot goes one level up after an episode in which it covered more than this share of the commanded way..."""
     demote_below: float = 0.4
-    """... and one down where it covered less than this."""
+    """... and one down where it covered less than this. To who falls, the rest of the way counts as commanded too."""
     speed: tuple[float, float] = (0.3, 0.55)
     """Commanded speed across a course [m/s]."""
     heading_gain: float = 1.0
@@ -75,8 +81,15 @@ class TerrainCfg:
                 f"{self.levels} terrain levels, the first up to {self.first_level}, demotion under "
                 f"{self.demote_below}, promotion above {self.promote_above}: expected them in that order"
             )
-        if not 0 < self.speed[0] <= self.speed[1]:
-            raise StictionError(f"speed on terrain {self.speed}: expected a lower and an upper end above 0 [m/s]")
+        if not 0 < self.speed[0] <= self.speed[1] <= FASTEST:
+            raise StictionError(
+                f"speed on terrain {self.speed}: expected a lower and an upper end above 0, up to {FASTEST:g} m/s"
+            )
+        if not 0 <= self.elevation_noise < 1 or not 0 <= self.heading_gain <= 100:
+            raise StictionError(
+                f"elevation noise {self.elevation_noise} m, heading gain {self.heading_gain}/s: expected numbers in "
+                "[0, 1) and [0, 100]"
+            )
 
 
 def hold_heading(error: np.ndarray, gain: float) -> np.ndarray:
@@ -135,6 +148,14 @@ class Curriculum:
         along = velocity[:, 0] * np.cos(self.heading) + velocity[:, 1] * np.sin(self.heading)
         self.covered += along * period
         self.asked += self.speed * period
+
+    def fall(self, fallen: np.ndarray, left: np.ndarray) -> None:
+        """Ask of who has fallen, (N,) bool, for the way that was still to come: it would be promoted for a good start.
+
+        left: time to the end of each robot's episode [s], (N,).
+        """
+        whole = np.minimum(self.asked + self.speed * left, LENGTH)
+        self.asked = np.where(fallen, np.maximum(self.asked, whole), self.asked)
 
     def crossed(self, position: np.ndarray) -> np.ndarray:
         """Return who has crossed its course, (N,) bool. `position`: of the base, (N, 2) [m]."""

@@ -22,12 +22,13 @@ STEPS = 6
 """Stairs up, and down again: as many as are crossed in a quarter of a minute at 0.4 m/s."""
 
 LANDING = 0.6
-"""Half the length of the landing between up and down [m]: longer than a trunk."""
+"""Half the length of the landing between up and down [m], of stairs without the highest treads, which are level with
+it: longer than a trunk."""
 
 WIDTH = 3.0
 """Half the width of a slope [m]. Stairs are square, so that they can be met from four sides."""
 
-RAMP = 2.4
+RAMP = TREAD * STEPS
 """Length of a slope along its surface [m]."""
 
 SLABS = 24
@@ -42,7 +43,13 @@ REACH = LANDING + TREAD * STEPS
 CELL = 0.05
 """Cell of the table in which the heights of rough ground are looked up [m]; the slabs themselves are exact."""
 
-_TABLE = (REACH + 0.4, REACH / 2 + 0.4)
+_SLAB = (0.12, 0.35)
+"""Range of the half sizes of slabs, seen from above [m]."""
+
+_SPREAD = (REACH - 2**0.5 * _SLAB[1], REACH / 2)
+"""Half the extent along x and y in which the middles of slabs lie [m]: however turned, none is beyond the foot."""
+
+_TABLE = (REACH, REACH / 2 + 0.5)
 """Half the extent of that table along x and y [m]."""
 
 _THICK = 0.5
@@ -61,7 +68,7 @@ def half_sizes(kind: str) -> np.ndarray:
         return np.array([[RAMP / 2, WIDTH, _THICK], [LANDING, WIDTH, _THICK], [RAMP / 2, WIDTH, _THICK]])
     if kind == "rough":
         # Sizes are the same for every robot; where the slabs lie is not.
-        size = np.random.default_rng(0).uniform(0.12, 0.35, (SLABS, 2))
+        size = np.random.default_rng(0).uniform(*_SLAB, (SLABS, 2))
         return np.hstack((size, np.full((SLABS, 1), _THICK)))
     return np.zeros((0, 3))
 
@@ -194,8 +201,7 @@ def _place_slope(angle: np.ndarray, half: np.ndarray, uniform: np.ndarray) -> tu
 def _place_slabs(highest: np.ndarray, half: np.ndarray, uniform: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Strew slabs over the way, each turned and as high as chance wants, up to `highest`."""
     position, quaternion = np.zeros((len(highest), SLABS, 3)), _upright((len(highest), SLABS))
-    position[..., 0] = REACH * (2.0 * uniform[..., 0] - 1.0)
-    position[..., 1] = REACH / 2 * (2.0 * uniform[..., 1] - 1.0)
+    position[..., :2] = np.array(_SPREAD) * (2.0 * uniform[..., :2] - 1.0)
     position[..., 2] = highest[:, None] * uniform[..., 2] - _THICK
     quaternion[..., 0], quaternion[..., 3] = np.cos(np.pi / 2 * uniform[..., 3]), np.sin(np.pi / 2 * uniform[..., 3])
     return position, quaternion
