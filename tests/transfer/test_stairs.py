@@ -35,25 +35,39 @@ def test_a_height_counts_only_if_all_lower_ones_do() -> None:
 
 
 def test_steps_passed_by_hand() -> None:
-    """Before the foot none; on the first tread one; on the landing all of the way up; behind the last twice as many."""
-    along = np.array([-REACH - 0.1, -REACH + 0.1, -REACH + TREAD + 0.1, 0.0, LANDING + 0.1, REACH + 0.1])
-    assert steps_passed(along).tolist() == [0, 1, 2, STEPS, STEPS + 1, 2 * STEPS]
+    """A tread counted from where the last one begins would be a step too many; one slid back down, a step climbed.
+
+    Robot 0 goes over: the highest tread is level with the landing, so that the first step down is at 0.9 m. Robot 1
+    comes to the second tread and falls back to the first. Robot 2 walks past the stairs, robot 3 rolls over them.
+    """
+    edge = LANDING + TREAD
+    along = [-REACH - 0.1, -REACH + 0.1, -REACH + TREAD + 0.1, 0.0, edge - 0.1, edge + 0.1, REACH - 0.1, REACH + 0.1]
+    position = np.zeros((len(along), 4, 2))
+    position[:, (0, 2, 3), 0] = np.array(along)[:, None]
+    position[:, 1, 0] = [-REACH - 0.1, -REACH + 0.1, -REACH + TREAD + 0.1, *[-REACH + 0.1] * 5]
+    position[:, 2, 1] = REACH + 0.1
+    upright = np.ones((len(along), 4), bool)
+    upright[2:, 3] = False
+    up, down = steps_passed(position, upright)
+    assert up[:, 0].tolist() == [0, 1, 2, STEPS, STEPS, STEPS, STEPS, STEPS]
+    assert down[:, 0].tolist() == [0, 0, 0, 0, 0, 1, STEPS - 1, STEPS]
+    assert up[-1].tolist() == [STEPS, 2, 0, 1] and down[-1].tolist() == [STEPS, 0, 0, 0]
 
 
 def test_a_trial_is_judged_by_where_it_stood_upright() -> None:
-    """A robot that rolled over the last step would have climbed it."""
+    """A robot that rolled over the last step would have climbed it, and one that walked past all of them."""
     steps, far = 4, REACH + 1.0
-    position = np.zeros((steps, 3, 2))
-    position[:, 0, 0] = (-REACH, 0.0, far, far)  # arrives in step 3
-    position[:, 1, 0] = (-REACH, 0.0, far, far)  # falls before it arrives
-    position[:, 2, 0] = -REACH - 0.1  # never starts
-    upright = np.array([[True] * 4, [True, True, False, False], [True] * 4]).T
-    empty = np.zeros((steps, 3))
-    recording = Recording(0.02, np.zeros((steps, 3, 3)), position, np.zeros((steps, 3, 6), bool), empty, empty, upright)
+    position = np.zeros((steps, 4, 2))
+    position[:, (0, 1, 3), 0] = np.array([-REACH - 0.1, 0.0, far, far])[:, None]
+    position[:, 2, 0] = -REACH - 0.1  # never starts, number 0 arrives in step 3, number 1 falls before it arrives
+    position[1, 3, 1] = REACH + 0.1  # is beside the stairs where the others are on the landing
+    upright = np.array([[True] * 4, [True, True, False, False], [True] * 4, [True] * 4]).T
+    empty = np.zeros((steps, 4))
+    recording = Recording(0.02, np.zeros((steps, 4, 3)), position, np.zeros((steps, 4, 6), bool), empty, empty, upright)
     result = _judge("p", 0.0, 0.1, recording)
-    assert (result.trials, result.successes, result.falls) == (3, 1, 1)
+    assert (result.trials, result.successes, result.falls) == (4, 1, 1)
     assert result.seconds == pytest.approx(0.06)
-    assert result.steps_climbed == pytest.approx((2 * STEPS + STEPS + 0) / 3)
+    assert result.steps_climbed == pytest.approx((2 * STEPS + STEPS + 0 + 0) / 4)
 
 
 @pytest.mark.parametrize("changes", [{"step_heights": (0.5,)}, {"friction_levels": ()}, {"trials": 0}, {"speed": 0.0}])

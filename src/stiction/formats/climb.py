@@ -25,7 +25,7 @@ class Climb:
     trials: int
     """Number of robots."""
     successes: int
-    """... that left the last step behind."""
+    """... that went over the landing and left the last step behind."""
     falls: int
     """... that fell before."""
     steps_climbed: float

@@ -1,8 +1,8 @@
 """How high can a policy climb? Stairs up, a landing, stairs down, step height by step height, blind.
 
 A pilot holds the robot on its way: the turn rate is the error of heading times a gain, as in training; nothing else is
-corrected. A trial succeeds when the robot has left the last step behind without a fall, within twice the time that the
-commanded speed takes.
+corrected. A trial succeeds when the robot has stood on the landing and then left the last step behind without a fall,
+within twice the time that the commanded speed takes. The way to the landing is over all steps, from every side.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from stiction.formats.climb import Climb
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
 from stiction.locomotion.config import NoiseCfg
-from stiction.locomotion.terrain import ASKEW, BEYOND, SCAN_POINTS, SIDEWAYS, START, UNDER, TerrainCfg, hold_heading
+from stiction.locomotion.terrain import ASKEW, BEYOND, LENGTH, SCAN_POINTS, START, UNDER, TerrainCfg, hold_heading
 from stiction.sim.fleet import Fleet
-from stiction.sim.terrain import KINDS, LANDING, REACH, SLABS, STEEPEST, STEPS, TREAD, Terrain
+from stiction.sim.terrain import KINDS, REACH, SLABS, STEEPEST, STEPS, Terrain, stair_height
 from stiction.transfer.evaluate import record
 from stiction.transfer.metrics import Recording
 from stiction.transfer.rollout import Rollout, friction_at, robot_of
 
-LENGTH = START + 2 * REACH + BEYOND
-"""Way from the start to where a trial has succeeded [m]."""
+ASIDE = 0.5
+"""Half-width of the start, across the way [m]: the whole trunk is before the landing, whose half-width is 0.9 m."""
 
 PATIENCE = 2.0
 """A trial may take this many times what the commanded speed takes."""
@@ -107,7 +107,7 @@ def _line_up(fleet: Fleet, generator: np.random.Generator, trials: int) -> None:
     """Put the robots before their stairs, off the middle and askew; trial i is the same at every height and level."""
     copies = fleet.num_envs // trials
     fleet.base_position[:, 0] = -(REACH + START)
-    fleet.base_position[:, 1] = np.tile(generator.uniform(-SIDEWAYS, SIDEWAYS, trials), copies)
+    fleet.base_position[:, 1] = np.tile(generator.uniform(-ASIDE, ASIDE, trials), copies)
     half = np.tile(generator.uniform(-ASKEW, ASKEW, trials), copies) / 2
     fleet.base_quaternion[:, 0], fleet.base_quaternion[:, 3] = np.cos(half), np.sin(half)
 
@@ -115,10 +115,10 @@ def _line_up(fleet: Fleet, generator: np.random.Generator, trials: int) -> None:
 def _judge(policy: str, level: float, height: float, recording: Recording) -> Climb:
     """Return what the trials of one height and level came to."""
     along = recording.position[..., 0]
-    over = (along > REACH + BEYOND) & recording.upright
+    up, down = steps_passed(recording.position, recording.upright)
+    over = (along > REACH + BEYOND) & recording.upright & (up == STEPS)
     success = over.any(axis=0)
     first = over.argmax(axis=0)[success] + 1
-    farthest = np.where(recording.upright, along, -np.inf).max(axis=0)
     return Climb(
         policy=policy,
         friction_level=level,
@@ -126,12 +126,17 @@ def _judge(policy: str, level: float, height: float, recording: Recording) -> Cl
         trials=along.shape[1],
         successes=int(success.sum()),
         falls=int((~recording.upright[-1] & ~success).sum()),
-        steps_climbed=float(steps_passed(farthest).mean()),
+        steps_climbed=float((up[-1] + down[-1]).mean()),
         seconds=float(np.median(first) * recording.period) if success.any() else None,
     )
 
 
-def steps_passed(along: np.ndarray) -> np.ndarray:
-    """Return the number of steps behind a robot whose base came as far as `along` [m] of the middle, any shape."""
-    up = np.clip(np.floor((along + REACH) / TREAD) + 1, 0, STEPS)
-    return up + np.clip(np.floor((along - LANDING) / TREAD) + 1, 0, STEPS)
+def steps_passed(position: np.ndarray, upright: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return how many steps each robot has passed upright until each moment, up, and down on the other side; (T, N).
+
+    position: of the base, (T, N, 2) [m]; upright: bool, (T, N).
+    """
+    level = stair_height(position, np.ones((1, 1)))
+    up = np.maximum.accumulate(level * upright)
+    down = np.maximum.accumulate((up - level) * (upright & (position[..., 0] > 0.0)))
+    return up, down
