@@ -91,6 +91,23 @@ def test_unknown_robots_are_named_in_one_line(name: str) -> None:
         find_robot(name)
 
 
+def test_a_variation_by_hand() -> None:
+    """Gains kp times 4 and kd times 2 keep kd / (2 sqrt(kp J)); the torque limits double; everything else stays."""
+    plain, varied = find_robot("go1"), find_robot("go1@kp=4,torque=2")
+    for name, factor in (("stiffness", 4.0), ("derivative", 2.0), ("torque_limit", 2.0), ("armature", 1.0)):
+        np.testing.assert_allclose(varied.joint_values(name), factor * plain.joint_values(name))
+    assert varied.name == "go1@kp=4,torque=2" and varied.base == plain.base
+
+
+@pytest.mark.parametrize(
+    "name", ["go1@", "go1@kd=2", "go1@kp=0", "go1@kp=nan", "go1@kp=1e3", "go1@kp=2,kp=3", "no@kp=2"]
+)
+def test_a_variation_that_is_none_is_refused(name: str) -> None:
+    """An experiment would run with the gains that it meant to vary."""
+    with pytest.raises(StictionError, match="robot"):
+        find_robot(name)
+
+
 def test_impossible_robots_are_refused() -> None:
     """A standing pose outside the limits, one contact group only, legs of one name."""
     go1 = find_robot("go1")

@@ -80,13 +80,13 @@ def _add_leg(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, leg: L
 
 
 GROUND, OBSTACLE = 1, 2
-"""Collision bits: feet and trunk touch the plane and obstacles, shanks obstacles alone, legs never each other."""
+"""Collision bits: feet and trunk touch the plane, obstacles and each other, shanks obstacles alone, thighs nothing."""
 
 
 def build(
     robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | None = None, joint_sensors: bool = False
 ) -> mujoco.MjSpec:
-    """Return the robot on flat ground as an `MjSpec`, its base free, in its standing pose (keyframe 0).
+    """Return the robot on the ground as an `MjSpec`, its base free, in its standing pose (keyframe 0).
 
     `timestep`: physics step [s]; `obstacles`: half sizes of boxes [m], (boxes, 3), parked far below until somebody
     places them; `joint_sensors`: measure what every joint transmits, see `_add_joint_sensors`. On the plane only feet

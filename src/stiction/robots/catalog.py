@@ -35,22 +35,25 @@ def find_robot(name: str) -> RobotSpec:
 
 def vary(robot: RobotSpec, name: str, variation: str) -> RobotSpec:
     """Return a robot called `name` with its joints varied as `kp=0.5,torque=2` says."""
-    factors = dict.fromkeys(VARIATIONS, 1.0)
+    factors: dict[str, float] = {}
     for part in variation.split(","):
         key, _, value = part.partition("=")
-        if key not in factors or not re.fullmatch(r"[0-9]*\.?[0-9]+", value) or not 0.01 <= float(value) <= 100:
+        number = re.fullmatch(r"[0-9]*\.?[0-9]+", value) is not None and 0.01 <= float(value) <= 100
+        if key not in VARIATIONS or key in factors or not number:
             raise StictionError(
-                f"robot {name!r}: {part!r} is no variation; expected {' or '.join(VARIATIONS)} with a factor from 0.01 "
-                "to 100, as in saturn_lite@kp=0.5,torque=2"
+                f"robot {name!r}: {part!r} is no variation; expected {' or '.join(VARIATIONS)}, each at most once, "
+                "with a factor from 0.01 to 100, as in saturn_lite@kp=0.5,torque=2"
             )
         factors[key] = float(value)
+
+    gain, strength = (factors.get(name, 1.0) for name in VARIATIONS)
 
     def varied(joint: JointSpec) -> JointSpec:
         return replace(
             joint,
-            stiffness=joint.stiffness * factors["kp"],
-            derivative=joint.derivative * factors["kp"] ** 0.5,
-            torque_limit=joint.torque_limit * factors["torque"],
+            stiffness=joint.stiffness * gain,
+            derivative=joint.derivative * gain**0.5,
+            torque_limit=joint.torque_limit * strength,
         )
 
     return replace(robot, name=name, hip=varied(robot.hip), thigh=varied(robot.thigh), shank=varied(robot.shank))
