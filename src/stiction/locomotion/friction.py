@@ -122,16 +122,22 @@ class FrictionCfg:
             raise StictionError("friction range and mixture both say what is drawn; leave one of them out")
         if self.method == "none" and (self.range is not None or self.mixture):
             raise StictionError("the method 'none' has no friction to draw; choose another, or leave out the range")
-        for part in self.last.mixture:
-            if len(part) != 3 or not (part[0] > 0 and 0 <= part[1] <= part[2] <= 10):
+        for part in self._final:
+            if len(part) != 3 or not (0 < part[0] < float("inf") and 0 <= part[1] <= part[2] <= 10):
                 raise StictionError(
-                    f"friction multipliers {part}: expected a weight above 0, and a lower and an upper end in [0, 10]"
+                    f"friction multipliers {part}: expected a finite weight above 0, and a lower and an upper end in "
+                    "[0, 10]"
                 )
 
     @property
     def joint_law(self) -> Law:
         """The law with its own numbers. Raises `StictionError` where they make none."""
         return Law(self.law, self.static_ratio, self.stribeck_velocity)
+
+    @property
+    def _final(self) -> Mixture:
+        """The distribution in which training ends."""
+        return self.mixture or ((1.0, *(self.range or FRICTION_RANGES[self.method])),)
 
     @property
     def last(self) -> Stage:
@@ -141,7 +147,7 @@ class FrictionCfg:
     @property
     def schedule(self) -> tuple[Stage, ...]:
         """The stages, the first from the very beginning."""
-        final: Mixture = self.mixture or ((1.0, *(self.range or FRICTION_RANGES[self.method])),)
+        final = self._final
         if self.method == "finetune":
             return Stage(0.0, FRICTIONLESS), Stage(self.pretraining, final)
         if self.method == "iterative":
