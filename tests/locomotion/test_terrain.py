@@ -73,6 +73,18 @@ def test_the_task_tells_the_curriculum_of_falls() -> None:
     assert env.course.level.tolist() == [0, 0, 5, 5, 5, 5, 5, 4] and level[-1] <= 2
 
 
+def test_who_has_crossed_is_out_of_time_and_not_fallen() -> None:
+    """The value of what would come next would be lost: robots would learn to linger on the last step."""
+    env = make_env()
+    env.fleet.base_position[-1, :2] = (REACH + BEYOND + 0.1) * np.array(
+        [np.cos(env.course.heading[-1]), np.sin(env.course.heading[-1])]
+    )
+    env.fleet.base_position[0, :2] = 5.0  # on flat ground nothing is crossed
+    _, _, dones, extras = env.step(torch.zeros(8, env.num_actions))
+    assert dones.tolist() == [False] * 7 + [True] and extras["time_outs"].tolist() == [0.0] * 7 + [1.0]
+    assert not extras["log"]["walk/falls"]
+
+
 @pytest.mark.parametrize("kind", ["slopes", "rough", "stairs"])
 def test_a_course_begins_beyond_the_start(kind: str) -> None:
     """Robots would start with their feet in the ground, or be told that they had crossed before they were down."""

@@ -72,12 +72,13 @@ def test_robots_start_as_in_training() -> None:
     assert RESET_NOISE[0] == INITIAL_ANGLE
 
 
-def test_the_twin_forgets_a_robot_that_is_reset() -> None:
-    """Over resets of one robot of two, history and last action agree with the runtime's."""
+@pytest.mark.parametrize("compensation", [None, tuple(np.linspace(0.0, 0.3, 18).tolist())])
+def test_the_twin_forgets_a_robot_that_is_reset(compensation: tuple[float, ...] | None) -> None:
+    """Over resets of one robot of two, history, last action and compensated targets agree with the runtime's."""
     from stiction.transfer.export import export_network
     from stiction.transfer.twin import TrainedPolicy
 
-    contract = make_contract()
+    contract = make_contract(compensation=compensation)
     module = torch.nn.Linear(contract.observation.size, contract.num_joints)
     model = export_network(module, contract.observation.size)
     twins = TrainedPolicy(module, contract, 2), load_policy(contract, model, (2,))
