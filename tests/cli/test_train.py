@@ -231,6 +231,10 @@ def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.Cap
         (["--stop-at-tracking-error", "0"], "stop.tracking_error"),
         (["--student.iterations", "0"], "student.iterations"),
         (["--task.commands.interval", "0"], "new commands every 0.0 s"),
+        (["--terrain", "stairs", "--task.terrain.speed", "0.3", "inf"], "speed on terrain"),
+        (["--stop-at-tracking-error", "0.2", "--stop.terrain-level", "3"], "stop.terrain_level"),
+        (["--robot", "go1@kp=0.5,kp=2", "--method", "none"], "each at most once"),
+        (["--friction-level", "0.1", "--task.friction.mixture", "inf", "0", "1", "1", "0", "1"], "finite weight"),
         (["--task.randomization.payload", "3", "-2"], "payload"),
         (["--task.randomization.payload", "-9", "0"], "payload"),
     ]

@@ -3,6 +3,8 @@
 import pytest
 
 from stiction.formats.errors import StictionError
+from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.config import StopCfg, TrainCfg
 from stiction.rma.stop import EarlyStop
 
@@ -48,12 +50,13 @@ def test_the_schedule_of_friction_is_gone_through() -> None:
 
 
 def test_a_terrain_level_can_be_asked_for() -> None:
-    """Else a run on stairs ends on its lowest step; and where there are no levels, somebody must be told."""
+    """Else a run on stairs ends on its lowest step. Without levels it is refused before there is a folder."""
     cfg = StopCfg(tracking_error=0.1, iterations=1, terrain_level=2.0)
     levels = [{"terrain/level": value} for value in (1.0, 2.0)]
     assert stops(cfg, [row(0.05, **level) for level in levels]) == [False, True]
     with pytest.raises(StictionError, match="no terrain levels"):
-        stops(cfg, [row(0.05)])
+        TrainCfg(stop=cfg)
+    assert TrainCfg(stop=cfg, task=TaskCfg(terrain=TerrainCfg(kind="stairs"))).stop is cfg
 
 
 @pytest.mark.parametrize("bad", [{"tracking_error": 0.0}, {"iterations": 0}, {"falls": -1.0}, {"terrain_level": 2.0}])

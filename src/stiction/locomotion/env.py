@@ -298,7 +298,11 @@ class LocomotionEnv(VecEnv):
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Restore what `state` returned; the next step is then bit-identical on the same number of threads."""
+        """Restore what `state` returned; the next step is then bit-identical on the same number of threads.
+
+        A state from before there were schedules, terrain and Actuator Nets has none of them.
+        """
+        state = {"stage": 0, "course": None, "ground": torch.zeros(self.num_envs), "motors": {}} | state
         for name, value in state["draws"].items():
             setattr(self.randomizer.draws, name, value.clone())
         self.stage = state["stage"]

@@ -42,9 +42,9 @@ HEADER = ("policy", "friction", "step height [cm]", "succeed", "95 % interval", 
 
 WHAT = (
     "Six steps up, a landing of 1.2 m, six steps down, each 0.30 m deep, the highest level with the landing; the robot "
-    "sees nothing of them. A pilot holds its heading and corrects nothing else. A trial succeeds when the base has been "
-    "over the landing and is then 0.6 m beyond the last step without a fall, within twice the time that the commanded "
-    "speed takes. Nominal masses, training's sensor noise, no delay."
+    "sees nothing of them. A pilot holds its heading and corrects nothing else. A trial succeeds when the base has "
+    "been over the landing and is then 0.6 m beyond the last step without a fall, within twice the time that the "
+    "commanded speed takes. Nominal masses, training's sensor noise, no delay."
 )
 
 

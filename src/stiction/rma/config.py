@@ -66,9 +66,9 @@ class TeacherCfg:
     says that they alternate, not how often; the public code it builds on uses 20, with which z* is hardly ever walked
     on."""
     adaptation_learning_rate: float = 1e-3
-    """For L_ada and L_est."""
+    """For L_ada, L_est and, where there is terrain, L_hist."""
     adaptation_batches: int = 4
-    """Gradient steps of L_ada and L_est after each PPO update, one pass over the rollout."""
+    """Gradient steps of these losses after each PPO update, one pass over the rollout."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class StudentCfg:
     learning_rate: float = 5e-4
     """Fixed."""
     adaptation_weight: float = 0.1
-    """Weight of L_ada beside L_clone."""
+    """Weight beside L_clone of L_ada, and of L_hist where there is terrain."""
     estimator_weight: float = 0.5
     """Weight of L_est beside L_clone."""
 
@@ -162,6 +162,8 @@ class TrainCfg:
         for name, count in counts.items():
             if count < 1:
                 raise StictionError(f"{name} is {count}; expected at least 1")
+        if self.stop.terrain_level is not None and self.task.terrain.kind == "flat":
+            raise StictionError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
         if self.video_every < 0:
             raise StictionError(f"video_every is {self.video_every}; expected a number of iterations, or 0 for none")
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):

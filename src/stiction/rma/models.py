@@ -38,7 +38,7 @@ class RMAActor(MLPModel):
 
     `latent_source` says where the latent comes from: `privileged` (z = f_ada_tea(o_priv)) or `history`
     (z* = f_ada_stu(o_H)). The explicit state is always the estimate f_est(o_H), as on the robot. Both are detached
-    where they come from the history, unless `end_to_end`: PPO then never trains what the supervised losses train, and
+    where they come from the history, so that PPO never trains what the supervised losses train, unless `end_to_end`:
     the student's cloning loss does.
 
     On other than flat ground there is a second latent: the teacher encodes the elevation map e_t, the student takes the
@@ -83,7 +83,7 @@ class RMAActor(MLPModel):
         return self.latent_dim
 
     def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> torch.Tensor:
-        """Assemble the actor's input, (N, proprioception + explicit + latent)."""
+        """Assemble the actor's input, (N, proprioception + explicit + latent + terrain latent)."""
         with torch.set_grad_enabled(self.end_to_end and torch.is_grad_enabled()):
             explicit = self.estimator(obs["history"])
             latent = self.adaptation(obs["history"]) if self.latent_source == "history" else None

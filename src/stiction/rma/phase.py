@@ -211,8 +211,19 @@ class PhaseRunner(OnPolicyRunner):
         keep_newest(self.run.checkpoints, self.phase)
 
     def restore(self, path: Path) -> None:
-        """Continue from a checkpoint of this phase."""
+        """Continue from a checkpoint of this phase. Raises `StictionError` where it holds another version's state."""
         tree = load_checkpoint(path)
+        try:
+            self._restore(path, tree)
+        except (KeyError, ValueError, RuntimeError) as error:  # a part that is missing, of another shape, another net
+            said, first = str(error).strip().splitlines()[0], self.run.header()["revision"].partition("+")[0]
+            raise StictionError(
+                f"checkpoint {path} cannot be restored by this version ({type(error).__name__}: {said}); "
+                f"finish the run with revision {first}, which began it, or train again"
+            ) from error
+
+    def _restore(self, path: Path, tree: dict[str, Any]) -> None:
+        """Bring algorithm, task, random numbers and watchers to where a checkpoint has them."""
         if tree["threads"] != torch.get_num_threads():
             warnings.warn(
                 f"{path.name} was written on {tree['threads']} threads and continues on {torch.get_num_threads()}: "

@@ -1,4 +1,4 @@
-"""The student's algorithm: it walks, the teacher labels, and L_clone + L_ada + L_est is descended."""
+"""The student's algorithm: it walks, the teacher labels, and L_clone + w (L_ada + L_hist) + w' L_est is descended."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from stiction.rma.models import RMAActor
 
 
 class StudentDistillation(Distillation):
-    """rsl_rl's distillation with the student's warm start and the paper's two further losses.
+    """rsl_rl's distillation with the student's warm start and the paper's further losses, on terrain with L_hist.
 
-    The student begins as a copy of the teacher that takes its latent from the history: estimator and adaptation are
-    fine-tuned, not learned anew. Here the cloning loss reaches them too.
+    The student begins as a copy of the teacher that takes its latents from the history: estimator, adaptation and
+    terrain history are fine-tuned, not learned anew. Here the cloning loss reaches them too.
     """
 
     student: RMAActor
@@ -43,7 +43,7 @@ class StudentDistillation(Distillation):
         self.teacher_loaded = True
 
     def update(self) -> dict[str, float]:
-        """Descend L_clone + w L_ada + w L_est over the rollout; return their means."""
+        """Descend L_clone and the weighted supervised losses over the rollout; return their means."""
         observations = self.storage.observations.flatten(0, 1)
         labels = self.storage.privileged_actions.flatten(0, 1)
         total: dict[str, float] = {}

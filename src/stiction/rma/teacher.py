@@ -67,7 +67,7 @@ class TeacherPPO(PPO):
             return float(distribution.kl_divergence(before, (mean, std)).mean())
 
     def _supervise(self) -> dict[str, float]:
-        """Take one pass of L_ada and L_est over the rollout just used.
+        """Take one pass of L_ada, L_est and, where there is terrain, L_hist over the rollout just used.
 
         `PPO.update` has rewound the storage's cursor; its contents stay until the next rollout overwrites them.
         """

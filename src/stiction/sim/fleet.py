@@ -40,7 +40,7 @@ def rotate_inverse(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 class Fleet:
-    """`num_envs` robots of one kind on flat ground, each with its own joints, masses and ground friction.
+    """`num_envs` robots of one kind, each with its own joints, masses, ground friction and, if wanted, terrain.
 
     All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
     `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass

@@ -182,7 +182,9 @@ def _render(run: Path, checkpoint: Path, out: Path) -> None:
     cfg, identified = directory.config(), directory.header()["identified"]
     values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
     actor = load_actor(directory, checkpoint.stem.partition("_")[0], checkpoint)
-    env = LocomotionEnv(filmed_task(cfg.task), 1, stream_seed(cfg.seed, "clip"), 1, values)
+    env = LocomotionEnv(
+        filmed_task(cfg.task), 1, stream_seed(cfg.seed, "clip"), 1, values, actuator=directory.actuator()
+    )
     trained = load_checkpoint(checkpoint)["environment"]
     if trained["stage"] != env.stage:
         env.enter_stage(trained["stage"])
