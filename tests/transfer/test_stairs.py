@@ -70,7 +70,10 @@ def test_a_trial_is_judged_by_where_it_stood_upright() -> None:
     assert result.steps_climbed == pytest.approx((2 * STEPS + STEPS + 0 + 0) / 4)
 
 
-@pytest.mark.parametrize("changes", [{"step_heights": (0.5,)}, {"friction_levels": ()}, {"trials": 0}, {"speed": 0.0}])
+@pytest.mark.parametrize(
+    "changes",
+    [{"step_heights": (0.5,)}, {"friction_levels": ()}, {"step_heights": (0.1, 0.1)}, {"trials": 0}, {"speed": 0.0}],
+)
 def test_what_nobody_can_climb_is_refused(changes: dict) -> None:
     """The mistake would show after minutes of simulation, or never."""
     with pytest.raises(StictionError):
@@ -86,4 +89,6 @@ def test_the_study_writes_its_page(tmp_path: Path, capsys: pytest.CaptureFixture
     assert "climbs 1 cm: 2 of 2" in capsys.readouterr().out
     assert {file.name for file in out.iterdir()} == {"stairs.csv", "summary.json", "stairs.png", "report.html"}
     assert (out / "stairs.csv").read_text().splitlines()[1].startswith(f"{policy},0.0,0.01,2,2,0,12.0,")
+    assert main(["study", "stairs", policy, policy, "--out", str(tmp_path / "twice")]) == 1
+    assert "two bundles" in capsys.readouterr().err and not (tmp_path / "twice").exists()
     assert main(["study", "magic"]) == 2 and "stairs" in capsys.readouterr().err

@@ -27,7 +27,7 @@ class Climb:
     successes: int
     """... that went over the landing and left the last step behind."""
     falls: int
-    """... that fell before."""
+    """... that fell before, or whose simulation became unstable."""
     steps_climbed: float
     """Mean number of steps passed, up and down."""
     seconds: float | None

@@ -57,6 +57,9 @@ class ClimbCfg:
             )
         if not self.friction_levels or not all(0 <= level < 0.9 for level in self.friction_levels):
             raise StictionError(f"friction levels {self.friction_levels}: expected at least one, in [0, 0.9)")
+        for name in ("step_heights", "friction_levels"):
+            if len(set(getattr(self, name))) < len(getattr(self, name)):
+                raise StictionError(f"{name} {getattr(self, name)}: one was given twice; give each once")
         if self.trials < 1 or not 0.05 <= self.speed <= 2.0:
             raise StictionError(f"{self.trials} trials at {self.speed} m/s: expected at least one, at 0.05 to 2 m/s")
 

@@ -31,11 +31,7 @@ def evaluate_all(
         StictionError: two bundles have the same name, or one does not fit its robot.
 
     """
-    names = [bundle.name for bundle in bundles]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise StictionError(
-            f"two bundles are called {twice[0]!r}; rename one directory, results tell them apart by name"
-        )
+    check_names(bundles)
     rows: list[ResultRow] = []
     details: list[dict[str, Any]] = []
     policies: dict[str, Any] = {}
@@ -56,6 +52,15 @@ def evaluate_all(
         "rows": details,
     }
     return rows, summary
+
+
+def check_names(bundles: Sequence[Bundle]) -> None:
+    """Raise `StictionError` where two bundles have the same name."""
+    names = [bundle.name for bundle in bundles]
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise StictionError(
+            f"two bundles are called {twice[0]!r}; rename one directory, results tell them apart by name"
+        )
 
 
 def describe(bundle: Bundle) -> dict[str, Any]:

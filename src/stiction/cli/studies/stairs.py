@@ -52,11 +52,12 @@ def main(arguments: list[str]) -> int:
     from stiction.report.evaluation import make_folder
     from stiction.report.stairs import answers, write_stairs
     from stiction.transfer.stairs import ClimbCfg, climb
-    from stiction.transfer.summary import describe
+    from stiction.transfer.summary import check_names, describe
 
     settings = ClimbCfg(cfg.step_heights, cfg.friction_levels, cfg.trials, cfg.speed, cfg.seed)
-    make_folder(cfg.out)
     bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
+    check_names(bundles)
+    make_folder(cfg.out)
     rows = []
     with work_progress() as progress:
         for bundle in bundles:
