@@ -67,6 +67,10 @@ def test_a_contract_from_before_actuator_nets_has_none(contract: Contract) -> No
         ("joints_file", {"name": "joints.json"}),
         ("actuator", {"name": "net"}),
         ("actuator", "net"),
+        ("compensation", 0.1),
+        ("compensation", [0.1] * 17),
+        ("compensation", [-0.1] * 18),
+        ("compensation_width", 0),
         ("observation", []),
     ],
 )

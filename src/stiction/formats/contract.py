@@ -245,8 +245,10 @@ def _check_joints(contract: Contract) -> None:
     for field in ("kd", "damping", "friction"):
         _expect(min(getattr(contract, field)) >= 0, field, getattr(contract, field), "numbers >= 0")
     extra = contract.compensation
-    fits = extra is None or (isinstance(extra, tuple) and len(extra) == len(names) and all(map(_is_number, extra)))
-    _expect(fits, "compensation", extra, f"null, or {len(names)} numbers, one per joint")
+    fits = extra is None or (
+        isinstance(extra, tuple) and len(extra) == len(names) and all(_is_number(x) and x >= 0 for x in extra)
+    )
+    _expect(fits, "compensation", extra, f"null, or {len(names)} numbers >= 0, one per joint")
     _check_friction(contract)
 
 
