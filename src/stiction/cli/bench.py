@@ -46,6 +46,8 @@ class Bench:
     """What computes, as in `stiction train`."""
     blocks: int = 8
     """Paired blocks; the figures are medians over them."""
+    ground: bool = False
+    """Measure boxes against height fields for the same stairs, and nothing else."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -55,6 +57,8 @@ def main(arguments: list[str]) -> int:
     options = tyro.cli(Bench, args=arguments, prog="stiction bench", description=DESCRIPTION)
     if options.blocks < 1 or options.num_envs < 1:
         raise StictionError(f"{options.blocks} blocks of {options.num_envs} robots: expected at least one of each")
+    if options.ground:
+        return _measure_ground(options)
     from dataclasses import replace
 
     from rich.console import Console
@@ -99,6 +103,23 @@ def main(arguments: list[str]) -> int:
         print(json.dumps(summary))
     else:
         _show(summary)
+    return 0
+
+
+def _measure_ground(options: Bench) -> int:
+    """Measure and print the speed of the simulator alone on stairs of boxes and of height fields."""
+    from stiction.formats.reproducibility import git_revision, machine, num_threads
+    from stiction.robots.catalog import find_robot
+    from stiction.transfer.bench_ground import measure_grounds
+
+    found = measure_grounds(find_robot(options.robot), options.num_envs, options.blocks, num_threads())
+    if options.json:
+        print(json.dumps(found | {"revision": git_revision(), "machine": machine()}))
+        return 0
+    for name, ratio in found["over_plane"].items():
+        low, high = found["spread"][name]
+        rate = found["control_steps_per_second"][name]
+        print(f"{name:<28}{rate:>8.0f} control steps/s   {ratio:.2f} of the plane's ({low:.2f} to {high:.2f})")
     return 0
 
 
