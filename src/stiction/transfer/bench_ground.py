@@ -37,14 +37,16 @@ def ground_model(spec: RobotSpec, ground: str, timestep: float = 0.005) -> mujoc
             kind = mujoco.mjtGeom.mjGEOM_BOX
             model.worldbody.add_geom(type=kind, size=[half, REACH, thick], pos=[0.0, 0.0, top - thick])
     elif ground != "plane":
-        columns = round(2 * REACH / CELL) + 1
+        # MuJoCo stretches heights from the lowest to the highest: there must be ground at zero.
+        half = REACH + CELL
+        columns = round(2 * half / CELL) + 1
         rows = columns if "square" in ground else 2
-        way = np.linspace(-REACH, REACH, columns)
+        way = np.linspace(-half, half, columns)
         profile = stair_height(np.stack((way, np.zeros(columns)), -1)[None], np.array([[STEP]]))[0]
         top = STEP * STEPS
         model.add_hfield(
             name="stairs",
-            size=[REACH, REACH, top, 0.1],
+            size=[half, half, top, 0.1],
             nrow=rows,
             ncol=columns,
             userdata=np.tile(profile / top, rows).tolist(),
@@ -61,9 +63,9 @@ def measure_grounds(spec: RobotSpec, num: int, blocks: int, threads: int) -> dic
     """
     rng = np.random.default_rng(0)
     place = rng.uniform(-REACH, REACH, (num, 2)) * (1.0, 0.5)
-    batches = {
-        name: _stand(spec, Batch(ground_model(spec, name), nsim=num, nthread=threads), name, place) for name in GROUNDS
-    }
+    batches = {name: Batch(ground_model(spec, name), nsim=num, nthread=threads) for name in GROUNDS}
+    for name, batch in batches.items():
+        _stand(batch, name, place)
     rates: dict[str, list[float]] = {name: [] for name in GROUNDS}
     for _ in range(blocks):
         noise = rng.standard_normal((20, num, spec.num_joints))
@@ -83,7 +85,7 @@ def measure_grounds(spec: RobotSpec, num: int, blocks: int, threads: int) -> dic
     }
 
 
-def _stand(spec: RobotSpec, batch: Batch, ground: str, place: np.ndarray) -> Batch:
+def _stand(batch: Batch, ground: str, place: np.ndarray) -> None:
     """Put every robot onto the highest ground under its trunk, standing."""
     batch.reset(np.arange(len(place)), keyframe=0)
     pose = batch.bind("qpos")
@@ -92,4 +94,3 @@ def _stand(spec: RobotSpec, batch: Batch, ground: str, place: np.ndarray) -> Bat
         along = place[:, :1] + np.array([-0.4, -0.2, 0.0, 0.2, 0.4])
         under = np.stack((along, np.zeros_like(along)), -1)
         pose[:, 2] += stair_height(under, np.full((len(place), 1), STEP)).max(axis=1) + 0.01
-    return batch
