@@ -102,6 +102,9 @@ def test_a_net_recovers_a_pd_law() -> None:
     np.testing.assert_allclose(25 * perceptron(fit.layers, example), [5.0], atol=0.8)
     blind = fit_net((inputs, torque), (inputs, torque), replace(cfg, inputs="paper", epochs=1), seed=0)
     assert not blind.layers[0][0][:, 2].any() and blind.layers[0][0][:, 3].all()
+    inputs[:, 1] = 0.25  # An error that never changed in training: the net must not answer when it does.
+    still = fit_net((inputs, torque), (inputs, torque), replace(cfg, epochs=1), seed=0)
+    assert not still.layers[0][0][:, 1].any() and still.layers[0][0][:, 0].all()
 
 
 def test_the_law_beside_it_finds_the_friction() -> None:
@@ -110,11 +113,29 @@ def test_the_law_beside_it_finds_the_friction() -> None:
     position, target = np.zeros((500, 1)), GENERATOR.uniform(-0.05, 0.05, (500, 1))
     torque = 100 * target - 2.5 * velocity - 2.0 * np.sign(velocity) - 0.5 * velocity
     gains = np.array([100.0]), np.array([2.5]), np.array([25.0])
-    law = fit_baseline(gains, target, position, velocity, torque)
-    np.testing.assert_allclose([law.coulomb[0], law.viscous[0]], [2.0, 0.5], rtol=1e-6)
+    law = fit_baseline(gains, [(target, position, velocity, torque)])
+    np.testing.assert_allclose([law.coulomb[0], law.viscous[0], law.later[0]], [2.0, 0.5, 0.0], atol=1e-6)
     np.testing.assert_allclose(law.torque(target, position, velocity), torque, atol=1e-9)
-    limited = Baseline(*gains, np.array([2.0]), np.array([0.5]))
-    assert limited.torque(np.array([[1.0]]), np.zeros((1, 1)), np.array([[1.0]]))[0, 0] == 25.0 - 2.5
+    limited = Baseline(*gains, np.array([2.0]), np.array([0.5]), np.array([1.0]))
+    pushed = limited.torque(np.array([[1.0], [1.0]]), np.zeros((2, 1)), np.array([[1.0], [3.0]]))
+    np.testing.assert_allclose(pushed[:, 0], [25.0 - 2.5, 25.0 - 3.5])
+
+
+def test_the_law_beside_it_takes_kd_when_the_controller_did() -> None:
+    """A simulator that takes kd θ' at the end of the period follows the PD law: λ = 1 leaves no error, where the
+    velocity of the sample alone would leave kd Δθ'. Nothing is carried over from one run into the next.
+    """
+    runs = []
+    for _ in range(2):
+        velocity = GENERATOR.uniform(-2.0, 2.0, (200, 1))
+        later = np.append(velocity[1:], velocity[-1:], axis=0)
+        target = GENERATOR.uniform(-0.05, 0.05, (200, 1))
+        runs.append((target, np.zeros((200, 1)), velocity, 100 * target - 2.5 * later))
+    law = fit_baseline((np.array([100.0]), np.array([2.5]), np.array([25.0])), runs)
+    np.testing.assert_allclose([law.coulomb[0], law.viscous[0], law.later[0]], [0.0, 0.0, 1.0], atol=1e-9)
+    np.testing.assert_allclose(law.torque(*runs[1][:3]), runs[1][3], atol=1e-9)
+    far = [(t, p, v, 100 * t - 2.5 * (v + 3 * np.diff(v, axis=0, append=v[-1:]))) for t, p, v, _ in runs]
+    assert fit_baseline((np.array([100.0]), np.array([2.5]), np.array([25.0])), far).later[0] == 1.0
 
 
 @pytest.mark.parametrize(

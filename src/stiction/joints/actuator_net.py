@@ -17,7 +17,8 @@ from stiction.formats.actuator import Layers
 from stiction.joints.actuator import ActuatorCfg, seen
 
 STD_FLOOR = 1e-6
-"""Least deviation by which an input is divided: one that never changes tells nothing."""
+"""An input that deviates by less in the training runs never changes there, tells nothing, and is left out: divided by
+next to nothing, its first change in use would swamp the net."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +53,9 @@ def fit_net(
     """
     inputs, torque = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in training)
     unseen, expected = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in validation)
-    mean = inputs.mean(0)
-    scale = seen(cfg.inputs, cfg.history) / inputs.std(0).clamp(min=STD_FLOOR).numpy()
+    mean, deviation = inputs.mean(0), inputs.std(0).numpy()
+    used = seen(cfg.inputs, cfg.history) & (deviation > STD_FLOOR)
+    scale = np.where(used, 1.0 / np.maximum(deviation, STD_FLOOR), 0.0)
     factor = torch.from_numpy(scale.astype(np.float32))
     inputs, unseen = (inputs - mean) * factor, (unseen - mean) * factor
     generator = torch.Generator().manual_seed(seed)

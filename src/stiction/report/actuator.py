@@ -24,8 +24,10 @@ SIDES = {
 
 BASELINE = (
     "The analytic law beside it is the PD law with the log's own gains, limited, less Coulomb and viscous friction of "
-    "each joint, which were fitted by least squares to the training runs alone. Errors are root mean squares over the "
-    "samples of whole runs; runs were kept out as a whole, since windows of one run overlap."
+    "each joint. These were fitted by least squares to the training runs alone, with the share λ of the period after "
+    "which kd acts, as the mean torque over a period has it: 1 in MuJoCo, which takes kd at the period's end. For that "
+    "the law is told the next velocity, which a net has to foresee. Errors are root mean squares over the samples of "
+    "whole runs; runs were kept out as a whole, since windows of one run overlap."
 )
 
 
@@ -65,10 +67,18 @@ def lead(summary: dict[str, Any]) -> str:
 
 def joint_table(summary: dict[str, Any]) -> Any:
     """Return the errors of every joint in N m."""
-    header = ["joint", "net, fitted", "net, kept out", "law, fitted", "law, kept out", "f of the law", "B of the law"]
-    names = ("net_training", "net_validation", "baseline_training", "baseline_validation", "coulomb", "viscous")
+    header = ["joint", "net, fitted", "net, kept out", "law, fitted", "law, kept out", "f", "B", "λ"]
+    names = (
+        "net_training",
+        "net_validation",
+        "baseline_training",
+        "baseline_validation",
+        "coulomb",
+        "viscous",
+        "later",
+    )
     rows = [[joint, *(f"{found[name]:.3f}" for name in names)] for joint, found in summary["joints"].items()]
-    return table(header, rows, "Root mean square error and f in N m, B in N m s/rad.")
+    return table(header, rows, "Root mean square error in N m; f [N m], B [N m s/rad] and λ of the law.")
 
 
 def command_table(summary: dict[str, Any]) -> Any:

@@ -157,9 +157,8 @@ def _samples(runs: Sequence[LoggedRun], columns: list[int], cfg: ActuatorCfg) ->
 def _baseline(training: Sequence[LoggedRun]) -> Baseline:
     """Fit the analytic law to the training runs alone."""
     first = training[0]
-    target, position, velocity = (np.concatenate([run.signals[index] for run in training]) for index in range(3))
-    torque = np.concatenate([run.torque for run in training])
-    return fit_baseline((first.kp, first.kd, first.torque_limit), target, position, velocity, torque)
+    gains = first.kp, first.kd, first.torque_limit
+    return fit_baseline(gains, [(*run.signals, run.torque) for run in training])
 
 
 def measure(
@@ -168,7 +167,7 @@ def measure(
     """Return root mean square errors of the torque, net beside baseline, on the same samples.
 
     `rmse`: part -> law -> error over the torque limit, all joints [-]; `joints`: joint -> what, in N m, with the
-    baseline's f and B; `commands`: command -> part -> law -> error over the limit, runs of that command alone.
+    baseline's f, B and λ; `commands`: command -> part -> law -> error over the limit, runs of that command alone.
     """
     parts = {"training": list(training), "validation": list(validation)}
     squares = {part: [_squares(net, baseline, run) for run in runs] for part, runs in parts.items()}
@@ -180,7 +179,7 @@ def measure(
 
     joints = {}
     for index, name in enumerate(net.joint_names):
-        entry = {"coulomb": float(baseline.coulomb[index]), "viscous": float(baseline.viscous[index])}
+        entry = {field: float(getattr(baseline, field)[index]) for field in ("coulomb", "viscous", "later")}
         for part, found in squares.items():
             for law in laws:
                 values = np.concatenate([item[law][:, index] for item in found])
