@@ -8,7 +8,7 @@ import torch
 
 from stiction.locomotion import audit
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
-from stiction.locomotion.friction import FrictionCfg, FrictionLaw
+from stiction.locomotion.friction import FrictionCfg, FrictionLaw, FrictionMethod
 from stiction.locomotion.randomization import Randomizer
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
@@ -29,6 +29,15 @@ def test_every_randomised_parameter_acts_as_its_formula_says(robot: str) -> None
 
 
 TASK = TaskCfg(robot="go1", friction=FrictionCfg(level=0.1))
+
+
+@pytest.mark.parametrize("method", ["finetune", "iterative", "compensation"])
+def test_every_way_to_train_with_friction_passes(method: FrictionMethod) -> None:
+    """A schedule that begins without friction, and a command that friction is added to, are no faults: the last stage
+    is what is audited.
+    """
+    cfg = dataclasses.replace(TASK, friction=FrictionCfg(method=method, level=0.1))
+    assert failed(audit.audit_env(cfg)) == {}
 
 
 def failed(rows: list[audit.AuditRow]) -> dict[str, str]:

@@ -146,6 +146,7 @@ def audit_env(cfg: TaskCfg) -> list[AuditRow]:
     bound, interval = cfg.randomization.push_velocity, cfg.randomization.push_interval
     every_step = replace(cfg.randomization, push_interval=cfg.control_period if interval else 0.0)
     env = LocomotionEnv(replace(cfg, noise=quiet, randomization=every_step), num_envs=512, seed=0)
+    env.enter_stage(len(cfg.friction.schedule) - 1)
     obs, _, dones, _ = env.step(torch.zeros(512, env.num_actions))
     change = (obs["explicit"][:, :3] - env.linear_velocity)[~dones]
     rows = []
@@ -168,6 +169,7 @@ def _encoder_rows(env: LocomotionEnv) -> list[AuditRow]:
     frame = env.get_observations()["proprioception"].double().numpy()
     start = sum(term.size for term in env.layout.terms[: [t.name for t in env.layout.terms].index("joint_position")])
     seen = frame[:, start : start + env.num_actions] - (env.fleet.joint_position - env.fleet.standing)
+    env.compensation = None  # it would move the angle that is held towards the target, by design
     env.step(torch.zeros(env.num_envs, env.num_actions))
     held = env.fleet.targets - env.fleet.standing
     return [
