@@ -79,6 +79,25 @@ def test_the_loop_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture)
     assert "holds this study with another level" in capsys.readouterr().err
 
 
+def test_a_mistake_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A mistyped --policy must not tie the folder to it; a folder that cannot be made, and one that holds something
+    else, are a line each.
+    """
+    out = tmp_path / "study"
+    assert main(["study", "actuator", "--policy", str(tmp_path / "typo"), "--out", str(out), *TINY]) == 1
+    assert "does not exist" in capsys.readouterr().err and not out.exists()
+    given = ["--policy", str(find_bundle(Path("saturn_lite-flat-none-0.2")))]
+    assert main(["study", "actuator", *given, "--task.robot", "go1", "--out", str(out), *TINY]) == 1
+    assert "is for saturn_lite" in capsys.readouterr().err and not out.exists()
+    (tmp_path / "file").write_text("")
+    assert main(["study", "actuator", *given, "--out", str(tmp_path / "file" / "study"), *TINY]) == 1
+    assert "choose another --out" in capsys.readouterr().err
+    out.mkdir()
+    (out / "study.json").write_text("{}")
+    assert main(["study", "actuator", *given, "--out", str(out), *TINY]) == 1
+    assert "is not what this study writes" in capsys.readouterr().err
+
+
 def row(policy: str, robot: str, level: float, command: str, ratio: float, falls: float = 0.0) -> dict:
     """Return a row of the study."""
     return {

@@ -59,8 +59,8 @@ class ActuatorLoop:
         options = json.loads(json.dumps(to_plain(cfg), default=str))
         file = out / "study.json"
         if file.is_file():
-            held = json.loads(file.read_text(encoding="utf-8"))
-            if other := [name for name in options if held["options"].get(name) != options[name]]:
+            held = _read_options(file)
+            if other := [name for name in options if held.get(name) != options[name]]:
                 raise StictionError(
                     f"{out} holds this study with another {', '.join(other)}; say the same options to go on, or name "
                     "another --out"
@@ -68,8 +68,13 @@ class ActuatorLoop:
         else:
             if cfg.policy is not None:
                 self._check_given(find_bundle(cfg.policy))
-            out.mkdir(parents=True, exist_ok=True)
-            write_json(file, {"options": options, "command": command})
+            try:
+                out.mkdir(parents=True, exist_ok=True)
+                write_json(file, {"options": options, "command": command})
+            except OSError as error:
+                raise StictionError(
+                    f"{out} cannot be written: {error.strerror or error}; choose another --out"
+                ) from error
 
     def _check_given(self, path: Path) -> None:
         """Refuse a first policy that is damaged, or was made for another robot or physics step."""
@@ -190,3 +195,11 @@ class ActuatorLoop:
             file.parent.mkdir(parents=True, exist_ok=True)
             write_json(file, rows)
         return json.loads(file.read_text(encoding="utf-8"))
+
+
+def _read_options(file: Path) -> dict[str, Any]:
+    """Return the options in a study's `study.json`."""
+    try:
+        return dict(json.loads(file.read_text(encoding="utf-8"))["options"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise StictionError(f"{file} is not what this study writes ({error}); name another --out") from error
