@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
 from stiction.formats.results import ResultRow, write_results, write_summary
+from stiction.formats.rows import write_rows
 
 Outcome = Literal["reproduces", "does not", "only above x", "undecided", "not tested"]
 
@@ -168,22 +168,11 @@ class Experiment:
     """What was run, on what, and the settings of the evaluation."""
 
     def write(self, out: Path) -> None:
-        """Write results.csv, intervals.csv, curves.csv and summary.json into a folder."""
+        """Write results.csv, summary.json, and where a run is finished intervals.csv and curves.csv into a folder."""
         write_results(out / "results.csv", self.rows)
-        write_records(out / "intervals.csv", self.means)
-        write_records(out / "curves.csv", self.curves)
+        for name, records in (("intervals.csv", self.means), ("curves.csv", self.curves)):
+            if records:
+                write_rows(out / name, records)
         names = ("conditions", "runs", "verdicts", "onsets", "collapses")
         lists = {name: [asdict(record) for record in getattr(self, name)] for name in names}
         write_summary(out / "summary.json", self.summary | {"parts": self.parts} | lists)
-
-
-def write_records(path: Path, records: Iterable[SeedMean | CurvePoint]) -> None:
-    """Write records of one kind as CSV, four decimals, an empty cell for None; without any, an empty file."""
-    records = list(records)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        if records:
-            writer.writerow([f.name for f in fields(records[0])])
-        for record in records:
-            values = asdict(record).values()
-            writer.writerow(["" if v is None else round(v, 4) if isinstance(v, float) else v for v in values])

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t
 
 from stiction.formats.gait import BOTH, NEITHER, NO_TROT, NO_UNSYNC, VARIANTS, ClaimRow, GaitRow
 from stiction.transfer.gait import HOP, PRONK, STANDS
+from stiction.transfer.statistics import t_interval
 
 REPRODUCES, CONTRADICTED, OPEN, UNTESTED = "reproduces", "does not reproduce", "not decided", "not tested"
 """The verdicts."""
@@ -93,17 +93,12 @@ def seed_means(rows: Sequence[GaitRow], variant: str, number: str) -> dict[int, 
     return {seed: float(np.mean(found)) for seed, found in sorted(values.items())}
 
 
-def interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return the 95 % t-interval of the mean of at least two values."""
-    half = float(t.ppf(0.975, len(values) - 1) * np.std(values, ddof=1) / np.sqrt(len(values)))
-    return float(np.mean(values)) - half, float(np.mean(values)) + half
-
-
 def above(values: Sequence[float], threshold: float) -> bool | None:
     """Say whether the mean over seeds is at least `threshold`; None where that is open."""
-    if len(values) < 2:
+    interval = t_interval(values)
+    if interval is None:
         return None
-    low, high = interval(values)
+    low, high = interval
     return True if low >= threshold else False if high < threshold else None
 
 
@@ -137,9 +132,8 @@ def _figures(rows: Sequence[GaitRow], claim: Claim, variant: str, seeds: dict[in
     """Return the numbers of one variant as text."""
     stood = {row.seed for row in rows if row.variant == variant} - set(seeds)
     text = ", ".join(f"{value:.2f} (seed {seed})" for seed, value in seeds.items()) or "none"
-    if len(seeds) > 1:
-        low, high = interval(list(seeds.values()))
-        text += f", 95 % interval of the mean {low:.2f} to {high:.2f}"
+    if interval := t_interval(list(seeds.values())):
+        text += f", 95 % interval of the mean {interval[0]:.2f} to {interval[1]:.2f}"
     if stood:
         text += f", standing still: seed {', '.join(map(str, sorted(stood)))}"
     return f"{claim.number} with {VARIANTS[variant]}: {text}"

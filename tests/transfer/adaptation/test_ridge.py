@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.transfer.adaptation.ridge import PENALTIES, determination, fit_ridge, mean_interval, resamples, t_interval
+from stiction.transfer.adaptation.ridge import PENALTIES, determination, fit_ridge, mean_interval, resamples
 
 HALF = np.array([0.5])
 
@@ -82,12 +82,6 @@ def test_the_bootstrap_of_a_mean_by_hand() -> None:
     counts = resamples(2)
     assert (counts.sum(axis=1) == 2).all()
     assert (counts[:, 0] == 1).mean() == pytest.approx(0.5, abs=0.04)
-
-
-def test_t_interval_by_hand() -> None:
-    """Of 1, 2, 3: the mean 2 plus or minus 4.3027 times 1/√3; of one seed there is none."""
-    assert t_interval(np.array([1.0, 2.0, 3.0])) == pytest.approx((2 - 2.48414, 2 + 2.48414), abs=1e-4)
-    assert t_interval(np.array([1.0])) is None
 
 
 def test_a_stumble_does_not_drag_the_fit_along() -> None:

@@ -29,6 +29,7 @@ def paper_is_right() -> Evidence:
         *(row(f"coulomb20-iterative-s{s}/student", 0.2, "stand", None, tracking_error=0.3) for s in range(3)),
         *condition_rows("coulomb20-direct-strong", {0.2: WALKS}),
         *condition_rows("coulomb20-direct-weak", {0.2: STANDS}),
+        *condition_rows("coulomb20-none-weak", {0.0: WALKS}),
         *condition_rows("coulomb20-narrow", {0.2: SLOW}),
         *(r for c in (0.05, 0.2) for r in condition_rows(f"load{round(1000 * c)}-direct", {c: WALKS})),
         *condition_rows("load442-direct", {0.442: STANDS}),
@@ -51,6 +52,7 @@ def paper_is_wrong() -> Evidence:
         *(row(f"coulomb20-iterative-s{s}/student", 0.2, "stand", None, tracking_error=0.01) for s in range(3)),
         *condition_rows("coulomb20-direct-strong", {0.2: STANDS}),
         *condition_rows("coulomb20-direct-weak", {0.2: WALKS}),
+        *condition_rows("coulomb20-none-weak", {0.0: WALKS}),
         *condition_rows("coulomb20-narrow", {0.2: WALKS}),
         *(r for c in (0.05, 0.2, 0.442) for r in condition_rows(f"load{round(1000 * c)}-direct", {c: WALKS})),
     ]
@@ -105,3 +107,14 @@ def test_falls_count_against_deception() -> None:
 def test_every_sentence_has_a_name_of_its_own() -> None:
     """If this failed, `--json` would drop a verdict."""
     assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)
+
+
+def test_weak_exploration_that_never_learns_says_nothing_of_friction() -> None:
+    """If this failed, a policy that explores too little to learn anything would count as filtered by friction."""
+    rows = [
+        *condition_rows("coulomb20-direct-strong", {0.2: WALKS}),
+        *condition_rows("coulomb20-direct-weak", {0.2: STANDS}),
+        *condition_rows("coulomb20-none-weak", {0.0: (-0.05, -0.04, -0.06)}),
+    ]
+    assert outcomes(Evidence(Table.of(rows), {}))["V4"] == "does not"
+    assert outcomes(Evidence(Table.of(rows[:-6]), {}))["V4"] == "not tested"

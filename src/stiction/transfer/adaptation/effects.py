@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from stiction.transfer.adaptation.ridge import mean_interval, t_interval
+from stiction.transfer.adaptation.ridge import mean_interval
 from stiction.transfer.evaluate import Evaluation, EvaluationCfg
 from stiction.transfer.latents import LATENTS
 from stiction.transfer.run_evaluation import walk_run
+from stiction.transfer.statistics import t_interval
 
 FIGURES = ("speed_ratio", "tracking_error")
 """What is compared: does the robot get less far, does it follow less well?"""
@@ -65,7 +66,7 @@ def over_seeds(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     pooled = []
     for same in zip(*(run["effects"] for run in runs), strict=True):
         values = {name: np.array([effect[name] for effect in same]) for name in ("own", "value", "difference")}
-        interval = t_interval(values["difference"])
+        interval = t_interval(values["difference"].tolist())
         pooled.append(
             {name: same[0][name] for name in ("latent", "level", "figure")}
             | {name: float(value.mean()) for name, value in values.items()}

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
-from scipy.stats import t as student
 
 PENALTIES = tuple(10.0**power for power in range(-4, 2))
 """Penalties tried, per row: features are standardised, so 1 halves the weight of a lone feature."""
@@ -143,18 +142,6 @@ def resamples(count: int) -> np.ndarray:
     """Return how often each of `count` units is drawn in each resample, shape (RESAMPLES, count), float64."""
     generator = np.random.default_rng(BOOTSTRAP_SEED)
     return generator.multinomial(count, np.full(count, 1.0 / count), RESAMPLES).astype(float)
-
-
-def t_interval(values: np.ndarray) -> tuple[float, float] | None:
-    """Return the 95 % t-interval of the mean of independent values, shape (n,); None for fewer than two.
-
-    For training seeds: a bootstrap over three of them covers far too little.
-    """
-    count = len(values)
-    if count < 2:
-        return None
-    reach = float(student.ppf(0.975, count - 1)) * float(np.std(values, ddof=1)) / count**0.5
-    return float(np.mean(values)) - reach, float(np.mean(values)) + reach
 
 
 def mean_interval(values: np.ndarray) -> tuple[float, float]:

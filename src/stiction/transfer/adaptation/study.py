@@ -20,9 +20,9 @@ from stiction.transfer.adaptation.effects import latent_effects, over_seeds
 from stiction.transfer.adaptation.friction_walk import FrictionWalk, Per, WalkCfg, walk_with_friction
 from stiction.transfer.adaptation.monitor import TOLD, fit_monitor
 from stiction.transfer.adaptation.probes import probe_walk
-from stiction.transfer.adaptation.ridge import t_interval
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.export import contract_of
+from stiction.transfer.statistics import t_interval
 
 Progress = Callable[[str, float], None]
 """Called with the name of a piece of work and the share of it that is done."""
@@ -135,7 +135,7 @@ def pooled_probes(parts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     pooled = []
     for same in zip(*(part["probes"] for part in parts), strict=True):
         values = np.array([probe["mean"] for probe in same])
-        interval = t_interval(values)
+        interval = t_interval(values.tolist())
         pooled.append(
             {name: same[0][name] for name in ("input", "row", "per", "shuffled")}
             | {"mean": float(values.mean()), "interval95": None if interval is None else list(interval)}

@@ -57,7 +57,8 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "V4",
         "this is due to the chaotic nature of early RL actions, with static friction acting as a strong filter",
-        "direct whose first actions outdo the friction reaches more, in its slower direction, than direct whose do not",
+        "slower direction: direct whose first actions outdo the friction reaches more than direct whose do not, and so "
+        "does as weak an exploration without friction",
         criteria.filtered,
     ),
     Claim(

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.experiment import Outcome
-from stiction.transfer.experiment.statistics import Interval, difference_interval, t_interval
 from stiction.transfer.experiment.table import Points
+from stiction.transfer.statistics import Interval, difference_interval, t_interval
 
 
 @dataclass(frozen=True)

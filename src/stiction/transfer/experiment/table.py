@@ -10,7 +10,7 @@ import numpy as np
 from stiction.formats.experiment import SeedMean
 from stiction.formats.results import ResultRow
 from stiction.transfer.experiment.manifest import condition_of
-from stiction.transfer.experiment.statistics import t_interval
+from stiction.transfer.statistics import t_interval
 
 STUDENT = "student"
 

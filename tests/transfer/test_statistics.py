@@ -2,7 +2,7 @@
 
 import pytest
 
-from stiction.transfer.experiment.statistics import difference_interval, t_interval
+from stiction.transfer.statistics import difference_interval, t_interval
 
 
 def test_t_interval_by_hand() -> None:
