@@ -50,7 +50,7 @@ def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
     with (out / "intervals.csv").open() as file:
         intervals = list(csv.DictReader(file))
     first = next(r for r in intervals if r["condition"] == "coulomb20-none" and float(r["friction_level"]) == 0.0)
-    assert (first["seeds"], first["mean"], first["low"]) == ("3", "0.5", "0.3758")  # backward: 0.45, 0.5, 0.55
+    assert (first["seeds"], first["mean"], first["low"][:7]) == ("3", "0.5", "0.37579")  # backward: 0.45, 0.5, 0.55
     summary = json.loads((out / "summary.json").read_text())
     assert len(summary["runs"]) == 27 and summary["median_seeds"]["coulomb20-none"] == 1
     assert {v["id"] for v in summary["verdicts"]} == {v.id for v in found.verdicts}

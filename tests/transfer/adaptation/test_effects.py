@@ -8,12 +8,14 @@ from pathlib import Path
 import pytest
 
 from stiction.formats.errors import StictionError
+from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.checkpoint import save_checkpoint
 from stiction.rma.config import StudentCfg, TrainCfg
 from stiction.rma.run import RunDirectory
 from stiction.transfer.adaptation.effects import over_seeds, per_episode
 from stiction.transfer.adaptation.friction_walk import WalkCfg, probe_task
-from stiction.transfer.adaptation.study import AdaptationCfg, study
+from stiction.transfer.adaptation.monitor import WINDOW
+from stiction.transfer.adaptation.study import AdaptationCfg, same_but_for_seed, study
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.export import export_run
 
@@ -50,6 +52,22 @@ def test_seeds_are_pooled_with_a_t_interval() -> None:
     assert pooled["interval95"] == pytest.approx([2 - 2.48414, 2 + 2.48414], abs=1e-4)
     assert (pooled["value"], pooled["seeds"], pooled["each"]) == (3.0, 3, [1.0, 2.0, 3.0])
     assert over_seeds(runs[:1])[0]["interval95"] is None
+
+
+def test_only_runs_that_differ_in_nothing_but_the_seed_are_seeds_of_one_training() -> None:
+    """A narrow range and a long budget go by the same method: pooled, their t-interval would be of nothing."""
+    first = TrainCfg()
+    long = replace(first, teacher=replace(first.teacher, iterations=9))
+    runs = [("direct", first), ("none", first), ("direct", replace(first, seed=1)), ("direct", long)]
+    runs[1] = ("none", replace(first, task=replace(first.task, friction=FrictionCfg(method="none"))))
+    assert same_but_for_seed(runs) == {"direct 1": [0, 2], "none": [1], "direct 2": [3]}
+
+
+def test_a_walk_fills_whole_windows_of_the_monitor() -> None:
+    """Features need the frame before: a walk of exactly two windows would hold one, and waste the other."""
+    walk, period = WalkCfg(), TrainCfg().task.control_period
+    pairs = round(walk.seconds / period) - round(walk.settle / period) - 1
+    assert pairs // WINDOW == 2
 
 
 @pytest.mark.parametrize("method", ["none", "deception", "compensation"])

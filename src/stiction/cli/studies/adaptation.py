@@ -27,7 +27,7 @@ class AdaptationStudy:
     """Length of an episode [s]; its first 2 s are not measured."""
     robots: int = 384
     """Robots of each walk that is probed; all but their friction is drawn as in the run's training."""
-    walk_seconds: float = 22.0
+    walk_seconds: float = 22.1
     """Length of these walks [s]; their first 2 s are left out."""
     seed: int = 0
     """Seed of initial states, noise and robots."""

@@ -27,8 +27,9 @@ class WalkCfg:
 
     robots: int = 384
     """Robots side by side; those that fall are left out."""
-    seconds: float = 22.0
-    """Length [s]; commands are drawn anew as in training, every 5 s."""
+    seconds: float = 22.1
+    """Length [s]; commands are drawn anew as in training, every 5 s. Beside what is left out, two windows of the wear
+    monitor and the frame before the first of them."""
     settle: float = 2.0
     """What is left out at its start [s]."""
     highest: float = 0.24

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stiction.deploy.wear import Moments
+from stiction.formats.configuration import to_plain
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import git_revision, machine
 from stiction.rma.checkpoint import write_json
+from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import load_actor
 from stiction.transfer.adaptation.effects import latent_effects, over_seeds
@@ -68,9 +70,11 @@ def study(
     for run in runs:
         RunDirectory(run).check_finished("student")
     parts = [study_run(run, out, cfg, threads, progress) for run in runs]
+    trained = [RunDirectory(run).config() for run in runs]
+    seeds = same_but_for_seed([(part["method"], made) for part, made in zip(parts, trained, strict=True)])
     methods = {}
-    for method in dict.fromkeys(part["method"] for part in parts):
-        same = [part for part in parts if part["method"] == method]
+    for method, members in seeds.items():
+        same = [parts[index] for index in members]
         methods[method] = {"effects": over_seeds([part["latents"] for part in same]), "probes": pooled_probes(same)}
     return {
         "config": asdict(cfg),
@@ -80,6 +84,23 @@ def study(
         "methods": methods,
         "runs": {part["name"]: part for part in parts},
     }
+
+
+def same_but_for_seed(runs: Sequence[tuple[str, TrainCfg]]) -> dict[str, list[int]]:
+    """Return the runs that are samples of one training, by number: all of their configuration but the seed is equal.
+
+    runs: method and configuration. The name is the method, with a number where several trainings share it: another
+    friction range, budget or robot is another training, and no seed.
+    """
+    groups: dict[str, list[int]] = {}
+    for index, (_, cfg) in enumerate(runs):
+        groups.setdefault(json.dumps(to_plain(replace(cfg, seed=0)), sort_keys=True, default=str), []).append(index)
+    methods = [runs[members[0]][0] for members in groups.values()]
+    names = [
+        method if methods.count(method) == 1 else f"{method} {methods[: number + 1].count(method)}"
+        for number, method in enumerate(methods)
+    ]
+    return dict(zip(names, groups.values(), strict=True))
 
 
 def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: Progress) -> dict[str, Any]:
@@ -110,8 +131,10 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
     walk_and_probe("joint")
     walk_and_probe("robot")
     wear = fit_monitor(walks, moments, contract.joint_names, cfg.walk.highest, student)
+    kept = out / f"{name}-wear.json"
+    kept.unlink(missing_ok=True)
     if any(wear.told):
-        (out / f"{name}-wear.json").write_text(wear.to_json())
+        kept.write_text(wear.to_json())
     per_target = ("told", "determination", "coverage", "reach")
     part = {
         "key": key,
