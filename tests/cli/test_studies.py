@@ -54,10 +54,26 @@ def test_gait_refuses_what_it_cannot_name_or_measure(walker: Path, bundle: Path,
         ([str(bundle)], "--variants"),
         ([str(walker), "--commands", "stand"], "no gait"),
         ([str(walker), "--variants", "both", "both"], "2 variants for 1"),
+        ([str(walker), str(walker)], "two bundles are called 'walker'"),
     ):
         assert main(["study", "gait", *arguments, *out]) == 1
         assert said in capsys.readouterr().err
     assert main(["study", "gait"]) == 2
+
+
+def test_policies_of_different_trainings_are_no_seeds(walker: Path, tmp_path: Path, capsys) -> None:
+    """Two ways to train with friction, both with the same gait rewards, would pass for two seeds of one training."""
+    command = "stiction train --task.rewards.trot 0"
+    other = make_bundle(tmp_path / "other", make_contract(command=command, seed=4, method="direct"))
+    again = make_bundle(tmp_path / "again", make_contract(command=command, seed=4))
+    options = ["--commands", "vx=0.5", "--episodes", "1", "--seconds", "3", "--out", str(tmp_path / "gait"), "--json"]
+    for second, said in ((other, "more than gait rewards and seed"), (again, "no policy that moves was trained")):
+        assert main(["study", "gait", str(walker), str(second), *options]) == 0
+        verdicts = {
+            claim["verdict"] for claim in json.loads((tmp_path / "gait" / "summary.json").read_text())["claims"]
+        }
+        assert verdicts and all(said in verdict for verdict in verdicts)
+    capsys.readouterr()
 
 
 def test_damping_writes_tables_figure_and_page(bundle: Path, tmp_path: Path, capsys) -> None:

@@ -111,3 +111,7 @@ def test_evaluate_refuses_logs_that_cannot_be(tmp_path: Path, capsys: pytest.Cap
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+    (tmp_path / "file").write_text("")
+    arguments = ["evaluate", "saturn_lite-flat-deception-0.2", "--log", str(tmp_path / "file" / "logs")]
+    assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
+    assert "choose another --log" in capsys.readouterr().err

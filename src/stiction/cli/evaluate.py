@@ -83,6 +83,8 @@ def main(arguments: list[str]) -> int:
     )
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
     make_folder(cfg.out)
+    if cfg.log is not None:
+        make_folder(cfg.log, "--log")
     bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
     with work_progress() as progress:
         rows, summary = evaluate_all(bundles, settings, cfg.robot, num_threads(), progress)

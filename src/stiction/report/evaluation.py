@@ -77,8 +77,8 @@ def write_evaluation(out: Path, rows: Sequence[ResultRow], summary: dict[str, An
     return page
 
 
-def make_folder(out: Path) -> None:
-    """Make the directory for results, before the work that fills it.
+def make_folder(out: Path, option: str = "--out") -> None:
+    """Make the directory for results, before the work that fills it. `option`: which names it.
 
     Raises:
         StictionError: it cannot be made.
@@ -87,7 +87,7 @@ def make_folder(out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise StictionError(f"the directory {out} cannot be made: {error}; choose another --out") from error
+        raise StictionError(f"the directory {out} cannot be made: {error}; choose another {option}") from error
 
 
 def draw_budget(rows: Sequence[ResultRow]) -> Figure:

@@ -18,6 +18,9 @@ from stiction.transfer.statistics import t_interval
 REPRODUCES, CONTRADICTED, OPEN, UNTESTED = "reproduces", "does not reproduce", "not decided", "not tested"
 """The verdicts."""
 
+MIXED = "these policies differ in more than gait rewards and seed, so that they are no samples of one training"
+"""Why a mixture of trainings has no verdict."""
+
 
 @dataclass(frozen=True)
 class Claim:
@@ -74,9 +77,12 @@ CLAIMS = (
 """What the paper says, in its order."""
 
 
-def judge(rows: Sequence[GaitRow]) -> list[ClaimRow]:
-    """Return a verdict for each sentence, from the rows of all policies and commands."""
-    return [_judge(claim, rows) for claim in CLAIMS]
+def judge(rows: Sequence[GaitRow], alike: bool = True) -> list[ClaimRow]:
+    """Return a verdict for each sentence, from the rows of all policies and commands.
+
+    alike: whether the policies were trained alike but for gait rewards and seed; without, there is no verdict.
+    """
+    return [_judge(claim, rows, alike) for claim in CLAIMS]
 
 
 def seed_means(rows: Sequence[GaitRow], variant: str, number: str) -> dict[int, float]:
@@ -102,12 +108,13 @@ def above(values: Sequence[float], threshold: float) -> bool | None:
     return True if low >= threshold else False if high < threshold else None
 
 
-def _judge(claim: Claim, rows: Sequence[GaitRow]) -> ClaimRow:
+def _judge(claim: Claim, rows: Sequence[GaitRow], alike: bool) -> ClaimRow:
     """Return the verdict on one sentence."""
     shown = [variant for variant in (claim.without, claim.prevented_by) if variant]
     found = {variant: seed_means(rows, variant, claim.number) for variant in shown}
     figures = "; ".join(_figures(rows, claim, variant, seeds) for variant, seeds in found.items())
-    return ClaimRow(claim.sentence, claim.criterion, _verdict(claim, found), figures)
+    verdict = _verdict(claim, found) if alike else f"{UNTESTED}: {MIXED}"
+    return ClaimRow(claim.sentence, claim.criterion, verdict, figures)
 
 
 def _verdict(claim: Claim, found: dict[str, dict[int, float]]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,6 +53,22 @@ def trained_variant(command: str) -> str:
     return variant_of(weights["trot"], weights["unsync"])
 
 
+def trained_alike(bundles: Sequence[Bundle]) -> bool:
+    """Return whether policies have the same robot, ground and friction in training, as far as contracts tell."""
+    names = (
+        "robot",
+        "terrain",
+        "method",
+        "friction_law",
+        "friction_level",
+        "friction_range",
+        "joints_file",
+        "actuator",
+    )
+    first = bundles[0].contract
+    return all(getattr(bundle.contract, name) == getattr(first, name) for bundle in bundles for name in names)
+
+
 @dataclass(frozen=True)
 class Walked:
     """One policy under one command."""
@@ -83,20 +99,22 @@ def walk_gaits(
     """Drive a policy over the commands, and measure its gait under each; arguments as in `evaluate_bundle`.
 
     Raises:
-        StictionError: the bundle does not fit the robot, or more than one friction level is asked for.
+        StictionError: the bundle does not fit the robot, more than one friction level is asked for, or a command to
+            stand.
 
     """
     if len(cfg.friction_levels) != 1:
         raise StictionError(f"friction levels {cfg.friction_levels}: expected one, a gait is shown at one at a time")
+    if still := [command.label for command in cfg.parsed_commands if command.direction is None]:
+        raise StictionError(f"command {still[0]!r} asks for no motion, and there is no gait in it")
     driven = drive_bundle(bundle, cfg, robot, threads, progress)
     return [_measure(bundle, variant, driven.spec, command, part) for _, command, part in driven.parts]
 
 
 def _measure(bundle: Bundle, variant: str, spec: RobotSpec, command: Command, part: Recording) -> Walked:
-    """Return the gait of one command; standing is refused."""
+    """Return the gait of one command that asks for motion."""
     moving = moving_steps(part, command)
-    if moving is None:
-        raise StictionError(f"command {command.label!r} asks for no motion, and there is no gait in it")
+    assert moving is not None
     order, groups = foot_order(spec), spec.groups()
     gait = measure_gait(part.contact, moving, groups, part.period)
     first, second = gait.group_share or (None, None)

@@ -67,14 +67,15 @@ def main(arguments: list[str]) -> int:
     from stiction.report.gait import GaitResult, lead, write_gait
     from stiction.transfer.evaluate import EvaluationCfg
     from stiction.transfer.gait_claims import judge
-    from stiction.transfer.gait_study import trained_variant, walk_gaits
-    from stiction.transfer.summary import describe
+    from stiction.transfer.gait_study import trained_alike, trained_variant, walk_gaits
+    from stiction.transfer.summary import check_names, describe
 
     cfg = EvaluationCfg(
         (options.friction_level,), options.commands, options.episodes, options.seconds, seed=options.seed
     )
     make_folder(options.out)
     bundles = [_bundle(path, options.out) for path in options.policies]
+    check_names(bundles)
     variants: tuple[str, ...] = options.variants or tuple(
         trained_variant(bundle.contract.command) for bundle in bundles
     )
@@ -86,7 +87,7 @@ def main(arguments: list[str]) -> int:
     result = GaitResult(
         gaits,
         tuple(foot for one in walked for foot in one.feet),
-        tuple(judge(gaits)),
+        tuple(judge(gaits, trained_alike(bundles))),
         tuple(one.contact for one in walked),
         walked[0].period,
     )
