@@ -77,7 +77,8 @@ def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
 
 
 MEASURING = (
-    *("sim/*.py", "joints/*.py", "robots/*.py", "rma/models.py"),
+    *("sim/*.py", "joints/pd.py", "robots/*.py", "rma/models.py"),
+    *(f"locomotion/{name}.py" for name in ("observations", "privileged")),
     *(f"transfer/{name}.py" for name in ("run_evaluation", "evaluate", "rollout", "metrics", "teacher", "twin")),
 )
 """Code that decides what an evaluation measures; where it changes, what was kept before does not count."""
