@@ -235,8 +235,10 @@ class Fleet:
         """Return the height of the ground [m] at points given in the frame of base and heading, (P, 2); (N, P)."""
         cosine, sine = np.cos(self.yaw)[:, None], np.sin(self.yaw)[:, None]
         forward, left = points.T
-        around = np.stack((cosine * forward - sine * left, sine * forward + cosine * left), -1)
-        return self.terrain.height(self.base_position[:, None, :2] + around)
+        points = np.empty((self.num_envs, len(forward), 2))
+        points[..., 0] = self.base_position[:, :1] + (cosine * forward - sine * left)
+        points[..., 1] = self.base_position[:, 1:2] + (sine * forward + cosine * left)
+        return self.terrain.height(points)
 
     def reset(
         self,

@@ -154,8 +154,9 @@ class Terrain:
 
 def stair_height(points: np.ndarray, step: np.ndarray) -> np.ndarray:
     """Return the height of square stairs with steps of `step` [m], (N, 1), at points (N, P, 2) [m]; shape (N, P)."""
-    inside = REACH - np.abs(points).max(-1)
-    return step * np.clip(np.floor(inside / TREAD) + 1.0, 0.0, STEPS)
+    # A reduction over an axis of two entries is ten times slower than this.
+    outward = np.maximum(np.abs(points[..., 0]), np.abs(points[..., 1]))
+    return step * np.clip(np.floor((REACH - outward) / TREAD) + 1.0, 0.0, STEPS)
 
 
 def slope_height(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
