@@ -233,12 +233,13 @@ class Fleet:
 
     def ground_around(self, points: np.ndarray) -> np.ndarray:
         """Return the height of the ground [m] at points given in the frame of base and heading, (P, 2); (N, P)."""
-        cosine, sine = np.cos(self.yaw)[:, None], np.sin(self.yaw)[:, None]
+        yaw = self.yaw[:, None]
+        cosine, sine = np.cos(yaw), np.sin(yaw)
         forward, left = points.T
-        points = np.empty((self.num_envs, len(forward), 2))
-        points[..., 0] = self.base_position[:, :1] + (cosine * forward - sine * left)
-        points[..., 1] = self.base_position[:, 1:2] + (sine * forward + cosine * left)
-        return self.terrain.height(points)
+        around = np.empty((self.num_envs, len(points), 2))
+        around[..., 0] = self.base_position[:, :1] + (cosine * forward - sine * left)
+        around[..., 1] = self.base_position[:, 1:2] + (sine * forward + cosine * left)
+        return self.terrain.height(around)
 
     def reset(
         self,
