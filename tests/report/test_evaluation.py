@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 
 from stiction.formats.errors import StictionError
+from stiction.formats.folder import make_folder
 from stiction.formats.results import ResultRow, read_results
-from stiction.report.evaluation import draw_budget, lead, make_folder, results_table, write_evaluation
+from stiction.report.evaluation import draw_budget, lead, results_table, write_evaluation
 
 
 def make_row(policy: str, level: float, command: str, ratio: float | None, falls: float = 0.0) -> ResultRow:

@@ -88,7 +88,7 @@ def test_the_study_writes_its_page(tmp_path: Path, capsys: pytest.CaptureFixture
     assert main(["study", "stairs", policy, *options]) == 0
     assert "climbs 1 cm: 2 of 2" in capsys.readouterr().out
     assert {file.name for file in out.iterdir()} == {"stairs.csv", "summary.json", "stairs.png", "report.html"}
-    assert (out / "stairs.csv").read_text().splitlines()[1].startswith(f"{policy},0.0,0.01,2,2,0,12.0,")
+    assert (out / "stairs.csv").read_text().splitlines()[1].startswith(f"{policy},0,0.01,2,2,0,12,")
     assert main(["study", "stairs", policy, policy, "--out", str(tmp_path / "twice")]) == 1
     assert "two bundles" in capsys.readouterr().err and not (tmp_path / "twice").exists()
     assert main(["study", "magic"]) == 2 and "stairs" in capsys.readouterr().err

@@ -64,7 +64,7 @@ def main(arguments: list[str]) -> int:
     from rich.console import Console
 
     from stiction.formats.actuator import read_actuator
-    from stiction.formats.reproducibility import git_revision, machine
+    from stiction.formats.reproducibility import provenance
     from stiction.rma.config import PRESETS
     from stiction.transfer.bench import bench_cfg, measure_training
 
@@ -96,8 +96,7 @@ def main(arguments: list[str]) -> int:
         "policy_step_ms": _policy_step(),
         "identification_seconds": _identification(),
         "command": shlex.join(["stiction", "bench", *arguments]),
-        "revision": git_revision(),
-        "machine": machine(),
+        **provenance(),
     }
     if options.json:
         print(json.dumps(summary))
@@ -108,13 +107,13 @@ def main(arguments: list[str]) -> int:
 
 def _measure_ground(options: Bench) -> int:
     """Measure and print the speed of the simulator alone on stairs of boxes and of height fields."""
-    from stiction.formats.reproducibility import git_revision, machine, num_threads
+    from stiction.formats.reproducibility import num_threads, provenance
     from stiction.robots.catalog import find_robot
     from stiction.transfer.bench_ground import measure_grounds
 
     found = measure_grounds(find_robot(options.robot), options.num_envs, options.blocks, num_threads())
     if options.json:
-        print(json.dumps(found | {"revision": git_revision(), "machine": machine()}))
+        print(json.dumps(found | provenance()))
         return 0
     for name, ratio in found["over_plane"].items():
         low, high = found["spread"][name]

@@ -67,8 +67,8 @@ def main(arguments: list[str]) -> None:
     """Run the demo and print where its page is."""
     cfg = tyro.cli(DemoCfg, args=arguments, prog="stiction demo", description=DESCRIPTION)
     from stiction.deploy.check import check_bundle
+    from stiction.formats.folder import make_folder
     from stiction.formats.results import summary_text
-    from stiction.report.evaluation import make_folder
 
     start = time.perf_counter()
     make_folder(cfg.out)

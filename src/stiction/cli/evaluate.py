@@ -62,10 +62,11 @@ def main(arguments: list[str]) -> int:
         return 2
     from stiction.cli.terminal import print_rows, work_progress
     from stiction.deploy.check import check_bundle
+    from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import num_threads
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
-    from stiction.report.evaluation import make_folder, write_evaluation
+    from stiction.report.evaluation import write_evaluation
     from stiction.transfer.evaluate import EvaluationCfg
     from stiction.transfer.summary import evaluate_all
     from stiction.transfer.walk import RecordCfg, log_all

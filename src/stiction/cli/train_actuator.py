@@ -40,10 +40,10 @@ def main(arguments: list[str]) -> int:
 
     from stiction.cli.terminal import work_progress
     from stiction.formats.errors import StictionError
+    from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import num_threads
     from stiction.formats.results import summary_text
     from stiction.report.actuator import lead, write_actuator_page
-    from stiction.report.evaluation import make_folder
     from stiction.rma.actuator import train_actuator, write_trained
     from stiction.rma.actuator_data import read_run
 

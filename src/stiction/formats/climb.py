@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass
 from math import sqrt
-from pathlib import Path
 
 ENOUGH = 0.8
 """Share of trials that must succeed for a height to count as climbed."""
@@ -53,12 +51,3 @@ def highest_climbed(rows: Iterable[Climb]) -> Climb | None:
             break
         best = row
     return best
-
-
-def write_climbs(path: Path, rows: Sequence[Climb]) -> None:
-    """Write the rows as CSV, an empty cell where there is no number."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(Climb.__dataclass_fields__), lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({name: "" if value is None else value for name, value in asdict(row).items()})

@@ -18,8 +18,15 @@ from stiction.formats.friction import LAWS, Law, has_coefficient
 from stiction.formats.observation import ObservationLayout
 
 SCHEMA_VERSION = 2
-"""Version of contract.json. Version 1, without `compensation`, is read as well; any other is refused. `actuator` may
-be missing: there is none then."""
+"""Version of contract.json. Version 1 is read as well; any other is refused."""
+
+LATER: dict[str, tuple[int, float | None]] = {
+    "compensation": (1, None),
+    "compensation_width": (1, 0.05),
+    "stribeck": (2, None),
+    "actuator": (2, None),
+}
+"""Field that came later -> the last version in which it may be missing, and what it is then."""
 
 LARGEST = 1e9
 """Bound of every number: JSON allows 1e999 and integers of any length."""
@@ -162,9 +169,10 @@ def read_contract(text: bytes) -> Contract:
         raise ContractError(f"contract.json is not JSON: {error}; export the bundle again") from error
     if not isinstance(data, dict):
         raise ContractError(f"contract.json holds a {type(data).__name__}; expected an object")
-    if data.get("schema_version") == 1:
-        data = {"compensation": None, "compensation_width": 0.05} | data | {"schema_version": SCHEMA_VERSION}
-    data = {"stribeck": None, "actuator": None} | data
+    version = data.get("schema_version")
+    data = {name: value for name, (last, value) in LATER.items() if version in range(1, last + 1)} | data
+    if version == 1:
+        data["schema_version"] = SCHEMA_VERSION
     known = {field.name for field in fields(Contract)}
     if missing := sorted(known - data.keys()):
         raise ContractError(f"contract.json lacks the field {missing[0]!r}; export the bundle again")

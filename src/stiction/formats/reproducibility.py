@@ -139,6 +139,11 @@ def machine() -> dict[str, Any]:
     }
 
 
+def provenance() -> dict[str, Any]:
+    """Return what every summary says of the code and the machine that made it: `revision` and `machine`."""
+    return {"revision": git_revision(), "machine": machine()}
+
+
 def _cpu_model(cpuinfo: Path) -> str:
     """Return the processor's name from Linux's `cpuinfo`, or the architecture where there is none."""
     try:

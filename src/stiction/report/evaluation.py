@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from stiction.formats.errors import StictionError
+from stiction.formats.folder import make_folder
 from stiction.formats.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.report.page import Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
@@ -75,19 +76,6 @@ def write_evaluation(out: Path, rows: Sequence[ResultRow], summary: dict[str, An
     except OSError as error:
         raise StictionError(f"the results cannot be written to {out}: {error}; choose another --out") from error
     return page
-
-
-def make_folder(out: Path, option: str = "--out") -> None:
-    """Make the directory for results, before the work that fills it. `option`: which names it.
-
-    Raises:
-        StictionError: it cannot be made.
-
-    """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StictionError(f"the directory {out} cannot be made: {error}; choose another {option}") from error
 
 
 def draw_budget(rows: Sequence[ResultRow]) -> Figure:

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from stiction.formats.climb import ENOUGH, Climb, highest_climbed, wilson, write_climbs
+from stiction.formats.climb import ENOUGH, Climb, highest_climbed, wilson
 from stiction.formats.results import write_summary
+from stiction.formats.rows import write_rows
 from stiction.report.page import Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 def write_stairs(out: Path, rows: Sequence[Climb], summary: dict[str, Any]) -> Path:
     """Write stairs.csv, summary.json, stairs.png and report.html into `out`; return the path of the page."""
     figure = draw_stairs(rows)
-    write_climbs(out / "stairs.csv", rows)
+    write_rows(out / "stairs.csv", rows)
     write_summary(out / "summary.json", summary)
     figure.savefig(out / "stairs.png", dpi=150, facecolor="white")
     caption = f"Share of trials that succeed, with Wilson's 95 % interval; the line is {ENOUGH:.0%}."

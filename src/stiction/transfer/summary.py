@@ -10,7 +10,7 @@ from typing import Any
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
-from stiction.formats.reproducibility import git_revision, machine
+from stiction.formats.reproducibility import provenance
 from stiction.formats.results import ResultRow
 from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
 
@@ -46,8 +46,7 @@ def evaluate_all(
         "conditions": cfg.conditions,
         "robot": robot,
         "seconds": time.perf_counter() - start,
-        "revision": git_revision(),
-        "machine": machine(),
+        **provenance(),
         "policies": policies,
         "rows": details,
     }

@@ -36,7 +36,7 @@ def main(arguments: list[str]) -> int:
 
     from stiction.cli.terminal import work_progress
     from stiction.formats.configuration import to_plain
-    from stiction.formats.reproducibility import git_revision, machine
+    from stiction.formats.reproducibility import provenance
     from stiction.formats.results import ResultRow, summary_text, write_results, write_summary
     from stiction.report.actuator import write_actuator_page
     from stiction.report.actuator_loop import write_loop_page
@@ -51,8 +51,7 @@ def main(arguments: list[str]) -> int:
         "options": {
             name: to_plain(value) if name in ("net", "train") else value for name, value in vars(config).items()
         },
-        "revision": git_revision(),
-        "machine": machine(),
+        **provenance(),
     } | found
     summary["options"]["policy"] = None if config.policy is None else str(config.policy)
     rows = [{key: value for key, value in row.items() if key != "robot"} for row in found["rows"]]

@@ -44,10 +44,10 @@ def main(arguments: list[str]) -> int:
         print("stiction study adaptation: no run given; --help shows the usage", file=sys.stderr)
         return 2
     from stiction.cli.terminal import work_progress
+    from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import num_threads
     from stiction.formats.results import ResultRow, summary_text
     from stiction.report.adaptation import lead, write_adaptation
-    from stiction.report.evaluation import make_folder
     from stiction.transfer.adaptation.friction_walk import WalkCfg
     from stiction.transfer.adaptation.study import AdaptationCfg, study
     from stiction.transfer.evaluate import EvaluationCfg

@@ -50,11 +50,11 @@ def main(arguments: list[str]) -> int:
 
     from stiction.cli.terminal import work_progress
     from stiction.deploy.check import check_bundle
-    from stiction.formats.reproducibility import git_revision, machine, num_threads
+    from stiction.formats.folder import make_folder
+    from stiction.formats.reproducibility import num_threads, provenance
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle, shipped_bundles
     from stiction.report.damping import DampingResult, lead, write_damping
-    from stiction.report.evaluation import make_folder
     from stiction.transfer.damping import DampingCfg, swap_rows
     from stiction.transfer.damping_robot import WalkCfg, air_row, walk_rows
     from stiction.transfer.damping_spread import draw_rows, net_rows
@@ -77,8 +77,7 @@ def main(arguments: list[str]) -> int:
     result = DampingResult(swaps, nets, draws, tuple(robots))
     summary = {
         "command": shlex.join(["stiction", "study", "damping", *arguments]),
-        "revision": git_revision(),
-        "machine": machine(),
+        **provenance(),
         "seconds": time.perf_counter() - start,
         "study": asdict(cfg),
         "walk": asdict(walk),

@@ -71,8 +71,8 @@ def main(arguments: list[str]) -> int:
     options = tyro.cli(FrictionStudy, args=arguments, prog="stiction study friction", description=DESCRIPTION)
     from stiction.cli.interruption import stop_requests
     from stiction.cli.terminal import work_progress
+    from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import num_threads
-    from stiction.report.evaluation import make_folder
     from stiction.report.experiment import lead, write_experiment
     from stiction.transfer.experiment.assemble import assemble, ship
     from stiction.transfer.experiment.evaluation import BASE, evaluate_tasks, tasks_for

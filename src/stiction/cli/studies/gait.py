@@ -61,9 +61,9 @@ def main(arguments: list[str]) -> int:
     from functools import partial
 
     from stiction.cli.terminal import work_progress
-    from stiction.formats.reproducibility import git_revision, machine, num_threads
+    from stiction.formats.folder import make_folder
+    from stiction.formats.reproducibility import num_threads, provenance
     from stiction.formats.results import summary_text
-    from stiction.report.evaluation import make_folder
     from stiction.report.gait import GaitResult, lead, write_gait
     from stiction.transfer.evaluate import EvaluationCfg
     from stiction.transfer.gait_claims import judge
@@ -96,8 +96,7 @@ def main(arguments: list[str]) -> int:
         "command": shlex.join(["stiction", "study", "gait", *arguments]),
         "evaluation": asdict(cfg),
         "seconds": time.perf_counter() - start,
-        "revision": git_revision(),
-        "machine": machine(),
+        **provenance(),
         "policies": {bundle.name: describe(bundle) | {"variant": variant} for bundle, variant in named},
         "lead": lead(result),
     }

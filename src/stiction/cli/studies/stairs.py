@@ -46,10 +46,10 @@ def main(arguments: list[str]) -> int:
         return 2
     from stiction.cli.terminal import work_progress
     from stiction.deploy.check import check_bundle
-    from stiction.formats.reproducibility import git_revision, machine, num_threads
+    from stiction.formats.folder import make_folder
+    from stiction.formats.reproducibility import num_threads, provenance
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
-    from stiction.report.evaluation import make_folder
     from stiction.report.stairs import answers, write_stairs
     from stiction.transfer.stairs import ClimbCfg, climb
     from stiction.transfer.summary import check_names, describe
@@ -65,8 +65,7 @@ def main(arguments: list[str]) -> int:
     summary = {
         "command": shlex.join(["stiction", "study", "stairs", *arguments]),
         "settings": asdict(settings),
-        "revision": git_revision(),
-        "machine": machine(),
+        **provenance(),
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
         "rows": [asdict(row) for row in rows],
     }

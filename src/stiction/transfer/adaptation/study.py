@@ -13,7 +13,7 @@ import numpy as np
 from stiction.deploy.wear import Moments
 from stiction.formats.configuration import to_plain
 from stiction.formats.errors import StictionError
-from stiction.formats.reproducibility import git_revision, machine
+from stiction.formats.reproducibility import provenance
 from stiction.rma.checkpoint import write_json
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory
@@ -79,8 +79,7 @@ def study(
     return {
         "config": asdict(cfg),
         "threshold": TOLD,
-        "revision": git_revision(),
-        "machine": machine(),
+        **provenance(),
         "methods": methods,
         "runs": {part["name"]: part for part in parts},
     }

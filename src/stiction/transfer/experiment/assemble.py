@@ -11,7 +11,7 @@ from typing import Any
 from stiction.formats.errors import StictionError
 from stiction.formats.experiment import ConditionRecord, CurvePoint, Experiment, RunRecord
 from stiction.formats.metrics import read_metrics
-from stiction.formats.reproducibility import git_revision, machine
+from stiction.formats.reproducibility import provenance
 from stiction.formats.results import ResultRow
 from stiction.rma.run import RunDirectory
 from stiction.transfer.evaluate import EvaluationCfg
@@ -61,8 +61,7 @@ def assemble(
         parts=PARTS,
         summary={
             **summary,
-            "revision": git_revision(),
-            "machine": machine(),
+            **provenance(),
             "evaluation": asdict(base) | {"commands": COMMANDS},
             "conditions_of_evaluation": base.conditions,
             "median_seeds": medians,
