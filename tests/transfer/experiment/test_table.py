@@ -2,6 +2,7 @@
 
 import pytest
 
+from stiction.transfer.experiment.criteria import Evidence
 from stiction.transfer.experiment.learning import iterations_by_seed, learning_curve
 from stiction.transfer.experiment.table import Table, median_seed
 from synthetic import condition_rows, curve
@@ -42,6 +43,8 @@ def test_iterations_to_walk() -> None:
     """Walks from 120 on; a run that never walks counts as its whole budget."""
     curves = {"a-s0": curve("a-s0", 120), "a-s1": curve("a-s1", 1000), "b-s0": curve("b-s0", 50)}
     assert iterations_by_seed("a", curves, 350) == {0: 120.0, 1: 350.0}
+    assert Evidence(Table.of([]), curves).iterations("a")[0] == "a (1 of 2 seeds not before the end)"
+    assert Evidence(Table.of([]), curves).iterations("b")[0] == "b"
 
 
 def test_a_learning_curve_is_means_of_ten() -> None:

@@ -52,8 +52,12 @@ class Evidence:
         return condition.removeprefix("coulomb20-"), self.table.speed_error(condition, levels)
 
     def iterations(self, condition: str) -> tuple[str, Points]:
-        """Return the iterations until the teacher walks both ways, with a label."""
-        return condition.removeprefix("coulomb20-"), iterations_by_seed(condition, self.curves, BUDGET)
+        """Return the iterations until the teacher walks both ways, with a label that says how many seeds never do:
+        they count as the whole budget, less than the truth.
+        """
+        found, name = iterations_by_seed(condition, self.curves, BUDGET), condition.removeprefix("coulomb20-")
+        late = sum(value >= BUDGET for value in found.values())
+        return f"{name} ({late} of {len(found)} seeds not before the end)" if late else name, found
 
 
 def harder(e: Evidence) -> Finding:
