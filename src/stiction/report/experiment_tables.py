@@ -114,8 +114,8 @@ def verdict_sheet(experiment: Experiment) -> Sheet:
     rows = tuple((v.id, v.outcome, f"“{v.sentence}”", v.criterion, v.evidence) for v in experiment.verdicts)
     note = (
         "Numbers are means over training seeds with their 95 % t-interval in brackets and every seed in parentheses. "
-        "`undecided`: the interval straddles the criterion. One seed carries no verdict. Each sentence is judged by itself at 95 %: the number of "
-        "sentences is not corrected for."
+        "`undecided`: the interval straddles the criterion. One seed carries no verdict. Each sentence is judged by "
+        "itself at 95 %: the number of sentences is not corrected for."
     )
     return Sheet("The paper's sentences", ("", "outcome", "sentence", "criterion", "evidence"), rows, note)
 
