@@ -5,6 +5,8 @@ PYTHON ?= python3
 TORCH_FLAGS ?=
 # Passed on to the command, e.g. make test ARGS="-k verify" or make demo ARGS="--train".
 ARGS ?=
+# Processes that run the tests.
+WORKERS ?= 2
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -39,8 +41,9 @@ help:
 demo: $(READY)
 	$(BIN)/stiction demo $(ARGS)
 
+# Two processes with a file each at a time: most tests are of one thread.
 test: $(READY)
-	$(BIN)/python -m pytest $(ARGS)
+	STICTION_THREADS=$${STICTION_THREADS:-1} $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile $(ARGS)
 
 check: $(READY)
 	$(BIN)/ruff check src tests
