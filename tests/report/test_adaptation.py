@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.report.adaptation import lead, write_adaptation
+from stiction.report.adaptation_figures import draw_effects, draw_probes
 
 
 def make_run(told: list[bool], mean: float) -> dict[str, Any]:
@@ -43,7 +44,8 @@ def make_summary() -> dict[str, Any]:
     """A run that tells its level, and one that tells nothing."""
     runs = {"some": make_run([False, True], 0.62), "dumb": make_run([False, False], 0.01)}
     pooled = [effect | {"each": [-0.3, -0.3]} for effect in runs["some"]["latents"]["effects"]]
-    methods = {"direct": {"effects": pooled, "probes": runs["some"]["probes"]}}
+    probes = [probe | {"each": [0.6, 0.64]} for probe in runs["some"]["probes"]]
+    methods = {"direct": {"effects": pooled, "probes": probes}}
     return {"command": "stiction study adaptation some dumb", "revision": "abc", "threshold": 0.5} | {
         "runs": runs,
         "methods": methods,
@@ -73,5 +75,17 @@ def test_the_page_holds_every_table(tmp_path: Path) -> None:
         "stiction study adaptation some dumb",
     ):
         assert text in page
-    assert (tmp_path / "results.csv").is_file()
-    assert (tmp_path / "summary.json").is_file()
+    assert {file.name for file in tmp_path.iterdir()} >= {"results.csv", "summary.json", "latents.png", "probes.png"}
+
+
+def test_the_figures_show_every_seed_and_no_shuffled_probe() -> None:
+    """Two inputs, two targets, two seeds: four rows of dots, each with a bar; one change of speed, each seed a line."""
+    methods = make_summary()["methods"]
+    inputs = {"latent": "z*", "moments": "moments"}
+    figure = draw_probes(methods, inputs, {"joint": "each joint", "robot": "a robot"})
+    dots = [line for axis in figure.axes for line in axis.lines if line.get_marker() == "o"]
+    bars = [line for axis in figure.axes for line in axis.lines if line.get_linewidth() == 3]
+    assert [list(line.get_xdata()) for line in dots] == [[0.6, 0.64]] * 4
+    assert [list(line.get_xdata()) for line in bars] == [[0.52, 0.72]] * 4
+    lines = draw_effects(methods, {"swapped": "swapped"}).axes[0].lines
+    assert [list(line.get_ydata()) for line in lines[:3]] == [[-0.3], [-0.3], [-0.3]]

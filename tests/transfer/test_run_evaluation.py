@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from stiction.cli.main import main
 from stiction.deploy.observation import Sensors
 from stiction.formats.errors import StictionError
+from stiction.formats.results import read_results
 from stiction.locomotion.config import NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
@@ -201,3 +204,18 @@ def test_a_history_of_another_length_reaches_networks_contract_and_driver(tmp_pa
     assert len(evaluate_run(directory.path, "student", SHORT)) == 2
     with pytest.raises(StictionError, match="history of 0 frames"):
         TaskCfg(history=0)
+
+
+def test_one_command_studies_what_adaptation_does(run: RunDirectory, tmp_path: Path, capsys) -> None:
+    """A user's whole way: walks on lent latents, probes, page. Two runs of one name are refused."""
+    out = tmp_path / "study"
+    walks = ["--friction-levels", "0", "0.2", "--commands", "vx=0.5", "--episodes", "4", "--seconds", "4"]
+    arguments = ["study", "adaptation", str(run.path), "--out", str(out)]
+    assert main([*arguments, *walks, "--robots", "32", "--walk-seconds", "12.5", "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary == json.loads((out / "summary.json").read_text()) and set(summary["runs"]) == {"tiny"}
+    rows = read_results(out / "results.csv")
+    assert {row.friction_level for row in rows} == {0.0, 0.2} and len({row.policy for row in rows}) >= 3
+    assert (out / "report.html").read_text().count("data:image") == 2
+    assert main([*arguments[:2], str(tmp_path / "tiny"), *arguments[2:]]) == 1
+    assert "two runs are called 'tiny'" in capsys.readouterr().err

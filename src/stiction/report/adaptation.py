@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from stiction.formats.errors import StictionError
 from stiction.formats.results import ResultRow, write_results, write_summary
-from stiction.report.page import Section, fold, paragraph, render_page, table
+from stiction.report.adaptation_figures import draw_effects, draw_probes
+from stiction.report.page import Section, figure_uri, fold, paragraph, picture, render_page, table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LATENT = {"mean": "frozen at its mean", "swapped": "of another friction level", "peer": "of a robot at the same level"}
 """Where the latent comes from, in words."""
@@ -51,6 +55,9 @@ ABOUT_WEAR = (
     "randomisation of training: no robot has confirmed it."
 )
 
+EACH_LINE = "A thin line is a training seed, a thick one their mean."
+EACH_DOT = "A dot is a training seed, a bar the 95 % t-interval of their mean; whole walks as samples."
+
 
 def percent(values: Sequence[bool]) -> str:
     """Return how many of `values` hold."""
@@ -85,15 +92,18 @@ def lead(summary: dict[str, Any]) -> str:
 
 
 def write_adaptation(out: Path, rows: Sequence[ResultRow], summary: dict[str, Any]) -> Path:
-    """Write results.csv, summary.json and report.html into `out`; return the path of the page.
+    """Write results.csv, summary.json, two figures and report.html into `out`; return the path of the page.
 
     Raises:
         StictionError: the files cannot be written.
 
     """
     page = out / "report.html"
-    text = render_page("What does adaptation do?", sections(summary), lead(summary))
+    effects, probes = draw_effects(summary["methods"], LATENT), draw_probes(summary["methods"], INPUT, TARGET)
+    text = render_page("What does adaptation do?", sections(summary, effects, probes), lead(summary))
     try:
+        effects.savefig(out / "latents.png", dpi=150, facecolor="white")
+        probes.savefig(out / "probes.png", dpi=150, facecolor="white")
         write_results(out / "results.csv", rows)
         write_summary(out / "summary.json", summary)
         page.write_text(text, encoding="utf-8")
@@ -102,8 +112,8 @@ def write_adaptation(out: Path, rows: Sequence[ResultRow], summary: dict[str, An
     return page
 
 
-def sections(summary: dict[str, Any]) -> list[Section]:
-    """Return the page's parts."""
+def sections(summary: dict[str, Any], effects: Figure, probes: Figure) -> list[Section]:
+    """Return the page's parts, with the figures of `adaptation_figures`."""
     runs = summary["runs"]
     seeds = [
         fold(f"{method}: over {len(found['effects'][0]['each'])} seeds, t-intervals", pooled(found))
@@ -113,11 +123,19 @@ def sections(summary: dict[str, Any]) -> list[Section]:
     return [
         Section(
             "Latents taken away and swapped",
-            (paragraph(ABOUT_LATENTS), *(effects_table(name, run["latents"]["effects"]) for name, run in runs.items())),
+            (
+                paragraph(ABOUT_LATENTS),
+                picture(figure_uri(effects), EACH_LINE),
+                *(effects_table(name, run["latents"]["effects"]) for name, run in runs.items()),
+            ),
         ),
         Section(
             "What z* tells of the friction",
-            (paragraph(ABOUT_PROBES), *(probes_table(name, run["probes"]) for name, run in runs.items())),
+            (
+                paragraph(ABOUT_PROBES),
+                picture(figure_uri(probes), EACH_DOT),
+                *(probes_table(name, run["probes"]) for name, run in runs.items()),
+            ),
         ),
         Section(
             "Can it watch for wear?",
