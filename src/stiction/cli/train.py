@@ -167,22 +167,19 @@ def _resume(options: Train, arguments: list[str]) -> int:
 
 def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     """Train, with progress, clips and an ear for signals; return the exit status."""
-    import numpy as np
-
     from stiction.cli.interruption import stop_requests
     from stiction.cli.progress import training_progress
     from stiction.rma.phase import Interrupted
+    from stiction.rma.run import identified_values
     from stiction.rma.runner import train
     from stiction.transfer.film import Crew
 
-    identified = run.header()["identified"]
-    values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
     if cfg.device != "cpu":
         print("stiction train: in its first run MuJoCo Warp compiles its kernels, for minutes", file=sys.stderr)
     with training_progress(cfg) as display, stop_requests(display.say, "this iteration") as asked:
         crew = Crew(run.path, display.say)
         try:
-            summary = train(cfg, run, values, display, asked, crew)
+            summary = train(cfg, run, identified_values(run.header()), display, asked, crew)
             crew.finish()
         except Interrupted as stop:
             display.say(f"stiction train: {stop}")

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stiction.formats.actuator import FILE, ActuatorNet, actuator_file, read_actuator
 from stiction.formats.configuration import from_plain, to_plain
 from stiction.formats.errors import StictionError
@@ -168,3 +170,12 @@ class RunDirectory:
         """Write summary.json: the last figures, what made them, and where."""
         header = {key: value for key, value in self.header().items() if key != "config"}
         write_json(self.path / "summary.json", header | figures | {"machine": machine()})
+
+
+def identified_values(header: dict[str, Any]) -> dict[str, np.ndarray] | None:
+    """Return the joints that a run took from an identification, for `nominal_joints`; None where it took none.
+
+    header: as from `RunDirectory.header`.
+    """
+    identified = header["identified"]
+    return {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None

@@ -11,8 +11,6 @@ from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from stiction.deploy.check import BundleCheck, check_bundle
 from stiction.deploy.policy import INPUT, OUTPUT
 from stiction.formats.bundle import BundleError, write_bundle
@@ -83,12 +81,12 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
 
     """
     from stiction.locomotion.randomization import friction_angle, nominal_joints
+    from stiction.rma.run import identified_values
     from stiction.sim.fleet import Fleet
 
     task = cfg.task
     spec, identified = find_robot(task.robot), header["identified"]
-    found = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
-    joints = nominal_joints(Fleet(spec, 1), task.friction, found)
+    joints = nominal_joints(Fleet(spec, 1), task.friction, identified_values(header))
     level, law = task.friction.level, task.friction.joint_law
     if level is None:
         units = 1.0 if has_coefficient(law.name) else spec.joint_values("torque_limit")

@@ -169,18 +169,16 @@ def _to_level(env: LocomotionEnv, course: dict[str, Any]) -> None:
 
 def _render(run: Path, checkpoint: Path, out: Path) -> None:
     """Film the policy of a checkpoint."""
-    import numpy as np
     import torch
 
     from stiction.formats.reproducibility import stream_seed
     from stiction.locomotion.env import LocomotionEnv
     from stiction.rma.checkpoint import load_checkpoint
-    from stiction.rma.run import RunDirectory
+    from stiction.rma.run import RunDirectory, identified_values
     from stiction.rma.runner import load_actor
 
     directory = RunDirectory(run)
-    cfg, identified = directory.config(), directory.header()["identified"]
-    values = {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
+    cfg, values = directory.config(), identified_values(directory.header())
     actor = load_actor(directory, checkpoint.stem.partition("_")[0], checkpoint)
     env = LocomotionEnv(
         filmed_task(cfg.task), 1, stream_seed(cfg.seed, "clip"), 1, values, actuator=directory.actuator()

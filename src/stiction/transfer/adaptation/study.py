@@ -16,7 +16,7 @@ from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import provenance
 from stiction.rma.checkpoint import write_json
 from stiction.rma.config import TrainCfg
-from stiction.rma.run import RunDirectory
+from stiction.rma.run import RunDirectory, identified_values
 from stiction.rma.runner import load_actor
 from stiction.transfer.adaptation.effects import latent_effects, over_seeds
 from stiction.transfer.adaptation.friction_walk import FrictionWalk, Per, WalkCfg, walk_with_friction
@@ -115,8 +115,7 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
     latents = latent_effects(run, cfg.evaluation, threads, lambda share: progress(f"{name}: latents", share))
     contract, actor = contract_of(train, header), load_actor(directory, "student")
     moments = Moments(contract.observation, contract.action_scale)
-    identified = header["identified"]
-    found = {n: np.array(value, float) for n, value in identified["values"].items()} if identified else None
+    found = identified_values(header)
     probes: list[dict[str, Any]] = []
     walks: dict[Per, FrictionWalk] = {}
 
