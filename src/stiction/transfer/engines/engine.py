@@ -5,6 +5,10 @@ something else (PhysX 5.3 multiplies by load, Webots ignores friction under posi
 used but one thing: a constraint that holds a joint with any torque up to a bound, and brakes it with the bound where it
 slides. That is dry friction. What the bound is, is the law's business (`joint_physics.py`), and the same in every
 engine.
+
+What touches what is the same in every engine, too, and as in training: on the plane feet and trunk; on boxes and on a
+height field shanks as well; feet touch each other and the trunk; thighs and hips touch nothing. `conformance.py` holds
+engines to all of this.
 """
 
 from __future__ import annotations
@@ -15,6 +19,12 @@ from typing import Protocol
 import numpy as np
 
 from stiction.robots.spec import RobotSpec
+
+GRAVITY = 9.81
+"""Downward [m/s²], in every engine."""
+
+TOUCH = 1.0
+"""Force with which the ground must push a foot for a contact [N], as in training (`Fleet.foot_contact`)."""
 
 
 @dataclass(frozen=True)
@@ -28,12 +38,25 @@ class Body:
     damping: np.ndarray
     """Viscous friction, B [N m s/rad], shape (J,)."""
     ground_friction: float = 1.0
-    """Coulomb coefficient between foot and ground [-]."""
+    """Coulomb coefficient between foot and ground [-], whatever the ground is made of. That of trunk and shanks is 1."""
+    base_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the trunk's centre of mass is in the base's frame [m]: a payload, or a drawing that was wrong."""
+    fixed: bool = False
+    """Whether the base is bolted to a stand, where `reset` put it: a robot whose joints are being measured."""
+
+    @classmethod
+    def nominal(cls, spec: RobotSpec, fixed: bool = False) -> Body:
+        """Return the robot as its description has it."""
+        return cls(spec, spec.joint_values("armature"), spec.joint_values("damping"), fixed=fixed)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What a robot does at one instant. Joints in the order of `spec.joint_names`, legs in that of `spec.legs`."""
+    """What a robot does at one instant. Joints in the order of `spec.joint_names`, legs in that of `spec.legs`.
+
+    Position and velocity are those of now; contact, force and torque those of the step that led here, as a sensor's
+    are, and zero right after a reset.
+    """
 
     base_position: np.ndarray
     """Of the base's frame, not its centre of mass, in the world [m], shape (3,)."""
@@ -48,11 +71,12 @@ class Motion:
     joint_velocity: np.ndarray
     """[rad/s], shape (J,)."""
     foot_contact: np.ndarray
-    """Whether the ground pushes a foot, bool, shape (legs,)."""
+    """Whether the ground pushes a foot with at least `TOUCH`, bool, shape (legs,)."""
     joint_force: np.ndarray
-    """|F|, the force that each joint transmitted in the last step, contacts included [N], shape (J,)."""
+    """|F|, the force that each joint transmitted, contacts included [N], shape (J,)."""
     joint_torque: np.ndarray
-    """|T|, the torque that it transmitted, about the centre of mass of the link behind it [N m], shape (J,)."""
+    """|T|, the torque that it transmitted, about the centre of mass of the link behind it, its axis included [N m],
+    shape (J,)."""
 
 
 class Engine(Protocol):
