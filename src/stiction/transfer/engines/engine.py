@@ -38,7 +38,7 @@ class Body:
     damping: np.ndarray
     """Viscous friction, B [N m s/rad], shape (J,)."""
     ground_friction: float = 1.0
-    """Coulomb coefficient between foot and ground [-], whatever the ground is made of. That of trunk and shanks is 1."""
+    """Coulomb coefficient between feet and ground [-], whatever the ground is made of; trunk and shanks have 1."""
     base_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Where the trunk's centre of mass is in the base's frame [m]: a payload, or a drawing that was wrong."""
     fixed: bool = False

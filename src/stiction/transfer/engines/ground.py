@@ -13,6 +13,7 @@ import numpy as np
 
 from stiction.formats.errors import StictionError
 from stiction.sim.terrain import KINDS, SLABS, STEEPEST, Terrain
+from stiction.transfer.engines.rotation import matrix
 
 
 @dataclass(frozen=True)
@@ -132,14 +133,7 @@ def box_top(points: np.ndarray, half: np.ndarray, position: np.ndarray, quaterni
 
     A vertical line is inside a box where it is between three pairs of planes.
     """
-    w, x, y, z = quaternion
-    axes = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)],
-            [2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)],
-            [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    axes = matrix(quaternion).T
     start = (np.column_stack((points, np.zeros(len(points)))) - position) @ axes.T
     slope = axes[:, 2]
     highest, lowest = np.full(len(points), np.inf), np.full(len(points), -np.inf)

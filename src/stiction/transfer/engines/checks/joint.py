@@ -1,0 +1,115 @@
+"""One joint against what can be computed exactly: does dry friction hold, let go, and brake, as Coulomb's law says?
+
+The robot is bolted to a stand and lies on its side, so that the last shank's axis is vertical: no weight acts on it.
+All other joints are locked. The shank is a rigid box on a hinge, I q'' + B q' = τ − friction, and `stiction.joints`
+has its motion in closed form, stick and slip included.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stiction.joints.friction import Coulomb
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Joint, Trajectory, simulate
+from stiction.robots.spec import RobotSpec, box_inertia
+from stiction.transfer.engines.checks.rig import HELD, Figure, Make, record, robot
+from stiction.transfer.engines.engine import Body, Motion
+from stiction.transfer.engines.ground import flat
+from stiction.transfer.engines.rotation import about
+
+FRICTION = 0.442
+"""Dry friction of the shank, the paper's b_c [N m]."""
+
+PROFILE = ((0.0, 0.9), (1.0, 0.9), (1.5, 1.4), (1.8, 1.4), (1.81, 0.0), (2.6, 0.0))
+"""Torque over friction [-] at times [s], straight between: held, broken away at 1.1 s, driven, let go, at rest."""
+
+DRIVEN, LET_GO, END = 1.0, 1.8, 2.6
+"""Times in the profile [s]."""
+
+MOVED = 1e-3
+"""A joint that has gone this far has broken away [rad]."""
+
+AT_REST = 1e-3
+"""Speed under which a joint stands [rad/s]."""
+
+SLOW, AMPLITUDE, LEVEL = 0.5, 0.3, 0.1
+"""Of the controlled joint: frequency [Hz] and amplitude [rad] of its target, friction over the torque limit [-]."""
+
+
+def shank_inertia(spec: RobotSpec) -> float:
+    """Return the inertia of a shank about its knee, rotor included [kg m²]: a uniform box on a hinge at its end."""
+    link = spec.shank_link
+    about_centre = box_inertia(link.mass, link.size)[1]
+    return float(spec.shank.armature + about_centre + link.mass * (link.size[2] / 2) ** 2)
+
+
+def exact(gains: PDGains, friction: float, timestep: float, target: np.ndarray, load: np.ndarray) -> Trajectory:
+    """Return the shank's motion in closed form, from rest at the first target; all of shape (samples,)."""
+    spec = robot()
+    joint = Joint(shank_inertia(spec), spec.shank.damping, Coulomb(friction))
+    return simulate(joint, gains, timestep, target, position=float(target[0]), load=load)
+
+
+def _drive(make: Make, timestep: float, start: float, friction: float, motor) -> Motion:  # noqa: ANN001
+    """Return the motion of the last shank alone, under `motor(number, q, q')` -> torque [N m]; (steps + 1,) each."""
+    spec = robot()
+    body = Body.nominal(spec, fixed=True)
+    engine = make(body, flat(), timestep)
+    angles = spec.joint_values("standing")
+    angles[-1] = start
+    # Turned by a quarter about x, the axes y of thighs and shanks point up.
+    engine.reset(angles, np.array([0.0, 0.0, 2.0]), about(0, np.pi / 2))
+    torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
+    bound[-1] = friction
+
+    def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        torque[-1] = motor(number, motion.joint_position[-1], motion.joint_velocity[-1])
+        return torque, bound
+
+    return record(engine, round(END / timestep), act)
+
+
+def friction_of_one_joint(make: Make, timestep: float) -> tuple[Figure, ...]:
+    """Hold, break away and decay of a joint under a known torque."""
+    times, levels = np.array(PROFILE).T
+    steps = round(END / timestep)
+    grid = np.arange(steps + 1) * timestep
+    start = robot().shank.lower + 0.3
+    # Torque is constant over a step: that of its middle gives a ramp its exact impulse.
+    torque = FRICTION * np.interp(grid[:-1] + timestep / 2, times, levels)
+    motion = _drive(make, timestep, start, FRICTION, lambda number, angle, speed: torque[number])
+    angle, speed = motion.joint_position[:, -1], motion.joint_velocity[:, -1]
+    weak = PDGains(1e-9, 0.0)
+    load = FRICTION * np.interp(grid, times, levels)
+    truth = exact(weak, FRICTION, timestep, np.full(steps + 1, start), load)
+    driven, let_go = round(DRIVEN / timestep), round(LET_GO / timestep)
+    gone = [np.argmax(np.abs(path - path[driven]) > MOVED) for path in (angle, truth.position)]
+    stopped = [steps - np.argmax(np.abs(path[::-1]) > AT_REST) for path in (speed, truth.velocity)]
+    way = truth.position[-1] - start
+    return (
+        Figure("creep in 1 s under 0.9 of the friction", float(angle[driven] - start), "rad", 1e-3),
+        Figure("torque of break-away", float(load[gone[0]] / load[gone[1]] - 1.0), "1", 0.01),
+        Figure("speed after break-away", float(speed[let_go] / truth.velocity[let_go] - 1.0), "1", 0.01),
+        Figure("when it stops", float(stopped[0] - stopped[1]) * timestep, "s", 0.005),
+        Figure("way until it stops", float((angle[-1] - truth.position[-1]) / way), "1", 0.01),
+        Figure("creep at rest", float(angle[-1] - angle[stopped[0]]), "rad", 1e-4),
+    )
+
+
+def friction_under_control(make: Make, timestep: float) -> tuple[Figure, ...]:
+    """Stick and slip of a joint that follows a slow sine under its controller, against the exact motion."""
+    spec = robot()
+    steps = round(END / timestep)
+    friction = LEVEL * spec.shank.torque_limit
+    gains = PDGains(spec.shank.stiffness, spec.shank.derivative)
+    grid = np.arange(steps + 1) * timestep
+    target = spec.shank.standing + AMPLITUDE * np.sin(2 * np.pi * SLOW * grid)
+    truth = exact(gains, friction, timestep, target, np.zeros(steps + 1))
+
+    def motor(number: int, angle: float, speed: float) -> float:
+        return gains.kp * (target[number] - angle) - gains.kd * speed
+
+    motion = _drive(make, timestep, float(target[0]), friction, motor)
+    error = motion.joint_position[:, -1] - truth.position
+    return (Figure("controlled joint", float(np.abs(error).max() / AMPLITUDE), "1", 0.02),)
