@@ -22,6 +22,12 @@ def into_frame(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return vector @ matrix(quaternion)
 
 
+def cross_matrix(vector: np.ndarray) -> np.ndarray:
+    """Return the matrix, (3, 3), that takes u to the cross product vector x u."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def about(axis: int, angle: float) -> np.ndarray:
     """Return the quaternion of a turn by an angle [rad] about x, y or z (0, 1, 2), shape (4,)."""
     quaternion = np.zeros(4)
