@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
 from stiction.robots.links import SHANK_RADIUS, foot_position, links
 from stiction.robots.spec import box_inertia
 from stiction.transfer.engines.engine import GRAVITY, TOUCH, Body, Motion
@@ -25,8 +24,10 @@ from stiction.transfer.engines.rotation import cross_matrix, into_frame
 BRAKE = 1e5
 """Damping of the drive that is dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
 
-ITERATIONS = (10, 1)
-"""Position and velocity iterations of the solver."""
+ITERATIONS = (100, 1)
+"""Position and velocity iterations of the solver, which is the one that iterates over a whole step. Standing, its joints
+locked, the robot's joints creep by 0.001 rad/s with 100 iterations and by 0.004 with 50, at steps of 2 ms; with the
+solver that sapien takes, which iterates over parts of a step, by 0.077 with 10, 0.037 with 20, 0.007 with 100."""
 
 FASTEST = 1e3
 """Largest velocity of a link [m/s, rad/s]; what sapien sets would slow a fall down at 10 m/s."""
@@ -36,21 +37,10 @@ FEET_AND_TRUNK, OBSTACLE, SHANK = (1, 1), (2, 3), (2, 0)
 
 
 def sapien() -> Any:
-    """Return the package sapien, without its warning that there is nothing to render with.
-
-    Raises:
-        StictionError: it is not installed.
-
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            import sapien
-    except ImportError as error:
-        raise StictionError(
-            f"the engine 'physx' needs the package sapien, which cannot be imported ({error}); "
-            "install it with: pip install 'stiction[engines]'"
-        ) from error
+    """Return the package sapien, without its warning that it finds nothing to draw with."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import sapien
     return sapien
 
 
@@ -60,12 +50,7 @@ class PhysxEngine:
     name = "physx"
 
     def __init__(self, body: Body, ground: Ground, timestep: float) -> None:
-        """Build the robot on its ground, the base at the origin; `timestep` of the physics [s].
-
-        Raises:
-            StictionError: sapien is not installed.
-
-        """
+        """Build the robot on its ground, the base at the origin; `timestep` of the physics [s]."""
         self._sapien = sapien()
         self.body, self.ground, self.timestep = body, ground, timestep
         self._lever = cross_matrix(np.array(body.base_com))
@@ -74,11 +59,11 @@ class PhysxEngine:
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest; see `Engine.reset`."""
         physx = self._sapien.physx
-        physx.set_scene_config(gravity=np.array([0.0, 0.0, -GRAVITY], np.float32))
+        physx.set_scene_config(gravity=np.array([0.0, 0.0, -GRAVITY], np.float32), enable_tgs=False)
         self._system = physx.PhysxCpuSystem()
         self._system.timestep = self.timestep
         self._scene = self._sapien.Scene([self._system])
-        # PhysX averages the coefficients of what touches: with this ground feet get theirs, and all else 1.
+        # PhysX averages the coefficients of what touches: on this ground feet get theirs, and all else gets 1.
         mu = self.body.ground_friction
         self._rubber = physx.PhysxMaterial(mu, mu, 0.0)
         self._hull = physx.PhysxMaterial(2.0 - mu, 2.0 - mu, 0.0)

@@ -85,11 +85,7 @@ def base_velocity(make: Make, timestep: float) -> tuple[Figure, ...]:
     seen = np.array([into_frame(q, v) for q, v in zip(turn[1:-1], moved, strict=True)])
     conjugate = turn[:-2] * (1.0, -1.0, -1.0, -1.0)
     # The vector part of the turn from the step before to the step after, half its angle along its axis.
-    half = (
-        conjugate[:, :1] * turn[2:, 1:]
-        + turn[2:, :1] * conjugate[:, 1:]
-        + np.cross(conjugate[:, 1:], turn[2:, 1:])
-    )
+    half = conjugate[:, :1] * turn[2:, 1:] + turn[2:, :1] * conjugate[:, 1:] + np.cross(conjugate[:, 1:], turn[2:, 1:])
     rate = 2 * half / (2 * timestep)
     # In a step gravity changes the velocity by this much; half of it is the difference's own error.
     fall = GRAVITY * timestep
@@ -125,9 +121,7 @@ def _responses(make: Make, timestep: float, angles: np.ndarray) -> np.ndarray:
         engine.reset(angles, np.array([0.0, 0.0, HEIGHT]), UPRIGHT)
         engine.step(torque, np.zeros(spec.num_joints))
         motion = engine.motion()
-        rows.append(
-            np.concatenate((motion.joint_velocity, motion.base_linear_velocity, motion.base_angular_velocity))
-        )
+        rows.append(np.concatenate((motion.joint_velocity, motion.base_linear_velocity, motion.base_angular_velocity)))
     return np.array(rows[1:]) - rows[0]
 
 

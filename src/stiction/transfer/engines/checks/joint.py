@@ -51,7 +51,7 @@ def exact(gains: PDGains, friction: float, timestep: float, target: np.ndarray, 
     return simulate(joint, gains, timestep, target, position=float(target[0]), load=load)
 
 
-def _drive(make: Make, timestep: float, start: float, friction: float, motor) -> Motion:  # noqa: ANN001
+def _drive(make: Make, timestep: float, start: float, friction: float, motor) -> Motion:
     """Return the motion of the last shank alone, under `motor(number, q, q')` -> torque [N m]; (steps + 1,) each."""
     spec = robot()
     body = Body.nominal(spec, fixed=True)
