@@ -1,9 +1,9 @@
 """The suite that every engine passes before a result from it counts; public, for an engine of your own too.
 
-Each check takes what makes an engine and a timestep, and returns figures: what was measured, and within what it must be.
-Tolerances are the same for every engine. They are set from what an engine of first order in the timestep can do at 2 ms,
-and from what soft contacts give way; they catch wrong inertias, axes, frames, orders and laws, which are off by far
-more. The reference of free flight and of standing is MuJoCo with finer steps.
+Each check takes what makes an engine and a timestep, and returns figures: what was measured, and how large it may be.
+Tolerances are the same for every engine. They are what an engine of first order in the timestep can reach at 2 ms, and
+what soft contacts give way; they catch wrong inertias, axes, frames, orders and laws, which are off by far more. The
+reference of free flight and of standing is MuJoCo with finer steps.
 
     figures = conformance(partial(make_engine, "physx"))
     assert all(figure.passed for figure in figures)

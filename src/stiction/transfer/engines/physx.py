@@ -25,9 +25,9 @@ BRAKE = 1e5
 """Damping of the drive that is dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
 
 ITERATIONS = (100, 1)
-"""Position and velocity iterations of the solver, which is the one that iterates over a whole step. Standing, its joints
-locked, the robot's joints creep by 0.001 rad/s with 100 iterations and by 0.004 with 50, at steps of 2 ms; with the
-solver that sapien takes, which iterates over parts of a step, by 0.077 with 10, 0.037 with 20, 0.007 with 100."""
+"""Position and velocity iterations of the solver, PGS. On the ground they decide how well friction holds: the locked
+joints of a standing robot creep by 0.001 rad/s with 100 iterations, by 0.004 with 50, at steps of 2 ms. TGS, which is
+sapien's choice, makes them creep by 0.077 with sapien's 10, by 0.007 with 100."""
 
 FASTEST = 1e3
 """Largest velocity of a link [m/s, rad/s]; what sapien sets would slow a fall down at 10 m/s."""
@@ -102,7 +102,7 @@ class PhysxEngine:
         builder = self._scene.create_articulation_builder()
         base = builder.create_link_builder()
         base.set_mass_and_inertia(spec.base.mass, pose(p=body.base_com), box_inertia(spec.base.mass, spec.base.size))
-        built = []
+        built: list[Any] = []
         for link in links(spec):
             part = builder.create_link_builder(built[link.parent] if link.parent >= 0 else base)
             part.set_joint_name(link.joint)

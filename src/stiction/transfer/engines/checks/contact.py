@@ -1,4 +1,4 @@
-"""The robot on its feet: does it stand where it should, which feet touch, what does the ground bear?
+"""The robot on its feet: where it stands, which feet touch, and what the ground bears.
 
 Locked joints make it a rigid table, whose height is known; under its controllers it is compared with fine MuJoCo.
 """

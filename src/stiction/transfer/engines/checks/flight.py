@@ -1,6 +1,6 @@
 """The whole robot in the air: masses, inertias, axes, joint order, and what joints transmit, against fine MuJoCo.
 
-The reference takes steps of a tenth of a millisecond. Torques are the same in every engine, held over each of its steps.
+The reference takes steps of a tenth of a millisecond, under the same torques, held over each step of the engine.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def free_flight(make: Make, timestep: float) -> tuple[Figure, ...]:
 
 
 def base_velocity(make: Make, timestep: float) -> tuple[Figure, ...]:
-    """Velocities of the base against differences of its place and orientation: whose, and seen from where?"""
+    """Velocities of the base against differences of its place and orientation: those of its frame, seen in it."""
     motion = fly(make, timestep, 0.0, timestep)
     place, turn = motion.base_position, motion.base_quaternion
     moved = (place[2:] - place[:-2]) / (2 * timestep)
@@ -96,7 +96,7 @@ def base_velocity(make: Make, timestep: float) -> tuple[Figure, ...]:
 
 
 def joint_order(make: Make, timestep: float) -> tuple[Figure, ...]:
-    """What one step of torque at one joint does to every joint and to the trunk, joint by joint, no leg like another."""
+    """What a torque at one joint does to every joint and to the trunk, joint by joint, no leg like another."""
     spec = robot()
     angles = spec.joint_values("standing") + np.random.default_rng(0).uniform(-0.15, 0.15, spec.num_joints)
     found, wanted = (_responses(maker, timestep, angles) for maker in (make, MujocoEngine))
@@ -112,7 +112,7 @@ def joint_order(make: Make, timestep: float) -> tuple[Figure, ...]:
 
 
 def _responses(make: Make, timestep: float, angles: np.ndarray) -> np.ndarray:
-    """Return velocities of joints and trunk after one step of 1 N m at each joint, less those of the fall; (J, J + 6)."""
+    """Return velocities of joints and trunk after a step of 1 N m at each joint, less those of the fall; (J, J + 6)."""
     spec = robot()
     body = replace(Body.nominal(spec), damping=np.zeros(spec.num_joints), base_com=OFF_CENTRE)
     engine = make(body, flat(), timestep)

@@ -1,4 +1,4 @@
-"""One joint against what can be computed exactly: does dry friction hold, let go, and brake, as Coulomb's law says?
+"""One joint against what can be computed exactly: dry friction that holds, lets go and brakes as Coulomb's law says.
 
 The robot is bolted to a stand and lies on its side, so that the last shank's axis is vertical: no weight acts on it.
 All other joints are locked. The shank is a rigid box on a hinge, I q'' + B q' = τ − friction, and `stiction.joints`

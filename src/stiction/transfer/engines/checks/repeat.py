@@ -22,8 +22,8 @@ def determinism(make: Make, timestep: float) -> tuple[Figure, ...]:
     first, again = _stumble(engine), _stumble(engine)
     anew = _stumble(make(body, ground, timestep))
     return (
-        Figure("after a reset", _difference(first, again), "", 0.0),
-        Figure("in an engine made anew", _difference(first, anew), "", 0.0),
+        Figure("after a reset", _difference(first, again), "1", 0.0),
+        Figure("in an engine made anew", _difference(first, anew), "1", 0.0),
     )
 
 

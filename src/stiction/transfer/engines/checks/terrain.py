@@ -37,13 +37,12 @@ COURSE = (3.0, 3.0)
 
 def terrain(make: Make, timestep: float) -> tuple[Figure, ...]:
     """A table on the landing of the stairs, on a slope made of boxes, and on the same slope as a height field."""
-    slope = course("slope", ANGLE)
-    figures = [_landing(make, timestep, "landing of stairs", course("stairs", STEP))]
-    figures += [_landing(make, timestep, "plateau of a height field", sampled(course("stairs", STEP), COURSE, CELL))]
-    for name, ground in (
-        ("slope", slope),
-        ("slope of a height field", sampled(slope, COURSE, RAMP * np.cos(ANGLE) / 18)),
-    ):
+    stairs, slope = course("stairs", STEP), course("slope", ANGLE)
+    figures = [
+        _landing(make, timestep, "landing of stairs", stairs),
+        _landing(make, timestep, "landing of a height field", sampled(stairs, COURSE, CELL)),
+    ]
+    for name, ground in (("slope", slope), ("slope of a height field", sampled(slope, COURSE, CELL))):
         figures += _slope(make, timestep, name, ground)
     return tuple(figures)
 
