@@ -10,9 +10,12 @@ import mujoco
 import numpy as np
 
 from stiction.robots.build import GROUND, OBSTACLE, build
-from stiction.transfer.engines.engine import GRAVITY, TOUCH, Body, Motion
+from stiction.transfer.engines.engine import GRAVITY, TOUCH, Body, Motion, check_speed
 from stiction.transfer.engines.ground import Ground, HeightField
 from stiction.transfer.engines.rotation import into_frame
+
+# MuJoCo would write every instability to a file in the current folder and to the terminal; `step` raises instead.
+mujoco.set_mju_user_warning(lambda message: None)
 
 FIELD_DEPTH = 0.5
 """Thickness of the ground under a height field [m]: a foot that is pressed into it is pushed up, not down."""
@@ -31,7 +34,7 @@ class MujocoEngine:
         spec.option.gravity = [0.0, 0.0, -GRAVITY]
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
         if ground.field is not None:
-            _add_field(spec, ground.field)
+            add_field(spec, ground.field)
         base = spec.body("base")
         base.ipos = body.base_com
         if body.fixed:
@@ -58,13 +61,13 @@ class MujocoEngine:
             self._data.qpos[:] = joint_position
         else:
             self._data.qpos[:] = np.concatenate((position, quaternion, joint_position))
-        mujoco.mj_kinematics(self._model, self._data)
 
     def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
         """Advance by one timestep; see `Engine.step`."""
         self._data.qfrc_applied[self._free :] = torque
         self._model.dof_frictionloss[self._free :] = friction
         mujoco.mj_step(self._model, self._data)
+        check_speed(self.name, self._data.qvel)
 
     def motion(self) -> Motion:
         """Return what the robot does now; see `Motion`."""
@@ -89,7 +92,7 @@ class MujocoEngine:
         )
 
 
-def _add_field(spec: mujoco.MjSpec, field: HeightField) -> None:
+def add_field(spec: mujoco.MjSpec, field: HeightField) -> None:
     """Add a height field, which collides like a box.
 
     MuJoCo centres it, and stretches its data from the lowest to the highest.

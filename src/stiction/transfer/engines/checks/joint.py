@@ -112,4 +112,4 @@ def friction_under_control(make: Make, timestep: float) -> tuple[Figure, ...]:
 
     motion = _drive(make, timestep, float(target[0]), friction, motor)
     error = motion.joint_position[:, -1] - truth.position
-    return (Figure("controlled joint", float(np.abs(error).max() / AMPLITUDE), "1", 0.02),)
+    return (Figure("controlled joint", float(np.abs(error).max() / AMPLITUDE), "1", 0.01),)
