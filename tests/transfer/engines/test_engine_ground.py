@@ -8,7 +8,7 @@ import pytest
 
 from stiction.formats.errors import StictionError
 from stiction.sim.terrain import CELL, KINDS, SLABS, STEEPEST, Terrain
-from stiction.transfer.engines.ground import Ground, HeightField, box_top, course, flat, sampled
+from stiction.transfer.engines.ground import Ground, HeightField, box_top, course, sampled
 from stiction.transfer.engines.mujoco_engine import add_field
 from stiction.transfer.engines.rotation import about
 

@@ -41,8 +41,8 @@ def check_speed(engine: str, *speeds: np.ndarray) -> None:
         largest = np.abs(speed).max()
         if not largest < FASTEST:
             raise BlownUp(
-                f"the robot has blown up in the engine {engine!r}: a speed is {largest:g}; take shorter steps, or lower "
-                "gains and torques"
+                f"the robot has blown up in the engine {engine!r}: a speed is {largest:g}; "
+                "take shorter steps, or lower gains and torques"
             )
 
 
