@@ -96,6 +96,13 @@ def creeping(body: Body, ground: Ground, timestep: float) -> MujocoEngine:
     return engine
 
 
+def unlimited(body: Body, ground: Ground, timestep: float) -> MujocoEngine:
+    """Return an engine whose joints turn without end."""
+    engine = MujocoEngine(body, ground, timestep)
+    engine._model.jnt_limited[:] = 0
+    return engine
+
+
 def misplaced(body: Body, ground: Ground, timestep: float) -> MujocoEngine:
     """Return an engine whose height fields begin half a cell too far."""
     field = ground.field
@@ -118,6 +125,7 @@ FAULTS: dict[str, tuple[Make, tuple[str, ...]]] = {
         ("friction of one joint", "friction under control"),
     ),
     "friction that creeps": (creeping, ("friction of one joint", "standing")),
+    "joints without limits": (unlimited, ("joint limit",)),
     "no viscous friction": (
         lambda body, *rest: MujocoEngine(replace(body, damping=0.0 * body.damping), *rest),
         ("friction of one joint",),

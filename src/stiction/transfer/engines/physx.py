@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from stiction.formats.errors import StictionError
 from stiction.robots.links import SHANK_RADIUS, foot_position, links
 from stiction.robots.spec import box_inertia
 from stiction.transfer.engines.engine import FASTEST, GRAVITY, TOUCH, Body, Motion, check_speed
@@ -50,8 +51,15 @@ class PhysxEngine:
     name = "physx"
 
     def __init__(self, body: Body, ground: Ground, timestep: float) -> None:
-        """Build the robot on its ground, the base at the origin; `timestep` of the physics [s]."""
+        """Build the robot on its ground, the base at the origin; `timestep` of the physics [s].
+
+        Raises:
+            StictionError: a ground friction that cannot be made here.
+
+        """
         self._sapien = sapien()
+        if not 0 <= body.ground_friction <= 2:
+            raise StictionError(f"ground friction {body.ground_friction}; the engine 'physx' takes 0 to 2")
         self.body, self.ground, self.timestep = body, ground, timestep
         self._lever = cross_matrix(np.array(body.base_com))
         self.reset(body.spec.joint_values("standing"), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -92,6 +100,7 @@ class PhysxEngine:
             vertices, triangles = boxes.field.triangles()
             surface = physx.PhysxCollisionShapeTriangleMesh(vertices, triangles, np.ones(3), self._rubber)
             _attach(ground, surface, OBSTACLE)
+        self._lain = set(ground.get_collision_shapes())
         entity = self._sapien.Entity()
         entity.add_component(ground)
         self._scene.add_entity(entity)
@@ -195,10 +204,10 @@ class PhysxEngine:
         if not self._stepped:
             return push
         for contact in self._system.get_contacts():
-            for shape in contact.shapes:
-                leg = self._feet.get(shape)
-                if leg is not None:
-                    push[leg] += sum(abs(float(point.impulse @ point.normal)) for point in contact.points)
+            one, other = contact.shapes
+            foot = one if other in self._lain else other
+            if foot in self._feet and (one in self._lain or other in self._lain):
+                push[self._feet[foot]] += sum(abs(float(point.impulse @ point.normal)) for point in contact.points)
         return push / self.timestep
 
     def _transmitted(self) -> tuple[np.ndarray, np.ndarray]:

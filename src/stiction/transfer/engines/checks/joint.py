@@ -33,6 +33,9 @@ MOVED = 1e-3
 AT_REST = 1e-3
 """Speed under which a joint stands [rad/s]."""
 
+AGAINST = 5.0
+"""Torque with which a joint is driven against its limit [N m]."""
+
 SLOW, AMPLITUDE, LEVEL = 0.5, 0.3, 0.1
 """Of the controlled joint: frequency [Hz] and amplitude [rad] of its target, friction over the torque limit [-]."""
 
@@ -95,6 +98,13 @@ def friction_of_one_joint(make: Make, timestep: float) -> tuple[Figure, ...]:
         Figure("way until it stops", float((angle[-1] - truth.position[-1]) / way), "1", 0.01),
         Figure("creep at rest", float(angle[-1] - angle[stopped[0]]), "rad", 1e-4),
     )
+
+
+def joint_limit(make: Make, timestep: float) -> tuple[Figure, ...]:
+    """A joint that is driven against the end of its range stays there."""
+    upper = robot().shank.upper
+    motion = _drive(make, timestep, upper - 0.5, 0.0, lambda number, angle, speed: AGAINST)
+    return (Figure("angle past the limit", float(motion.joint_position[-1, -1] - upper), "rad", 0.03),)
 
 
 def friction_under_control(make: Make, timestep: float) -> tuple[Figure, ...]:
