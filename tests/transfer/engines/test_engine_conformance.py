@@ -103,6 +103,15 @@ def unlimited(body: Body, ground: Ground, timestep: float) -> MujocoEngine:
     return engine
 
 
+class Deaf(MujocoEngine):
+    """MuJoCo that hears of a bound of friction only once."""
+
+    def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
+        """Advance under the bounds of the first step."""
+        self._first = getattr(self, "_first", friction.copy())
+        super().step(torque, self._first)
+
+
 def misplaced(body: Body, ground: Ground, timestep: float) -> MujocoEngine:
     """Return an engine whose height fields begin half a cell too far."""
     field = ground.field
@@ -125,6 +134,13 @@ FAULTS: dict[str, tuple[Make, tuple[str, ...]]] = {
         ("friction of one joint", "friction under control"),
     ),
     "friction that creeps": (creeping, ("friction of one joint", "standing")),
+    "bounds that never change": (Deaf, ("changing friction",)),
+    "a fall with drag": (
+        partial(
+            Faulty, says=lambda body, motion: {"base_linear_velocity": np.maximum(motion.base_linear_velocity, -10.0)}
+        ),
+        ("long fall",),
+    ),
     "joints without limits": (unlimited, ("joint limit",)),
     "no viscous friction": (
         lambda body, *rest: MujocoEngine(replace(body, damping=0.0 * body.damping), *rest),

@@ -28,10 +28,12 @@ TIMESTEP = 0.002
 CHECKS: dict[str, Callable[[Make, float], tuple[Figure, ...]]] = {
     "friction of one joint": joint.friction_of_one_joint,
     "friction under control": joint.friction_under_control,
+    "changing friction": joint.changing_friction,
     "joint limit": joint.joint_limit,
     "joint order": flight.joint_order,
     "free flight": flight.free_flight,
     "base velocity": flight.base_velocity,
+    "long fall": flight.long_fall,
     "hanging legs": flight.hanging_legs,
     "standing": contact.standing,
     "foot contact": contact.foot_contact,

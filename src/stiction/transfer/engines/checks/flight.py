@@ -95,6 +95,16 @@ def base_velocity(make: Make, timestep: float) -> tuple[Figure, ...]:
     )
 
 
+def long_fall(make: Make, timestep: float) -> tuple[Figure, ...]:
+    """A fall of 1.5 s: nothing brakes it, and no speed is the highest."""
+    spec = robot()
+    body = Body.nominal(spec)
+    engine = make(body, flat(), timestep)
+    engine.reset(spec.joint_values("standing"), np.array([0.0, 0.0, 20.0]), UPRIGHT)
+    motion = record(engine, round(1.5 / timestep), still(body))
+    return (Figure("speed", float(-motion.base_linear_velocity[-1, 2] / (GRAVITY * 1.5) - 1.0), "1", 1e-3),)
+
+
 def joint_order(make: Make, timestep: float) -> tuple[Figure, ...]:
     """What a torque at one joint does to every joint and to the trunk, joint by joint, no leg like another."""
     spec = robot()

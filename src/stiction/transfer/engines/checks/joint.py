@@ -7,6 +7,8 @@ has its motion in closed form, stick and slip included.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from stiction.joints.friction import Coulomb
@@ -17,6 +19,9 @@ from stiction.transfer.engines.checks.rig import HELD, Figure, Make, record, rob
 from stiction.transfer.engines.engine import Body, Motion
 from stiction.transfer.engines.ground import flat
 from stiction.transfer.engines.rotation import about
+
+Pair = tuple[float, float]
+"""Torque and bound of friction [N m]."""
 
 FRICTION = 0.442
 """Dry friction of the shank, the paper's b_c [N m]."""
@@ -54,8 +59,8 @@ def exact(gains: PDGains, friction: float, timestep: float, target: np.ndarray, 
     return simulate(joint, gains, timestep, target, position=float(target[0]), load=load)
 
 
-def _drive(make: Make, timestep: float, start: float, friction: float, motor) -> Motion:
-    """Return the motion of the last shank alone, under `motor(number, q, q')` -> torque [N m]; (steps + 1,) each."""
+def _drive(make: Make, timestep: float, start: float, joint: Callable[[int, float, float], Pair]) -> Motion:
+    """Return the motion of the last shank alone, under `joint(number, q, q')` -> torque and bound of friction [N m]."""
     spec = robot()
     body = Body.nominal(spec, fixed=True)
     engine = make(body, flat(), timestep)
@@ -64,10 +69,9 @@ def _drive(make: Make, timestep: float, start: float, friction: float, motor) ->
     # Turned by a quarter about x, the axes y of thighs and shanks point up.
     engine.reset(angles, np.array([0.0, 0.0, 2.0]), about(0, np.pi / 2))
     torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
-    bound[-1] = friction
 
     def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-        torque[-1] = motor(number, motion.joint_position[-1], motion.joint_velocity[-1])
+        torque[-1], bound[-1] = joint(number, motion.joint_position[-1], motion.joint_velocity[-1])
         return torque, bound
 
     return record(engine, round(END / timestep), act)
@@ -81,7 +85,7 @@ def friction_of_one_joint(make: Make, timestep: float) -> tuple[Figure, ...]:
     start = robot().shank.lower + 0.3
     # Torque is constant over a step: that of its middle gives a ramp its exact impulse.
     torque = FRICTION * np.interp(grid[:-1] + timestep / 2, times, levels)
-    motion = _drive(make, timestep, start, FRICTION, lambda number, angle, speed: torque[number])
+    motion = _drive(make, timestep, start, lambda number, angle, speed: (torque[number], FRICTION))
     angle, speed = motion.joint_position[:, -1], motion.joint_velocity[:, -1]
     weak = PDGains(1e-9, 0.0)
     load = FRICTION * np.interp(grid, times, levels)
@@ -100,10 +104,32 @@ def friction_of_one_joint(make: Make, timestep: float) -> tuple[Figure, ...]:
     )
 
 
+def changing_friction(make: Make, timestep: float) -> tuple[Figure, ...]:
+    """A bound that is lowered for a while lets a joint go under a constant torque, and stops it when it rises again.
+
+    In between q' = (τ - f) / B (1 - exp(-B t / I)).
+    """
+    spec = robot()
+    free = range(round(0.5 / timestep), round(0.8 / timestep))
+
+    def loosened(number: int, angle: float, speed: float) -> Pair:
+        return FRICTION, 0.5 * FRICTION if number in free else 4.0 * FRICTION
+
+    motion = _drive(make, timestep, spec.shank.lower + 0.3, loosened)
+    rate = spec.shank.damping / shank_inertia(spec)
+    wanted = 0.5 * FRICTION / spec.shank.damping * (1.0 - np.exp(-rate * 0.3))
+    speed = motion.joint_velocity[:, -1]
+    return (
+        Figure("speed before it is loosened", float(np.abs(speed[: free.start]).max()), "rad/s", 1e-3),
+        Figure("speed when it is held again", float(speed[free.stop] / wanted - 1.0), "1", 0.01),
+        Figure("speed at the end", float(speed[-1]), "rad/s", 1e-3),
+    )
+
+
 def joint_limit(make: Make, timestep: float) -> tuple[Figure, ...]:
     """A joint that is driven against the end of its range stays there."""
     upper = robot().shank.upper
-    motion = _drive(make, timestep, upper - 0.5, 0.0, lambda number, angle, speed: AGAINST)
+    motion = _drive(make, timestep, upper - 0.5, lambda number, angle, speed: (AGAINST, 0.0))
     return (Figure("angle past the limit", float(motion.joint_position[-1, -1] - upper), "rad", 0.03),)
 
 
@@ -117,9 +143,9 @@ def friction_under_control(make: Make, timestep: float) -> tuple[Figure, ...]:
     target = spec.shank.standing + AMPLITUDE * np.sin(2 * np.pi * SLOW * grid)
     truth = exact(gains, friction, timestep, target, np.zeros(steps + 1))
 
-    def motor(number: int, angle: float, speed: float) -> float:
-        return gains.kp * (target[number] - angle) - gains.kd * speed
+    def controlled(number: int, angle: float, speed: float) -> Pair:
+        return gains.kp * (target[number] - angle) - gains.kd * speed, friction
 
-    motion = _drive(make, timestep, float(target[0]), friction, motor)
+    motion = _drive(make, timestep, float(target[0]), controlled)
     error = motion.joint_position[:, -1] - truth.position
     return (Figure("controlled joint", float(np.abs(error).max() / AMPLITUDE), "1", 0.01),)
