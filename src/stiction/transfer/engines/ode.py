@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from stiction.formats.errors import StictionError
-from stiction.transfer.engines.engine import GRAVITY, TOUCH, Body, Motion
+from stiction.transfer.engines.engine import GRAVITY, TOUCH, Body, Motion, check_speed
 from stiction.transfer.engines.ground import Ground
-from stiction.transfer.engines.ode_check import check_body, check_drive, check_ground, check_pose, check_speed
+from stiction.transfer.engines.ode_check import check_body, check_drive, check_ground, check_pose
 from stiction.transfer.engines.ode_contact import ContactSettings, OdeContacts
 from stiction.transfer.engines.ode_library import ode_library, prepare_thread, taken_messages
 from stiction.transfer.engines.ode_robot import OdeRobot
@@ -92,7 +92,8 @@ class OdeEngine:
         """Advance by one timestep; see `Engine.step`.
 
         Raises:
-            StictionError: torques or bounds are no numbers, the robot blew up, or the solver failed again and again.
+            BlownUp: the robot's numbers, or torques or bounds, are none any more.
+            StictionError: a bound is negative, or the solver failed again and again.
 
         """
         check_drive(torque, friction)
@@ -101,7 +102,7 @@ class OdeEngine:
         if not self._library.dWorldStep(self._world, self.timestep):
             raise StictionError("ODE found no memory for a step; free some")
         self._robot.read()
-        check_speed(self._robot.speeds())
+        check_speed(self.name, *self._robot.speeds())
         if said := taken_messages():
             self._unsolved += 1
             if self._unsolved > UNSOLVED:

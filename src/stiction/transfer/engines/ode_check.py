@@ -11,12 +11,8 @@ import numpy as np
 
 from stiction.formats.errors import StictionError
 from stiction.robots.links import links
-from stiction.transfer.engines.engine import Body
+from stiction.transfer.engines.engine import BlownUp, Body
 from stiction.transfer.engines.ground import Ground
-
-FASTEST = 1e4
-"""A joint or a base that is faster than this has blown up [rad/s, m/s]. A Saturn Lite under random torques of three
-times its limits reached 600 rad/s."""
 
 WIDEST = 2 * np.pi
 """Range of a joint [rad]: ODE has angles from -π to π."""
@@ -61,19 +57,17 @@ def check_pose(joint_position: np.ndarray, position: np.ndarray, quaternion: np.
 
 
 def check_drive(torque: np.ndarray, friction: np.ndarray) -> None:
-    """Raise `StictionError` for torques and bounds that are none; arguments as those of `Engine.step`."""
-    if not (np.isfinite(torque).all() and np.isfinite(friction).all() and np.min(friction) >= 0):
-        raise StictionError(
-            f"torques {torque} and bounds of friction {friction} N m; expected finite numbers, and bounds that are not "
-            "negative"
-        )
+    """Refuse torques and bounds that are none; arguments as those of `Engine.step`.
 
+    Raises:
+        BlownUp: one is not a finite number.
+        StictionError: a bound is negative.
 
-def check_speed(speeds: np.ndarray) -> None:
-    """Raise `StictionError` where anything is faster than `FASTEST` [rad/s, m/s], or no number at all."""
-    fastest = np.abs(speeds).max()
-    if not fastest <= FASTEST:
-        raise StictionError(f"the robot blew up: a speed of {fastest:.3g} rad/s or m/s; use smaller steps or torques")
+    """
+    if not (np.isfinite(torque).all() and np.isfinite(friction).all()):
+        raise BlownUp(f"torques {torque} and bounds of friction {friction} N m in the engine 'ode'; expected numbers")
+    if np.min(friction) < 0:
+        raise StictionError(f"bounds of friction {friction} N m; expected none that is negative")
 
 
 def _refuse(robot: str, what: str, given: object, wanted: str, good: object) -> None:

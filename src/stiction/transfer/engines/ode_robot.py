@@ -82,9 +82,9 @@ class OdeRobot:
         self.angle = self._middle + [angle(hinge) for hinge in self._hinges]
         self.speed = np.array([speed(hinge) for hinge in self._hinges])
 
-    def speeds(self) -> np.ndarray:
-        """Return all speeds of joints and base [rad/s, m/s], shape (J + 6,)."""
-        return np.concatenate((self.speed, *self._state[2:]))
+    def speeds(self) -> tuple[np.ndarray, ...]:
+        """Return the speeds of the joints [rad/s], (J,), of the base [m/s], (3,), and its turning [rad/s], (3,)."""
+        return self.speed, self._state[2], self._state[3]
 
     def base_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return position [m] and quaternion of the base's frame, its velocity and turning in it [m/s, rad/s].
