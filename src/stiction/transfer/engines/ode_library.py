@@ -1,0 +1,162 @@
+"""Finds ODE 0.16 and makes it callable; says how to get it where it is missing.
+
+The library is a system package, or lies in the wheel of `dartpy`, which the extra `engines` installs on Linux for that
+alone: the wheel is 19 MB, ODE 1.6 MB of it. Neither DART nor any of its other libraries is loaded. ODE's licence is BSD
+or LGPL, by choice.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from importlib import metadata
+
+from stiction.formats.errors import StictionError
+from stiction.transfer.engines import ode_functions as c
+
+SYSTEM_NAMES = ("libode.so.8", "libode.8.dylib")
+"""ODE 0.16 as the system's loader knows it on Linux and on macOS; the number is that of its binary interface."""
+
+REMEDY = "install it: `pip install 'stiction[engines]'`, `apt install libode8`, or `brew install ode`"
+"""How to get it."""
+
+_said: list[str] = []
+"""What ODE has said since `taken_messages` was last called."""
+
+_handlers: list[Callable[..., None]] = []
+"""The functions that ODE calls, kept alive for as long as the process lives."""
+
+
+@cache
+def ode_library() -> ctypes.CDLL:
+    """Return ODE, initialised and with its prototypes declared; the same object every time.
+
+    It is never closed: the system takes its memory back at the end of the process, and a world that some other object
+    still holds then does no harm.
+
+    Raises `StictionError` where there is no ODE, or one of another version or precision.
+    """
+    failures = []
+    for name in candidates():
+        try:
+            library = ctypes.CDLL(name)
+        except OSError as error:
+            failures.append(str(error))
+            continue
+        declare(library, name)
+        check_precision(library, name)
+        set_handlers(library)
+        if not library.dInitODE2(0):
+            raise StictionError(f"ODE ({name}): its initialisation failed; is there memory left?")
+        prepare_thread(library)
+        check_numbers(library, name)
+        return library
+    raise StictionError(f"the engine ode needs the library ODE 0.16, and none was found ({failures[0]}); {REMEDY}")
+
+
+def candidates() -> Iterator[str]:
+    """Yield names and paths to try, the system's before the wheel's."""
+    yield from SYSTEM_NAMES
+    try:
+        files = metadata.files("dartpy") or []
+    except metadata.PackageNotFoundError:
+        return
+    for file in files:
+        if file.name.startswith("libode-") and ".so.8" in file.name:
+            yield str(file.locate())
+
+
+def declare(library: ctypes.CDLL, name: str) -> None:
+    """Give every function that is used its prototype; raise `StictionError` for one that is missing."""
+    for function, (result, arguments) in c.PROTOTYPES.items():
+        try:
+            entry = getattr(library, function)
+        except AttributeError as error:
+            raise StictionError(f"ODE ({name}) has no {function}; expected version 0.16; {REMEDY}") from error
+        entry.restype, entry.argtypes = result, list(arguments)
+
+
+def check_precision(library: ctypes.CDLL, name: str) -> None:
+    """Raise `StictionError` for a build in single precision: its numbers are of another size."""
+    library.dGetConfiguration.restype = ctypes.c_char_p
+    configuration = library.dGetConfiguration().decode().split()
+    if "ODE_double_precision" not in configuration:
+        raise StictionError(f"ODE ({name}) was built as {configuration}; expected double precision; {REMEDY}")
+
+
+def check_numbers(library: ctypes.CDLL, name: str) -> None:
+    """Raise `StictionError` unless the numbers of joint parameters mean what they mean in 0.16.
+
+    They moved by two after 0.11, and an older library loses friction without a word. So a motor of known strength turns
+    a body of known inertia: 3 N m on 2 kg m², wanting 1 rad/s, has it at 0.15 rad/s after 0.1 s.
+    """
+    world = library.dWorldCreate()
+    try:
+        library.dWorldSetCFM(world, 0.0)
+        body = library.dBodyCreate(world)
+        mass = c.Mass(1.0, (0, 0, 0, 0), (2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0))
+        library.dBodySetMass(body, mass)
+        hinge = library.dJointCreateHinge(world, None)
+        library.dJointAttach(hinge, body, None)
+        library.dJointSetHingeAxis(hinge, 0.0, 0.0, 1.0)
+        library.dJointSetHingeParam(hinge, c.VELOCITY, 1.0)
+        library.dJointSetHingeParam(hinge, c.FORCE_MAX, 3.0)
+        library.dWorldStep(world, 0.1)
+        rate = library.dJointGetHingeAngleRate(hinge)
+    finally:
+        library.dWorldDestroy(world)
+    if not math.isclose(rate, 0.15, rel_tol=1e-9):
+        raise StictionError(f"ODE ({name}): a motor turned at {rate}, expected 0.15 rad/s as in 0.16; {REMEDY}")
+
+
+def prepare_thread(library: ctypes.CDLL) -> None:
+    """Let the calling thread use the collision detection, whose memory is a thread's own; more than once does no harm.
+
+    Raises `StictionError` where there is no memory.
+    """
+    if not library.dAllocateODEDataForThread(c.COLLISION_DATA):
+        raise StictionError("ODE found no memory for this thread's collision detection; free some")
+
+
+def set_handlers(library: ctypes.CDLL) -> None:
+    """Take ODE's messages, which would go to standard error, and say what an error is before ODE ends the process.
+
+    ODE calls exit() after an error and abort() after a failed assertion, whatever its handlers do. So callers see to it
+    that neither happens (`OdeEngine` refuses numbers that are not finite before they get there), and the handler is the
+    last line of defence: no process of ours ends without a word.
+    """
+    text = _formatter()
+
+    def remember(number: int, form: bytes, arguments: int) -> None:
+        _said.append(text(form, arguments))
+
+    def lament(number: int, form: bytes, arguments: int) -> None:
+        print(f"stiction: ODE gave up and ends this process: {text(form, arguments)}", file=sys.stderr, flush=True)
+
+    _handlers[:] = [c.MessageHandler(lament), c.MessageHandler(lament), c.MessageHandler(remember)]
+    library.dSetErrorHandler(_handlers[0])
+    library.dSetDebugHandler(_handlers[1])
+    library.dSetMessageHandler(_handlers[2])
+
+
+def taken_messages() -> list[str]:
+    """Return what ODE has said since the last call, and forget it."""
+    taken, _said[:] = _said[:], []
+    return taken
+
+
+def _formatter() -> Callable[[bytes, int], str]:
+    """Return C's vsnprintf as a function of a format and the address of its arguments."""
+    vsnprintf = ctypes.CDLL(None).vsnprintf
+    vsnprintf.restype = ctypes.c_int
+    vsnprintf.argtypes = [ctypes.c_char_p, ctypes.c_size_t, ctypes.c_char_p, ctypes.c_void_p]
+
+    def text(form: bytes, arguments: int) -> str:
+        buffer = ctypes.create_string_buffer(400)
+        vsnprintf(buffer, len(buffer), form, arguments)
+        return buffer.value.decode(errors="replace").strip()
+
+    return text
