@@ -1,15 +1,15 @@
 """One robot in MuJoCo: the model of the training, its joints moved by torques from outside.
 
 What is measured lags the state by one step, as in the fleet, and so do the feet's sensors, which also feel one foot on
-another. Dry friction is the solver's `frictionloss`, as stiff as in training (`robots.build.FRICTION_D0`); its bound may
-change at every step.
+another. Dry friction is the solver's `frictionloss`, as stiff as in training (`robots.build.FRICTION_D0`); its bound
+may change at every step.
 
-Two things differ from walking in another engine, and neither is the joints. Contacts are as soft as in training: a
-policy trained without friction that reached 1.13 of the commanded speed here, and 0.59 with friction of 20 % of the
-torque limits (backward 0.92 and 0.44), reached 1.22 and 0.67 (0.90 and 0.56) in PhysX, 1.19 and 0.67 (0.88 and 0.55) in
-ODE, and 1.20 and 0.67 (0.90 and 0.53) here with contacts of 4 ms in place of 20 ms (`geom_solref`). And the fleet takes
-kd of its controllers implicitly, which at steps of 5 ms acts like kd Δt = 0.0125 kg m² more inertia: 1.08 and 0.57 (1.00
-and 0.50) there. With finer steps both come to the same.
+Two things make a policy walk otherwise here than elsewhere, and neither is in the joints. Contacts are as soft as in
+training. A policy trained without friction reached 1.13 of the commanded speed here (backward 0.92), and 0.59 (0.44)
+with friction of 20 % of the torque limits; in PhysX 1.22 (0.90) and 0.67 (0.56), in ODE 1.19 (0.88) and 0.67 (0.55);
+and here, with contacts of 4 ms in place of 20 ms (`geom_solref`), 1.20 (0.90) and 0.67 (0.53). And the fleet takes kd of
+its controllers implicitly, which at steps of 5 ms acts like kd Δt = 0.0125 kg m² of more inertia: there 1.08 (1.00) and
+0.57 (0.50). With finer steps both come to the same.
 """
 
 from __future__ import annotations
