@@ -26,8 +26,9 @@ ENGINES = {
     "mujoco": _Place("stiction.transfer.engines.mujoco_engine", "MujocoEngine", "sim"),
     "physx": _Place("stiction.transfer.engines.physx", "PhysxEngine", "engines"),
     "ode": _Place("stiction.transfer.engines.ode", "OdeEngine", "engines"),
+    "ode-webots": _Place("stiction.transfer.engines.ode", "webots_engine", "engines"),
 }
-"""Name, as in results.csv -> module, class, extra. The class is made with body, ground and timestep."""
+"""Name, as in results.csv -> module, what makes it of body, ground and timestep, extra."""
 
 
 def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engine:

@@ -1,13 +1,14 @@
 """What touches what in ODE: the shapes of a robot and its ground, and the contacts between them at every step.
 
 ODE solves for the forces of friction with bounds that must be known before. Its own way (`Approx1`) is to take them
-from the normal forces as they would be *without* friction on the ground. On a legged robot that is another force: with
-a coefficient of 1 an open-loop tripod gait of Saturn Lite went 1.91 m in 6 s with it, 2.24 m with the bounds used here,
-and 2.22 m in MuJoCo; where no foot slips (coefficient 5) the ways agree. Here the bound is the coefficient times the
-normal force of the step before, against the slip. The first step of a contact has no step before, and Webots knows no
-other way: there it is ODE's own.
+from the normal forces as they would be *without* friction on the ground, which on a legged robot are others. A tripod
+gait of Saturn Lite without feedback, 2 ms, went 1.91 m in 6 s that way, 2.22 m in MuJoCo, and 2.23 m with the bounds
+used here: the coefficient times the normal force of the step before, against the slip. (With a coefficient of 5, where
+feet hardly slip: 1.87, 1.87 with an elliptic cone, 1.82 m.) The first step of a contact has no step before, and Webots knows no
+other way than ODE's own.
 
-A height field is a mesh of its triangles: ODE's own height field leaves out their edges.
+A height field is a mesh of its triangles. On random ground ODE's own height field missed 75 of 1043 contacts with a
+foot, at edges and corners; the mesh missed none.
 """
 
 from __future__ import annotations

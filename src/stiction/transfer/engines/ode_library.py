@@ -17,10 +17,12 @@ from importlib import metadata
 from stiction.formats.errors import StictionError
 from stiction.transfer.engines import ode_functions as c
 
-SYSTEM_NAMES = ("libode.so.8", "libode.8.dylib")
-"""ODE 0.16 as the system's loader knows it on Linux and on macOS; the number is that of its binary interface."""
+ON_MACOS = ("libode.8.dylib", "/opt/homebrew/lib/libode.8.dylib")
 
-REMEDY = "install it: `pip install 'stiction[engines]'`, `apt install libode8`, or `brew install ode`"
+SYSTEM_NAMES = ON_MACOS if sys.platform == "darwin" else ("libode.so.8",)
+"""ODE 0.16 as the system's loader knows it; the 8 is the number of its binary interface."""
+
+REMEDY = "pip install 'stiction[engines]' (Linux), apt install libode8, or brew install ode"
 """How to get it."""
 
 _said: list[str] = []
@@ -34,39 +36,53 @@ _handlers: list[Callable[..., None]] = []
 def ode_library() -> ctypes.CDLL:
     """Return ODE, initialised and with its prototypes declared; the same object every time.
 
-    It is never closed: the system takes its memory back at the end of the process, and a world that some other object
-    still holds then does no harm.
+    It is never closed: the system takes its memory back when the process ends, and a world that somebody still holds
+    then does no harm.
 
-    Raises `StictionError` where there is no ODE, or one of another version or precision.
+    Raises:
+        StictionError: there is no ODE of this version and precision.
+
     """
     failures = []
     for name in candidates():
         try:
-            library = ctypes.CDLL(name)
-        except OSError as error:
+            return opened(name)
+        except (OSError, StictionError) as error:
             failures.append(str(error))
-            continue
-        declare(library, name)
-        check_precision(library, name)
-        set_handlers(library)
-        if not library.dInitODE2(0):
-            raise StictionError(f"ODE ({name}): its initialisation failed; is there memory left?")
-        prepare_thread(library)
-        check_numbers(library, name)
-        return library
-    raise StictionError(f"the engine ode needs the library ODE 0.16, and none was found ({failures[0]}); {REMEDY}")
+    raise StictionError(
+        f"the engine 'ode' needs ODE 0.16 in double precision; get it with {REMEDY}; tried: {'; '.join(failures)}"
+    )
 
 
 def candidates() -> Iterator[str]:
-    """Yield names and paths to try, the system's before the wheel's."""
+    """Yield names and paths of libraries to try, the system's before the wheel's."""
     yield from SYSTEM_NAMES
     try:
         files = metadata.files("dartpy") or []
     except metadata.PackageNotFoundError:
         return
     for file in files:
-        if file.name.startswith("libode-") and ".so.8" in file.name:
+        if file.name.startswith("libode-"):
             yield str(file.locate())
+
+
+def opened(name: str) -> ctypes.CDLL:
+    """Return the library of that name or path, ready for use.
+
+    Raises:
+        OSError: there is none.
+        StictionError: it is not ODE 0.16 in double precision.
+
+    """
+    library = ctypes.CDLL(name)
+    check_precision(library, name)
+    declare(library, name)
+    set_handlers(library)
+    if not library.dInitODE2(0):
+        raise StictionError(f"{name} cannot be initialised")
+    prepare_thread(library)
+    check_numbers(library, name)
+    return library
 
 
 def declare(library: ctypes.CDLL, name: str) -> None:
@@ -75,16 +91,19 @@ def declare(library: ctypes.CDLL, name: str) -> None:
         try:
             entry = getattr(library, function)
         except AttributeError as error:
-            raise StictionError(f"ODE ({name}) has no {function}; expected version 0.16; {REMEDY}") from error
+            raise StictionError(f"{name} has no {function}") from error
         entry.restype, entry.argtypes = result, list(arguments)
 
 
 def check_precision(library: ctypes.CDLL, name: str) -> None:
-    """Raise `StictionError` for a build in single precision: its numbers are of another size."""
-    library.dGetConfiguration.restype = ctypes.c_char_p
-    configuration = library.dGetConfiguration().decode().split()
-    if "ODE_double_precision" not in configuration:
-        raise StictionError(f"ODE ({name}) was built as {configuration}; expected double precision; {REMEDY}")
+    """Raise `StictionError` for what is no ODE, and for one in single precision: its numbers are of another size."""
+    try:
+        configuration = library.dGetConfiguration
+    except AttributeError as error:
+        raise StictionError(f"{name} is not ODE") from error
+    configuration.restype, configuration.argtypes = ctypes.c_char_p, []
+    if b"ODE_double_precision" not in configuration().split():
+        raise StictionError(f"{name} was built in single precision")
 
 
 def check_numbers(library: ctypes.CDLL, name: str) -> None:
@@ -109,7 +128,7 @@ def check_numbers(library: ctypes.CDLL, name: str) -> None:
     finally:
         library.dWorldDestroy(world)
     if not math.isclose(rate, 0.15, rel_tol=1e-9):
-        raise StictionError(f"ODE ({name}): a motor turned at {rate}, expected 0.15 rad/s as in 0.16; {REMEDY}")
+        raise StictionError(f"{name} is of another version: a motor that should turn at 0.15 rad/s does at {rate:g}")
 
 
 def prepare_thread(library: ctypes.CDLL) -> None:
@@ -125,8 +144,7 @@ def set_handlers(library: ctypes.CDLL) -> None:
     """Take ODE's messages, which would go to standard error, and say what an error is before ODE ends the process.
 
     ODE calls exit() after an error and abort() after a failed assertion, whatever its handlers do. So callers see to it
-    that neither happens (`OdeEngine` refuses numbers that are not finite before they get there), and the handler is the
-    last line of defence: no process of ours ends without a word.
+    that neither happens (`ode_check`), and the handler is the last line of defence: no process ends without a word.
     """
     text = _formatter()
 
@@ -136,10 +154,11 @@ def set_handlers(library: ctypes.CDLL) -> None:
     def lament(number: int, form: bytes, arguments: int) -> None:
         print(f"stiction: ODE gave up and ends this process: {text(form, arguments)}", file=sys.stderr, flush=True)
 
-    _handlers[:] = [c.MessageHandler(lament), c.MessageHandler(lament), c.MessageHandler(remember)]
-    library.dSetErrorHandler(_handlers[0])
-    library.dSetDebugHandler(_handlers[1])
-    library.dSetMessageHandler(_handlers[2])
+    last_words, message = c.MessageHandler(lament), c.MessageHandler(remember)
+    _handlers.extend((last_words, message))
+    library.dSetErrorHandler(last_words)
+    library.dSetDebugHandler(last_words)
+    library.dSetMessageHandler(message)
 
 
 def taken_messages() -> list[str]:
