@@ -7,9 +7,9 @@ may change at every step.
 Two things make a policy walk otherwise here than elsewhere, and neither is in the joints. Contacts are as soft as in
 training. A policy trained without friction reached 1.13 of the commanded speed here (backward 0.92), and 0.59 (0.44)
 with friction of 20 % of the torque limits; in PhysX 1.22 (0.90) and 0.67 (0.56), in ODE 1.19 (0.88) and 0.67 (0.55);
-and here, with contacts of 4 ms in place of 20 ms (`geom_solref`), 1.20 (0.90) and 0.67 (0.53). And the fleet takes kd of
-its controllers implicitly, which at steps of 5 ms acts like kd Δt = 0.0125 kg m² of more inertia: there 1.08 (1.00) and
-0.57 (0.50). With finer steps both come to the same.
+and here, with contacts of 4 ms in place of 20 ms (`geom_solref`), 1.20 (0.90) and 0.67 (0.53). And the fleet takes kd
+of its controllers implicitly, which at steps of 5 ms acts like kd Δt = 0.0125 kg m² of more inertia: there 1.08 (1.00)
+and 0.57 (0.50). With finer steps both come to the same.
 """
 
 from __future__ import annotations
