@@ -14,6 +14,7 @@ foot, at edges and corners; the mesh missed none.
 from __future__ import annotations
 
 import ctypes
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -33,6 +34,9 @@ MEETS = {FOOT: FOOT | TRUNK, TRUNK: 0, SHANK: 0, PLANE: FOOT | TRUNK, OBSTACLE: 
 
 POINTS = 8
 """Most contacts of a pair of shapes; a box on a plane has four."""
+
+APART = 2e-3
+"""Contacts of a pair of shapes that are nearer to each other are one [m]."""
 
 SLIPS = 1e-4
 """A contact that moves faster than this slips [m/s]; a slower one has no direction of slip worth the name."""
@@ -143,10 +147,11 @@ class OdeContacts:
         library, contacts = self._library, self._contacts
         one, other = self._owners[pair[0]], self._owners.get(pair[1], GROUND)
         count = library.dCollide(*pair, POINTS, contacts[0].point, ctypes.sizeof(c.Contact))
+        apart = distinct(contacts[:count])
         friction = 1.0 if one.leg is None and other.leg is None else self._friction
         leg = one.leg if other is GROUND else None
-        for contact in contacts[:count]:
-            self._bound(contact, one.body, other.body, friction, pushed / count)
+        for contact in apart:
+            self._bound(contact, one.body, other.body, friction, pushed / len(apart))
             joint = library.dJointCreateContact(self._world, self._joints, contact)
             library.dJointAttach(joint, one.body, other.body)
             feedback = c.Feedback()
@@ -227,3 +232,17 @@ class OdeContacts:
         """Say what a shape is, and what it meets."""
         self._library.dGeomSetCategoryBits(shape, kind)
         self._library.dGeomSetCollideBits(shape, MEETS[kind])
+
+
+def distinct(contacts: list[c.Contact]) -> list[c.Contact]:
+    """Return contacts at least `APART` from each other; of those that are nearer the deepest.
+
+    A foot on an edge between two triangles touches both, in one place. Equal rows make the solver slow, and fail.
+    """
+    if len(contacts) < 2:
+        return contacts
+    kept: list[c.Contact] = []
+    for contact in sorted(contacts, key=lambda contact: -contact.point.depth):
+        if all(math.dist(contact.point.position[:3], other.point.position[:3]) >= APART for other in kept):
+            kept.append(contact)
+    return kept

@@ -98,7 +98,6 @@ _WORLD = {
     "dWorldStep": (c_int, (Handle, c_double)),
     "dWorldQuickStep": (c_int, (Handle, c_double)),
     "dRandSetSeed": (None, (c_ulong,)),
-    "dRandGetSeed": (c_ulong, ()),
 }
 
 _BODY = {
@@ -107,6 +106,7 @@ _BODY = {
     "dBodySetKinematic": (None, (Handle,)),
     "dBodySetPosition": (None, (Handle, c_double, c_double, c_double)),
     "dBodySetRotation": (None, (Handle, POINTER(c_double))),
+    "dBodySetQuaternion": (None, (Handle, POINTER(c_double))),
     "dBodySetLinearVel": (None, (Handle, c_double, c_double, c_double)),
     "dBodySetAngularVel": (None, (Handle, c_double, c_double, c_double)),
     "dBodyGetPosition": (POINTER(c_double), (Handle,)),

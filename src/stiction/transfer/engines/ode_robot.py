@@ -24,6 +24,9 @@ from stiction.transfer.engines import ode_functions as c
 from stiction.transfer.engines.engine import Body
 from stiction.transfer.engines.rotation import into_frame, matrix
 
+STATE = 3 + 4 + 3 + 3
+"""Numbers of a body's state."""
+
 LINK_AXIS = 1
 """An axis of a motor turns with the first body of the joint, the link behind it."""
 
@@ -47,15 +50,11 @@ class OdeRobot:
         self._feedback = np.zeros((len(self.links), 2, 4, 4))
         joints = self._add_joints(world, (upper - lower) / 2)
         self._hinges, self._motors = [hinge for hinge, _ in joints], [motor for _, motor in joints]
-        self._state = tuple(
-            np.ctypeslib.as_array(get(self.base), (count,))
-            for get, count in (
-                (library.dBodyGetPosition, 3),
-                (library.dBodyGetQuaternion, 4),
-                (library.dBodyGetLinearVel, 3),
-                (library.dBodyGetAngularVel, 3),
-            )
-        )
+        self._bodies = (self.base, *self.links)
+        state = zip((library.dBodyGetPosition, library.dBodyGetQuaternion), (3, 4), strict=True)
+        speeds = zip((library.dBodyGetLinearVel, library.dBodyGetAngularVel), (3, 3), strict=True)
+        parts = (*state, *speeds)
+        self._state = [np.ctypeslib.as_array(get(body), (count,)) for body in self._bodies for get, count in parts]
         self.angle, self.speed = self._middle.copy(), np.zeros(len(self.links))
         """Of the joints now [rad, rad/s], shape (J,). ODE's angle is zero in the middle of the range: it ends at ±π."""
 
@@ -84,14 +83,27 @@ class OdeRobot:
 
     def speeds(self) -> tuple[np.ndarray, ...]:
         """Return the speeds of the joints [rad/s], (J,), of the base [m/s], (3,), and its turning [rad/s], (3,)."""
-        return self.speed, self._state[2], self._state[3]
+        return self.speed, *self._state[2:4]
+
+    def state(self) -> np.ndarray:
+        """Return a copy of all that bodies do now, shape (bodies, 13): place, quaternion, velocity, turning."""
+        return np.concatenate(self._state).reshape(-1, STATE)
+
+    def restore(self, state: np.ndarray) -> None:
+        """Make the bodies do what they did when `state` was called."""
+        library = self._library
+        for body, row in zip(self._bodies, state, strict=True):
+            library.dBodySetPosition(body, *row[:3])
+            library.dBodySetQuaternion(body, (ctypes.c_double * 4)(*row[3:7]))
+            library.dBodySetLinearVel(body, *row[7:10])
+            library.dBodySetAngularVel(body, *row[10:])
 
     def base_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return position [m] and quaternion of the base's frame, its velocity and turning in it [m/s, rad/s].
 
         What ODE moves is the centre of mass.
         """
-        centre, quaternion, velocity, turning = self._state
+        centre, quaternion, velocity, turning = self._state[:4]
         rate = into_frame(quaternion, turning)
         position = centre - matrix(quaternion) @ self._com
         return position, quaternion.copy(), into_frame(quaternion, velocity) - np.cross(rate, self._com), rate
