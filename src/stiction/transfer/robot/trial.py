@@ -1,0 +1,105 @@
+"""One robot of the factorial, built in an engine and driven from a bundle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.deploy.policy import load_policy
+from stiction.formats.bundle import Bundle
+from stiction.formats.reproducibility import seed_streams
+from stiction.robots.spec import RobotSpec
+from stiction.transfer.engines.engine import Body, Engine
+from stiction.transfer.engines.ground import Ground, flat
+from stiction.transfer.metrics import Recording
+from stiction.transfer.robot.draw import draw
+from stiction.transfer.robot.factorial import Case
+from stiction.transfer.robot.pilot import Pilot, Turn
+from stiction.transfer.robot.referee import Referee
+from stiction.transfer.robot.virtual import VirtualRobot
+from stiction.transfer.robot.wear import Wear
+from stiction.transfer.rollout import INITIAL_ANGLE, robot_of
+
+TIMESTEP = 0.001
+"""Physics step of virtual robots [s]: motor controllers run at 1 kHz and more."""
+
+Make = Callable[[Body, Ground, float], Engine]
+"""Makes an engine: body, ground, timestep [s]."""
+
+
+@dataclass(frozen=True)
+class World:
+    """Where a robot is built."""
+
+    make: Make
+    """The engine."""
+    ground: Ground | None = None
+    """What the robot walks on; the plane without."""
+    timestep: float = TIMESTEP
+    """Physics step [s]."""
+
+    def robot(
+        self,
+        case: Case,
+        spec: RobotSpec,
+        generator: np.random.Generator,
+        wear: Wear | None = None,
+        fixed: bool = False,
+    ) -> VirtualRobot:
+        """Build a robot of the factorial.
+
+        spec: the data sheet; generator: of its sensors' noise; wear: of its joints; fixed: bolted to a bench.
+        """
+        hidden = draw(spec, case.seed)
+        real = case.robot(hidden)
+        engine = self.make(real.body(spec, fixed), self.ground or flat(), self.timestep)
+        return VirtualRobot(engine, real, case.friction(hidden, spec, self.timestep), generator, wear=wear)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One walk."""
+
+    recording: Recording
+    """The truth, of one robot; shapes (T, 1, ...)."""
+    turns: tuple[Turn, ...]
+    """What the policy's side saw and did."""
+
+
+def walk(
+    bundle: Bundle,
+    case: Case,
+    world: World,
+    velocity: Callable[[int], np.ndarray],
+    steps: int,
+    episode: int = 0,
+    wear: Wear | None = None,
+) -> Trial:
+    """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls.
+
+    velocity: command at a control step: forward, sideways [m/s], turn [rad/s], shape (3,); episode: number of the start
+    pose and of the sensors' noise, the same in all cells and at all levels.
+
+    Raises:
+        StictionError: the bundle does not fit the robot.
+
+    """
+    contract = bundle.contract
+    spec = robot_of(contract)
+    streams = seed_streams(case.seed, [f"episode {episode}, start", f"episode {episode}, noise"])
+    start, noise = streams.values()
+    robot = world.robot(case, spec, noise, wear)
+    standing = contract.array("standing") + INITIAL_ANGLE * start.uniform(-1.0, 1.0, contract.num_joints)
+    standing = np.clip(standing, contract.array("lower"), contract.array("upper"))
+    robot.place(standing, np.array([0.0, 0.0, spec.standing_height]), np.array([1.0, 0.0, 0.0, 0.0]))
+    pilot = Pilot(robot.plug, load_policy(contract, bundle.policy))
+    referee = Referee(robot.witness, spec, contract.control_period)
+    turns = []
+    for step in range(steps):
+        turns.append(pilot.step(velocity(step)))
+        referee.look()
+        if not referee.upright:
+            break
+    return Trial(referee.recording(), tuple(turns))
