@@ -18,7 +18,7 @@ NONE = np.zeros(2)
 
 
 def test_each_joint_has_its_own_share_and_its_own_stribeck_curve() -> None:
-    """f r at rest, f (1 + (r − 1)/e) at v_s, f far above it."""
+    """It is f r at rest, f (1 + (r − 1)/e) at v_s, f far above it."""
     friction = DryFriction(SHAPE, np.array([0.5, 0.25]), 0.0, 0.001)
     np.testing.assert_allclose(friction.bound(NONE, NONE), [0.6, 0.3])
     np.testing.assert_allclose(friction.bound(np.array([-0.1, 0.1]), NONE), [0.4 * (1 + 0.5 / np.e), 0.3])

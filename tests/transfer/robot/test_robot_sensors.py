@@ -57,7 +57,7 @@ def test_an_imu_that_is_mounted_askew_reads_a_constant_tilt_and_rate() -> None:
 
 
 def test_noise_has_the_size_that_it_says_and_the_tilt_wanders_slowly() -> None:
-    """White noise of the rate; a tilt whose spread is the deviation and whose change from reading to reading is that of its memory."""
+    """White noise of the rate; a tilt that has its spread, and changes between readings as its memory says."""
     errors = replace(PERFECT, gyroscope_noise=0.05, tilt_wander=0.01)
     imu = Imu(errors, 0.2, np.random.default_rng(0))
     read = [imu.read(np.array([1.0, 0, 0, 0]), np.zeros(3)) for _ in range(3000)]

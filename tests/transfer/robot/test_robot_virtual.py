@@ -81,7 +81,7 @@ def test_a_robot_is_limp_until_its_first_command_and_starts_anew_when_it_is_put_
 
 
 def test_friction_reaches_the_engine_as_a_bound_and_grows_with_wear() -> None:
-    """10 % of 45 N m at the shank; a worn joint goes from a third of it to three times as much in 10 ms, others stay."""
+    """10 % of 45 N m at the shank; a worn joint goes from a third to three times of it in 10 ms, others stay."""
     robot, engine = make(level=0.1)
     robot.plug.exchange(push(0.0))
     np.testing.assert_allclose(engine.bounds[0], 0.1 * SPEC.joint_values("torque_limit"))
@@ -192,7 +192,7 @@ KNOW_NOTHING = {"pilot.py": {"port"}, "port.py": set()}
 
 
 def test_the_policys_side_does_not_import_the_robots() -> None:
-    """Nor may anything that trains or identifies; those rooms lie on lower floors, which the walls of the house see to."""
+    """Nor does what trains or identifies: those rooms lie on lower floors, which the walls of the house see to."""
     folder = Path(stiction.transfer.robot.__file__).parent
     for name, allowed in KNOW_NOTHING.items():
         nodes = ast.walk(ast.parse((folder / name).read_text()))

@@ -45,6 +45,8 @@ Saturn Lite: the swing is more than twice that."""
 class BenchCfg:
     """How a bench log is made."""
 
+    kinds: tuple[str, ...] = KINDS
+    """Kinds of joints to log, in this order; one alone after a repair, say."""
     seconds: float = 20.0
     """Length of each kind's log [s]: the motion, twice."""
     motion: Pattern = field(default_factory=lambda: MOTION)
@@ -58,6 +60,8 @@ class BenchCfg:
 
     def __post_init__(self) -> None:
         """Refuse logs that say nothing."""
+        if not self.kinds or set(self.kinds) - set(KINDS) or len(set(self.kinds)) < len(self.kinds):
+            raise StictionError(f"bench logs of {self.kinds}: expected different ones of {', '.join(KINDS)}")
         if not (4.0 <= self.seconds <= 600.0 and 0.1 <= self.stiffness <= 10.0):
             raise StictionError(
                 f"bench logs of {self.seconds} s at {self.stiffness} times the gains: expected 4 to 600 s, 0.1 to 10"
@@ -81,12 +85,14 @@ def bench_log(port: Port, spec: RobotSpec, cfg: BenchCfg | None = None) -> Log:
     count = round(cfg.seconds / port.period / 2)
     offsets = np.tile(cfg.motion.offsets(count, 1.0 / port.period), 2)
     joints: dict[str, JointSignals] = {}
-    for number, kind in enumerate(KINDS):
+    for number in map(KINDS.index, cfg.kinds):
         path = np.tile(spec.joint_values("standing"), (len(offsets), 1))
         path[:, number :: len(KINDS)] += offsets[:, None]
         moved = np.arange(spec.num_joints) % len(KINDS) == number
         gains = np.where(moved, cfg.stiffness, cfg.hold)
-        readings = _play(port, path, gains * spec.joint_values("stiffness"), gains**0.5 * spec.joint_values("derivative"))
+        readings = _play(
+            port, path, gains * spec.joint_values("stiffness"), gains**0.5 * spec.joint_values("derivative")
+        )
         for joint in range(number, spec.num_joints, len(KINDS)):
             joints[spec.joint_names[joint]] = JointSignals(
                 position=np.array([reading.sensors.joint_position[joint] for reading in readings[:-1]]),
@@ -95,7 +101,9 @@ def bench_log(port: Port, spec: RobotSpec, cfg: BenchCfg | None = None) -> Log:
                 torque=np.array([reading.joint_torque[joint] for reading in readings[1:]]),
             )
     time = np.arange(len(offsets)) * port.period
-    return Log("bench", time, {name: joints[name] for name in spec.joint_names}, bench_setup(spec, kp, kd))
+    return Log(
+        "bench", time, {name: joints[name] for name in spec.joint_names if name in joints}, bench_setup(spec, kp, kd)
+    )
 
 
 def bench_setup(spec: RobotSpec, kp: np.ndarray, kd: np.ndarray) -> LogSetup:

@@ -18,7 +18,7 @@ from stiction.transfer.robot.draw import draw
 from stiction.transfer.robot.factorial import Case
 from stiction.transfer.robot.pilot import Pilot, Turn
 from stiction.transfer.robot.referee import Referee
-from stiction.transfer.robot.virtual import VirtualRobot
+from stiction.transfer.robot.virtual import PERIOD, VirtualRobot
 from stiction.transfer.robot.wear import Wear
 from stiction.transfer.rollout import INITIAL_ANGLE, robot_of
 
@@ -39,6 +39,8 @@ class World:
     """What the robot walks on; the plane without."""
     timestep: float = TIMESTEP
     """Physics step [s]."""
+    period: float = PERIOD
+    """Time between two readings [s]; logs for an Actuator Net need that of the training's physics."""
 
     def robot(
         self,
@@ -55,7 +57,8 @@ class World:
         hidden = draw(spec, case.seed)
         real = case.robot(hidden)
         engine = self.make(real.body(spec, fixed), self.ground or flat(), self.timestep)
-        return VirtualRobot(engine, real, case.friction(hidden, spec, self.timestep), generator, wear=wear)
+        friction = case.friction(hidden, spec, self.timestep)
+        return VirtualRobot(engine, real, friction, generator, self.period, wear)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,94 @@
+"""A bundle walks on a virtual robot: what is recorded, and what stays the same."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import make_bundle, make_contract, make_network
+from stiction.formats.bundle import read_bundle
+from stiction.formats.walk import read_walk, write_walk
+from stiction.robots.catalog import find_robot
+from stiction.transfer.command import parse_command
+from stiction.transfer.metrics import measure
+from stiction.transfer.robot.factorial import Case, parse_level
+from stiction.transfer.robot.trial import World, walk
+from stiction.transfer.robot.walk_log import walk_log
+from stiction.transfer.robot.wear import Wear
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+from stiction.transfer.engines.mujoco_engine import MujocoEngine
+
+SPEC, STEPS = find_robot("saturn_lite"), 25
+FORWARD = np.array([0.5, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory: pytest.TempPathFactory):
+    """A bundle whose network hardly moves: the robot stands."""
+    contract = make_contract()
+    return read_bundle(make_bundle(tmp_path_factory.mktemp("b") / "still", contract, make_network(contract, gain=1e-3)))
+
+
+def trial(bundle, cell: str, level: str, **options):
+    """Walk for half a second."""
+    return walk(bundle, Case(4, cell, parse_level(level)), World(MujocoEngine), lambda step: FORWARD, STEPS, **options)
+
+
+def test_a_robot_stands_in_every_cell_and_is_judged_like_any_other(standing) -> None:
+    """The recording has the shapes that the metrics take, and says what the robot really did."""
+    for cell, level in (("nominal", "0"), ("all", "bench+0.02")):
+        recording = trial(standing, cell, level).recording
+        assert recording.velocity.shape == (STEPS, 1, 3) and recording.contact.shape == (STEPS, 1, 6)
+        assert recording.upright.all() and recording.contact[-1].sum() >= 3
+        metrics = measure(recording, parse_command("vx=0.5"), SPEC.groups(), 1.0)
+        assert metrics.fall_rate == 0.0 and abs(metrics.speed_ratio) < 0.2
+    assert trial(standing, "nominal", "0").recording.friction.max() == 0.0
+
+
+def test_the_same_trial_twice_is_the_same_and_episodes_differ(standing) -> None:
+    """Rows of a table must be reproducible, and episodes more than one number said twice."""
+    one, same, other = (trial(standing, "all", "0.1", episode=episode) for episode in (0, 0, 1))
+    np.testing.assert_array_equal(one.recording.velocity, same.recording.velocity)
+    assert not np.array_equal(one.recording.velocity, other.recording.velocity)
+
+
+def test_a_fall_ends_a_trial(standing) -> None:
+    """What comes after would be judged as walking."""
+    start = {"count": 0}
+
+    class Falling(MujocoEngine):
+        """Turns gravity sideways after a while, in effect: the legs let go."""
+
+        def step(self, torque, friction):
+            start["count"] += 1
+            super().step(0 * torque if start["count"] > 100 else torque, friction)
+
+    ended = walk(standing, Case(4, "nominal", parse_level("0")), World(Falling), lambda step: FORWARD, 100)
+    assert len(ended.recording.upright) == len(ended.turns) < 100
+    assert ended.recording.upright[:-1].all() and not ended.recording.upright[-1]
+
+
+def test_wear_shows_in_what_the_referee_sees(standing) -> None:
+    """Ten times the friction after half a second of wear."""
+    worn = trial(standing, "friction", "0.02", wear=Wear(start=0.3, end=3.0, seconds=0.5)).recording.friction[:, 0]
+    fresh = trial(standing, "friction", "0.02").recording.friction[:, 0]
+    assert worn[0] / fresh[0] == pytest.approx(0.3 * 10 ** (0.02 / 0.5), rel=0.05)
+    assert worn[-1] / fresh[-1] == pytest.approx(3.0, rel=0.05)
+
+
+def test_a_walk_is_logged_as_on_any_robot(standing, tmp_path: Path) -> None:
+    """A row has the target that held and the torque that acted from it on; the header has nothing of the truth."""
+    done = trial(standing, "all", "0.1")
+    log = walk_log(done.turns, standing, SPEC, np.tile(FORWARD, (STEPS, 1)), "mujoco", "vx=0.5")
+    write_walk(tmp_path / "walk.npz", log)
+    read = read_walk(tmp_path / "walk.npz")
+    assert len(read) == 10 * STEPS and read.header.period == pytest.approx(0.002)
+    assert (read.header.kp, read.header.torque_limit) == (standing.contract.kp, standing.contract.torque_limit)
+    assert (read.header.recorded_in, read.header.torque_source) == ("mujoco", "motor_side")
+    turn = done.turns[3]
+    np.testing.assert_allclose(read.joint_position[30], turn.before.sensors.joint_position, atol=1e-6)
+    np.testing.assert_allclose(read.joint_target[30:40], np.tile(turn.policy.target, (10, 1)), atol=1e-6)
+    np.testing.assert_allclose(read.joint_torque[30], turn.readings[0].joint_torque, rtol=1e-6)
+    np.testing.assert_allclose(read.velocity_command[7], FORWARD)
