@@ -10,7 +10,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from stiction.robots.spec import DELAY_SAMPLES, LegSpec, LinkSpec, RobotSpec, box_inertia
+from stiction.robots.links import SHANK_RADIUS, foot_position, links
+from stiction.robots.spec import DELAY_SAMPLES, LegSpec, RobotSpec, box_inertia
 
 FRICTION_D0 = 0.999
 """Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2.
@@ -19,36 +20,22 @@ robot: 0.0032 rad/s at steps of 5 ms, 0.0064 rad/s at 10 ms; with MuJoCo's defau
 simulates 1.4 times faster."""
 
 
-def _add_link(
-    parent: mujoco.MjsBody, name: str, link: LinkSpec, position: list[float], centre: list[float]
-) -> mujoco.MjsBody:
-    """Add a body with the inertia of a uniform box centred at `centre` in its own frame."""
-    return parent.add_body(
-        name=name,
-        pos=position,
-        mass=link.mass,
-        ipos=centre,
-        inertia=box_inertia(link.mass, link.size),
-        explicitinertial=True,
-    )
-
-
-def _add_leg(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, leg: LegSpec) -> None:
-    """Add hip, thigh, shank and foot of one leg, with their joints, geoms and foot sensor."""
-    lateral = leg.side * robot.hip_link.size[1]
-    thigh_length, shank_length = robot.thigh_link.size[2], robot.shank_link.size[2]
-    hip = _add_link(base, f"{leg.name}_hip_link", robot.hip_link, list(leg.mount), [0.0, lateral / 2, 0.0])
-    thigh = _add_link(
-        hip, f"{leg.name}_thigh_link", robot.thigh_link, [0.0, lateral, 0.0], [0.0, 0.0, -thigh_length / 2]
-    )
-    shank = _add_link(
-        thigh, f"{leg.name}_shank_link", robot.shank_link, [0.0, 0.0, -thigh_length], [0.0, 0.0, -shank_length / 2]
-    )
-    kinds = ("hip", robot.hip, hip, [leg.side, 0, 0]), ("thigh", robot.thigh, thigh, [0, 1, 0])
-    for kind, joint, body, axis in (*kinds, ("shank", robot.shank, shank, [0, 1, 0])):
+def _add_links(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec) -> list[mujoco.MjsBody]:
+    """Add the bodies of all legs, with their joints; return them in the order of the joints."""
+    bodies: list[mujoco.MjsBody] = []
+    kinds = (robot.hip, robot.thigh, robot.shank) * len(robot.legs)
+    for link, joint in zip(links(robot), kinds, strict=True):
+        body = (bodies[link.parent] if link.parent >= 0 else base).add_body(
+            name=link.name,
+            pos=link.origin,
+            mass=link.mass,
+            ipos=link.com,
+            inertia=link.inertia,
+            explicitinertial=True,
+        )
         body.add_joint(
-            name=f"{leg.name}_{kind}",
-            axis=axis,
+            name=link.joint,
+            axis=link.axis,
             range=[joint.lower, joint.upper],
             limited=mujoco.mjtLimited.mjLIMITED_TRUE,
             armature=joint.armature,
@@ -57,20 +44,29 @@ def _add_leg(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, leg: L
             solref_friction=[2 * spec.option.timestep, 1.0],
             solimp_friction=[FRICTION_D0, FRICTION_D0, 0.001, 0.5, 2.0],
         )
+        bodies.append(body)
+    return bodies
+
+
+def _add_shapes(
+    spec: mujoco.MjSpec, thigh: mujoco.MjsBody, shank: mujoco.MjsBody, robot: RobotSpec, leg: LegSpec
+) -> None:
+    """Add what is seen and touched of one leg, and its foot's sensor."""
+    knee, foot = [0.0, 0.0, -robot.thigh_link.size[2]], foot_position(robot)
     visual = {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "contype": 0, "conaffinity": 0}
-    thigh.add_geom(size=[0.02, 0, 0], fromto=[0, 0, 0, 0, 0, -thigh_length], rgba=[0.25, 0.3, 0.36, 1], **visual)
+    thigh.add_geom(size=[0.02, 0, 0], fromto=[0, 0, 0, *knee], rgba=[0.25, 0.3, 0.36, 1], **visual)
     visual["contype"] = OBSTACLE
-    shank.add_geom(size=[0.013, 0, 0], fromto=[0, 0, 0, 0, 0, -shank_length], rgba=[0.55, 0.6, 0.66, 1], **visual)
+    shank.add_geom(size=[SHANK_RADIUS, 0, 0], fromto=[0, 0, 0, *foot], rgba=[0.55, 0.6, 0.66, 1], **visual)
     shank.add_geom(
         name=f"{leg.name}_foot",
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         size=[robot.foot_radius, 0, 0],
-        pos=[0, 0, -shank_length],
+        pos=foot,
         rgba=[0.9, 0.45, 0.15, 1] if leg.group == 0 else [0.15, 0.5, 0.85, 1],
         priority=1,
         friction=[1.0, 0.005, 0.0001],
     )
-    shank.add_site(name=f"{leg.name}_foot", size=[1.2 * robot.foot_radius, 0, 0], pos=[0, 0, -shank_length], group=4)
+    shank.add_site(name=f"{leg.name}_foot", size=[1.2 * robot.foot_radius, 0, 0], pos=foot, group=4)
     spec.add_sensor(
         name=f"{leg.name}_touch",
         type=mujoco.mjtSensor.mjSENS_TOUCH,
@@ -116,8 +112,9 @@ def build(
         size=[extent / 2 for extent in robot.base.size],
         rgba=[0.82, 0.84, 0.86, 1],
     )
-    for leg in robot.legs:
-        _add_leg(spec, base, robot, leg)
+    bodies = _add_links(spec, base, robot)
+    for leg, thigh, shank in zip(robot.legs, bodies[1::3], bodies[2::3], strict=True):
+        _add_shapes(spec, thigh, shank, robot, leg)
     if joint_sensors:
         _add_joint_sensors(spec, robot)
     _add_actuators(spec, robot)

@@ -18,13 +18,32 @@ from typing import Protocol
 
 import numpy as np
 
+from stiction.formats.errors import StictionError
 from stiction.robots.spec import RobotSpec
 
 GRAVITY = 9.81
 """Downward [m/s²], in every engine."""
 
+FASTEST = 1e4
+"""A base or a joint that is faster has blown up [m/s, rad/s]."""
+
 TOUCH = 1.0
 """Force with which the ground must push a foot for a contact [N], as in training (`Fleet.foot_contact`)."""
+
+
+class BlownUp(StictionError):
+    """A robot whose numbers are no motion any more. To whoever drives it that is a fall; `reset` puts it right."""
+
+
+def check_speed(engine: str, *speeds: np.ndarray) -> None:
+    """Raise `BlownUp` unless every speed, arrays in m/s or rad/s, is a number under `FASTEST`."""
+    for speed in speeds:
+        largest = np.abs(speed).max()
+        if not largest < FASTEST:
+            raise BlownUp(
+                f"the robot has blown up in the engine {engine!r}: a speed is {largest:g}; "
+                "take shorter steps, or lower gains and torques"
+            )
 
 
 @dataclass(frozen=True)
@@ -93,7 +112,12 @@ class Engine(Protocol):
         """Put the robot there, at rest: joint angles [rad], shape (J,); place [m] and orientation of its base."""
 
     def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
-        """Advance by one timestep under joint torques [N m] and bounds of dry friction [N m], both of shape (J,)."""
+        """Advance by one timestep under joint torques [N m] and bounds of dry friction [N m], both of shape (J,).
+
+        Raises:
+            BlownUp: the robot's numbers are no motion any more.
+
+        """
 
     def motion(self) -> Motion:
         """Return what the robot does now."""

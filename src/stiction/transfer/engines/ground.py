@@ -43,8 +43,8 @@ class HeightField:
     def triangles(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the surface: vertices [m], shape (V, 3), and triangles, numbers of vertices, shape (F, 3).
 
-        Seen from above a triangle turns to the left. A cell is cut from its lower right to its upper left, as MuJoCo
-        cuts it.
+        Seen from above a triangle turns to the left. A cell is cut from its lower left to its upper right, where MuJoCo
+        cuts it for contacts.
         """
         rows, columns = np.shape(self.heights)
         along, across = np.meshgrid(np.arange(columns), np.arange(rows))
@@ -52,7 +52,7 @@ class HeightField:
         vertices = np.stack((x, y, self.heights), -1).reshape(-1, 3)
         first = (columns * across + along)[:-1, :-1].ravel()
         right, up, far = first + 1, first + columns, first + columns + 1
-        faces = np.concatenate((np.stack((first, right, up), -1), np.stack((right, far, up), -1)))
+        faces = np.concatenate((np.stack((first, right, far), -1), np.stack((first, far, up), -1)))
         return vertices, faces
 
     def height(self, points: np.ndarray) -> np.ndarray:
@@ -64,9 +64,9 @@ class HeightField:
         right, up = (place - np.stack((column, row), -1)).T
         low, high = self.heights[row, column], self.heights[row + 1, column + 1]
         beside, above = self.heights[row, column + 1], self.heights[row + 1, column]
-        lower = low + right * (beside - low) + up * (above - low)
-        upper = high + (1 - right) * (above - high) + (1 - up) * (beside - high)
-        return np.where(inside, np.where(right + up <= 1, lower, upper), 0.0)
+        lower = low + right * (beside - low) + up * (high - beside)
+        upper = low + up * (above - low) + right * (high - above)
+        return np.where(inside, np.where(right >= up, lower, upper), 0.0)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 
@@ -37,5 +39,5 @@ def about(axis: int, angle: float) -> np.ndarray:
 
 def angle_between(first: np.ndarray, second: np.ndarray) -> float:
     """Return the angle of the turn from one orientation to another [rad]; quaternions of shape (4,)."""
-    away = np.linalg.norm(matrix(first) - matrix(second))
-    return float(2 * np.arcsin(min(away / 8**0.5, 1.0)))
+    away = float(np.linalg.norm(matrix(first) - matrix(second)))
+    return 2.0 * math.asin(min(away / 8**0.5, 1.0))

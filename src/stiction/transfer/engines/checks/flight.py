@@ -1,6 +1,6 @@
 """The whole robot in the air: masses, inertias, axes, joint order, and what joints transmit, against fine MuJoCo.
 
-The reference takes steps of a tenth of a millisecond. Torques are the same in every engine, held over each of its steps.
+The reference takes steps of a tenth of a millisecond, under the same torques, held over each step of the engine.
 """
 
 from __future__ import annotations
@@ -78,18 +78,14 @@ def free_flight(make: Make, timestep: float) -> tuple[Figure, ...]:
 
 
 def base_velocity(make: Make, timestep: float) -> tuple[Figure, ...]:
-    """Velocities of the base against differences of its place and orientation: whose, and seen from where?"""
+    """Velocities of the base against differences of its place and orientation: those of its frame, seen in it."""
     motion = fly(make, timestep, 0.0, timestep)
     place, turn = motion.base_position, motion.base_quaternion
     moved = (place[2:] - place[:-2]) / (2 * timestep)
     seen = np.array([into_frame(q, v) for q, v in zip(turn[1:-1], moved, strict=True)])
     conjugate = turn[:-2] * (1.0, -1.0, -1.0, -1.0)
     # The vector part of the turn from the step before to the step after, half its angle along its axis.
-    half = (
-        conjugate[:, :1] * turn[2:, 1:]
-        + turn[2:, :1] * conjugate[:, 1:]
-        + np.cross(conjugate[:, 1:], turn[2:, 1:])
-    )
+    half = conjugate[:, :1] * turn[2:, 1:] + turn[2:, :1] * conjugate[:, 1:] + np.cross(conjugate[:, 1:], turn[2:, 1:])
     rate = 2 * half / (2 * timestep)
     # In a step gravity changes the velocity by this much; half of it is the difference's own error.
     fall = GRAVITY * timestep
@@ -99,8 +95,18 @@ def base_velocity(make: Make, timestep: float) -> tuple[Figure, ...]:
     )
 
 
+def long_fall(make: Make, timestep: float) -> tuple[Figure, ...]:
+    """A fall of 1.5 s: nothing brakes it, and no speed is the highest."""
+    spec = robot()
+    body = Body.nominal(spec)
+    engine = make(body, flat(), timestep)
+    engine.reset(spec.joint_values("standing"), np.array([0.0, 0.0, 20.0]), UPRIGHT)
+    motion = record(engine, round(1.5 / timestep), still(body))
+    return (Figure("speed", float(-motion.base_linear_velocity[-1, 2] / (GRAVITY * 1.5) - 1.0), "1", 1e-3),)
+
+
 def joint_order(make: Make, timestep: float) -> tuple[Figure, ...]:
-    """What one step of torque at one joint does to every joint and to the trunk, joint by joint, no leg like another."""
+    """What a torque at one joint does to every joint and to the trunk, joint by joint, no leg like another."""
     spec = robot()
     angles = spec.joint_values("standing") + np.random.default_rng(0).uniform(-0.15, 0.15, spec.num_joints)
     found, wanted = (_responses(maker, timestep, angles) for maker in (make, MujocoEngine))
@@ -116,7 +122,7 @@ def joint_order(make: Make, timestep: float) -> tuple[Figure, ...]:
 
 
 def _responses(make: Make, timestep: float, angles: np.ndarray) -> np.ndarray:
-    """Return velocities of joints and trunk after one step of 1 N m at each joint, less those of the fall; (J, J + 6)."""
+    """Return velocities of joints and trunk after a step of 1 N m at each joint, less those of the fall; (J, J + 6)."""
     spec = robot()
     body = replace(Body.nominal(spec), damping=np.zeros(spec.num_joints), base_com=OFF_CENTRE)
     engine = make(body, flat(), timestep)
@@ -125,9 +131,7 @@ def _responses(make: Make, timestep: float, angles: np.ndarray) -> np.ndarray:
         engine.reset(angles, np.array([0.0, 0.0, HEIGHT]), UPRIGHT)
         engine.step(torque, np.zeros(spec.num_joints))
         motion = engine.motion()
-        rows.append(
-            np.concatenate((motion.joint_velocity, motion.base_linear_velocity, motion.base_angular_velocity))
-        )
+        rows.append(np.concatenate((motion.joint_velocity, motion.base_linear_velocity, motion.base_angular_velocity)))
     return np.array(rows[1:]) - rows[0]
 
 

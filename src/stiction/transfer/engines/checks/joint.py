@@ -1,4 +1,4 @@
-"""One joint against what can be computed exactly: does dry friction hold, let go, and brake, as Coulomb's law says?
+"""One joint against what can be computed exactly: dry friction that holds, lets go and brakes as Coulomb's law says.
 
 The robot is bolted to a stand and lies on its side, so that the last shank's axis is vertical: no weight acts on it.
 All other joints are locked. The shank is a rigid box on a hinge, I q'' + B q' = τ − friction, and `stiction.joints`
@@ -6,6 +6,8 @@ has its motion in closed form, stick and slip included.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -17,6 +19,9 @@ from stiction.transfer.engines.checks.rig import HELD, Figure, Make, record, rob
 from stiction.transfer.engines.engine import Body, Motion
 from stiction.transfer.engines.ground import flat
 from stiction.transfer.engines.rotation import about
+
+Pair = tuple[float, float]
+"""Torque and bound of friction [N m]."""
 
 FRICTION = 0.442
 """Dry friction of the shank, the paper's b_c [N m]."""
@@ -32,6 +37,9 @@ MOVED = 1e-3
 
 AT_REST = 1e-3
 """Speed under which a joint stands [rad/s]."""
+
+AGAINST = 5.0
+"""Torque with which a joint is driven against its limit [N m]."""
 
 SLOW, AMPLITUDE, LEVEL = 0.5, 0.3, 0.1
 """Of the controlled joint: frequency [Hz] and amplitude [rad] of its target, friction over the torque limit [-]."""
@@ -51,8 +59,8 @@ def exact(gains: PDGains, friction: float, timestep: float, target: np.ndarray, 
     return simulate(joint, gains, timestep, target, position=float(target[0]), load=load)
 
 
-def _drive(make: Make, timestep: float, start: float, friction: float, motor) -> Motion:  # noqa: ANN001
-    """Return the motion of the last shank alone, under `motor(number, q, q')` -> torque [N m]; (steps + 1,) each."""
+def _drive(make: Make, timestep: float, start: float, joint: Callable[[int, float, float], Pair]) -> Motion:
+    """Return the motion of the last shank alone, under `joint(number, q, q')` -> torque and bound of friction [N m]."""
     spec = robot()
     body = Body.nominal(spec, fixed=True)
     engine = make(body, flat(), timestep)
@@ -61,10 +69,9 @@ def _drive(make: Make, timestep: float, start: float, friction: float, motor) ->
     # Turned by a quarter about x, the axes y of thighs and shanks point up.
     engine.reset(angles, np.array([0.0, 0.0, 2.0]), about(0, np.pi / 2))
     torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
-    bound[-1] = friction
 
     def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-        torque[-1] = motor(number, motion.joint_position[-1], motion.joint_velocity[-1])
+        torque[-1], bound[-1] = joint(number, motion.joint_position[-1], motion.joint_velocity[-1])
         return torque, bound
 
     return record(engine, round(END / timestep), act)
@@ -78,7 +85,7 @@ def friction_of_one_joint(make: Make, timestep: float) -> tuple[Figure, ...]:
     start = robot().shank.lower + 0.3
     # Torque is constant over a step: that of its middle gives a ramp its exact impulse.
     torque = FRICTION * np.interp(grid[:-1] + timestep / 2, times, levels)
-    motion = _drive(make, timestep, start, FRICTION, lambda number, angle, speed: torque[number])
+    motion = _drive(make, timestep, start, lambda number, angle, speed: (torque[number], FRICTION))
     angle, speed = motion.joint_position[:, -1], motion.joint_velocity[:, -1]
     weak = PDGains(1e-9, 0.0)
     load = FRICTION * np.interp(grid, times, levels)
@@ -97,6 +104,35 @@ def friction_of_one_joint(make: Make, timestep: float) -> tuple[Figure, ...]:
     )
 
 
+def changing_friction(make: Make, timestep: float) -> tuple[Figure, ...]:
+    """A bound that is lowered for a while lets a joint go under a constant torque, and stops it when it rises again.
+
+    In between q' = (τ - f) / B (1 - exp(-B t / I)).
+    """
+    spec = robot()
+    free = range(round(0.5 / timestep), round(0.8 / timestep))
+
+    def loosened(number: int, angle: float, speed: float) -> Pair:
+        return FRICTION, 0.5 * FRICTION if number in free else 4.0 * FRICTION
+
+    motion = _drive(make, timestep, spec.shank.lower + 0.3, loosened)
+    rate = spec.shank.damping / shank_inertia(spec)
+    wanted = 0.5 * FRICTION / spec.shank.damping * (1.0 - np.exp(-rate * 0.3))
+    speed = motion.joint_velocity[:, -1]
+    return (
+        Figure("speed before it is loosened", float(np.abs(speed[: free.start]).max()), "rad/s", 1e-3),
+        Figure("speed when it is held again", float(speed[free.stop] / wanted - 1.0), "1", 0.01),
+        Figure("speed at the end", float(speed[-1]), "rad/s", 1e-3),
+    )
+
+
+def joint_limit(make: Make, timestep: float) -> tuple[Figure, ...]:
+    """A joint that is driven against the end of its range stays there."""
+    upper = robot().shank.upper
+    motion = _drive(make, timestep, upper - 0.5, lambda number, angle, speed: (AGAINST, 0.0))
+    return (Figure("angle past the limit", float(motion.joint_position[-1, -1] - upper), "rad", 0.03),)
+
+
 def friction_under_control(make: Make, timestep: float) -> tuple[Figure, ...]:
     """Stick and slip of a joint that follows a slow sine under its controller, against the exact motion."""
     spec = robot()
@@ -107,9 +143,9 @@ def friction_under_control(make: Make, timestep: float) -> tuple[Figure, ...]:
     target = spec.shank.standing + AMPLITUDE * np.sin(2 * np.pi * SLOW * grid)
     truth = exact(gains, friction, timestep, target, np.zeros(steps + 1))
 
-    def motor(number: int, angle: float, speed: float) -> float:
-        return gains.kp * (target[number] - angle) - gains.kd * speed
+    def controlled(number: int, angle: float, speed: float) -> Pair:
+        return gains.kp * (target[number] - angle) - gains.kd * speed, friction
 
-    motion = _drive(make, timestep, float(target[0]), friction, motor)
+    motion = _drive(make, timestep, float(target[0]), controlled)
     error = motion.joint_position[:, -1] - truth.position
-    return (Figure("controlled joint", float(np.abs(error).max() / AMPLITUDE), "1", 0.02),)
+    return (Figure("controlled joint", float(np.abs(error).max() / AMPLITUDE), "1", 0.01),)

@@ -55,7 +55,7 @@ def robot() -> RobotSpec:
 
 
 def record(engine: Engine, steps: int, act: Act) -> Motion:
-    """Drive an engine and return its motion, from before the first step to after the last, stacked: (steps + 1, ...)."""
+    """Drive an engine and return its motion before, between and after the steps, stacked: shapes (steps + 1, ...)."""
     motions = [engine.motion()]
     for number in range(steps):
         engine.step(*act(number, motions[-1]))

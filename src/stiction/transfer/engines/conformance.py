@@ -1,0 +1,79 @@
+"""The suite that every engine passes before a result from it counts; public, for an engine of your own too.
+
+Each check takes what makes an engine and a timestep, and returns figures: what was measured, and how large it may be.
+Tolerances are the same for every engine. They are what an engine of first order in the timestep can reach at 2 ms, and
+what soft contacts give way; they catch wrong inertias, axes, frames, orders and laws, which are off by far more. The
+reference of free flight and of standing is MuJoCo with finer steps.
+
+    figures = conformance(partial(make_engine, "physx"))
+    assert all(figure.passed for figure in figures)
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.transfer.engines.checks import contact, flight, joint, repeat, terrain
+from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make, hold, robot
+from stiction.transfer.engines.engine import Body
+from stiction.transfer.engines.ground import flat
+
+TIMESTEP = 0.002
+"""Timestep for which the tolerances are set [s]."""
+
+CHECKS: dict[str, Callable[[Make, float], tuple[Figure, ...]]] = {
+    "friction of one joint": joint.friction_of_one_joint,
+    "friction under control": joint.friction_under_control,
+    "changing friction": joint.changing_friction,
+    "joint limit": joint.joint_limit,
+    "joint order": flight.joint_order,
+    "free flight": flight.free_flight,
+    "base velocity": flight.base_velocity,
+    "long fall": flight.long_fall,
+    "hanging legs": flight.hanging_legs,
+    "standing": contact.standing,
+    "foot contact": contact.foot_contact,
+    "on its back": contact.on_its_back,
+    "terrain": terrain.terrain,
+    "foot friction": terrain.foot_friction,
+    "shank contact": terrain.shank_contact,
+    "determinism": repeat.determinism,
+}
+"""Name -> what measures it."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A figure and the check that it belongs to."""
+
+    check: str
+    """Name of the check, one of `CHECKS`."""
+    figure: Figure
+    """What it measured."""
+
+
+def conformance(make: Make, timestep: float = TIMESTEP) -> Iterator[Measured]:
+    """Run every check on engines that `make(body, ground, timestep)` makes, and yield their figures one by one."""
+    for name, check in CHECKS.items():
+        for figure in check(make, timestep):
+            yield Measured(name, figure)
+
+
+def steps_per_second(make: Make, timestep: float = TIMESTEP, seconds: float = 2.0) -> float:
+    """Return physics steps per second of processor time: the robot stands under its controllers, with dry friction.
+
+    Motion is read at every step, as a controller does; `seconds`: simulated time.
+    """
+    spec = robot()
+    body, angles = Body.nominal(spec), spec.joint_values("standing")
+    engine = make(body, flat(), timestep)
+    engine.reset(angles, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
+    act, friction = hold(body, angles), 0.1 * spec.joint_values("torque_limit")
+    steps, start = round(seconds / timestep), time.process_time()
+    for number in range(steps):
+        engine.step(act(number, engine.motion())[0], friction)
+    return steps / (time.process_time() - start)

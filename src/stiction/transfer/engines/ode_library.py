@@ -1,0 +1,181 @@
+"""Finds ODE 0.16 and makes it callable; says how to get it where it is missing.
+
+The library is a system package, or lies in the wheel of `dartpy`, which the extra `engines` installs on Linux for that
+alone: the wheel is 19 MB, ODE 1.6 MB of it. Neither DART nor any of its other libraries is loaded. ODE's licence is BSD
+or LGPL, by choice.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import sys
+from collections.abc import Callable, Iterator
+from functools import cache
+from importlib import metadata
+
+from stiction.formats.errors import StictionError
+from stiction.transfer.engines import ode_functions as c
+
+ON_MACOS = ("libode.8.dylib", "/opt/homebrew/lib/libode.8.dylib")
+
+SYSTEM_NAMES = ON_MACOS if sys.platform == "darwin" else ("libode.so.8",)
+"""ODE 0.16 as the system's loader knows it; the 8 is the number of its binary interface."""
+
+REMEDY = "pip install 'stiction[engines]' (Linux), apt install libode8, or brew install ode"
+"""How to get it."""
+
+_said: list[str] = []
+"""What ODE has said since `taken_messages` was last called."""
+
+_handlers: list[Callable[..., None]] = []
+"""The functions that ODE calls, kept alive for as long as the process lives."""
+
+
+@cache
+def ode_library() -> ctypes.CDLL:
+    """Return ODE, initialised and with its prototypes declared; the same object every time.
+
+    It is never closed: the system takes its memory back when the process ends, and a world that somebody still holds
+    then does no harm.
+
+    Raises:
+        StictionError: there is no ODE of this version and precision.
+
+    """
+    failures = []
+    for name in candidates():
+        try:
+            return opened(name)
+        except (OSError, StictionError) as error:
+            failures.append(str(error))
+    raise StictionError(
+        f"the engine 'ode' needs ODE 0.16 in double precision; get it with {REMEDY}; tried: {'; '.join(failures)}"
+    )
+
+
+def candidates() -> Iterator[str]:
+    """Yield names and paths of libraries to try, the system's before the wheel's."""
+    yield from SYSTEM_NAMES
+    try:
+        files = metadata.files("dartpy") or []
+    except metadata.PackageNotFoundError:
+        return
+    for file in files:
+        if file.name.startswith("libode-"):
+            yield str(file.locate())
+
+
+def opened(name: str) -> ctypes.CDLL:
+    """Return the library of that name or path, ready for use.
+
+    Raises:
+        OSError: there is none.
+        StictionError: it is not ODE 0.16 in double precision.
+
+    """
+    library = ctypes.CDLL(name)
+    check_precision(library, name)
+    declare(library, name)
+    set_handlers(library)
+    if not library.dInitODE2(0):
+        raise StictionError(f"{name} cannot be initialised")
+    prepare_thread(library)
+    check_numbers(library, name)
+    return library
+
+
+def declare(library: ctypes.CDLL, name: str) -> None:
+    """Give every function that is used its prototype; raise `StictionError` for one that is missing."""
+    for function, (result, arguments) in c.PROTOTYPES.items():
+        try:
+            entry = getattr(library, function)
+        except AttributeError as error:
+            raise StictionError(f"{name} has no {function}") from error
+        entry.restype, entry.argtypes = result, list(arguments)
+
+
+def check_precision(library: ctypes.CDLL, name: str) -> None:
+    """Raise `StictionError` for what is no ODE, and for one in single precision: its numbers are of another size."""
+    try:
+        configuration = library.dGetConfiguration
+    except AttributeError as error:
+        raise StictionError(f"{name} is not ODE") from error
+    configuration.restype, configuration.argtypes = ctypes.c_char_p, []
+    if b"ODE_double_precision" not in configuration().split():
+        raise StictionError(f"{name} was built in single precision")
+
+
+def check_numbers(library: ctypes.CDLL, name: str) -> None:
+    """Raise `StictionError` unless the numbers of joint parameters mean what they mean in 0.16.
+
+    They moved by two after 0.11, and an older library loses friction without a word. So a motor of known strength turns
+    a body of known inertia: 3 N m on 2 kg m², wanting 1 rad/s, has it at 0.15 rad/s after 0.1 s.
+    """
+    world = library.dWorldCreate()
+    try:
+        library.dWorldSetCFM(world, 0.0)
+        body = library.dBodyCreate(world)
+        mass = c.Mass(1.0, (0, 0, 0, 0), (2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0))
+        library.dBodySetMass(body, mass)
+        hinge = library.dJointCreateHinge(world, None)
+        library.dJointAttach(hinge, body, None)
+        library.dJointSetHingeAxis(hinge, 0.0, 0.0, 1.0)
+        library.dJointSetHingeParam(hinge, c.VELOCITY, 1.0)
+        library.dJointSetHingeParam(hinge, c.FORCE_MAX, 3.0)
+        library.dWorldStep(world, 0.1)
+        rate = library.dJointGetHingeAngleRate(hinge)
+    finally:
+        library.dWorldDestroy(world)
+    if not math.isclose(rate, 0.15, rel_tol=1e-9):
+        raise StictionError(f"{name} is of another version: a motor that should turn at 0.15 rad/s does at {rate:g}")
+
+
+def prepare_thread(library: ctypes.CDLL) -> None:
+    """Let the calling thread use the collision detection, whose memory is a thread's own; more than once does no harm.
+
+    Raises `StictionError` where there is no memory.
+    """
+    if not library.dAllocateODEDataForThread(c.COLLISION_DATA):
+        raise StictionError("ODE found no memory for this thread's collision detection; free some")
+
+
+def set_handlers(library: ctypes.CDLL) -> None:
+    """Take ODE's messages, which would go to standard error, and say what an error is before ODE ends the process.
+
+    ODE calls exit() after an error and abort() after a failed assertion, whatever its handlers do. So callers see to it
+    that neither happens (`ode_check`), and the handler is the last line of defence: no process ends without a word.
+    """
+    text = _formatter()
+
+    def remember(number: int, form: bytes, arguments: int) -> None:
+        _said.append(text(form, arguments))
+
+    def lament(number: int, form: bytes, arguments: int) -> None:
+        print(f"stiction: ODE gave up and ends this process: {text(form, arguments)}", file=sys.stderr, flush=True)
+
+    last_words, message = c.MessageHandler(lament), c.MessageHandler(remember)
+    _handlers.extend((last_words, message))
+    library.dSetErrorHandler(last_words)
+    library.dSetDebugHandler(last_words)
+    library.dSetMessageHandler(message)
+
+
+def taken_messages() -> list[str]:
+    """Return what ODE has said since the last call, and forget it."""
+    taken, _said[:] = _said[:], []
+    return taken
+
+
+def _formatter() -> Callable[[bytes, int], str]:
+    """Return C's vsnprintf as a function of a format and the address of its arguments."""
+    vsnprintf = ctypes.CDLL(None).vsnprintf
+    vsnprintf.restype = ctypes.c_int
+    vsnprintf.argtypes = [ctypes.c_char_p, ctypes.c_size_t, ctypes.c_char_p, ctypes.c_void_p]
+
+    def text(form: bytes, arguments: int) -> str:
+        buffer = ctypes.create_string_buffer(400)
+        vsnprintf(buffer, len(buffer), form, arguments)
+        return buffer.value.decode(errors="replace").strip()
+
+    return text

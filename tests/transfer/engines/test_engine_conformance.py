@@ -1,0 +1,209 @@
+"""Every engine that is installed passes the conformance suite, and an engine that does something wrong does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.robots.catalog import find_robot
+from stiction.transfer.engines.catalog import ENGINES, make_engine, what_is_missing
+from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make
+from stiction.transfer.engines.conformance import CHECKS, TIMESTEP
+from stiction.transfer.engines.engine import Body, Motion
+from stiction.transfer.engines.ground import Ground, flat
+from stiction.transfer.engines.mujoco_engine import MujocoEngine
+from stiction.transfer.engines.rotation import matrix
+
+
+@pytest.fixture(scope="module", params=ENGINES)
+def make(request: pytest.FixtureRequest) -> Make:
+    """What makes an engine, of those that are installed."""
+    missing = what_is_missing(request.param, find_robot("saturn_lite"))
+    if missing:
+        pytest.skip(missing)
+    return partial(make_engine, request.param)
+
+
+def failed(figures: tuple[Figure, ...]) -> list[str]:
+    """Return the figures that are out of tolerance, as text."""
+    return [str(figure) for figure in figures if not figure.passed]
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_an_engine_passes(make: Make, check: str) -> None:
+    """If this failed, a difference between engines could be a fault of ours and not of the policy."""
+    figures = CHECKS[check](make, TIMESTEP)
+    assert figures
+    assert not failed(figures), "; ".join(failed(figures))
+
+
+@pytest.mark.parametrize("name", ["go1", "saturn_lite"])
+def test_every_robot_can_be_built_and_stands(make: Make, name: str) -> None:
+    """The suite knows one robot; a quadruped's legs, masses and gains must be built from its own description."""
+    spec = find_robot(name)
+    body, standing = Body.nominal(spec), spec.joint_values("standing")
+    engine = make(body, flat(), TIMESTEP)
+    engine.reset(standing, np.array([1.0, -2.0, spec.standing_height]), UPRIGHT)
+    for _ in range(200):
+        engine.step(np.zeros(spec.num_joints), np.full(spec.num_joints, 1e4))
+    motion = engine.motion()
+    np.testing.assert_allclose(motion.base_position, [1.0, -2.0, spec.standing_height], atol=3e-3)
+    np.testing.assert_allclose(motion.joint_position, standing, atol=3e-3)
+    assert motion.foot_contact.shape == (len(spec.legs),) and motion.foot_contact.all()
+
+
+def test_a_robot_that_blew_up_is_told_and_begins_anew(make: Make) -> None:
+    """Numbers that are no motion would be counted as a walk, or stop an evaluation of hours."""
+    spec = find_robot("saturn_lite")
+    engine = make(Body.nominal(spec), flat(), TIMESTEP)
+    place = np.array([0.0, 0.0, spec.standing_height])
+    with pytest.raises(StictionError):
+        engine.step(np.full(spec.num_joints, np.nan), np.zeros(spec.num_joints))
+    engine.reset(spec.joint_values("standing"), place, UPRIGHT)
+    motion = engine.motion()
+    np.testing.assert_allclose(motion.base_position, place, atol=1e-6)
+    assert not motion.base_linear_velocity.any() and not motion.joint_velocity.any()
+    assert not motion.joint_force.any() and not motion.foot_contact.any()
+
+
+class Faulty(MujocoEngine):
+    """MuJoCo that is told something else than was said, or says something else than is."""
+
+    def __init__(self, body: Body, ground: Ground, timestep: float, told=None, says=None) -> None:
+        """told: torque and bounds -> others; says: body and motion -> fields of the motion that are changed."""
+        self._told = told or (lambda torque, friction: (torque, friction))
+        self._says = says or (lambda body, motion: {})
+        super().__init__(body, ground, timestep)
+
+    def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
+        """Advance under something else."""
+        super().step(*self._told(torque, friction))
+
+    def motion(self) -> Motion:
+        """Say something else."""
+        motion = super().motion()
+        return replace(motion, **self._says(self.body, motion))
+
+
+def creeping(body: Body, ground: Ground, timestep: float) -> MujocoEngine:
+    """Return an engine whose friction is as soft as MuJoCo's default."""
+    engine = MujocoEngine(body, ground, timestep)
+    engine._model.dof_solimp[:, :2], engine._model.dof_solref[:, 0] = 0.9, 0.02
+    return engine
+
+
+def unlimited(body: Body, ground: Ground, timestep: float) -> MujocoEngine:
+    """Return an engine whose joints turn without end."""
+    engine = MujocoEngine(body, ground, timestep)
+    engine._model.jnt_limited[:] = 0
+    return engine
+
+
+class Deaf(MujocoEngine):
+    """MuJoCo that hears of a bound of friction only once."""
+
+    def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
+        """Advance under the bounds of the first step."""
+        self._first = getattr(self, "_first", friction.copy())
+        super().step(torque, self._first)
+
+
+def misplaced(body: Body, ground: Ground, timestep: float) -> MujocoEngine:
+    """Return an engine whose height fields begin half a cell too far."""
+    field = ground.field
+    if field is not None:
+        moved = replace(field, corner=(field.corner[0] + field.cell / 2, field.corner[1]))
+        ground = replace(ground, field=moved)
+    return MujocoEngine(body, ground, timestep)
+
+
+def shuffled(values: np.ndarray) -> np.ndarray:
+    """Return joints in the order of PhysX: all hips, all thighs, all shanks."""
+    return values.reshape(-1, 3).T.ravel()
+
+
+NOISE = np.random.default_rng(0)
+
+FAULTS: dict[str, tuple[Make, tuple[str, ...]]] = {
+    "friction a tenth too low": (
+        partial(Faulty, told=lambda torque, friction: (torque, 0.9 * friction)),
+        ("friction of one joint", "friction under control"),
+    ),
+    "friction that creeps": (creeping, ("friction of one joint", "standing")),
+    "bounds that never change": (Deaf, ("changing friction",)),
+    "a fall with drag": (
+        partial(
+            Faulty, says=lambda body, motion: {"base_linear_velocity": np.maximum(motion.base_linear_velocity, -10.0)}
+        ),
+        ("long fall",),
+    ),
+    "joints without limits": (unlimited, ("joint limit",)),
+    "no viscous friction": (
+        lambda body, *rest: MujocoEngine(replace(body, damping=0.0 * body.damping), *rest),
+        ("friction of one joint",),
+    ),
+    "no rotors": (
+        lambda body, *rest: MujocoEngine(replace(body, armature=0.0 * body.armature), *rest),
+        ("joint order", "free flight"),
+    ),
+    "joints in another order": (
+        partial(Faulty, told=lambda torque, friction: (shuffled(torque), shuffled(friction))),
+        ("joint order",),
+    ),
+    "velocity of the centre of mass": (
+        partial(
+            Faulty,
+            says=lambda body, motion: {
+                "base_linear_velocity": motion.base_linear_velocity
+                + np.cross(motion.base_angular_velocity, body.base_com)
+            },
+        ),
+        ("base velocity",),
+    ),
+    "velocity seen from the world": (
+        partial(
+            Faulty,
+            says=lambda body, motion: {
+                "base_linear_velocity": matrix(motion.base_quaternion) @ motion.base_linear_velocity
+            },
+        ),
+        ("base velocity",),
+    ),
+    "left feet for right ones": (
+        partial(
+            Faulty,
+            says=lambda body, motion: {"foot_contact": motion.foot_contact.reshape(-1, 2)[:, ::-1].ravel()},
+        ),
+        ("foot contact",),
+    ),
+    "a tenth of the load forgotten": (
+        partial(Faulty, says=lambda body, motion: {"joint_force": 0.9 * motion.joint_force}),
+        ("hanging legs", "standing"),
+    ),
+    "feet that do not slip": (
+        lambda body, *rest: MujocoEngine(replace(body, ground_friction=1.0), *rest),
+        ("foot friction",),
+    ),
+    "nothing on the plane": (
+        lambda body, ground, timestep: MujocoEngine(body, flat(), timestep),
+        ("terrain", "shank contact"),
+    ),
+    "a height field half a cell off": (misplaced, ("terrain",)),
+    "never the same twice": (
+        partial(Faulty, told=lambda torque, friction: (torque + 1e-12 * NOISE.standard_normal(18), friction)),
+        ("determinism",),
+    ),
+}
+"""What is wrong -> an engine that has it, and the checks that must find it."""
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_found(fault: str) -> None:
+    """A suite that nothing fails would say nothing."""
+    make, checks = FAULTS[fault]
+    for check in checks:
+        assert failed(CHECKS[check](make, TIMESTEP)), check
