@@ -10,6 +10,8 @@ from stiction.formats.bundle import read_bundle
 from stiction.formats.walk import read_walk, write_walk
 from stiction.robots.catalog import find_robot
 from stiction.transfer.command import parse_command
+from stiction.transfer.engines.engine import BlownUp, Motion
+from stiction.transfer.engines.ground import course
 from stiction.transfer.metrics import measure
 from stiction.transfer.robot.factorial import Case, parse_level
 from stiction.transfer.robot.trial import World, walk
@@ -24,6 +26,11 @@ SPEC, STEPS = find_robot("saturn_lite"), 25
 FORWARD = np.array([0.5, 0.0, 0.0])
 
 
+def forward(step: int, motion: Motion) -> np.ndarray:
+    """Command a walk."""
+    return FORWARD
+
+
 @pytest.fixture(scope="module")
 def standing(tmp_path_factory: pytest.TempPathFactory):
     """A bundle whose network hardly moves: the robot stands."""
@@ -33,7 +40,7 @@ def standing(tmp_path_factory: pytest.TempPathFactory):
 
 def trial(bundle, cell: str, level: str, **options):
     """Walk for half a second."""
-    return walk(bundle, Case(4, cell, parse_level(level)), World(MujocoEngine), lambda step: FORWARD, STEPS, **options)
+    return walk(bundle, Case(4, cell, parse_level(level)), World(MujocoEngine), forward, STEPS, **options)
 
 
 def test_a_robot_stands_in_every_cell_and_is_judged_like_any_other(standing) -> None:
@@ -54,20 +61,48 @@ def test_the_same_trial_twice_is_the_same_and_episodes_differ(standing) -> None:
     assert not np.array_equal(one.recording.velocity, other.recording.velocity)
 
 
-def test_a_fall_ends_a_trial(standing) -> None:
-    """What comes after would be judged as walking."""
-    start = {"count": 0}
+class Failing(MujocoEngine):
+    """Lets go of its joints after a tenth of a second, or breaks down."""
 
-    class Falling(MujocoEngine):
-        """Turns gravity sideways after a while, in effect: the legs let go."""
+    breaks_down = False
 
-        def step(self, torque, friction):
-            start["count"] += 1
-            super().step(0 * torque if start["count"] > 100 else torque, friction)
+    def reset(self, *pose):
+        """Begin to count."""
+        self.steps = 0
+        super().reset(*pose)
 
-    ended = walk(standing, Case(4, "nominal", parse_level("0")), World(Falling), lambda step: FORWARD, 100)
-    assert len(ended.recording.upright) == len(ended.turns) < 100
-    assert ended.recording.upright[:-1].all() and not ended.recording.upright[-1]
+    def step(self, torque, friction):
+        """Fail after a hundred steps."""
+        self.steps += 1
+        if self.steps > 100 and self.breaks_down:
+            raise BlownUp("the robot has blown up")
+        super().step(0 * torque if self.steps > 100 else torque, friction)
+
+
+class Breaking(Failing):
+    """Breaks down."""
+
+    breaks_down = True
+
+
+def test_a_fall_or_a_breakdown_ends_a_trial_as_a_fall(standing) -> None:
+    """What comes after would be judged as walking, and an unstable simulation as a good robot."""
+    for engine, steps in ((Failing, None), (Breaking, 6)):
+        ended = walk(standing, Case(4, "nominal", parse_level("0")), World(engine), forward, 100)
+        recording = ended.recording
+        assert len(recording.upright) < 100 and steps in (None, len(recording.upright))
+        assert recording.upright[:-1].all() and not recording.upright[-1]
+        assert measure(recording, parse_command("vx=0.5"), SPEC.groups(), 1.0).fall_rate == 1.0
+
+
+def test_a_robot_starts_where_it_is_put_on_whatever_ground(standing) -> None:
+    """On top of a slope it stands on it and has not fallen, though its base is higher than any robot on the plane."""
+    ground = course("slope", 0.3)
+    world = World(MujocoEngine, ground, start=(0.1, 0.2))
+    top = world.height(np.array([0.1, 0.2]))
+    recording = walk(standing, Case(4, "nominal", parse_level("0")), world, forward, STEPS).recording
+    assert top > 0.3 and recording.upright.all() and recording.contact[-1].sum() >= 3
+    np.testing.assert_allclose(recording.position[0, 0], [0.1, 0.2], atol=0.05)
 
 
 def test_wear_shows_in_what_the_referee_sees(standing) -> None:
@@ -81,7 +116,7 @@ def test_wear_shows_in_what_the_referee_sees(standing) -> None:
 def test_a_walk_is_logged_as_on_any_robot(standing, tmp_path: Path) -> None:
     """A row has the target that held and the torque that acted from it on; the header has nothing of the truth."""
     done = trial(standing, "all", "0.1")
-    log = walk_log(done.turns, standing, SPEC, np.tile(FORWARD, (STEPS, 1)), "mujoco", "vx=0.5")
+    log = walk_log(done.turns, standing, SPEC, "mujoco", "vx=0.5")
     write_walk(tmp_path / "walk.npz", log)
     read = read_walk(tmp_path / "walk.npz")
     assert len(read) == 10 * STEPS and read.header.period == pytest.approx(0.002)

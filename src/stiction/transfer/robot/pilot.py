@@ -15,6 +15,8 @@ from stiction.transfer.robot.port import JointCommand, Port, Reading
 class Turn:
     """One control period."""
 
+    velocity: np.ndarray
+    """What was commanded: forward, sideways [m/s], turn [rad/s], shape (3,)."""
     before: Reading
     """What the policy saw."""
     policy: PolicyStep
@@ -60,4 +62,4 @@ class Pilot:
         step = self._policy.step(before.sensors, velocity)
         command = JointCommand.position(step.target, self._kp, self._kd)
         readings = tuple(self._port.exchange(command) for _ in range(self._readings))
-        return Turn(before, step, readings)
+        return Turn(velocity, before, step, readings)

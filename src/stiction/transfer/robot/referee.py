@@ -39,21 +39,29 @@ class Referee:
     def look(self, ground: float = 0.0) -> None:
         """Record the end of a control period; ground: its height under the robot [m]."""
         seen = self._witness()
+        self._upright = self._upright and not fallen(seen.motion, self._spec, ground)
+        self._rows.append(self._row(seen))
+        self._velocity = seen.motion.joint_velocity
+
+    def _row(self, seen: Witness) -> dict[str, np.ndarray | float | bool]:
+        """Return what is recorded of an instant, by the fields of `Recording`."""
         motion = seen.motion
-        self._upright = self._upright and not fallen(motion, self._spec, ground)
         change = (motion.joint_velocity - self._velocity) / self._period
-        self._velocity = motion.joint_velocity
-        self._rows.append(
-            {
-                "velocity": np.array([*motion.base_linear_velocity[:2], motion.base_angular_velocity[2]]),
-                "position": motion.base_position[:2],
-                "contact": motion.foot_contact,
-                "power": float(np.abs(seen.torque * motion.joint_velocity).sum()),
-                "square_acceleration": float(np.square(change).mean()),
-                "upright": self._upright,
-                "friction": float(seen.friction.mean()),
-            }
-        )
+        return {
+            "velocity": np.array([*motion.base_linear_velocity[:2], motion.base_angular_velocity[2]]),
+            "position": motion.base_position[:2],
+            "contact": motion.foot_contact,
+            "power": float(np.abs(seen.torque * motion.joint_velocity).sum()),
+            "square_acceleration": float(np.square(change).mean()),
+            "upright": self._upright,
+            "friction": float(seen.friction.mean()),
+        }
+
+    def lose(self) -> None:
+        """Record a robot that has blown up in its engine: it has fallen, where it was last."""
+        self._upright = False
+        last = self._rows[-1] if self._rows else self._row(self._witness())
+        self._rows.append(last | {"upright": False})
 
     def recording(self) -> Recording:
         """Return what was seen, of one robot: shapes (T, 1, ...)."""

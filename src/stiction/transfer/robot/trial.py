@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
 from stiction.formats.reproducibility import seed_streams
 from stiction.robots.spec import RobotSpec
-from stiction.transfer.engines.engine import Body, Engine
+from stiction.transfer.engines.engine import BlownUp, Body, Engine, Motion
 from stiction.transfer.engines.ground import Ground, flat
 from stiction.transfer.metrics import Recording
 from stiction.transfer.robot.draw import draw
@@ -29,18 +29,29 @@ Make = Callable[[Body, Ground, float], Engine]
 """Makes an engine: body, ground, timestep [s]."""
 
 
+Steer = Callable[[int, Motion], np.ndarray]
+"""Commands a robot as a person would who sees it: number of the control step, motion -> forward, sideways [m/s], turn
+[rad/s], shape (3,)."""
+
+
 @dataclass(frozen=True)
 class World:
     """Where a robot is built."""
 
     make: Make
     """The engine."""
-    ground: Ground | None = None
-    """What the robot walks on; the plane without."""
+    ground: Ground = field(default_factory=flat)
+    """What the robot walks on."""
+    start: tuple[float, float] = (0.0, 0.0)
+    """Where it is put, x and y [m], looking along x."""
     timestep: float = TIMESTEP
     """Physics step [s]."""
     period: float = PERIOD
     """Time between two readings [s]; logs for an Actuator Net need that of the training's physics."""
+
+    def height(self, place: np.ndarray) -> float:
+        """Return the height of the ground at x, y [m], shape (2,)."""
+        return float(self.ground.height(place[None])[0])
 
     def robot(
         self,
@@ -56,7 +67,7 @@ class World:
         """
         hidden = draw(spec, case.seed)
         real = case.robot(hidden)
-        engine = self.make(real.body(spec, fixed), self.ground or flat(), self.timestep)
+        engine = self.make(real.body(spec, fixed), self.ground, self.timestep)
         friction = case.friction(hidden, spec, self.timestep)
         return VirtualRobot(engine, real, friction, generator, self.period, wear)
 
@@ -75,15 +86,15 @@ def walk(
     bundle: Bundle,
     case: Case,
     world: World,
-    velocity: Callable[[int], np.ndarray],
+    steer: Steer,
     steps: int,
     episode: int = 0,
     wear: Wear | None = None,
 ) -> Trial:
-    """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls.
+    """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
-    velocity: command at a control step: forward, sideways [m/s], turn [rad/s], shape (3,); episode: number of the start
-    pose and of the sensors' noise, the same in all cells and at all levels.
+    steer: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells and at
+    all levels; wear: of the robot's joints.
 
     Raises:
         StictionError: the bundle does not fit the robot.
@@ -96,13 +107,16 @@ def walk(
     robot = world.robot(case, spec, noise, wear)
     standing = contract.array("standing") + INITIAL_ANGLE * start.uniform(-1.0, 1.0, contract.num_joints)
     standing = np.clip(standing, contract.array("lower"), contract.array("upper"))
-    robot.place(standing, np.array([0.0, 0.0, spec.standing_height]), np.array([1.0, 0.0, 0.0, 0.0]))
+    height = spec.standing_height + world.height(np.array(world.start))
+    robot.place(standing, np.array([*world.start, height]), np.array([1.0, 0.0, 0.0, 0.0]))
     pilot = Pilot(robot.plug, load_policy(contract, bundle.policy))
     referee = Referee(robot.witness, spec, contract.control_period)
-    turns = []
-    for step in range(steps):
-        turns.append(pilot.step(velocity(step)))
-        referee.look()
-        if not referee.upright:
-            break
+    turns: list[Turn] = []
+    while len(turns) < steps and referee.upright:
+        try:
+            turns.append(pilot.step(steer(len(turns), robot.witness().motion)))
+        except BlownUp:
+            referee.lose()
+        else:
+            referee.look(world.height(robot.witness().motion.base_position[:2]))
     return Trial(referee.recording(), tuple(turns))

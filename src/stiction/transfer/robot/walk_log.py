@@ -13,16 +13,13 @@ from stiction.robots.spec import RobotSpec
 from stiction.transfer.robot.pilot import Turn
 
 
-def walk_log(
-    turns: Sequence[Turn], bundle: Bundle, spec: RobotSpec, velocity: np.ndarray, recorded_in: str, command: str = ""
-) -> WalkLog:
+def walk_log(turns: Sequence[Turn], bundle: Bundle, spec: RobotSpec, recorded_in: str, command: str = "") -> WalkLog:
     """Return the log of a walk; it knows what the policy's side knows, and nothing of the robot's truth.
 
     Args:
         turns: what the pilot saw and did, T control periods, at least one.
         bundle: the policy that walked.
         spec: the robot's data sheet.
-        velocity: commands at the control steps: forward, sideways [m/s], turn [rad/s], shape (T, 3).
         recorded_in: name of the engine.
         command: the command in words, where it did not change: `vx=0.5`.
 
@@ -51,9 +48,9 @@ def walk_log(
     return WalkLog(
         header,
         time=np.array([reading.time for reading in before]),
-        **{f"{name}": sensed(name) for name in Sensors.__dataclass_fields__},
+        **{name: sensed(name) for name in Sensors.__dataclass_fields__},
         joint_target=np.repeat([turn.policy.target for turn in turns], each, axis=0),
         joint_torque=np.stack([reading.joint_torque for reading in after]),
         foot_contact=np.stack([reading.foot_contact for reading in before]),
-        velocity_command=np.repeat(np.asarray(velocity, float), each, axis=0),
+        velocity_command=np.repeat([turn.velocity for turn in turns], each, axis=0),
     )
