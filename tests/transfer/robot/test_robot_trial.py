@@ -1,5 +1,6 @@
 """A bundle walks on a virtual robot: what is recorded, and what stays the same."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from stiction.formats.bundle import read_bundle
 from stiction.formats.walk import read_walk, write_walk
 from stiction.robots.catalog import find_robot
 from stiction.transfer.command import parse_command
+from stiction.transfer.engines.catalog import make_engine, what_is_missing
 from stiction.transfer.engines.engine import BlownUp, Motion
 from stiction.transfer.engines.ground import course
 from stiction.transfer.metrics import measure
@@ -52,6 +54,24 @@ def test_a_robot_stands_in_every_cell_and_is_judged_like_any_other(standing) -> 
         metrics = measure(recording, parse_command("vx=0.5"), SPEC.groups(), 1.0)
         assert metrics.fall_rate == 0.0 and abs(metrics.speed_ratio) < 0.2
     assert trial(standing, "nominal", "0").recording.friction.max() == 0.0
+
+
+@pytest.mark.parametrize("engine", ["physx", "ode"])
+def test_the_same_robot_stands_in_other_engines(standing, engine: str) -> None:
+    """Its joints are no business of the engine: angles and friction come to what they are in MuJoCo.
+
+    Not to the digit: with dry friction a robot stands as it came to stand.
+    """
+    if (missing := what_is_missing(engine, SPEC)) is not None:
+        pytest.skip(missing)
+    case = Case(4, "all", parse_level("0.05"))
+    world = World(partial(make_engine, engine))
+    other = walk(standing, case, world, forward, STEPS)
+    ours = trial(standing, "all", "0.05")
+    last, expected = (done.turns[-1].readings[-1] for done in (other, ours))
+    np.testing.assert_allclose(last.sensors.joint_position, expected.sensors.joint_position, atol=0.15)
+    np.testing.assert_allclose(other.recording.friction[-1], ours.recording.friction[-1], rtol=0.1)
+    assert other.recording.upright.all() and last.foot_contact.sum() >= 3
 
 
 def test_the_same_trial_twice_is_the_same_and_episodes_differ(standing) -> None:

@@ -80,6 +80,25 @@ def test_a_robot_is_limp_until_its_first_command_and_starts_anew_when_it_is_put_
         np.testing.assert_array_equal(one.sensors.joint_position, other.sensors.joint_position)
 
 
+def test_a_command_in_flight_is_not_changed_by_its_sender() -> None:
+    """A loop that writes its next command into the same array would otherwise have no delay at all."""
+    robot, engine = make(replace(Hidden.perfect(18), delays=Delays(0.003, 0.0)), period=0.001)
+    command = push(1.0)
+    for value in (1.0, 2.0, 3.0, 4.0, 5.0):
+        command.forward[:] = value
+        robot.plug.exchange(command)
+    assert [torque[0] for torque in engine.given] == [0.0, 0.0, 0.0, 1.0, 2.0]
+
+
+def test_reported_torque_is_the_mean_of_the_period() -> None:
+    """Targets come in steps; the last step alone would say too little, and the friction found would be wrong."""
+    robot, engine = make(period=0.004)
+    command = JointCommand(np.full(18, 0.1), np.full(18, 50.0), ZERO, ZERO)
+    reading = robot.plug.exchange(command)
+    assert reading.joint_torque[0] == pytest.approx(np.mean([torque[0] for torque in engine.given]))
+    assert reading.joint_torque[0] > engine.given[-1][0]
+
+
 def test_friction_reaches_the_engine_as_a_bound_and_grows_with_wear() -> None:
     """10 % of 45 N m at the shank; a worn joint goes from a third to three times of it in 10 ms, others stay."""
     robot, engine = make(level=0.1)
@@ -103,7 +122,7 @@ def test_the_perfect_robot_senses_exactly_what_is() -> None:
     np.testing.assert_array_equal(reading.sensors.joint_position, truth.motion.joint_position)
     np.testing.assert_array_equal(reading.sensors.joint_velocity, truth.motion.joint_velocity)
     np.testing.assert_array_equal(reading.sensors.quaternion, truth.motion.base_quaternion)
-    np.testing.assert_array_equal(reading.joint_torque, truth.torque)
+    np.testing.assert_allclose(reading.joint_torque, truth.torque)
 
 
 def test_the_same_seed_meets_the_same_noise_in_every_cell() -> None:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -163,9 +163,10 @@ class VirtualRobot:
         return self._reading
 
     def _exchange(self, command: JointCommand) -> Reading:
-        """Let one period pass under a command."""
+        """Let one period pass under a command, which is sent as it is now: its sender may write over its arrays."""
+        sent = JointCommand(*(np.array(getattr(command, part.name), float) for part in fields(JointCommand)))
         for _ in range(self._steps):
-            self._advance(command)
+            self._advance(sent)
         self._reading = self._receive()
         return self._reading
 
