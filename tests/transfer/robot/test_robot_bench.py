@@ -24,9 +24,7 @@ SPEC = find_robot("saturn_lite")
 
 def bench(kind, case: Case, cfg: BenchCfg, seed: int = 0):
     """Return the log of a robot on its bench, in an engine of some kind."""
-    robot = World(kind).robot(case, SPEC, np.random.default_rng(seed), fixed=True)
-    robot.place(SPEC.joint_values("standing"), np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0, 0.0]))
-    return bench_log(robot.plug, SPEC, cfg)
+    return bench_log(World(kind).on_bench(case, SPEC, np.random.default_rng(seed)).plug, SPEC, cfg)
 
 
 def test_the_log_holds_what_a_person_could_have_logged_and_nothing_of_the_truth(tmp_path: Path) -> None:
@@ -48,7 +46,7 @@ def test_the_log_holds_what_a_person_could_have_logged_and_nothing_of_the_truth(
 
 def test_only_the_kind_that_is_logged_is_moved_and_it_follows_its_target() -> None:
     """Torque of a row is what acts from that row on, angle what was known when its target was sent."""
-    robot = World(Hinges).robot(Case(0, "nominal", parse_level("0")), SPEC, np.random.default_rng(0))
+    robot = World(Hinges).on_bench(Case(0, "nominal", parse_level("0")), SPEC, np.random.default_rng(0))
     seen: list[np.ndarray] = []
     inner = robot.plug.exchange
 
@@ -95,7 +93,7 @@ def test_friction_and_inertia_are_found_where_they_were_put() -> None:
 
 def test_a_bench_refuses_another_robot_and_logs_that_say_nothing() -> None:
     """In one line each."""
-    robot = World(Hinges).robot(Case(0, "nominal", parse_level("0")), SPEC, np.random.default_rng(0))
+    robot = World(Hinges).on_bench(Case(0, "nominal", parse_level("0")), SPEC, np.random.default_rng(0))
     with pytest.raises(StictionError, match="its data sheet"):
         bench_log(robot.plug, find_robot("go1"))
     for change in ({"kinds": ("knee",)}, {"seconds": 1.0}, {"stiffness": 0.0}, {"kinds": ()}):

@@ -10,8 +10,9 @@ velocity φ' of its own here, in units of the joint, and is in one of two states
   alone, without motor and without rotor. The engine still adds I to its inertia, so it is given the torque I q'' that
   the rotor would have taken. q'' is that of the step before. With M for what the links put on the joints the error
   decays in every step by the factor I/(M + I), whose eigenvalues lie below one: the loop is stable whatever the link,
-  no momentum is lost, and the link is late by I/M steps, 2 ms for a light shank at steps of 1 ms. A link that is
-  slowing down is given no more than what brings it to rest, or the late torque would turn it round.
+  momentum is late and not lost, and the link is late by I/M steps, 2 ms for a light shank at steps of 1 ms. (One that
+  swung in its gap at ω for long would gain energy at the rate ω² I Δt/M; gaps are crossed in milliseconds.) A link that
+  is slowing down is given no more than what brings it to rest, or the late torque would turn it round.
 
 Where they meet again they stay together: teeth in grease do not bounce. The joint receives the momentum
 I (φ' − q') in one step. As the engine's inertia at the joint includes I, that alone makes

@@ -25,6 +25,9 @@ from stiction.transfer.rollout import INITIAL_ANGLE, robot_of
 TIMESTEP = 0.001
 """Physics step of virtual robots [s]: motor controllers run at 1 kHz and more."""
 
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+"""Orientation of a base that looks along x."""
+
 Make = Callable[[Body, Ground, float], Engine]
 """Makes an engine: body, ground, timestep [s]."""
 
@@ -54,17 +57,24 @@ class World:
         return float(self.ground.height(place[None])[0])
 
     def robot(
-        self,
-        case: Case,
-        spec: RobotSpec,
-        generator: np.random.Generator,
-        wear: Wear | None = None,
-        fixed: bool = False,
+        self, case: Case, spec: RobotSpec, generator: np.random.Generator, wear: Wear | None = None
     ) -> VirtualRobot:
         """Build a robot of the factorial.
 
-        spec: the data sheet; generator: of its sensors' noise; wear: of its joints; fixed: bolted to a bench.
+        spec: the data sheet; generator: of its sensors' noise; wear: of its joints.
         """
+        return self._built(case, spec, generator, wear, fixed=False)
+
+    def on_bench(self, case: Case, spec: RobotSpec, generator: np.random.Generator) -> VirtualRobot:
+        """Build the same robot bolted to a stand, its legs in the air; arguments as of `robot`."""
+        robot = self._built(case, spec, generator, None, fixed=True)
+        robot.place(spec.joint_values("standing"), np.array([0.0, 0.0, 3.0 * spec.standing_height]), UPRIGHT)
+        return robot
+
+    def _built(
+        self, case: Case, spec: RobotSpec, generator: np.random.Generator, wear: Wear | None, fixed: bool
+    ) -> VirtualRobot:
+        """Build a robot around its own engine."""
         hidden = draw(spec, case.seed)
         real = case.robot(hidden)
         engine = self.make(real.body(spec, fixed), self.ground, self.timestep)
@@ -108,7 +118,7 @@ def walk(
     standing = contract.array("standing") + INITIAL_ANGLE * start.uniform(-1.0, 1.0, contract.num_joints)
     standing = np.clip(standing, contract.array("lower"), contract.array("upper"))
     height = spec.standing_height + world.height(np.array(world.start))
-    robot.place(standing, np.array([*world.start, height]), np.array([1.0, 0.0, 0.0, 0.0]))
+    robot.place(standing, np.array([*world.start, height]), UPRIGHT)
     pilot = Pilot(robot.plug, load_policy(contract, bundle.policy))
     referee = Referee(robot.witness, spec, contract.control_period)
     turns: list[Turn] = []
