@@ -12,7 +12,7 @@ from stiction.formats.errors import StictionError
 from stiction.robots.catalog import find_robot
 from stiction.transfer.engines.catalog import ENGINES, make_engine, what_is_missing
 from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make
-from stiction.transfer.engines.conformance import CHECKS, TIMESTEP
+from stiction.transfer.engines.conformance import CHECKS, TIMESTEP, conformance, steps_per_second
 from stiction.transfer.engines.engine import Body, Motion
 from stiction.transfer.engines.ground import Ground, flat
 from stiction.transfer.engines.mujoco_engine import MujocoEngine
@@ -68,6 +68,27 @@ def test_a_robot_that_blew_up_is_told_and_begins_anew(make: Make) -> None:
     np.testing.assert_allclose(motion.base_position, place, atol=1e-6)
     assert not motion.base_linear_velocity.any() and not motion.joint_velocity.any()
     assert not motion.joint_force.any() and not motion.foot_contact.any()
+
+
+def test_figures_say_what_they_are() -> None:
+    """A number that is none would pass, or nobody could read what failed."""
+    assert Figure("way", -0.5, "m", 0.5).passed
+    assert not Figure("way", 0.6, "m", 0.5).passed and not Figure("way", np.nan, "m", 0.5).passed
+    assert str(Figure("way", 0.6, "m", 0.5)) == "way: 0.6 m (within 0.5)  FAILED"
+
+
+def test_the_suite_names_the_check_of_every_figure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A table of figures needs to say which engine did what, at which step."""
+    seen = []
+
+    def check(make: Make, timestep: float) -> tuple[Figure, ...]:
+        seen.append(timestep)
+        return Figure("one", 1.0, "m", 2.0), Figure("two", 2.0, "m", 2.0)
+
+    monkeypatch.setattr("stiction.transfer.engines.conformance.CHECKS", {"first": check, "second": check})
+    found = [(measured.check, measured.figure.name) for measured in conformance(MujocoEngine, 0.005)]
+    assert found == [("first", "one"), ("first", "two"), ("second", "one"), ("second", "two")]
+    assert seen == [0.005, 0.005] and steps_per_second(MujocoEngine, seconds=0.02) > 0
 
 
 class Faulty(MujocoEngine):

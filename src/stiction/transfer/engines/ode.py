@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from stiction.formats.errors import StictionError
-from stiction.transfer.engines.engine import GRAVITY, TOUCH, Body, Motion, check_speed
+from stiction.transfer.engines.engine import GRAVITY, TOUCH, BlownUp, Body, Motion, check_speed
 from stiction.transfer.engines.ground import Ground
 from stiction.transfer.engines.ode_check import check_body, check_drive, check_ground, check_pose
 from stiction.transfer.engines.ode_contact import ContactSettings, OdeContacts
@@ -86,7 +86,7 @@ class OdeEngine:
         prepare_thread(self._library)
         self._contacts.forget()
         self._robot.place(joint_position, position, quaternion)
-        self._unsolved = 0
+        self._unsolved, self._lost = 0, False
 
     def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
         """Advance by one timestep; see `Engine.step`.
@@ -97,18 +97,22 @@ class OdeEngine:
 
         """
         check_drive(torque, friction)
+        if self._lost:
+            raise BlownUp(f"the robot in the engine {self.name!r} was lost in a step before; reset it first")
+        self._lost = True
         self._contacts.find()
         self._robot.drive(torque, friction)
         if not self._library.dWorldStep(self._world, self.timestep):
             raise StictionError("ODE found no memory for a step; free some")
-        self._robot.read()
-        check_speed(self.name, *self._robot.speeds())
         if said := taken_messages():
             self._unsolved += 1
             if self._unsolved > UNSOLVED:
                 raise StictionError(
                     f"ODE left {self._unsolved} steps since the last reset unsolved ({said[-1]}); use smaller steps"
                 )
+        self._robot.read()
+        check_speed(self.name, *self._robot.speeds())
+        self._lost = False
 
     def motion(self) -> Motion:
         """Return what the robot does now; see `Motion`."""

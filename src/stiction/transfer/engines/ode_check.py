@@ -1,8 +1,8 @@
 """What would make ODE end the process, refused before it gets there.
 
-ODE's error is exit(), its failed assertion abort(), in the builds of some systems; other builds go on with garbage, and
-a linear complementarity problem that holds a NaN may never end. Nothing that is not a number, and no body without mass,
-comes through here.
+After an error ODE calls exit(), after a failed assertion abort(); builds without assertions go on with garbage, and a
+linear complementarity problem that holds a NaN may never end. No number that is none, and no body without mass, comes
+past here.
 """
 
 from __future__ import annotations
@@ -20,27 +20,24 @@ WIDEST = 2 * np.pi
 
 def check_body(body: Body) -> None:
     """Raise `StictionError` for a robot that ODE cannot build."""
-    spec = body.spec
-    masses = [spec.base.mass, *(link.mass for link in links(spec))]
-    sizes = [*spec.base.size, spec.shank_link.size[2], spec.foot_radius]
-    _refuse(spec.name, "masses [kg]", masses, "positive numbers", _all_positive(masses))
-    _refuse(spec.name, "sizes of trunk, shank and foot [m]", sizes, "positive numbers", _all_positive(sizes))
-    inertias = np.array([link.inertia for link in links(spec)])
-    _refuse(spec.name, "inertias [kg m²]", inertias, "positive numbers", _all_positive(inertias))
-    ranges = spec.joint_values("upper") - spec.joint_values("lower")
-    _refuse(spec.name, "ranges of joints [rad]", ranges, f"less than {WIDEST:.4g}", bool((ranges < WIDEST).all()))
-    inside = np.isfinite([*body.base_com, body.ground_friction]).all() and body.ground_friction >= 0
-    given = (*body.base_com, body.ground_friction)
-    _refuse(spec.name, "centre of mass and friction of the feet", given, "numbers, friction not negative", inside)
-    rotor = np.concatenate((body.armature, body.damping))
-    whole = np.isfinite(rotor).all() and (rotor >= 0).all() and (np.add(body.armature, body.damping) > 0).all()
-    _refuse(spec.name, "armature and damping", rotor, "numbers, not negative, one of each joint's positive", whole)
+    spec, tree = body.spec, links(body.spec)
+    _expect(spec.name, "mass [kg]", [spec.base.mass, *(link.mass for link in tree)], above=0.0)
+    _expect(spec.name, "moment of inertia [kg m²]", np.array([link.inertia for link in tree]), above=0.0)
+    _expect(spec.name, "size of the trunk [m]", spec.base.size, above=0.0)
+    _expect(spec.name, "length of the shanks [m]", [spec.shank_link.size[2]], above=0.0)
+    _expect(spec.name, "radius of the feet [m]", [spec.foot_radius], above=0.0)
+    _expect(spec.name, "range of a joint [rad]", spec.joint_values("upper") - spec.joint_values("lower"), below=WIDEST)
+    _expect(spec.name, "place of the trunk's centre of mass [m]", body.base_com)
+    _expect(spec.name, "friction of the feet [1]", [body.ground_friction], least=0.0)
+    _expect(spec.name, "armature [kg m²]", body.armature, least=0.0)
+    _expect(spec.name, "damping [N m s/rad]", body.damping, least=0.0)
+    _expect(spec.name, "sum of armature and damping", np.add(body.armature, body.damping), above=0.0)
 
 
 def check_ground(ground: Ground) -> None:
     """Raise `StictionError` for boxes without size, place or orientation; a height field checks itself."""
     for half, place, turn in zip(ground.half_sizes, ground.positions, ground.quaternions, strict=True):
-        if not (_all_positive(half) and np.isfinite(place).all() and _is_unit(turn)):
+        if not (np.isfinite(half).all() and np.min(half) > 0 and np.isfinite(place).all() and _is_unit(turn)):
             raise StictionError(
                 f"box of half sizes {half} m at {place} m, turned by {turn}; expected positive half sizes, a place, "
                 "and a quaternion of length 1"
@@ -51,8 +48,8 @@ def check_pose(joint_position: np.ndarray, position: np.ndarray, quaternion: np.
     """Raise `StictionError` for a pose that is none; arguments as those of `Engine.reset`."""
     if not (np.isfinite(joint_position).all() and np.isfinite(position).all() and _is_unit(quaternion)):
         raise StictionError(
-            f"reset to joint angles {joint_position} rad, place {position} m, quaternion {quaternion}; expected finite "
-            "numbers, and a quaternion of length 1"
+            f"reset of a robot to {position} m, quaternion {quaternion}, joint angles of {np.min(joint_position)} to "
+            f"{np.max(joint_position)} rad; expected finite numbers, and a quaternion of length 1"
         )
 
 
@@ -64,22 +61,32 @@ def check_drive(torque: np.ndarray, friction: np.ndarray) -> None:
         StictionError: a bound is negative.
 
     """
-    if not (np.isfinite(torque).all() and np.isfinite(friction).all()):
-        raise BlownUp(f"torques {torque} and bounds of friction {friction} N m in the engine 'ode'; expected numbers")
+    for name, values in (("torque", torque), ("bound of friction", friction)):
+        if not np.isfinite(values).all():
+            joint = int(np.argmin(np.isfinite(values)))
+            raise BlownUp(f"the {name} of joint {joint} is {values[joint]} N m; expected a finite number")
     if np.min(friction) < 0:
-        raise StictionError(f"bounds of friction {friction} N m; expected none that is negative")
+        raise StictionError(f"the bound of friction of a joint is {np.min(friction):g} N m; expected none under zero")
 
 
-def _refuse(robot: str, what: str, given: object, wanted: str, good: object) -> None:
-    """Raise `StictionError` unless something of a robot is good."""
-    if not good:
-        raise StictionError(f"robot {robot!r}: {what} {given}; the engine ode expects {wanted}")
-
-
-def _all_positive(values: object) -> bool:
-    """Say whether all values are finite and positive."""
-    numbers = np.asarray(values, float)
-    return bool(np.isfinite(numbers).all() and (numbers > 0).all())
+def _expect(
+    robot: str,
+    name: str,
+    values: object,
+    least: float = -np.inf,
+    above: float = -np.inf,
+    below: float = np.inf,
+) -> None:
+    """Raise `StictionError` unless values of a robot are finite and in a range, the first bound included."""
+    numbers = np.ravel(np.asarray(values, float))
+    wrong = ~(np.isfinite(numbers) & (numbers >= least) & (numbers > above) & (numbers < below))
+    if wrong.any():
+        bounds = ((least, "at least"), (above, "above"), (below, "below"))
+        wanted = [f"{word} {bound:.4g}" for bound, word in bounds if np.isfinite(bound)]
+        raise StictionError(
+            f"robot {robot!r}: {name} of {numbers[wrong][0]:g}; the engine 'ode' expects "
+            f"{' and '.join(['a finite number', *wanted])}"
+        )
 
 
 def _is_unit(quaternion: np.ndarray) -> bool:

@@ -4,8 +4,8 @@ ODE solves for the forces of friction with bounds that must be known before. Its
 from the normal forces as they would be *without* friction on the ground, which on a legged robot are others. A tripod
 gait of Saturn Lite without feedback, 2 ms, went 1.91 m in 6 s that way, 2.22 m in MuJoCo, and 2.23 m with the bounds
 used here: the coefficient times the normal force of the step before, against the slip. (With a coefficient of 5, where
-feet hardly slip: 1.87, 1.87 with an elliptic cone, 1.82 m.) The first step of a contact has no step before, and Webots knows no
-other way than ODE's own.
+feet hardly slip: 1.87, 1.87 with an elliptic cone, 1.82 m.) The first step of a contact has no step before, and Webots
+knows no other way than ODE's own.
 
 A height field is a mesh of its triangles. On random ground ODE's own height field missed 75 of 1043 contacts with a
 foot, at edges and corners; the mesh missed none.
