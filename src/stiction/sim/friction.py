@@ -41,7 +41,9 @@ KEPT = 0.5
 """Share of the old bound that `load` keeps at each physics step; see `LoadFriction`."""
 
 
-def stribeck_bound(coulomb: np.ndarray, ratio: float, velocity: float, speed: np.ndarray) -> np.ndarray:
+def stribeck_bound(
+    coulomb: np.ndarray, ratio: float | np.ndarray, velocity: float | np.ndarray, speed: np.ndarray
+) -> np.ndarray:
     """Return f_c + (f_s - f_c) exp(-(q'/v_s)²) [N m], f_s = ratio f_c; `speed`: q' [rad/s], the shape of `coulomb`."""
     return coulomb * (1.0 + (ratio - 1.0) * np.exp(-np.square(speed / velocity)))
 

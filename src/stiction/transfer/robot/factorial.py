@@ -1,0 +1,152 @@
+"""Which robots an experiment needs so that causes can be told apart: cells times levels of friction.
+
+A level scales dry friction and nothing else: the joints' mean f/τ_max, or the bench's value of each kind, and the load
+coefficient. Ratios, speeds and differences between joints belong to the robot and stay. Without friction, level 0, the
+cell `friction` is `nominal` and `all` is `rest`, so that four cells at L levels above 0 are 2 + 2 L robots:
+
+    nominal     the data sheet in every group, no dry friction
+    friction    dry friction of the level, in the robot's own shape; all else perfect
+    rest        all but friction
+    all         both
+
+A seed gives the same robot in all cells and at all levels: they differ by what is named, not by luck. Any other
+selection of groups is a cell too (`friction+delays`), to find out which part of `rest` matters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.robots.spec import RobotSpec
+from stiction.transfer.robot.friction import DryFriction
+from stiction.transfer.robot.hidden import GROUPS, Hidden
+
+REST = tuple(name for name in GROUPS if name != "friction")
+"""All groups but friction."""
+
+CELLS: dict[str, tuple[str, ...]] = {"nominal": (), "friction": ("friction",), "rest": REST, "all": GROUPS}
+"""Name -> groups that are real."""
+
+BENCH = "bench"
+"""A level: what was measured without load, 0.442 N m at Saturn Lite's shank and 0.25 N m at hip and thigh."""
+
+LOAD = 0.02
+"""Load coefficient beside the bench's value. It makes some 1.2 N m at a walking joint, a tenth of the torque that it
+bears: a planetary gear of 90 %."""
+
+LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3", BENCH, f"{BENCH}+{LOAD:g}")
+"""Levels of the comparison: of the torque limit, the paper's 1 % among them, and the bench's."""
+
+HIGHEST = 0.9
+"""Of a level as a fraction of the torque limit, and of a coefficient [-]."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """How much dry friction there is."""
+
+    share: float | None
+    """Mean over the joints of f/τ_max [-]; None: what the bench measured of each kind of joint."""
+    load: float = 0.0
+    """Load coefficient c [-]."""
+
+    @property
+    def label(self) -> str:
+        """The level as people type it: `0.1`, `bench`, `bench+0.02`."""
+        base = BENCH if self.share is None else f"{self.share:g}"
+        return f"{base}+{self.load:g}" if self.load else base
+
+    @property
+    def is_none(self) -> bool:
+        """Whether there is no friction at all."""
+        return self.share == 0 and self.load == 0
+
+    def coulomb(self, spec: RobotSpec) -> np.ndarray:
+        """Return the friction of every joint before its own share [N m], shape (J,)."""
+        if self.share is None:
+            return spec.joint_values("frictionloss")
+        return self.share * spec.joint_values("torque_limit")
+
+
+def parse_level(text: str) -> Level:
+    """Return the level that a text names: a fraction of the torque limit or `bench`; after a `+` a load coefficient.
+
+    Raises:
+        StictionError: what is none.
+
+    """
+    base, plus, coefficient = text.strip().partition("+")
+    try:
+        share = None if base == BENCH else float(base)
+        load = float(coefficient) if plus else 0.0
+    except ValueError:
+        share, load = math.nan, math.nan
+    if not all(0 <= number <= HIGHEST for number in (share or 0.0, load)):
+        raise StictionError(
+            f"friction level {text!r} of a virtual robot: expected a fraction of the torque limit up to {HIGHEST} or "
+            f"{BENCH!r}, with a load coefficient where wanted: 0.1, {BENCH}, {BENCH}+{LOAD:g}"
+        )
+    return Level(share, load)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One robot of the experiment."""
+
+    seed: int
+    """Of the robot."""
+    cell: str
+    """One of `CELLS`, or groups joined by `+`."""
+    level: Level
+    """Of its dry friction; none where friction is not among the groups."""
+
+    def __post_init__(self) -> None:
+        """Refuse groups that do not exist, and friction where the cell has none."""
+        if unknown := sorted(set(self.groups) - set(GROUPS)):
+            known = ", ".join((*CELLS, *GROUPS))
+            raise StictionError(f"cell {self.cell!r}: {unknown[0]!r} is unknown; expected some of {known}")
+        if "friction" not in self.groups and not self.level.is_none:
+            raise StictionError(f"cell {self.cell!r} has no friction; expected level 0, not {self.level.label}")
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the groups that are real."""
+        return CELLS[self.cell] if self.cell in CELLS else tuple(self.cell.split("+"))
+
+    @property
+    def label(self) -> str:
+        """Name for tables and files: `all--0.1--3`."""
+        return f"{self.cell}--{self.level.label}--{self.seed}"
+
+    def robot(self, hidden: Hidden) -> Hidden:
+        """Return what the robot `hidden` is in this cell."""
+        return hidden.only(self.groups)
+
+    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> DryFriction:
+        """Return the dry friction of its joints; `timestep`: of the physics [s]."""
+        return DryFriction(self.robot(hidden).friction, self.level.coulomb(spec), self.level.load, timestep)
+
+
+def factorial(seeds: Sequence[int], levels: Sequence[str] = LEVELS, cells: Sequence[str] = tuple(CELLS)) -> list[Case]:
+    """Return every robot of an experiment once: by seed, then by cell, then by level.
+
+    Cells without friction have level 0 alone; cells with friction and no other difference leave it out where a cell
+    without friction is among `cells`, for there they are the same robot.
+    """
+    parsed = [parse_level(text) for text in levels]
+    cases = []
+    for seed in seeds:
+        for cell in cells:
+            groups = Case(seed, cell, Level(0.0)).groups
+            if "friction" not in groups:
+                cases.append(Case(seed, cell, Level(0.0)))
+                continue
+            bare = set(groups) - {"friction"}
+            twin = any(set(Case(seed, other, Level(0.0)).groups) == bare for other in cells)
+            cases += [Case(seed, cell, level) for level in parsed if not (level.is_none and twin)]
+    return cases
