@@ -22,7 +22,7 @@ from importlib import resources
 from stiction.formats.contract import Contract
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.webots.controller import CHANNEL, PLUGIN
-from stiction.transfer.webots.proto import KINDS, link_name
+from stiction.transfer.webots.proto import KINDS, link_name, proto_name
 from stiction.transfer.webots.vrml import number
 from stiction.transfer.webots.world import ROBOT
 
@@ -45,7 +45,7 @@ def write_table(spec: RobotSpec, contract: Contract) -> str:
             rows.append(f'  {{"{parent}", "{child}", {number(inertia[joint])}}},\n')
             parent = child
     return (
-        f"/* {spec.name}: the joints and the inertia of their rotors, at the joint [kg m^2].\n"
+        f"/* {proto_name(spec.name)}: the joints and the inertia of their rotors, at the joint [kg m^2].\n"
         "   Written by `stiction export --to webots`. NOT RUN in Webots. */\n"
         f"#define TIMESTEP {number(contract.physics_timestep)} /* physics step of the world [s] */\n"
         f"#define CHANNEL {CHANNEL} /* of the robot's receiver */\n"

@@ -55,8 +55,9 @@ def vector(values: np.ndarray) -> tuple[float, ...]:
 
 
 def text(value: str) -> str:
-    """Return a string within quotes; what would end it is escaped."""
-    return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+    """Return a string within quotes; what would end it is escaped, what cannot be printed is a blank."""
+    printable = "".join(c if c.isprintable() else " " for c in value)
+    return '"' + printable.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
 def write(value: Value, depth: int = 0) -> str:
