@@ -150,6 +150,43 @@ def test_a_toy_robot_with_other_gains_is_driven_by_its_contract(
     np.testing.assert_allclose(seen[0][1][0], wanted[0], atol=1e-9)
 
 
+def facing(yaw: float) -> np.ndarray:
+    """Return the orientation of a level trunk, w x y z."""
+    return np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+
+
+def test_the_heading_is_held_against_that_of_the_start(
+    project: Path, program: ModuleType, bundle: Bundle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If this failed, a robot would turn away from its stairs, or be turned to the world's north."""
+    (_, record), *_ = walks(bundle.golden)
+    yaw = np.where(np.arange(len(record)) < 5, 1.0, 1.2)
+    turned = replace(record, quaternion=np.stack([facing(angle) for angle in yaw]))
+    commands = []
+    original = program.PolicyLoop.torque
+    monkeypatch.setattr(
+        program.PolicyLoop,
+        "torque",
+        lambda self, sensors, command: commands.append(command.copy()) or original(self, sensors, command),
+    )
+    cfg = program.ControllerCfg("vx=0.4,wz=0.1", hold_heading=True, seconds=0.2)
+    program.walk(Robot(robot_in(project), 5.0, playback(bundle, turned)), bundle, cfg)
+    np.testing.assert_allclose(commands[0], [0.4, 0.0, 0.1], atol=1e-12)
+    np.testing.assert_allclose(commands[-1], [0.4, 0.0, -0.1], atol=1e-12)  # 0.2 rad too far left, gain 1
+
+
+def test_a_fall_ends_the_walk_and_is_said(project: Path, program: ModuleType, bundle: Bundle) -> None:
+    """If this failed, a robot on its back would count as one that stands still."""
+    (_, record), *_ = walks(bundle.golden)
+    angle = np.where(np.arange(len(record)) < 10, np.radians(59), np.radians(61))
+    rolled = np.stack([np.cos(angle / 2), np.sin(angle / 2), *np.zeros((2, len(record)))], -1)
+    physics = playback(bundle, replace(record, quaternion=rolled))
+    said = program.walk(Robot(robot_in(project), 5.0, physics), bundle, program.ControllerCfg("stand", seconds=3.0))
+    assert said.startswith(
+        "stand: fell after 0.18"
+    )  # 0.185 s: between the ninth and the tenth control step, 37 of 5 ms
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -170,6 +207,17 @@ def test_what_does_not_fit_is_refused(project: Path, program: ModuleType, bundle
     change(robot)
     with pytest.raises(StictionError, match=message):
         program.walk(robot, bundle, program.ControllerCfg(seconds=1.0))
+
+
+def test_the_program_says_how_to_start_it(
+    program: ModuleType, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If this failed, whoever starts the file by hand would see a traceback."""
+    monkeypatch.setitem(sys.modules, "controller", None)
+    assert program.main([]) == 1
+    captured = capsys.readouterr()
+    assert captured.err.startswith("stiction_policy.py: Webots' Python module `controller`")
+    assert captured.err.count("\n") == 1
 
 
 def test_the_program_runs_without_torch_and_without_a_simulator(project: Path, tmp_path: Path) -> None:

@@ -36,7 +36,8 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.locomotion.terrain import TerrainCfg, hold_heading
-from stiction.transfer.command import Command, parse_command
+from stiction.transfer.command import parse_command
+from stiction.transfer.webots.odometer import Odometer, heading
 
 IMU, GYRO, GPS, RECEIVER, SENSOR = "imu", "gyro", "gps", "plugin", "_sensor"
 """Names of the devices; a joint's sensor is called like the joint and `SENSOR`, its motor like the joint."""
@@ -46,9 +47,6 @@ PLUGIN, CHANNEL = "rotor_inertia", 1
 
 PATIENCE = 10
 """Physics steps in which the plugin must have said something."""
-
-SETTLE = 2.0
-"""What is not measured at the start [s], as in `stiction evaluate`."""
 
 FALLEN = 0.5
 """The robot has fallen where the z component of the trunk's up axis is less: 60° off, as in `stiction evaluate`."""
@@ -179,38 +177,6 @@ class PolicyLoop:
         return np.clip(wanted, -self._limit, self._limit)
 
 
-class Odometer:
-    """Velocity reached, over control periods: of the place in the heading's frame, and the yaw rate."""
-
-    def __init__(self, period: float) -> None:
-        """`period`: between two calls of `add` [s]."""
-        self._period = period
-        self._velocity: list[tuple[float, float, float]] = []
-        self._last: np.ndarray | None = None
-
-    def add(self, place: np.ndarray, sensors: Sensors) -> None:
-        """Note where the robot is, (3,) [m]."""
-        if self._last is not None:
-            along, across = (place - self._last)[:2] / self._period
-            cosine, sine = np.cos(heading(sensors.quaternion)), np.sin(heading(sensors.quaternion))
-            turn = float(sensors.angular_velocity[2])
-            self._velocity.append((cosine * along + sine * across, cosine * across - sine * along, turn))
-        self._last = place
-
-    def speed(self, command: Command) -> float | None:
-        """Return the mean speed along the command [m/s], or [rad/s]; None where none is commanded or measured."""
-        first = round(SETTLE / self._period)
-        if command.direction is None or len(self._velocity) <= first:
-            return None
-        return float((np.array(self._velocity[first:]) @ command.direction).mean())
-
-
-def heading(quaternion: np.ndarray) -> float:
-    """Return the yaw [rad] of an orientation, w x y z."""
-    w, x, y, z = quaternion
-    return float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-
-
 def walk(robot: Any, bundle: Bundle, cfg: ControllerCfg) -> str:
     """Walk until time is up, the robot falls or Webots ends the program; return what came of it in one line.
 
@@ -244,14 +210,23 @@ def walk(robot: Any, bundle: Bundle, cfg: ControllerCfg) -> str:
     return f"{command.label}: {end} after {seconds:.2f} s{reached}"
 
 
+def webots_robot() -> Any:
+    """Return Webots' `Robot`; raise `StictionError` where this file was not started by Webots or its launcher."""
+    try:
+        module = importlib.import_module("controller")
+    except ModuleNotFoundError as error:
+        raise StictionError(
+            "Webots' Python module `controller` is not on the path; start this file with $WEBOTS_HOME/webots-controller"
+        ) from error
+    return module.Robot()
+
+
 def main(arguments: list[str]) -> int:
     """Check the bundle beside this file, drive the robot, print what came of it; return the exit status."""
     cfg = tyro.cli(ControllerCfg, args=arguments, prog=Path(__file__).name, description=ControllerCfg.__doc__)
     try:
         bundle = check_bundle(Path(__file__).parent / "bundle").bundle
-        # Webots' own module: its launcher puts it on the path.
-        robot = importlib.import_module("controller").Robot()
-        print(walk(robot, bundle, cfg))
+        print(walk(webots_robot(), bundle, cfg))
     except StictionError as error:
         print(f"{Path(__file__).name}: {error}", file=sys.stderr)
         return 1

@@ -16,9 +16,10 @@ TEMPLATE = """\
 
 **Not run.** Neither this project nor any other that `stiction export --to webots` wrote has been opened in Webots:
 it could not be installed where this was written. What was tested, short of running: the worlds and the PROTO parse,
-names, masses, limits and inertias equal those of the robot, the plugin compiles and gives rotor inertia in ODE 0.16,
-and the controller gives the policy's own targets when a stand-in of Webots plays its recorded sensors. If something
-does not work, it is ours: please report it.
+names, masses, limits and inertias equal those of the robot; the plugin compiles; the controller gives the policy's own
+targets when a stand-in of Webots plays its recorded sensors; and in ODE 0.16, set up from such files as Webots' source
+does it, with the plugin and the controller, a shipped policy (deception, 20 %) reached 1.11 of 0.5 m/s at 20 % friction
+where MuJoCo has 1.09. If something does not work, it is ours: please report it.
 
 | | |
 |---|---|
@@ -40,8 +41,9 @@ The controller runs in the Python that `python3` is, with stiction {version} in 
 a simulator.
 
 Without a window: `webots --batch --mode=fast --no-rendering --stdout --stderr --minimize worlds/flat.wbt`. On stairs
-(`worlds/stairs.wbt`, steps of {step_height:g} m): `--command vx=0.4 --hold-heading --seconds 60`. The controller checks
-the bundle beside it before it does anything, and prints at the end which share of the commanded speed was reached.
+(`worlds/stairs.wbt`, steps of {step_height:g} m): `--command vx=0.4 --hold-heading --seconds 60`; a policy that was
+trained on flat ground may get stuck at their foot. The controller checks the bundle beside it before it does anything,
+and prints at the end which share of the commanded speed was reached.
 
 ## Joint friction
 
@@ -58,7 +60,8 @@ velocity control it does nothing (cyberbotics/webots#2483). A change acts from t
 ## What to look at first
 
 1. The console says `rotor_inertia: {joints} joints have rotor inertia`. Without it the controller refuses to walk: a
-   shank would have {knee:.0f} % of its inertia about the knee, and the joint controller could become unstable.
+   shank would have {knee:.0f} % of its inertia about the knee. In ODE as above, without friction, a shipped policy then
+   reached 0.40 of the commanded speed, and 1.20 with it: the joint controller rings.
 2. The robot stands in its standing pose, feet on the ground, before the controller starts.
 3. `--command stand` stands still; after that `--command vx=0.5`.
 
@@ -66,7 +69,8 @@ velocity control it does nothing (cyberbotics/webots#2483). A change acts from t
 
 * Contacts: Webots' own (`softCFM` 0.001, `softERP` 0.2, friction pyramid), bounce 0, Coulomb coefficient 1.
 * kd acts explicitly, from the velocity at the start of each physics step; MuJoCo takes it implicitly.
-* The shank collides with everything, in training with obstacles alone; its lower end is within the foot.
+* The shank collides with everything, in training with obstacles alone; its lower end is within the foot. The robot's
+  own parts do not collide with each other.
 * Angles in Webots count from the standing pose. {clipped}
 * No sensor noise, no delay. Laws of friction other than Coulomb's are not here.
 """
