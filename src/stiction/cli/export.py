@@ -26,8 +26,8 @@ class ExportCfg:
     """Options of the verb."""
 
     source: Annotated[Path, tyro.conf.Positional]
-    """Directory of the run, as `stiction train` made it. With --to webots: directory of a bundle, the name of one that
-    comes with the package, or a run that was exported into itself."""
+    """Directory of a run, as `stiction train` made it. With --to webots: of a bundle, or the name of a shipped one, or
+    a run with its bundle in it."""
     to: Literal["bundle", "webots"] = "bundle"
     """What to make."""
     out: Path | None = None

@@ -17,8 +17,9 @@ from webots_files import read_proto, read_world
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to export to Webots")
 
+from stiction.robots.catalog import find_robot
 from stiction.transfer.webots import controller
-from stiction.transfer.webots.export import WebotsCfg, export_webots
+from stiction.transfer.webots.export import WebotsCfg, check_fit, export_webots
 
 SHIPPED = "saturn_lite-flat-none-0.2"
 
@@ -75,12 +76,6 @@ def test_the_readme_has_the_torques_of_the_robot_and_no_gaps(project: Path) -> N
     assert "Stops are the robot's." in text
 
 
-def test_stops_that_were_moved_are_said(tmp_path: Path) -> None:
-    """If this failed, the Go1's thigh would have another limit in Webots, and nobody would know."""
-    path = export_webots(make_bundle(tmp_path / "toy", make_contract("go1")), tmp_path / "project").path
-    assert "Stops of thigh are nearer than the robot's: 3.1 rad" in (path / "README.md").read_text()
-
-
 def test_an_altered_bundle_is_not_exported(bundle: Path, tmp_path: Path) -> None:
     """If this failed, a policy that fails its checks would walk in Webots."""
     (bundle / "card.md").write_text("something else")
@@ -112,17 +107,23 @@ def test_a_project_is_written_whole_or_not_at_all(
         ({"physics_timestep": 0.0025, "decimation": 8}, "2.5 ms; a controller in Webots steps in whole milliseconds"),
         ({"standing": (0.1,) * 18, "lower": (-1.0,) * 18, "upper": (1.0,) * 18}, "another standing angle"),
         ({"lower": (-3.0,) * 18}, "another lower angle"),
-        ({"robot": "spot"}, "unknown"),
-        ({"robot": "somebody.elses:ROBOT"}, "not a shipped one"),
     ],
 )
-def test_what_webots_or_the_robot_cannot_take_is_refused(tmp_path: Path, changes: dict, message: str) -> None:
+def test_what_webots_or_the_robot_cannot_take_is_refused(changes: dict, message: str) -> None:
     """If this failed, controller and PROTO would disagree about angles, or the world step at another rate."""
-    robot = changes.pop("robot", "saturn_lite")
-    contract = make_contract(**changes)
-    path = make_bundle(tmp_path / "toy", type(contract)(**{**vars(contract), "robot": robot}))
+    spec = find_robot("saturn_lite")
+    check_fit(spec, make_contract())
     with pytest.raises(StictionError, match=message):
+        check_fit(spec, make_contract(**changes))
+
+
+def test_a_bundle_that_does_not_fit_is_not_exported(tmp_path: Path) -> None:
+    """If this failed, nobody would ask whether bundle, robot and Webots fit together."""
+    path = make_bundle(tmp_path / "toy", make_contract(lower=(-3.0,) * 18))
+    with pytest.raises(StictionError, match="another lower angle"):
         export_webots(path, tmp_path / "project")
+    with pytest.raises(StictionError, match="has the joints"):
+        export_webots(path, tmp_path / "project", robot="go1")
 
 
 @pytest.mark.parametrize(

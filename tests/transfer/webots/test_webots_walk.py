@@ -84,7 +84,7 @@ def test_the_controller_walks_and_turns_in_mujoco(project: WebotsProject, comman
     """If this failed, a sign, an offset or a frame in the closed loop would be wrong, whatever the recordings say."""
     nodes = read_world(project.path / "worlds/flat.wbt")
     reached = share_reached(
-        project, nodes, MujocoPhysics(project, robot_of(nodes)), ControllerCfg(command, seconds=4.0)
+        project, nodes, MujocoPhysics(project, robot_of(nodes)), ControllerCfg(command, seconds=3.0)
     )
     assert 0.5 < reached < 1.5
 
@@ -99,12 +99,12 @@ def test_the_whole_project_walks_in_ode_as_webots_sets_it_up(
     """
     physics = in_ode(nodes := read_world(project.path / "worlds/flat.wbt"))
     height = physics.trunk()[0][2]
-    for _ in range(100):
+    for _ in range(60):
         physics.step({})  # nobody sets a torque: the motors hold the pose
     sunk = height - physics.trunk()[0][2]
     assert 0 < sunk < 0.01
     assert max(abs(angle) for angle in physics.angles().values()) < 0.02
-    assert 0.7 < share_reached(project, nodes, physics, ControllerCfg("vx=0.5", seconds=3.0)) < 1.4
+    assert 0.7 < share_reached(project, nodes, physics, ControllerCfg("vx=0.5", seconds=2.6)) < 1.4
 
 
 @needs_compiler

@@ -61,7 +61,7 @@ velocity control it does nothing (cyberbotics/webots#2483). A change acts from t
 
 1. The console says `rotor_inertia: {joints} joints have rotor inertia`. Without it the controller refuses to walk: a
    shank would have {knee:.0f} % of its inertia about the knee. In ODE as above, without friction, a shipped policy then
-   reached 0.40 of the commanded speed, and 1.20 with it: the joint controller rings.
+   reached 0.40 of the commanded speed (with it 1.20): the joint controller rings.
 2. The robot stands in its standing pose, feet on the ground, before the controller starts.
 3. `--command stand` stands still; after that `--command vx=0.5`.
 
