@@ -1,4 +1,4 @@
-"""`stiction export RUN`: the student of a training run as a policy bundle."""
+"""`stiction export`: the student of a training run as a policy bundle, or a bundle as a Webots project."""
 
 from __future__ import annotations
 
@@ -6,32 +6,69 @@ import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
+
+from stiction.formats.errors import StictionError
+
+DESCRIPTION = """Export a trained student as a policy bundle, or a policy bundle as a Webots project.
+
+--to bundle: the network as ONNX, the contract, golden vectors recorded in MuJoCo, digests and a card. What was written
+is checked at once, as `stiction verify` does.
+
+--to webots: robot (PROTO), worlds (flat ground, stairs), a physics plugin for the rotors' inertia, and a controller
+that runs the bundle. Written and tested short of running; not run in Webots."""
 
 
 @dataclass(frozen=True)
 class ExportCfg:
-    """Turn a training run into a policy bundle that can be checked."""
+    """Options of the verb."""
 
-    run: Annotated[Path, tyro.conf.Positional]
-    """Directory of the run, as `stiction train` made it."""
+    source: Annotated[Path, tyro.conf.Positional]
+    """Directory of a run, as `stiction train` made it. With --to webots: of a bundle, or the name of a shipped one, or
+    a run with its bundle in it."""
+    to: Literal["bundle", "webots"] = "bundle"
+    """What to make."""
     out: Path | None = None
-    """Directory of the bundle to make; by default `bundle` within the run."""
+    """Directory to make; by default `bundle` within the run, or `webots-NAME` here for the bundle NAME."""
     wear: Path | None = None
-    """The RUN-wear.json that `stiction study adaptation` wrote for this run: the bundle then also watches for wear."""
+    """Of a bundle: the RUN-wear.json that `stiction study adaptation` wrote for this run; it then also watches for
+    wear."""
+    friction_level: float | None = None
+    """Of a Webots project: dry friction of the joints as a fraction of each one's torque limit [-], 0 by default. It
+    can be changed in the worlds."""
+    step_height: float | None = None
+    """Of a Webots project: height of the stairs' steps [m], 0.1 by default."""
+    robot: str | None = None
+    """Of a Webots project: a robot of your own, `package.module:NAME`; by default the shipped one that the bundle
+    names."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
 
+BELONGS = {"wear": "bundle", "friction_level": "webots", "step_height": "webots", "robot": "webots"}
+"""Option -> what it is an option of."""
+
+
 def main(arguments: list[str]) -> None:
-    """Export one run and print where its bundle is."""
+    """Export what is asked for, and print where it is."""
     cfg = tyro.cli(ExportCfg, args=arguments, prog="stiction export", description=DESCRIPTION)
+    for name, target in BELONGS.items():
+        if getattr(cfg, name) is not None and cfg.to != target:
+            raise StictionError(f"--{name.replace('_', '-')} is for --to {target}; leave it out")
+    if cfg.to == "webots":
+        _to_webots(cfg)
+    else:
+        _to_bundle(cfg)
+
+
+def _to_bundle(cfg: ExportCfg) -> None:
+    """Export one run as a bundle."""
     from stiction.transfer.export import export_run
 
-    out = cfg.out or cfg.run / "bundle"
-    check = export_run(cfg.run, out, cfg.wear)
+    out = cfg.out or cfg.source / "bundle"
+    check = export_run(cfg.source, out, cfg.wear)
     if cfg.json:
         print(json.dumps(check.summary() | {"path": str(out)}, indent=2))
     else:
@@ -39,7 +76,27 @@ def main(arguments: list[str]) -> None:
         print(f"check it with `stiction verify {out}`", file=sys.stderr)
 
 
-DESCRIPTION = (
-    "Export the trained student as a policy bundle: the network as ONNX, the contract, golden vectors recorded in "
-    "MuJoCo, digests and a card. What was written is checked at once, as `stiction verify` does."
-)
+def _to_webots(cfg: ExportCfg) -> None:
+    """Export one bundle as a Webots project."""
+    from stiction.transfer.webots.export import NOT_RUN, WebotsCfg, export_webots
+
+    source = _bundle(cfg.source)
+    given = {name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None}
+    project = export_webots(source, cfg.out or Path(f"webots-{source.resolve().name}"), WebotsCfg(**given), cfg.robot)
+    if cfg.json:
+        print(json.dumps(project.summary(), indent=2))
+    else:
+        print(f"{project.path}: {len(project.files)} files for {project.robot}, digest {project.bundle.digest}")
+        print(f"{NOT_RUN}; {project.path / 'README.md'} says how to start it", file=sys.stderr)
+
+
+def _bundle(source: Path) -> Path:
+    """Return the bundle that is meant: a directory, a shipped one by its name, or the one within a run."""
+    from stiction.formats.bundle import CONTRACT
+    from stiction.formats.shipped import find_bundle
+
+    if (source / "config.json").is_file() and not (source / CONTRACT).exists():
+        if not (source / "bundle" / CONTRACT).is_file():
+            raise StictionError(f"the run {source} has no bundle; make one first: stiction export {source}")
+        return source / "bundle"
+    return find_bundle(source)

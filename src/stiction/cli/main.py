@@ -19,7 +19,7 @@ VERBS = {
     "evaluate": "drive a policy bundle over friction levels and commands, and tabulate what it reached",
     "train-actuator": "fit an Actuator Net to logs of walks, in place of the PD law in training",
     "study": "run one of the experiments behind the results, and write its page",
-    "export": "turn a training run into a policy bundle that can be checked",
+    "export": "turn a training run into a policy bundle that can be checked, or a bundle into a Webots project",
     "verify": "check a policy bundle: every file, the contract, and the golden vectors",
     "bench": "measure the throughput ratios on this machine, side by side in one run",
     "doctor": "measure that every randomised parameter really changes the physics",

@@ -1,0 +1,218 @@
+"""The robot of a `RobotSpec` as a Webots PROTO, its joints as a policy's contract has them. Not run in Webots.
+
+What stands where in Webots, and its source (docs/reference, and src/webots/nodes for what the documents leave out):
+
+* The robot's x is forward, y left, z up, the world's z up (FLU and ENU, Webots' defaults since R2022a): as here.
+* **Joint angles count from the standing pose.** `minStop` has to lie in [-π, 0] and `maxStop` in [0, π]
+  (jointparameters.md), which the limits of a knee do not. So the links stand in the PROTO as in the standing pose, and
+  the controller adds that pose to what the sensors say. ODE sees an angle modulo 2π, counted from the pose in which the
+  joint was made: a stop beyond π would strike from the other side, and is moved to `FARTHEST`.
+* `Physics`: density -1 means that the mass holds; `inertiaMatrix [ I11 I22 I33, I12 I13 I23 ]` is about the
+  `centerOfMass` (physics.md). With mass, centre and matrix a body needs no `boundingObject` (WbPhysics.cpp,
+  CUSTOM_INERTIA_MATRIX): hips and thighs touch nothing, as in MuJoCo.
+* `staticFriction` is a bound of dry friction as soon as a torque is set (WbRotationalMotor.cpp, turnOffMotor: a motor
+  with target speed 0 and that bound); under position and velocity control it does nothing
+  (https://github.com/cyberbotics/webots/issues/2483). `dampingConstant` is B, taken implicitly (WbHingeJoint.cpp).
+* There is no rotor inertia: the physics plugin adds it (`plugin.py`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from stiction.formats.contract import Contract
+from stiction.robots.spec import JointSpec, LegSpec, LinkSpec, RobotSpec, box_inertia
+from stiction.transfer.webots.controller import CHANNEL, GPS, GYRO, IMU, RECEIVER, SENSOR
+from stiction.transfer.webots.vrml import HEADER, Is, Node, Value, comment, text, vector, write
+
+EXTERN = "<extern>"
+"""Controller that Webots waits for: a program that somebody starts by hand."""
+
+FARTHEST = 3.1
+"""Largest distance of a stop from the standing pose [rad], less than π."""
+
+THIGH_RADIUS, SHANK_RADIUS = 0.02, 0.013
+"""Radii of the capsules [m], as in the MuJoCo model (`stiction.robots.build`). The shank's collides."""
+
+GREY, DARK, LIGHT = (0.82, 0.84, 0.86), (0.25, 0.3, 0.36), (0.55, 0.6, 0.66)
+GROUPS = ((0.9, 0.45, 0.15), (0.15, 0.5, 0.85))
+"""Colours: trunk, thigh, shank; feet by contact group."""
+
+KINDS = ("hip", "thigh", "shank")
+"""The joints of a leg, from the trunk down."""
+
+
+def proto_name(robot: str) -> str:
+    """Return a robot's name as a PROTO may be called: `saturn_lite` is `SaturnLite`."""
+    words = re.findall(r"[A-Za-z0-9]+", robot)
+    return "Robot" * (not words or words[0][0].isdigit()) + "".join(word[0].upper() + word[1:] for word in words)
+
+
+def friction_field(kind: str) -> str:
+    """Return the PROTO's field for the dry friction of one kind of joint: `hipFriction`."""
+    return f"{kind}Friction"
+
+
+def link_name(joint: str) -> str:
+    """Return the name of the link behind a joint, by which the physics plugin finds it."""
+    return f"{joint}_link"
+
+
+def stops(joint: JointSpec) -> tuple[float, float]:
+    """Return `minStop` and `maxStop` [rad]: the joint's limits, counted from its standing angle."""
+    return max(joint.lower - joint.standing, -FARTHEST), min(joint.upper - joint.standing, FARTHEST)
+
+
+def write_proto(spec: RobotSpec, contract: Contract) -> str:
+    """Return the text of the PROTO.
+
+    spec: shape, masses, limits; contract: viscous friction of the joints, in the order of `spec.joint_names`.
+    """
+    damping = dict(zip(spec.joint_names, contract.damping, strict=True))
+    interface: dict[str, tuple[str, str]] = {
+        "translation": ("SFVec3f", write((0.0, 0.0, spec.standing_height))),
+        "rotation": ("SFRotation", "0 0 1 0"),
+        "name": ("SFString", text(spec.name)),
+        "controller": ("SFString", text(EXTERN)),
+        **{friction_field(kind): ("SFFloat", "0") for kind in KINDS},
+    }
+    fields = "".join(f"  field {kind:<10} {name:<14} {value}\n" for name, (kind, value) in interface.items())
+    about = comment(
+        f"{spec.name}: {spec.mass:g} kg, {spec.num_joints} joints. Angles count from the standing pose.\n"
+        "Dry friction of the joints [N m] is a field for each kind of joint; it acts under torque control alone.\n"
+        "Rotor inertia is in the physics plugin. Written by `stiction export --to webots`. NOT RUN in Webots."
+    )
+    return (
+        f"{HEADER}\n{about}\nPROTO {proto_name(spec.name)} [\n{fields}]\n{{\n  {write(_robot(spec, damping), 1)}\n}}\n"
+    )
+
+
+def _robot(spec: RobotSpec, damping: dict[str, float]) -> Node:
+    """Return the trunk with its legs and sensors."""
+    box = Node("Box", {"size": tuple(spec.base.size)})
+    devices: list[Value] = [
+        Node("InertialUnit", {"name": IMU}),
+        Node("Gyro", {"name": GYRO}),
+        Node("GPS", {"name": GPS}),
+        Node("Receiver", {"name": RECEIVER, "channel": CHANNEL}),
+    ]
+    legs: list[Value] = [_leg(spec, leg, damping) for leg in spec.legs]
+    return Node(
+        "Robot",
+        {
+            "translation": Is("translation"),
+            "rotation": Is("rotation"),
+            "children": [_shape(box, GREY), *devices, *legs],
+            "name": Is("name"),
+            "boundingObject": box,
+            "physics": _physics(spec.base, (0.0, 0.0, 0.0)),
+            "controller": Is("controller"),
+        },
+    )
+
+
+@dataclass(frozen=True)
+class _Link:
+    """A link, and the joint before it."""
+
+    kind: str
+    """Of the joint: `hip`."""
+    spec: LinkSpec
+    """Its mass and size."""
+    anchor: tuple[float, ...]
+    """Where the joint is, in the frame of the link before [m]."""
+    centre: tuple[float, ...]
+    """Its centre of mass, from the joint [m]."""
+    shapes: list[Value]
+    """What there is to see."""
+    bounding: Node | None = None
+    """What collides."""
+
+
+def _links(spec: RobotSpec, leg: LegSpec) -> list[_Link]:
+    """Return the links of a leg, from the foot up."""
+    lateral = leg.side * spec.hip_link.size[1]
+    thigh, shank = spec.thigh_link.size[2], spec.shank_link.size[2]
+    below, middle, above = (0.0, 0.0, -shank), (0.0, 0.0, -shank / 2), (0.0, 0.0, -thigh / 2)
+    foot, bone = Node("Sphere", {"radius": spec.foot_radius, "subdivision": 2}), _capsule(shank, SHANK_RADIUS)
+    seen = [_at(middle, _shape(bone, LIGHT)), _at(below, _shape(foot, GROUPS[leg.group]))]
+    collides = Node("Group", {"children": [_at(below, foot), _at(middle, bone)]})
+    return [
+        _Link("shank", spec.shank_link, (0.0, 0.0, -thigh), middle, [*seen], collides),
+        _Link(
+            "thigh",
+            spec.thigh_link,
+            (0.0, lateral, 0.0),
+            above,
+            [_at(above, _shape(_capsule(thigh, THIGH_RADIUS), DARK))],
+        ),
+        _Link("hip", spec.hip_link, leg.mount, (0.0, lateral / 2, 0.0), []),
+    ]
+
+
+def _leg(spec: RobotSpec, leg: LegSpec, damping: dict[str, float]) -> Node:
+    """Return the hinge of a leg's hip, with all that hangs on it."""
+    hanging: list[Node] = []
+    for link in _links(spec, leg):
+        name = f"{leg.name}_{link.kind}"
+        joint: JointSpec = getattr(spec, link.kind)
+        axis = (leg.side, 0.0, 0.0) if link.kind == "hip" else (0.0, 1.0, 0.0)
+        solid: dict[str, Value] = {
+            "translation": link.anchor,
+            "rotation": (*axis, joint.standing),
+            "children": [*link.shapes, *hanging],
+            "name": link_name(name),
+        }
+        if link.bounding is not None:
+            solid["boundingObject"] = link.bounding
+        solid["physics"] = _physics(link.spec, link.centre)
+        parameters: dict[str, Value] = {"axis": axis, "anchor": link.anchor, "dampingConstant": damping[name]}
+        hanging = [_hinge(name, link.kind, joint, parameters, Node("Solid", solid, define=link_name(name)))]
+    return hanging[0]
+
+
+def _hinge(name: str, kind: str, joint: JointSpec, parameters: Mapping[str, Value], end: Node) -> Node:
+    """Return a joint with motor and sensor; the motor has the joint's name, the sensor that and `SENSOR`."""
+    low, high = stops(joint)
+    limits: dict[str, Value] = {"minStop": low, "maxStop": high, "staticFriction": Is(friction_field(kind))}
+    motor = Node("RotationalMotor", {"name": name, "maxTorque": joint.torque_limit, "sound": ""})
+    return Node(
+        "HingeJoint",
+        {
+            "jointParameters": Node("HingeJointParameters", {**parameters, **limits}),
+            "device": [motor, Node("PositionSensor", {"name": name + SENSOR})],
+            "endPoint": end,
+        },
+    )
+
+
+def _physics(link: LinkSpec, centre: tuple[float, ...]) -> Node:
+    """Return mass and inertia of a uniform box whose middle is at `centre` of its link's frame [m]."""
+    moments = vector(box_inertia(link.mass, link.size))
+    return Node(
+        "Physics",
+        {"density": -1, "mass": link.mass, "centerOfMass": [centre], "inertiaMatrix": [moments, (0.0, 0.0, 0.0)]},
+    )
+
+
+def _capsule(length: float, radius: float) -> Node:
+    """Return a capsule along z; `length` [m] counts without the caps, as MuJoCo's does."""
+    return Node("Capsule", {"height": length, "radius": radius})
+
+
+def _shape(geometry: Node, colour: tuple[float, ...]) -> Node:
+    """Return something to look at."""
+    return Node(
+        "Shape",
+        {
+            "appearance": Node("PBRAppearance", {"baseColor": colour, "roughness": 0.8, "metalness": 0}),
+            "geometry": geometry,
+        },
+    )
+
+
+def _at(place: tuple[float, ...], child: Node) -> Node:
+    """Return a node somewhere else in its parent's frame [m]."""
+    return Node("Pose", {"translation": place, "children": [child]})
