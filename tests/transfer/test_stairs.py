@@ -10,8 +10,9 @@ from stiction.formats.climb import Climb, highest_climbed, wilson
 from stiction.formats.errors import StictionError
 from stiction.report.stairs import answers
 from stiction.sim.terrain import LANDING, REACH, STEPS, TREAD
+from stiction.transfer.course import steps_passed
 from stiction.transfer.metrics import Recording
-from stiction.transfer.stairs import ClimbCfg, _judge, steps_passed
+from stiction.transfer.stairs import ClimbCfg, _judge
 
 
 def row(height: float, successes: int, trials: int = 100) -> Climb:

@@ -203,15 +203,19 @@ def _evaluate(
 def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[ResultRow], dict[str, Any]]:
     """Evaluate the policies from no friction to half more than the nominal level."""
     from stiction.cli.terminal import work_progress
+    from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import num_threads
     from stiction.transfer.evaluate import MAX_LEVEL, EvaluationCfg
+    from stiction.transfer.grid.config import GridCfg
     from stiction.transfer.summary import evaluate_all
 
     levels = tuple(dict.fromkeys(min(round(share * level, 6), MAX_LEVEL) for share in (0.0, 0.5, 1.0, 1.5)))
     settings = EvaluationCfg(levels, COMMANDS, episodes=cfg.episodes, seconds=cfg.seconds)
+    make_folder(cfg.out / "evaluation")
     _say("evaluating policies over friction levels")
     with work_progress() as progress:
-        return evaluate_all([check.bundle for check in checks], settings, None, num_threads(), progress)
+        bundles = [check.bundle for check in checks]
+        return evaluate_all(bundles, GridCfg(settings), cfg.out / "evaluation", jobs=num_threads(), progress=progress)
 
 
 def _render(cfg: DemoCfg, bundles: list[Path], command: str, level: float, warnings: list[str]) -> list[Path | None]:

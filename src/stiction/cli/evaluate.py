@@ -1,4 +1,4 @@
-"""`stiction evaluate BUNDLE...`: what a policy reaches over friction levels and commands, in MuJoCo."""
+"""`stiction evaluate BUNDLE...`: what a policy reaches over engines, friction, grounds and commands."""
 
 from __future__ import annotations
 
@@ -10,10 +10,12 @@ from typing import Annotated, Literal
 
 import tyro
 
+from stiction.formats.errors import StictionError
+
 
 @dataclass(frozen=True)
 class EvaluateCfg:
-    """Drive policy bundles over friction levels and commands."""
+    """Drive policy bundles over engines, friction levels, grounds and commands."""
 
     bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Directories of the bundles."""
@@ -26,6 +28,18 @@ class EvaluateCfg:
     """Friction at rest over friction in motion, of the law stribeck."""
     stribeck_velocity: float = 0.1
     """Speed at which 63 % of that excess is gone [rad/s], of the law stribeck."""
+    engines: tuple[str, ...] = ("mujoco",)
+    """Physics engines. mujoco: the simulator of the training, all robots at once; mujoco-alone, physx, ode, ode-webots:
+    one robot, steps of 2 ms, motors and friction by us. After a +, a virtual robot with joints of its own plays the
+    real one: physx+all, or what of it is real: +nominal, +friction, +rest (all but friction), +delays+gears."""
+    robots: tuple[int, ...] = (1000, 1001, 1002)
+    """Seeds of the virtual robots, each of which walks --episodes. Do not tune on robots that you report."""
+    robot_levels: tuple[str, ...] = ()
+    """Friction of virtual robots: fractions of the torque limit, bench (0.442 N m at Saturn Lite's shank, 0.25 N m at
+    hip and thigh), bench+0.02 (and that coefficient of the load); by default as --friction-levels."""
+    terrains: tuple[str, ...] = ("flat",)
+    """Grounds: flat, stairs=0.1 (step height [m]), slope=0.2 (angle [rad]), rough=0.05 (highest slab [m]). What is not
+    flat is crossed blind, straight on, by the commands that lead forward."""
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
     """Commanded velocities, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5 or vx=0.3,wz=0.2 or stand."""
     episodes: int = 32
@@ -33,9 +47,11 @@ class EvaluateCfg:
     seconds: float = 20.0
     """Length of an episode [s]; its first 2 s are not measured."""
     seed: int = 0
-    """Seed of initial states and sensor noise; the same for every bundle, level and command."""
+    """Seed of initial states and sensor noise; the same for every bundle, engine, level and command."""
+    jobs: int | None = None
+    """Walks at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
     action_delay: float = 0.0
-    """Delay between joint target and motor [s], in whole physics steps, at most 8 of them."""
+    """Delay between joint target and motor [s], in whole physics steps, at most 8 of them; of the engine mujoco."""
     robot: str | None = None
     """A robot of your own, `package.module:NAME`; by default the shipped robot that the bundle names."""
     log: Path | None = None
@@ -49,9 +65,15 @@ class EvaluateCfg:
     """Torque in the log: `motor_side`, what the motor gave (what `stiction identify` needs), or `output_side`, what
     reached the link, dry and viscous friction of the joint taken off."""
     out: Path = Path("stiction-evaluation")
-    """Directory for results.csv, summary.json, friction_budget.svg and .png, and report.html."""
+    """Directory for results.csv, methods.csv (means over training seeds), summary.json, friction_budget.svg and .png,
+    and report.html; and for walks.jsonl, by which an interrupted command goes on where it was."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
+
+    def __post_init__(self) -> None:
+        """Refuse no work at once."""
+        if self.jobs is not None and self.jobs < 1:
+            raise StictionError(f"--jobs {self.jobs}: expected at least 1")
 
 
 def main(arguments: list[str]) -> int:
@@ -68,10 +90,12 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.shipped import find_bundle
     from stiction.report.evaluation import write_evaluation
     from stiction.transfer.evaluate import EvaluationCfg
+    from stiction.transfer.grid.config import GridCfg
+    from stiction.transfer.grid.table import method_means
     from stiction.transfer.summary import evaluate_all
     from stiction.transfer.walk import RecordCfg, log_all
 
-    settings = EvaluationCfg(
+    base = EvaluationCfg(
         friction_levels=cfg.friction_levels,
         commands=cfg.commands,
         episodes=cfg.episodes,
@@ -82,17 +106,18 @@ def main(arguments: list[str]) -> int:
         static_ratio=cfg.static_ratio,
         stribeck_velocity=cfg.stribeck_velocity,
     )
+    settings = GridCfg(base, cfg.engines, cfg.terrains, cfg.robots, cfg.robot_levels)
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
     make_folder(cfg.out)
     if cfg.log is not None:
         make_folder(cfg.log, "--log")
     bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
     with work_progress() as progress:
-        rows, summary = evaluate_all(bundles, settings, cfg.robot, num_threads(), progress)
+        rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, cfg.jobs or num_threads(), progress)
         if record is not None and cfg.log is not None:
-            summary["logs"] = log_all(bundles, settings, record, cfg.log, cfg.robot, num_threads(), progress)
+            summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
     summary = {"command": shlex.join(["stiction", "evaluate", *arguments])} | summary
-    write_evaluation(cfg.out, rows, summary)
+    write_evaluation(cfg.out, rows, summary, method_means(rows))
     if cfg.json:
         print(summary_text(summary), end="")
     else:
@@ -104,6 +129,7 @@ def main(arguments: list[str]) -> int:
 
 
 DESCRIPTION = (
-    "Drive policy bundles over levels of dry joint friction and velocity commands, in MuJoCo, from the bundles alone. "
-    "A bundle is a directory, or the name of one that comes with the package."
+    "Drive policy bundles over levels of dry joint friction, velocity commands, grounds and physics engines, on the "
+    "robot of the data sheet or on a virtual one with joints of its own, from the bundles alone. A bundle is a "
+    "directory, or the name of one that comes with the package. Stop it at any time: the same command goes on."
 )

@@ -25,13 +25,14 @@ from stiction.locomotion.config import NoiseCfg
 from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
 from stiction.transfer.command import Command, parse_command
+from stiction.transfer.course import Course, line_up, parse_course, pilot, starts
 from stiction.transfer.metrics import Metrics, Recording, measure
 from stiction.transfer.rollout import Driver, Rollout, friction_at, robot_of
 
-ENGINE, TERRAIN = "mujoco", "flat"
-"""What is evaluated here, as it stands in results.csv."""
+ENGINE = "mujoco"
+"""Where robots walk here, as it stands in results.csv."""
 
-EXTRA = ("group_share", "moving_share", "mean_friction")
+EXTRA = ("group_share", "moving_share", "mean_friction", "crossed")
 """Fields of `Metrics` that summary.json has beside the columns of results.csv."""
 
 MAX_LEVEL = 0.9
@@ -67,6 +68,8 @@ class EvaluationCfg:
     """Friction at rest over friction in motion, of the law `stribeck`."""
     stribeck_velocity: float = 0.1
     """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
+    terrain: str = "flat"
+    """Ground: `flat`, `stairs=0.1`, `slope=0.2`, `rough=0.05`; what is not flat is crossed at one speed forward."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be evaluated."""
@@ -84,11 +87,15 @@ class EvaluationCfg:
                 f"{self.episodes} episodes of {self.seconds} s, {self.settle} s of it to settle; "
                 "expected at least one episode, at least 1 s measured, and at most an hour"
             )
+        if refused := [command.label for command in self.parsed_commands if not self.course.takes(command)]:
+            raise StictionError(
+                f"command {refused[0]!r} on {self.terrain}: a course is crossed straight on; expected such as vx=0.4"
+            )
         if not 0.0 <= self.action_delay < math.inf:
             raise StictionError(f"action delay {self.action_delay} s; expected a time of 0 s or more")
-        if self.num_robots * self.seconds > MAX_ROBOT_SECONDS:
+        if self.num_robots * self.duration > MAX_ROBOT_SECONDS:
             raise StictionError(
-                f"{self.num_robots} robots at once for {self.seconds:g} s each are more than {MAX_ROBOT_SECONDS:g} "
+                f"{self.num_robots} robots at once for {self.duration:g} s each are more than {MAX_ROBOT_SECONDS:g} "
                 "robot-seconds; give fewer levels, commands or episodes, or shorter ones"
             )
         seed_streams(self.seed, ["episode"])
@@ -102,6 +109,16 @@ class EvaluationCfg:
     def parsed_commands(self) -> tuple[Command, ...]:
         """The commands as velocities."""
         return tuple(parse_command(text) for text in self.commands)
+
+    @property
+    def course(self) -> Course:
+        """The terrain. Raises `StictionError` where there is none of that name."""
+        return parse_course(self.terrain)
+
+    @property
+    def duration(self) -> float:
+        """Length of every episode [s]: `seconds` on flat ground, else what the slowest crossing may take."""
+        return max(self.course.seconds(command, self.seconds) for command in self.parsed_commands)
 
     @property
     def conditions(self) -> dict[str, float]:
@@ -195,7 +212,7 @@ def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> 
     for level, command, part in driven.parts:
         robots = (slice(0, cfg.episodes), *(slice(e, e + 1) for e in range(cfg.episodes)))
         groups, weight = driven.spec.groups(), driven.weight
-        metrics, *episodes = (measure(part.of(some), command, groups, weight) for some in robots)
+        metrics, *episodes = (measure(part.of(some), command, groups, weight, cfg.course) for some in robots)
         rows.append(_row(name, contract, cfg, level, command, metrics))
         measured.append(metrics)
         each.append(tuple(episodes))
@@ -251,12 +268,15 @@ def drive(
         threads,
         cfg.noise,
         cfg.action_delay,
-        law=cfg.law,
+        cfg.course.terrain(cfg.num_robots, cfg.seed),
+        cfg.law,
     )
     velocity = cfg.robot_commands
-    recording, blown_up = record(
-        rollout, lambda fleet: velocity, round(cfg.seconds / contract.control_period), progress
-    )
+    steer: Callable[[Fleet], np.ndarray] = lambda fleet: velocity  # noqa: E731
+    if not cfg.course.is_flat:
+        line_up(rollout.fleet, starts(cfg.seed, cfg.episodes))
+        steer = pilot(velocity[:, 0])
+    recording, blown_up = record(rollout, steer, round(cfg.duration / contract.control_period), progress)
     first = round(cfg.settle / contract.control_period)
     weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
     cells = [(friction, command) for friction in cfg.friction_levels for command in cfg.parsed_commands]
@@ -317,13 +337,13 @@ def _row(
         engine=ENGINE,
         friction_law=cfg.friction_law,
         friction_level=level,
-        terrain=TERRAIN,
+        terrain=cfg.course.label,
         command=command.label,
         speed_ratio=metrics.speed_ratio,
         tracking_error=metrics.tracking_error,
         fall_rate=metrics.fall_rate,
         distance=metrics.distance,
-        steps_climbed=None,
+        steps_climbed=metrics.steps_climbed,
         cost_of_transport=metrics.cost_of_transport,
         joint_jitter=metrics.joint_jitter,
         tripod_share=metrics.tripod_share,

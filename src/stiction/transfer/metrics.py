@@ -6,11 +6,14 @@ nothing by running fast and falling.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from stiction.transfer.command import Command
+from stiction.transfer.course import FLAT, Course
 
 WINDOW = 1.0
 """Velocity is averaged over windows of this length before it is compared with the command [s]: a gait's own sway within
@@ -47,9 +50,21 @@ class Recording:
 
     def of(self, robots: slice, first_step: int = 0) -> Recording:
         """Return the recording of some robots, from a step on."""
+        return self._each(lambda values: values[first_step:, robots])
+
+    def lasting(self, steps: int) -> Recording:
+        """Return the recording, drawn out to a number of steps as those of a batch are: who fell lies where it fell."""
+        more = steps - len(self.upright)
+        longer = self._each(lambda values: np.concatenate((values, np.repeat(values[-1:], more, axis=0))))
+        longer.upright[len(self.upright) :] = False
+        return longer
+
+    def _each(self, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
+        """Return the recording with every signal changed."""
         names = ["velocity", "position", "contact", "power", "square_acceleration", "upright"]
         names += ["friction"] if self.friction is not None else []
-        return replace(self, **{name: getattr(self, name)[first_step:, robots] for name in names})
+        changed: dict[str, Any] = {name: change(getattr(self, name)) for name in names}
+        return replace(self, **changed)
 
 
 @dataclass(frozen=True)
@@ -71,9 +86,15 @@ class Metrics:
     mean_friction: float | None = None
     """Mean bound of the joints' dry friction [N m]: what a coefficient came to on this walk; None where not recorded.
     Falls included."""
+    steps_climbed: float | None = None
+    """Mean number of stairs passed, up and down; None where there are none."""
+    crossed: float | None = None
+    """Share of episodes in which the robot crossed its course; None on flat ground."""
 
 
-def measure(recording: Recording, command: Command, groups: np.ndarray, weight: float) -> Metrics:
+def measure(
+    recording: Recording, command: Command, groups: np.ndarray, weight: float, course: Course = FLAT
+) -> Metrics:
     """Return the metrics of one row, over all its episodes.
 
     Args:
@@ -81,8 +102,10 @@ def measure(recording: Recording, command: Command, groups: np.ndarray, weight: 
         command: what was commanded.
         groups: contact group (0 or 1) of each foot, shape (L,).
         weight: weight of the robot [N].
+        course: the ground.
 
     """
+    steps_climbed, crossed = course.judge(recording.position, recording.upright)
     distance = displacement(recording)
     moving = moving_steps(recording, command)
     flight, first, second = gait_shares(recording, moving, groups)
@@ -98,6 +121,45 @@ def measure(recording: Recording, command: Command, groups: np.ndarray, weight: 
         group_share=None if first is None or second is None else (first, second),
         moving_share=None if moving is None else float(moving.mean()),
         mean_friction=None if recording.friction is None else float(recording.friction.mean()),
+        steps_climbed=steps_climbed,
+        crossed=crossed,
+    )
+
+
+def combine(episodes: Sequence[Metrics]) -> Metrics:
+    """Return the metrics of a row from those of its episodes, each measured alone.
+
+    A share of moving steps weighs as many steps as were moving, a cost of transport the distance that it was paid for,
+    jitter is a root mean square. That is what `measure` makes of all episodes at once, but for robots that fell (their
+    jitter) or that got nowhere (their energy).
+    """
+
+    def mean(name: str, weight: str | None = None) -> float | None:
+        values = [getattr(one, name) for one in episodes]
+        weights = [1.0 if weight is None else getattr(one, weight) or 0.0 for one in episodes]
+        known = [(value, by) for value, by in zip(values, weights, strict=True) if value is not None and by > 0.0]
+        return sum(value * by for value, by in known) / sum(by for _, by in known) if known else None
+
+    def sure(name: str) -> float:
+        return float(np.mean([getattr(one, name) for one in episodes]))
+
+    groups = [(one.group_share, one.moving_share or 0.0) for one in episodes if one.group_share is not None]
+    moved = sum(by for _, by in groups)
+    first, second = (sum(share[side] * by for share, by in groups) / moved if moved else None for side in (0, 1))
+    return Metrics(
+        speed_ratio=mean("speed_ratio"),
+        tracking_error=sure("tracking_error"),
+        fall_rate=sure("fall_rate"),
+        distance=sure("distance"),
+        cost_of_transport=mean("cost_of_transport", "distance"),
+        joint_jitter=float(np.sqrt(np.mean([one.joint_jitter**2 for one in episodes]))),
+        tripod_share=mean("tripod_share", "moving_share"),
+        flight_share=mean("flight_share", "moving_share"),
+        group_share=None if first is None or second is None else (first, second),
+        moving_share=mean("moving_share"),
+        mean_friction=mean("mean_friction"),
+        steps_climbed=mean("steps_climbed"),
+        crossed=mean("crossed"),
     )
 
 

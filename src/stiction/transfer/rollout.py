@@ -161,15 +161,9 @@ class Rollout:
 
     def sense(self) -> Sensors:
         """Return what the robots measure now; roll and pitch are disturbed by a small rotation of the base."""
-        fleet, noise, joints = self.fleet, self._noise, self._contract.num_joints
-        drawn = self._uniform(5 + 2 * joints)
-        tilt = np.hstack([np.ones((len(drawn), 1)), noise.roll_pitch / 2 * drawn[:, 3:5]])
-        return Sensors(
-            quaternion=tilted(fleet.base_quaternion, tilt),
-            angular_velocity=fleet.base_angular_velocity + noise.angular_velocity * drawn[:, :3],
-            joint_position=fleet.joint_position + noise.joint_position * drawn[:, 5 : 5 + joints],
-            joint_velocity=fleet.joint_velocity + noise.joint_velocity * drawn[:, 5 + joints :],
-        )
+        fleet = self.fleet
+        true = Sensors(fleet.base_quaternion, fleet.base_angular_velocity, fleet.joint_position, fleet.joint_velocity)
+        return disturbed(true, self._noise, self._uniform(drawn_width(self._contract.num_joints)))
 
     def act(self, command: np.ndarray) -> tuple[Sensors, PolicyStep]:
         """Sense, and set the policy's joint targets under the commanded velocities, shape (N, 3); no time passes."""
@@ -184,6 +178,23 @@ class Rollout:
         blown_up = self.fleet.step()
         self._policy.reset(np.isin(np.arange(self.fleet.num_envs), blown_up))
         return Moment(sensors, step, blown_up)
+
+
+def drawn_width(joints: int) -> int:
+    """Return how many random numbers the noise of one robot's sensors takes."""
+    return 5 + 2 * joints
+
+
+def disturbed(true: Sensors, noise: NoiseCfg, drawn: np.ndarray) -> Sensors:
+    """Return what N robots measure; drawn: numbers in [-1, 1), shape (N, `drawn_width`)."""
+    joints = true.joint_position.shape[-1]
+    tilt = np.hstack([np.ones((len(drawn), 1)), noise.roll_pitch / 2 * drawn[:, 3:5]])
+    return Sensors(
+        quaternion=tilted(true.quaternion, tilt),
+        angular_velocity=true.angular_velocity + noise.angular_velocity * drawn[:, :3],
+        joint_position=true.joint_position + noise.joint_position * drawn[:, 5 : 5 + joints],
+        joint_velocity=true.joint_velocity + noise.joint_velocity * drawn[:, 5 + joints :],
+    )
 
 
 def tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:

@@ -1,8 +1,7 @@
 """How high can a policy climb? Stairs up, a landing, stairs down, step height by step height, blind.
 
-A pilot holds the robot on its way: the turn rate is the error of heading times a gain, as in training; nothing else is
-corrected. A trial succeeds when the robot has stood on the landing and then left the last step behind without a fall,
-within twice the time that the commanded speed takes. The way to the landing is over all steps, from every side.
+A trial succeeds when the robot has stood on the landing and then left the last step behind without a fall, within twice
+the time that the commanded speed takes. The way to the landing is over all steps, from every side.
 """
 
 from __future__ import annotations
@@ -18,18 +17,12 @@ from stiction.formats.climb import Climb
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
 from stiction.locomotion.config import NoiseCfg
-from stiction.locomotion.terrain import ASKEW, BEYOND, LENGTH, SCAN_POINTS, START, UNDER, TerrainCfg, hold_heading
-from stiction.sim.fleet import Fleet
-from stiction.sim.terrain import KINDS, REACH, SLABS, STEEPEST, STEPS, Terrain, stair_height
+from stiction.locomotion.terrain import LENGTH
+from stiction.sim.terrain import KINDS, SLABS, STEEPEST, Terrain
+from stiction.transfer.course import PATIENCE, crossed, line_up, pilot, starts, steps_passed
 from stiction.transfer.evaluate import record
 from stiction.transfer.metrics import Recording
 from stiction.transfer.rollout import Rollout, friction_at, robot_of
-
-ASIDE = 0.5
-"""Half-width of the start, across the way [m]: the whole trunk is before the landing, whose half-width is 0.9 m."""
-
-PATIENCE = 2.0
-"""A trial may take this many times what the commanded speed takes."""
 
 
 @dataclass(frozen=True)
@@ -91,55 +84,29 @@ def climb(
     )
     fleet = rollout.fleet
     fleet.place_terrain(np.arange(num), height / STEEPEST["stairs"], np.zeros((num, SLABS, 4)))
-    _line_up(fleet, seed_streams(cfg.seed, ["start"])["start"], cfg.trials)
+    line_up(fleet, starts(cfg.seed, cfg.trials))
     seconds = PATIENCE * LENGTH / cfg.speed
-
-    def pilot(fleet: Fleet) -> np.ndarray:
-        fleet.ground[:] = fleet.ground_around(SCAN_POINTS[UNDER]).mean(-1)
-        turn = hold_heading(-fleet.yaw, TerrainCfg.heading_gain)
-        return np.stack((np.full(num, cfg.speed), np.zeros(num), turn), -1)
-
-    recording, _ = record(rollout, pilot, round(seconds / contract.control_period), progress)
+    steer = pilot(np.full(num, cfg.speed))
+    recording, _ = record(rollout, steer, round(seconds / contract.control_period), progress)
     return [
         _judge(bundle.name, *cell, recording.of(slice(number * cfg.trials, (number + 1) * cfg.trials)))
         for number, cell in enumerate(cells)
     ]
 
 
-def _line_up(fleet: Fleet, generator: np.random.Generator, trials: int) -> None:
-    """Put the robots before their stairs, off the middle and askew; trial i is the same at every height and level."""
-    copies = fleet.num_envs // trials
-    fleet.base_position[:, 0] = -(REACH + START)
-    fleet.base_position[:, 1] = np.tile(generator.uniform(-ASIDE, ASIDE, trials), copies)
-    half = np.tile(generator.uniform(-ASKEW, ASKEW, trials), copies) / 2
-    fleet.base_quaternion[:, 0], fleet.base_quaternion[:, 3] = np.cos(half), np.sin(half)
-
-
 def _judge(policy: str, level: float, height: float, recording: Recording) -> Climb:
     """Return what the trials of one height and level came to."""
-    along = recording.position[..., 0]
     up, down = steps_passed(recording.position, recording.upright)
-    over = (along > REACH + BEYOND) & recording.upright & (up == STEPS)
+    over = crossed(recording.position, recording.upright, stairs=True)
     success = over.any(axis=0)
     first = over.argmax(axis=0)[success] + 1
     return Climb(
         policy=policy,
         friction_level=level,
         step_height=height,
-        trials=along.shape[1],
+        trials=over.shape[1],
         successes=int(success.sum()),
         falls=int((~recording.upright[-1] & ~success).sum()),
         steps_climbed=float((up[-1] + down[-1]).mean()),
         seconds=float(np.median(first) * recording.period) if success.any() else None,
     )
-
-
-def steps_passed(position: np.ndarray, upright: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return how many steps each robot has passed upright until each moment, up, and down on the other side; (T, N).
-
-    position: of the base, (T, N, 2) [m]; upright: bool, (T, N).
-    """
-    level = stair_height(position, np.ones((1, 1)))
-    up = np.maximum.accumulate(level * upright)
-    down = np.maximum.accumulate((up - level) * (upright & (position[..., 0] > 0.0)))
-    return up, down

@@ -3,62 +3,57 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
-from functools import partial
+from pathlib import Path
 from typing import Any
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import provenance
 from stiction.formats.results import ResultRow
-from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
-
-Progress = Callable[[str, float], None]
-"""Called with the name of the bundle and the share of it that is done."""
+from stiction.transfer.grid.config import GridCfg
+from stiction.transfer.grid.run import Progress, walk_grid
+from stiction.transfer.grid.table import rows_of
 
 
 def evaluate_all(
     bundles: Sequence[Bundle],
-    cfg: EvaluationCfg,
-    robot: str | None,
-    threads: int,
+    cfg: GridCfg,
+    out: Path,
+    robot: str | None = None,
+    jobs: int = 1,
     progress: Progress = lambda name, share: None,
 ) -> tuple[list[ResultRow], dict[str, Any]]:
-    """Evaluate bundles one after the other; return the rows of all and the summary.
+    """Walk a grid; return its rows and the summary. Arguments and errors as of `walk_grid`.
 
     Raises:
-        StictionError: two bundles have the same name, or one does not fit its robot.
+        StictionError: besides, where two bundles have the same name.
 
     """
-    check_names(bundles)
-    rows: list[ResultRow] = []
-    details: list[dict[str, Any]] = []
-    policies: dict[str, Any] = {}
+    check_names([bundle.name for bundle in bundles])
     start = time.perf_counter()
-    for bundle in bundles:
-        evaluation = evaluate_bundle(bundle, cfg, robot, threads, partial(progress, bundle.name))
-        rows += evaluation.rows
-        details += evaluation.details()
-        policies[bundle.name] = describe(bundle) | {"blown_up": evaluation.blown_up}
+    rows, details = rows_of(walk_grid(bundles, cfg, out, jobs, robot, progress), bundles, robot)
     summary = {
-        "evaluation": asdict(cfg),
-        "conditions": cfg.conditions,
+        "evaluation": asdict(cfg.base),
+        "engines": list(cfg.engines),
+        "terrains": list(cfg.terrains),
+        "robots": cfg.used_robots,
+        "conditions": cfg.base.conditions,
         "robot": robot,
         "seconds": time.perf_counter() - start,
         **provenance(),
-        "policies": policies,
+        "policies": {bundle.name: describe(bundle) for bundle in bundles},
         "rows": details,
     }
     return rows, summary
 
 
-def check_names(bundles: Sequence[Bundle]) -> None:
-    """Raise `StictionError` where two bundles have the same name."""
-    names = [bundle.name for bundle in bundles]
+def check_names(names: Sequence[str], kind: str = "bundles") -> None:
+    """Raise `StictionError` where two of a kind have the same name."""
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise StictionError(
-            f"two bundles are called {twice[0]!r}; rename one directory, results tell them apart by name"
+            f"two {kind} are called {twice[0]!r}; rename one directory, results tell them apart by name"
         )
 
 

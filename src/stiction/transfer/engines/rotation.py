@@ -24,6 +24,12 @@ def into_frame(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return vector @ matrix(quaternion)
 
 
+def yaw(quaternion: np.ndarray) -> float:
+    """Return the heading of a frame: the angle from the world's x to its own x, seen from above [rad]."""
+    forward = matrix(quaternion)[:, 0]
+    return math.atan2(forward[1], forward[0])
+
+
 def cross_matrix(vector: np.ndarray) -> np.ndarray:
     """Return the matrix, (3, 3), that takes u to the cross product vector x u."""
     x, y, z = vector

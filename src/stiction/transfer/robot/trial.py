@@ -4,18 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
 from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
 from stiction.formats.reproducibility import seed_streams
+from stiction.locomotion.config import NoiseCfg
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.engine import BlownUp, Body, Engine, Motion
 from stiction.transfer.engines.ground import Ground, flat
+from stiction.transfer.engines.rotation import about
 from stiction.transfer.metrics import Recording
 from stiction.transfer.robot.draw import draw
-from stiction.transfer.robot.factorial import Case
+from stiction.transfer.robot.friction import DryFriction
+from stiction.transfer.robot.hidden import Hidden
+from stiction.transfer.robot.noisy import Noisy
 from stiction.transfer.robot.pilot import Pilot, Turn
 from stiction.transfer.robot.referee import Referee
 from stiction.transfer.robot.virtual import PERIOD, VirtualRobot
@@ -37,6 +42,23 @@ Steer = Callable[[int, Motion], np.ndarray]
 [rad/s], shape (3,)."""
 
 
+class Kind(Protocol):
+    """Which robot is built: a `Case` of the factorial, or one like it."""
+
+    @property
+    def seed(self) -> int:
+        """Of the robot, of its start poses and of its sensors' noise."""
+        ...
+
+    def robot(self, hidden: Hidden) -> Hidden:
+        """Return what of a robot is real."""
+        ...
+
+    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> DryFriction:
+        """Return the dry friction of its joints; `timestep`: of the physics [s]."""
+        ...
+
+
 @dataclass(frozen=True)
 class World:
     """Where a robot is built."""
@@ -46,18 +68,22 @@ class World:
     ground: Ground = field(default_factory=flat)
     """What the robot walks on."""
     start: tuple[float, float] = (0.0, 0.0)
-    """Where it is put, x and y [m], looking along x."""
+    """Where it is put, x and y [m]."""
+    heading: float = 0.0
+    """Where it looks, from x to the left [rad]."""
     timestep: float = TIMESTEP
     """Physics step [s]."""
     period: float = PERIOD
     """Time between two readings [s]; logs for an Actuator Net need that of the training's physics."""
+    noise: NoiseCfg | None = None
+    """Sensor noise of the training, for robots whose own sensors are perfect."""
 
     def height(self, place: np.ndarray) -> float:
         """Return the height of the ground at x, y [m], shape (2,)."""
         return float(self.ground.height(place[None])[0])
 
     def robot(
-        self, case: Case, spec: RobotSpec, generator: np.random.Generator, wear: Wear | None = None
+        self, case: Kind, spec: RobotSpec, generator: np.random.Generator, wear: Wear | None = None
     ) -> VirtualRobot:
         """Build a robot of the factorial.
 
@@ -65,14 +91,14 @@ class World:
         """
         return self._built(case, spec, generator, wear, fixed=False)
 
-    def on_bench(self, case: Case, spec: RobotSpec, generator: np.random.Generator) -> VirtualRobot:
+    def on_bench(self, case: Kind, spec: RobotSpec, generator: np.random.Generator) -> VirtualRobot:
         """Build the same robot bolted to a stand, its legs in the air; arguments as of `robot`."""
         robot = self._built(case, spec, generator, None, fixed=True)
         robot.place(spec.joint_values("standing"), np.array([0.0, 0.0, 3.0 * spec.standing_height]), UPRIGHT)
         return robot
 
     def _built(
-        self, case: Case, spec: RobotSpec, generator: np.random.Generator, wear: Wear | None, fixed: bool
+        self, case: Kind, spec: RobotSpec, generator: np.random.Generator, wear: Wear | None, fixed: bool
     ) -> VirtualRobot:
         """Build a robot around its own engine."""
         hidden = draw(spec, case.seed)
@@ -94,32 +120,34 @@ class Trial:
 
 def walk(
     bundle: Bundle,
-    case: Case,
+    case: Kind,
     world: World,
     steer: Steer,
     steps: int,
     episode: int = 0,
     wear: Wear | None = None,
+    spec: RobotSpec | None = None,
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
     steer: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells and at
-    all levels; wear: of the robot's joints.
+    all levels; wear: of the robot's joints; spec: the robot, by default the shipped one that the bundle names.
 
     Raises:
         StictionError: the bundle does not fit the robot.
 
     """
     contract = bundle.contract
-    spec = robot_of(contract)
+    spec = spec or robot_of(contract)
     streams = seed_streams(case.seed, [f"episode {episode}, start", f"episode {episode}, noise"])
     start, noise = streams.values()
     robot = world.robot(case, spec, noise, wear)
     standing = contract.array("standing") + INITIAL_ANGLE * start.uniform(-1.0, 1.0, contract.num_joints)
     standing = np.clip(standing, contract.array("lower"), contract.array("upper"))
     height = spec.standing_height + world.height(np.array(world.start))
-    robot.place(standing, np.array([*world.start, height]), UPRIGHT)
-    pilot = Pilot(robot.plug, load_policy(contract, bundle.policy))
+    robot.place(standing, np.array([*world.start, height]), about(2, world.heading))
+    port = robot.plug if world.noise is None else Noisy(robot.plug, world.noise, noise)
+    pilot = Pilot(port, load_policy(contract, bundle.policy))
     referee = Referee(robot.witness, spec, contract.control_period)
     turns: list[Turn] = []
     while len(turns) < steps and referee.upright:

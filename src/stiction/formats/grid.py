@@ -1,0 +1,33 @@
+"""Ways of training over their seeds, in every engine: a row of methods.csv."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class MethodMean:
+    """The speed ratio of one way of training in one cell of a grid, over its training seeds."""
+
+    method: str
+    """Way of training with friction."""
+    engine: str
+    """Engine, and what of a virtual robot is real in it."""
+    friction_law: str
+    """Law of the friction."""
+    friction_level: float
+    """Friction [-]."""
+    terrain: str
+    """Ground."""
+    command: str
+    """Commanded velocity."""
+    seeds: int
+    """Training seeds: samples."""
+    speed_ratio: float
+    """Mean over the seeds [-]."""
+    low: float | None
+    """Lower end of the 95 % t-interval over the seeds [-]; None for one seed."""
+    high: float | None
+    """Upper end."""
+    each: str
+    """Speed ratio of every seed, separated by blanks."""

@@ -1,0 +1,131 @@
+"""What a grid is made of: engines, with or without a virtual robot in them, levels, grounds, commands, episodes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from stiction.formats.errors import StictionError
+from stiction.formats.friction import has_coefficient
+from stiction.transfer.course import parse_course
+from stiction.transfer.engines.catalog import ENGINES
+from stiction.transfer.evaluate import EvaluationCfg
+from stiction.transfer.robot.factorial import CELLS, Case, Level, parse_level
+
+BATCH = "mujoco"
+"""The simulator of the training, all its robots at once: what `stiction evaluate` takes where no engine is named."""
+
+ALONE = {"mujoco-alone": "mujoco"} | {name: name for name in ENGINES if name != "mujoco"}
+"""Name of an engine with one robot in it, as in results.csv -> its name in the catalogue of engines."""
+
+FIRST_ROBOT = 1000
+"""Seed of the first virtual robot that is reported; smaller ones were looked at while methods were made."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a policy is put: an engine, and the robot in it."""
+
+    engine: str
+    """`mujoco`, the simulator of the training, or one of `ALONE`."""
+    cell: str | None = None
+    """Of a virtual robot, what of it is real (see `Case.cell`); None: the robot of the data sheet."""
+
+    @property
+    def label(self) -> str:
+        """As it stands in results.csv: `physx`, `physx+all`."""
+        return self.engine if self.cell is None else f"{self.engine}+{self.cell}"
+
+    @property
+    def is_batch(self) -> bool:
+        """Whether all its robots are simulated at once."""
+        return self.engine == BATCH
+
+
+def parse_place(text: str) -> Place:
+    """Return the place that a text names: an engine; after a `+` a cell of the virtual robot, or some of its groups.
+
+    Raises:
+        StictionError: there is no such engine or cell, or the virtual robot is asked for in a batch.
+
+    """
+    engine, plus, cell = text.strip().partition("+")
+    if engine not in (BATCH, *ALONE):
+        raise StictionError(
+            f"engine {text!r} is unknown; expected {BATCH} (the simulator of the training), {', '.join(ALONE)}, or one "
+            f"of these with a virtual robot in it: physx+{', physx+'.join(CELLS)}"
+        )
+    if plus and engine == BATCH:
+        raise StictionError(f"engine {text!r}: a virtual robot is alone in its engine; expected mujoco-alone+{cell}")
+    if plus:
+        _ = Case(FIRST_ROBOT, cell, Level(0.0)).groups
+    return Place(engine, cell if plus else None)
+
+
+@dataclass(frozen=True)
+class GridCfg:
+    """What the policies are put through."""
+
+    base: EvaluationCfg = field(default_factory=EvaluationCfg)
+    """Friction levels and law, commands, episodes, seconds, seed. Its terrain is not read."""
+    engines: tuple[str, ...] = (BATCH,)
+    """Engines, as `parse_place` reads them."""
+    terrains: tuple[str, ...] = ("flat",)
+    """Grounds, as `parse_course` reads them."""
+    robots: tuple[int, ...] = (FIRST_ROBOT, FIRST_ROBOT + 1, FIRST_ROBOT + 2)
+    """Seeds of the virtual robots. They are never those on which anything was tuned."""
+    robot_levels: tuple[str, ...] = ()
+    """Friction of the virtual robots: fractions of the torque limit, `bench`, `bench+0.02`; none: those of `base`."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be walked."""
+        for name in ("engines", "terrains", "robots", "robot_levels"):
+            given = getattr(self, name)
+            if len(set(given)) < len(given) or not (given or name == "robot_levels"):
+                raise StictionError(f"{name.replace('_', ' ')} {list(given)}: expected at least one, each once")
+        for text in self.levels_of_robots:
+            parse_level(text)
+        for terrain in self.terrains:
+            self.on(terrain)
+        alone = [place.label for place in self.places if not place.is_batch]
+        if alone and (self.base.action_delay or self.base.law.name == "effort"):
+            what = "an action delay" if self.base.action_delay else "the law effort"
+            raise StictionError(f"{alone[0]} with {what}: only {BATCH} has it; a virtual robot has delays of its own")
+        if any(place.cell for place in self.places) and has_coefficient(self.base.law.name) and not self.robot_levels:
+            raise StictionError("virtual robots have a law of their own; give their --robot-levels, such as 0.1 bench")
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The engines, parsed."""
+        return tuple(parse_place(text) for text in self.engines)
+
+    @property
+    def levels_of_robots(self) -> tuple[str, ...]:
+        """Friction of the virtual robots."""
+        return self.robot_levels or tuple(f"{level:g}" for level in self.base.friction_levels)
+
+    @property
+    def used_robots(self) -> list[int]:
+        """Seeds of the virtual robots that walk."""
+        return list(self.robots) if any(place.cell for place in self.places) else []
+
+    def on(self, terrain: str) -> EvaluationCfg:
+        """Return what is asked on one ground: over a course only the commands that lead over it.
+
+        Raises:
+            StictionError: there is no such ground, or no command leads over it.
+
+        """
+        course = parse_course(terrain)
+        commands = tuple(command.label for command in self.base.parsed_commands if course.takes(command))
+        if not commands:
+            given = ", ".join(self.base.commands)
+            raise StictionError(
+                f"terrain {terrain}: none of the commands {given} leads over it; add one such as vx=0.4"
+            )
+        return replace(self.base, terrain=course.label, commands=commands)
+
+    def settings(self) -> dict[str, Any]:
+        """Return everything that a walk depends on beside its own cell, as plain data."""
+        names = ("episodes", "seconds", "settle", "seed", "noise", "action_delay", "static_ratio", "stribeck_velocity")
+        return {name: value for name, value in asdict(self.base).items() if name in names}

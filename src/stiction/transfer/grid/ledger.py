@@ -1,0 +1,105 @@
+"""The walks that are done, one line of JSON each, written as they end: an interrupted grid goes on where it was.
+
+A line is found again by everything that its walk depends on: the bundle's digest, the cell, the settings, and the code
+that measures. What has changed since is walked anew; old lines stay, and are not read.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import asdict
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from stiction.formats.errors import StictionError
+from stiction.formats.reproducibility import PACKAGE
+from stiction.transfer.grid.config import GridCfg
+from stiction.transfer.grid.plan import Walk
+from stiction.transfer.metrics import Metrics
+
+MEASURING = (
+    *("sim/*.py", "joints/pd.py", "robots/*.py", "deploy/*.py"),
+    *("transfer/engines/*.py", "transfer/robot/*.py", "transfer/grid/walk.py"),
+    *(f"transfer/{name}.py" for name in ("course", "evaluate", "rollout", "metrics")),
+)
+"""Code that decides what a walk is worth."""
+
+
+@cache
+def code_digest() -> str:
+    """Return the SHA-256 of that code."""
+    files = sorted(file for pattern in MEASURING for file in PACKAGE.glob(pattern))
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+class Ledger:
+    """The walks of one grid that are done."""
+
+    def __init__(self, path: Path, cfg: GridCfg, digests: dict[str, str], robot: str | None = None) -> None:
+        """Read what is there.
+
+        Args:
+            path: the file; its folder exists.
+            cfg: the grid.
+            digests: policy -> digest of its bundle.
+            robot: robot of one's own, see `robot_of`.
+
+        Raises:
+            StictionError: the file cannot be read.
+
+        """
+        self._path, self._digests = path, digests
+        common = {"settings": cfg.settings(), "code": code_digest(), "robot": robot}
+        self._common = json.dumps(common, sort_keys=True)
+        self._commands = {terrain: cfg.on(terrain).commands for terrain in cfg.terrains}
+        self._found: dict[str, dict[str, Any]] = {}
+        self._read()
+
+    def _read(self) -> None:
+        """Read every whole line; one that an interruption cut off is none."""
+        try:
+            lines = self._path.read_text(encoding="utf-8").splitlines() if self._path.exists() else []
+        except (OSError, UnicodeDecodeError) as error:
+            raise StictionError(f"{self._path} cannot be read: {error}; move it away, or give another --out") from error
+        for line in lines:
+            try:
+                entry = json.loads(line)
+                self._found[entry["key"]] = entry["metrics"]
+            except (ValueError, TypeError, KeyError):
+                continue
+
+    def key(self, walk: Walk) -> str:
+        """Return what a walk is found by."""
+        cell = json.dumps([asdict(walk), self._digests[walk.policy]], sort_keys=True)
+        return hashlib.sha256((self._common + cell).encode()).hexdigest()[:24]
+
+    def find(self, walk: Walk) -> Metrics | None:
+        """Return what a walk was worth; None where it was not done."""
+        found = self._found.get(self.key(walk))
+        if found is None:
+            return None
+        share = found["group_share"]
+        return Metrics(**found | {"group_share": None if share is None else tuple(share)})
+
+    def add(self, walks: tuple[Walk, ...], metrics: list[Metrics]) -> None:
+        """Keep walks, on disk when this returns.
+
+        Raises:
+            StictionError: the file cannot be written.
+
+        """
+        lines = []
+        for walk, one in zip(walks, metrics, strict=True):
+            key, plain = self.key(walk), asdict(one)
+            self._found[key] = plain
+            lines.append(json.dumps({"key": key, "walk": asdict(walk), "metrics": plain}, allow_nan=False))
+        try:
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write("".join(line + "\n" for line in lines))
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise StictionError(f"{self._path} cannot be written: {error}; give another --out") from error

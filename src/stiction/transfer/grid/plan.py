@@ -1,0 +1,104 @@
+"""Which walks a grid consists of, and what can be done in one go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stiction.formats.friction import Law
+from stiction.transfer.grid.config import GridCfg, Place
+from stiction.transfer.robot.factorial import factorial
+
+REAL = "real"
+"""Law of a virtual robot's friction in results.csv: Stribeck's, different in every joint."""
+
+COST = {"mujoco": 0.05, "mujoco-alone": 1.0, "physx": 2.0, "ode-webots": 4.0, "ode": 6.0}
+"""Time that a walk takes in each engine, in some unit: the long ones go first, so that no core waits at the end."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """One episode of one policy in one cell of the grid."""
+
+    policy: str
+    """Name of the bundle."""
+    place: Place
+    """Engine and robot."""
+    law: str
+    """Law of the friction; of a virtual robot with friction `REAL`."""
+    level: str
+    """Friction, as a number or as `parse_level` reads it."""
+    terrain: str
+    """Label of the ground."""
+    command: str
+    """Label of the command."""
+    episode: int
+    """Number of start pose and noise."""
+    robot: int | None = None
+    """Seed of the virtual robot."""
+
+    @property
+    def cell(self) -> tuple[str, ...]:
+        """What the walks of one row of results.csv share."""
+        return self.policy, self.place.label, self.law, self.level, self.terrain, self.command
+
+
+def plan(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:
+    """Return every walk of the grid, those of one row beside each other.
+
+    Episodes of a virtual robot are spread over the robots: every robot walks `episodes` of them.
+    """
+    walks = []
+    for policy in policies:
+        for place in cfg.places:
+            for terrain in cfg.terrains:
+                asked = cfg.on(terrain)
+                for law, level, robots in _frictions(place, cfg):
+                    for command in asked.parsed_commands:
+                        walks += [
+                            Walk(policy, place, law, level, asked.terrain, command.label, episode, robot)
+                            for robot in robots
+                            for episode in range(asked.episodes)
+                        ]
+    return walks
+
+
+def _frictions(place: Place, cfg: GridCfg) -> list[tuple[str, str, tuple[int | None, ...]]]:
+    """Return law, level and robots of every friction that is met in a place."""
+    if place.cell is None:
+        return [(cfg.base.friction_law, f"{level:g}", (None,)) for level in cfg.base.friction_levels]
+    cases = factorial(cfg.robots[:1], cfg.levels_of_robots, (place.cell,))
+    law = REAL if "friction" in cases[0].groups else Law().name
+    return [(law, case.level.label, cfg.robots) for case in cases]
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Walks that are done in one go: one, or all of a policy on one ground at one level in a batch."""
+
+    walks: tuple[Walk, ...]
+
+    @property
+    def policy(self) -> str:
+        """Name of the bundle."""
+        return self.walks[0].policy
+
+    @property
+    def place(self) -> Place:
+        """Where."""
+        return self.walks[0].place
+
+    @property
+    def cost(self) -> float:
+        """How long it takes, in the unit of `COST`."""
+        return COST[self.place.engine] * len(self.walks)
+
+
+def units(walks: Sequence[Walk]) -> list[Unit]:
+    """Return the walks as units, the longest first."""
+    alone = [Unit((walk,)) for walk in walks if not walk.place.is_batch]
+    batches: dict[tuple[str, str, str], list[Walk]] = {}
+    for walk in walks:
+        if walk.place.is_batch:
+            batches.setdefault((walk.policy, walk.terrain, walk.level), []).append(walk)
+    return sorted([*alone, *(Unit(tuple(some)) for some in batches.values())], key=lambda unit: -unit.cost)

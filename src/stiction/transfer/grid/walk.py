@@ -1,0 +1,110 @@
+"""One unit of a grid: builds robot and ground in the engine, lets the policy walk, and measures it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from stiction.formats.bundle import Bundle
+from stiction.formats.friction import Law
+from stiction.robots.spec import RobotSpec
+from stiction.transfer.command import Command, parse_command
+from stiction.transfer.course import FOOT, Course, parse_course, starts, straight_on
+from stiction.transfer.engines.catalog import make_engine
+from stiction.transfer.engines.engine import GRAVITY, Motion
+from stiction.transfer.engines.ground import course
+from stiction.transfer.engines.rotation import yaw
+from stiction.transfer.evaluate import evaluate_bundle
+from stiction.transfer.grid.config import ALONE, GridCfg
+from stiction.transfer.grid.plan import Unit, Walk
+from stiction.transfer.metrics import Metrics, measure
+from stiction.transfer.robot.factorial import Case, parse_level
+from stiction.transfer.robot.friction import DryFriction, FrictionShape
+from stiction.transfer.robot.hidden import Hidden
+from stiction.transfer.robot.trial import TIMESTEP, Kind, Steer, World, walk
+from stiction.transfer.rollout import robot_of
+
+STEP = 0.002
+"""Physics step of an engine with the data sheet's robot in it [s]: what the engines' conformance is held at."""
+
+
+@dataclass(frozen=True)
+class DataSheet:
+    """The robot as its description has it, under one law of friction: a case like those of the factorial."""
+
+    seed: int
+    """Of start poses and sensor noise."""
+    law: Law
+    """Of the friction."""
+    level: float
+    """Friction as a fraction of the torque limit, or its coefficient [-]."""
+
+    def robot(self, hidden: Hidden) -> Hidden:
+        """Return a robot in which nothing is hidden."""
+        return hidden.only(())
+
+    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> DryFriction:
+        """Return the dry friction of its joints; `timestep`: of the physics [s]."""
+        num = spec.num_joints
+        one = np.ones(num)
+        if self.law.name == "load":
+            return DryFriction(FrictionShape.perfect(num), np.zeros(num), self.level, timestep)
+        ratio = self.law.static_ratio if self.law.name == "stribeck" else 1.0
+        shape = FrictionShape(one, ratio * one, self.law.stribeck_velocity * one, one)
+        return DryFriction(shape, self.level * spec.joint_values("torque_limit"), 0.0, timestep)
+
+
+def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
+    """Do a unit and return what each of its walks was worth.
+
+    Raises:
+        StictionError: the bundle does not fit the robot, or what the engine needs is not installed.
+
+    """
+    return _batch(bundle, unit, cfg, robot) if unit.place.is_batch else [_alone(bundle, unit.walks[0], cfg, robot)]
+
+
+def _batch(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None) -> list[Metrics]:
+    """Walk all of a unit at once, in the order of its walks: by command, by episode."""
+    first = unit.walks[0]
+    evaluation = evaluate_bundle(bundle, replace(cfg.on(first.terrain), friction_levels=(float(first.level),)), robot)
+    return [metrics for row in evaluation.episodes for metrics in row]
+
+
+def _alone(bundle: Bundle, one: Walk, cfg: GridCfg, robot: str | None) -> Metrics:
+    """Walk one robot in one engine."""
+    asked, ground = cfg.on(one.terrain), parse_course(one.terrain)
+    spec, period = robot_of(bundle.contract, robot), bundle.contract.control_period
+    command = parse_command(one.command)
+    aside, askew = (0.0, 0.0) if ground.is_flat else starts(asked.seed, asked.episodes)[one.episode].tolist()
+    world = World(
+        make=partial(make_engine, ALONE[one.place.engine]),
+        ground=course(ground.kind, ground.size, asked.seed),
+        start=(0.0 if ground.is_flat else -FOOT, aside),
+        heading=askew,
+        timestep=STEP if one.robot is None else TIMESTEP,
+        noise=asked.noise if one.robot is None else None,
+    )
+    case: Kind
+    if one.robot is None or one.place.cell is None:
+        case = DataSheet(asked.seed, asked.law, float(one.level))
+    else:
+        case = Case(one.robot, one.place.cell, parse_level(one.level))
+    steps = round(asked.duration / period)
+    trial = walk(bundle, case, world, steer(command, ground), steps, one.episode, spec=spec)
+    part = trial.recording.lasting(steps).of(slice(0, 1), round(asked.settle / period))
+    return measure(part, command, spec.groups(), spec.mass * GRAVITY, ground)
+
+
+def steer(command: Command, ground: Course) -> Steer:
+    """Return who commands a robot: the command itself on flat ground; over a course its speed, straight on."""
+    velocity = np.array(command.velocity)
+    if ground.is_flat:
+        return lambda step, motion: velocity
+
+    def straight(step: int, motion: Motion) -> np.ndarray:
+        return np.array([velocity[0], 0.0, straight_on(yaw(motion.base_quaternion))])
+
+    return straight
