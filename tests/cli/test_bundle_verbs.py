@@ -86,6 +86,8 @@ def test_evaluate_writes_results_without_torch(bundle: Path, tmp_path: Path) -> 
         "friction_budget.svg",
         "friction_budget.png",
         "report.html",
+        "methods.csv",
+        "walks.jsonl",
     }
 
 

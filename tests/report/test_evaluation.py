@@ -11,7 +11,8 @@ import pytest
 from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
 from stiction.formats.results import ResultRow, read_results
-from stiction.report.evaluation import draw_budget, lead, results_table, write_evaluation
+from stiction.report.evaluation import lead, results_table, write_evaluation
+from stiction.report.evaluation_figures import draw_budget
 
 
 def make_row(policy: str, level: float, command: str, ratio: float | None, falls: float = 0.0) -> ResultRow:
@@ -32,6 +33,9 @@ ROWS = [
 SUMMARY = {
     "command": "stiction evaluate <b>plain</b>",
     "evaluation": {"episodes": 8, "noise": {}},
+    "engines": ["mujoco"],
+    "terrains": ["flat"],
+    "robots": [],
     "conditions": {
         "action_delay": 0.01,
         "encoder_offset": 0.0,

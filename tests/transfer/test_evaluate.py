@@ -33,7 +33,7 @@ def test_a_row_for_every_level_and_command_in_order(checked: Bundle) -> None:
     assert found == expected
     assert result.blown_up == 0
     assert [set(detail) - set(vars(result.rows[0])) for detail in result.details()] == [
-        {"group_share", "moving_share", "mean_friction"}
+        {"group_share", "moving_share", "mean_friction", "crossed"}
     ] * 4
 
 

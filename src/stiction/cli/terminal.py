@@ -40,11 +40,13 @@ def print_rows(rows: Sequence[ResultRow]) -> None:
     for policy in dict.fromkeys(row.policy for row in rows):
         console.print(policy, style="bold", soft_wrap=True, highlight=False, markup=False)
         table = Table()
-        for name in ("friction", "command", "speed ratio", "error", "falls", "jitter", "tripod"):
-            table.add_column(name, justify="left" if name == "command" else "right", overflow="fold")
-        for row in rows:
+        places = [(row.engine, row.terrain) for row in rows]
+        where = ["engine", "ground"] if len(set(places)) > 1 else []
+        for name in (*where, "friction", "command", "speed ratio", "error", "falls", "jitter", "tripod"):
+            table.add_column(name, justify="left" if name in ("command", *where) else "right", overflow="fold")
+        for row, place in zip(rows, places, strict=True):
             if row.policy == policy:
-                table.add_row(*_cells(row))
+                table.add_row(*(place if where else ()), *_cells(row))
         console.print(table)
 
 

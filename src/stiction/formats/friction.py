@@ -66,5 +66,5 @@ def level_axis(law: str) -> str:
         return "load friction c, N m per N and N m transmitted"
     if law == "effort":
         return "effort friction c, N m per N m of the motor"
-    name = "dry friction" if law == "coulomb" else "Stribeck friction in motion"
+    name = "Stribeck friction in motion" if law == "stribeck" else "dry friction"
     return f"{name}, % of each joint's torque limit"

@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from markupsafe import Markup
 
 from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
-from stiction.formats.friction import LAWS, has_coefficient, level_axis, level_number, level_text
+from stiction.formats.friction import LAWS, has_coefficient, level_text
+from stiction.formats.grid import MethodMean
 from stiction.formats.results import ResultRow, write_results, write_summary
-from stiction.report.page import Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
+from stiction.formats.rows import write_rows
+from stiction.report.evaluation_figures import DEFAULT, GOOD, draw_budget, place_of, place_text, places, unique
+from stiction.report.page import Section, figure_uri, paragraph, picture, render_page, table
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-GOOD = (0.8, 1.2)
-"""Speed ratios that count as following the command [-]."""
+TITLE = "Speed over joint friction"
+"""Title of the page."""
 
 MOVING = "moving"
 """Column that results.csv does not have; it comes from summary.json."""
@@ -41,11 +41,17 @@ DEFINITIONS = (
 
 
 CONDITIONS = (
-    "MuJoCo, flat ground, dry friction in every joint ({}), sensor noise as in training. The joints' inertia, viscous "
-    "friction and gains are the nominal ones of the policy's training, masses those of the robot's specification. "
-    "All of these are held fixed here, while training randomises them; so are:"
+    "Dry friction in every joint ({}), sensor noise as in training. The joints' inertia, viscous friction and gains "
+    "are the nominal ones of the policy's training, masses those of the robot's specification. All of these are held "
+    "fixed here, while training randomises them; so are:"
 )
-"""What was not varied."""
+"""What was not varied, on the robot of the data sheet."""
+
+VIRTUAL = (
+    "A name behind a + is a virtual robot in that engine: what of it is real differs from the data sheet by numbers "
+    "that nobody who trained or drives a policy has read. Robots with the seeds {}; each walks every episode."
+)
+"""What a virtual robot is."""
 
 FIXED = {
     "action_delay": "action delay {:g} s",
@@ -57,8 +63,12 @@ FIXED = {
 """Words for the entries of the summary's `conditions`."""
 
 
-def write_evaluation(out: Path, rows: Sequence[ResultRow], summary: dict[str, Any]) -> Path:
+def write_evaluation(
+    out: Path, rows: Sequence[ResultRow], summary: dict[str, Any], methods: Sequence[MethodMean] = ()
+) -> Path:
     """Write every file of an evaluation into `out`; return the path of the page.
+
+    methods: the ways of training over their seeds, for methods.csv and its table.
 
     Raises:
         StictionError: the directory cannot be made or written.
@@ -69,35 +79,15 @@ def write_evaluation(out: Path, rows: Sequence[ResultRow], summary: dict[str, An
     try:
         write_results(out / "results.csv", rows)
         write_summary(out / "summary.json", summary)
+        if methods:
+            write_rows(out / "methods.csv", methods)
         for kind in ("svg", "png"):
             figure.savefig(out / f"friction_budget.{kind}", dpi=150, facecolor="white")
         page = out / "report.html"
-        page.write_text(render_page("Speed over joint friction", sections(rows, summary), lead(rows)), encoding="utf-8")
+        page.write_text(render_page(TITLE, sections(rows, summary, methods), lead(rows)), encoding="utf-8")
     except OSError as error:
         raise StictionError(f"the results cannot be written to {out}: {error}; choose another --out") from error
     return page
-
-
-def draw_budget(rows: Sequence[ResultRow]) -> Figure:
-    """Return the friction budget: speed ratio over friction level, a line for each policy.
-
-    There is a panel for each command, and for each law: their levels have different units.
-    """
-    panels = list(dict.fromkeys((row.friction_law, row.command) for row in rows if row.speed_ratio is not None))
-    figure, axes = new_figure(1, max(1, len(panels)), size=(4.6 * max(1, len(panels)), 3.4))
-    for axis, (law, command) in zip(axes, panels, strict=False):
-        axis.axhspan(*GOOD, color="#4c9f70", alpha=0.12, linewidth=0)
-        axis.axhline(0.0, color="#7d8590", linewidth=0.8)
-        for policy in _unique(row.policy for row in rows):
-            points = [row for row in rows if (row.policy, row.friction_law, row.command) == (policy, law, command)]
-            points.sort(key=lambda row: row.friction_level)
-            levels = [level_number(law, row.friction_level) for row in points]
-            axis.plot(levels, [row.speed_ratio for row in points], marker="o", markersize=4, label=policy)
-        axis.set(title=f"commanded {command}", xlabel=level_axis(law))
-    if panels:
-        axes[0].set_ylabel("speed reached / commanded")
-        legend(axes[0])
-    return figure
 
 
 def follows(row: ResultRow) -> bool:
@@ -108,28 +98,61 @@ def follows(row: ResultRow) -> bool:
 def lead(rows: Sequence[ResultRow]) -> str:
     """Return the answer in a sentence for each policy: up to which level it follows all linear and turn commands."""
     sentences = []
-    for policy in _unique(row.policy for row in rows):
-        levels: dict[tuple[str, float], bool] = {}
-        for row in rows:
-            if row.policy == policy and row.speed_ratio is not None:
-                level = row.friction_law, row.friction_level
-                levels[level] = levels.get(level, True) and follows(row)
-        good = [_level(*level) for level, all_followed in sorted(levels.items()) if all_followed]
-        tested = ", ".join(_level(*level) for level in sorted(levels))
-        sentences.append(
-            f"{policy} follows every command without a fall at {', '.join(good)}" if good else f"{policy} does at none"
-        )
-        sentences[-1] += f" of the tested levels {tested}." if levels else ": none asked it to move."
+    several = len(places(rows)) > 1
+    for policy in unique(row.policy for row in rows):
+        for place in places(rows):
+            own = [row for row in rows if row.policy == policy and place_of(row) == place]
+            if own:
+                where = f", {place_text(place)}," if several else ""
+                sentences.append(f"{policy}{where} {_follows_where(own)}")
     return " ".join(sentences) + f" Following means {GOOD[0]:.0%} to {GOOD[1]:.0%} of the commanded speed."
 
 
-def sections(rows: Sequence[ResultRow], summary: dict[str, Any]) -> list[Section]:
-    """Return the sections of the page: figure, table, definitions, what was run."""
+def _follows_where(rows: Sequence[ResultRow]) -> str:
+    """Return at which levels one policy follows in one place, as the end of a sentence."""
+    levels: dict[tuple[str, float], bool] = {}
+    for row in rows:
+        if row.speed_ratio is not None:
+            level = row.friction_law, row.friction_level
+            levels[level] = levels.get(level, True) and follows(row)
+    if not levels:
+        return "does at none: none asked it to move."
+    good = [_level(*level) for level, all_followed in sorted(levels.items()) if all_followed]
+    tested = ", ".join(_level(*level) for level in sorted(levels))
+    begin = f"follows every command without a fall at {', '.join(good)}" if good else "does at none"
+    return f"{begin} of the tested levels {tested}."
+
+
+def sections(rows: Sequence[ResultRow], summary: dict[str, Any], methods: Sequence[MethodMean] = ()) -> list[Section]:
+    """Return the sections of the page: figure, ways of training, table, definitions, what was run."""
+    found = [Section("Friction budget", (budget_picture(rows),))]
+    if any(mean.seeds > 1 for mean in methods):
+        found.append(Section("Ways of training, over their seeds", (methods_table(methods),)))
     return [
-        Section("Friction budget", (budget_picture(rows),)),
+        *found,
         Section("Every row", (results_table(rows, summary["rows"]), definitions_table())),
         Section("What was run", run_blocks(summary)),
     ]
+
+
+def methods_table(methods: Sequence[MethodMean]) -> Markup:
+    """Return the mean speed ratio of every way of training, with its interval and every seed."""
+    header = ["method", "engine", "ground", "friction", "command", "speed ratio", "95 %", "each seed"]
+    caption = "t-intervals over training seeds: a seed is one sample, however many episodes it walked."
+    cells = [
+        [
+            mean.method,
+            mean.engine,
+            mean.terrain,
+            _level(mean.friction_law, mean.friction_level),
+            mean.command,
+            f"{mean.speed_ratio:.2f}",
+            "–" if mean.low is None or mean.high is None else f"{mean.low:.2f} to {mean.high:.2f}",
+            ", ".join(f"{float(point):.2f}" for point in mean.each.split()),
+        ]
+        for mean in methods
+    ]
+    return table(header, cells, caption)
 
 
 def budget_picture(rows: Sequence[ResultRow]) -> Markup:
@@ -148,13 +171,25 @@ def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] =
     cells = [_cells(row) for row in rows]
     for line, row, detail in zip(cells, rows, details, strict=bool(details)):
         line.insert(-1, _number(detail["moving_share"], ".0%"))
+        line[5] += _interval(detail.get("fall_interval"))
         if has_coefficient(row.friction_law) and detail.get("mean_friction") is not None:
             line[1] += f", {detail['mean_friction']:.2f} N m"
-    return table(["policy", "friction", "command", *names, "episodes"], cells)
+    header = ["policy", "friction", "command", *names, "episodes"]
+    if places(rows) != [DEFAULT]:
+        header[1:1] = ["engine", "ground"]
+        over = any(row.terrain != "flat" for row in rows)
+        for line, row, detail in zip(cells, rows, details or [{}] * len(rows), strict=True):
+            line[1:1] = [row.engine, row.terrain]
+            if over:
+                line.insert(-1, _number(row.steps_climbed, ".1f"))
+                line.insert(-1, _number(detail.get("crossed"), ".0%") + _interval(detail.get("crossed_interval")))
+        if over:
+            header[-1:-1] = ["steps passed", "crossed"]
+    return table(header, cells, "In brackets: Wilson's 95 % intervals over episodes." if details else "")
 
 
 def definitions_table() -> Markup:
-    """Return the meaning of every column."""
+    """Return the meaning of every column that every evaluation has."""
     return table(["column", "meaning"], DEFINITIONS)
 
 
@@ -168,8 +203,11 @@ def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
     law = f"law {name}: {LAWS[name]}"
     evaluation = {name: value for name, value in summary["evaluation"].items() if name != "noise"}
     fixed = [FIXED[name].format(value) for name, value in summary["conditions"].items()]
+    where = f"Engines: {', '.join(summary['engines'])}. Grounds: {', '.join(summary['terrains'])}."
+    robots = (VIRTUAL.format(", ".join(map(str, summary["robots"]))),) if summary["robots"] else ()
     return (
         paragraph(f"Command: {summary['command']}"),
+        *(paragraph(text) for text in (where, *robots)),
         paragraph(f"{CONDITIONS.format(law)} {', '.join(fixed)}."),
         paragraph(f"Settings: {json.dumps(evaluation)}"),
         table(["policy", "method", "seed", "revision", "digest", "made by"], policies),
@@ -205,6 +243,6 @@ def _level(law: str, level: float) -> str:
     return level_text(law, level) if law == "coulomb" else f"{law} {level_text(law, level)}"
 
 
-def _unique(values: Iterable[str]) -> list[str]:
-    """Return each value once, in the order of first appearance."""
-    return list(dict.fromkeys(values))
+def _interval(ends: Sequence[float] | None) -> str:
+    """Return an interval of a share as text in brackets; nothing where there is none."""
+    return "" if ends is None else f" ({ends[0]:.0%} to {ends[1]:.0%})"
