@@ -109,9 +109,11 @@ def parse_course(text: str) -> Course:
 
 
 def starts(seed: int, count: int) -> np.ndarray:
-    """Return where walks over a course begin: aside of its middle [m] and askew [rad], shape (count, 2)."""
-    generator = seed_streams(seed, ["start"])["start"]
-    return np.stack((generator.uniform(-ASIDE, ASIDE, count), generator.uniform(-ASKEW, ASKEW, count)), -1)
+    """Return where walks over a course begin: aside of its middle [m] and askew [rad], shape (count, 2).
+
+    A walk's start is that of its number alone, however many there are.
+    """
+    return seed_streams(seed, ["start"])["start"].uniform(-1.0, 1.0, (count, 2)) * (ASIDE, ASKEW)
 
 
 def line_up(fleet: Fleet, start: np.ndarray) -> None:

@@ -1,0 +1,120 @@
+"""A grid is walked, interrupted, gone on with, and turned into rows."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bundles import make_bundle, make_contract, make_network
+from stiction.formats.bundle import Bundle, read_bundle
+from stiction.formats.errors import StictionError
+from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.transfer.grid import run
+from stiction.transfer.grid.config import GridCfg
+from stiction.transfer.grid.run import LEDGER, walk_grid
+from stiction.transfer.grid.table import method_means, rows_of
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+BASE = EvaluationCfg((0.0, 0.2), ("vx=0.5",), episodes=2, seconds=1.5, settle=0.5)
+ENGINES = ("mujoco", "mujoco-alone", "mujoco-alone+all")
+GRID = GridCfg(BASE, ENGINES, robots=(3,), robot_levels=("0.1",))
+
+
+@pytest.fixture(scope="module")
+def still(tmp_path_factory: pytest.TempPathFactory) -> Bundle:
+    """A bundle whose network hardly moves: the robot stands."""
+    contract = make_contract()
+    return read_bundle(make_bundle(tmp_path_factory.mktemp("b") / "still", contract, make_network(contract, gain=1e-3)))
+
+
+@pytest.fixture(scope="module")
+def walked(still: Bundle, tmp_path_factory: pytest.TempPathFactory):
+    """The whole grid, walked once, and the folder of its ledger."""
+    out = tmp_path_factory.mktemp("out")
+    return walk_grid([still], GRID, out), out
+
+
+def test_a_row_for_every_cell(still: Bundle, walked) -> None:
+    """Engine, law and level as they are looked for in results.csv."""
+    rows, details = rows_of(walked[0], [still])
+    found = [(row.engine, row.friction_law, row.friction_level, row.episodes) for row in rows]
+    plain = [(engine, "coulomb", level, 2) for engine in ENGINES[:2] for level in (0.0, 0.2)]
+    assert found == [*plain, ("mujoco-alone+all", "real", 0.1, 2)]
+    assert details[0]["fall_interval"] == (0.0, pytest.approx(3.8415 / 5.8415, abs=1e-4))
+    assert list(details[-1]["robots"]) == ["3"]
+
+
+def test_the_batch_is_the_evaluation_as_it_was(still: Bundle, walked) -> None:
+    """Results made before there was a grid stay comparable."""
+    rows, _ = rows_of(walked[0], [still])
+    before = evaluate_bundle(still, BASE).rows
+    for row, old in zip(rows, before, strict=False):
+        assert row.speed_ratio == pytest.approx(old.speed_ratio, abs=1e-4)
+        assert row.joint_jitter == pytest.approx(old.joint_jitter, rel=1e-3)
+
+
+def test_one_robot_in_its_engine_does_what_it_does_in_the_batch(walked) -> None:
+    """The same start, noise and friction: a robot that stands hardly moves in both."""
+    for walk, metrics in walked[0].items():
+        assert abs(metrics.speed_ratio) * 0.5 < 0.03, walk
+        assert metrics.fall_rate == 0.0
+
+
+def test_nothing_is_walked_twice(still: Bundle, walked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same command again reads its ledger; a changed setting walks anew."""
+    monkeypatch.setattr(run, "walk_unit", lambda *arguments: pytest.fail("walked again"))
+    assert walk_grid([still], GRID, walked[1]) == walked[0]
+    with pytest.raises(pytest.fail.Exception):
+        walk_grid([still], replace(GRID, base=replace(BASE, seed=1)), walked[1])
+
+
+def test_an_interrupted_grid_goes_on(still: Bundle, walked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What had ended is kept, with a line that was cut off; the rest is walked."""
+    lines = (walked[1] / LEDGER).read_text().splitlines(keepends=True)
+    (tmp_path / LEDGER).write_text("".join(lines[:3]) + lines[3][:40] + "\n")
+    count, walk_unit = [], run.walk_unit
+
+    def counted(bundle: Bundle, unit, *rest):
+        count.append(len(unit.walks))
+        return walk_unit(bundle, unit, *rest)
+
+    monkeypatch.setattr(run, "walk_unit", counted)
+    assert walk_grid([still], GRID, tmp_path) == walked[0]
+    assert 0 < sum(count) <= len(walked[0]) - 3 + 1
+
+
+def test_processes_do_not_change_the_result(still: Bundle, walked, tmp_path: Path) -> None:
+    """Two cores, the same numbers."""
+    assert walk_grid([still], GRID, tmp_path, jobs=2) == walked[0]
+
+
+def test_stairs_are_walked_in_every_engine(still: Bundle, tmp_path: Path) -> None:
+    """A robot that stands crosses nothing, and nothing breaks."""
+    base = EvaluationCfg((0.0,), ("vx=2",), episodes=1)
+    done = walk_grid([still], GridCfg(base, ENGINES[:2], ("stairs=0.1",)), tmp_path)
+    rows, details = rows_of(done, [still])
+    assert [(row.terrain, row.steps_climbed) for row in rows] == [("stairs=0.1", 0.0)] * 2
+    assert [detail["crossed"] for detail in details] == [0.0, 0.0]
+
+
+def test_what_is_not_installed_is_said_before_anything_walks(still: Bundle, tmp_path: Path) -> None:
+    """An engine that is missing must not end a grid after an hour."""
+    from stiction.transfer.engines.catalog import what_is_missing
+    from stiction.transfer.rollout import robot_of
+
+    if not what_is_missing("ode", robot_of(still.contract)):
+        pytest.skip("ODE is installed here")
+    with pytest.raises(StictionError, match=r"stiction\[engines\]"):
+        walk_grid([still], replace(GRID, engines=("mujoco", "ode")), tmp_path)
+    assert not (tmp_path / LEDGER).exists()
+
+
+def test_a_seed_is_one_sample(still: Bundle, walked) -> None:
+    """Means over seeds 0.8 and 1.0: 0.9 ± 12.706 · 0.1; one seed has no interval."""
+    row = rows_of(walked[0], [still])[0][0]
+    rows = [replace(row, policy=f"p{seed}", seed=seed, speed_ratio=0.8 + 0.2 * seed) for seed in (0, 1)]
+    (mean,) = method_means(rows)
+    assert (mean.seeds, mean.speed_ratio, mean.each) == (2, pytest.approx(0.9), "0.8 1")
+    assert (mean.low, mean.high) == (pytest.approx(0.9 - 1.2706, abs=1e-3), pytest.approx(0.9 + 1.2706, abs=1e-3))
+    assert method_means(rows[:1])[0].low is None
