@@ -1,0 +1,195 @@
+"""The paper's sentences on its comparison, and the explanations that stand to be tested, each with its criterion.
+
+`E`: the paper's section on Sim2Sim and Sim2Real. The virtual robot stands in for the real one, PhysX, ODE for Webots.
+`V`: its section on training with friction, whose failures it saw on the robot. `T`: its table of motors, and what it
+concludes from it. `X`: explanations for why the paper saw what it saw.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from stiction.formats.experiment import Verdict
+from stiction.transfer.experiment.judging import Finding
+from stiction.transfer.replication import criteria
+from stiction.transfer.replication.criteria import Judge
+from stiction.transfer.replication.evidence import Evidence
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One sentence."""
+
+    id: str
+    """Section and number."""
+    sentence: str
+    """The sentence, shortened."""
+    criterion: str
+    """What must hold for it to reproduce."""
+    judge: Judge
+    """The criterion as a function of the rows."""
+
+
+CLAIMS: tuple[Claim, ...] = (
+    Claim(
+        "E1",
+        "in Sim2Sim the robot achieved the best performance using domain randomization without static friction",
+        "other engines, no friction: mean |speed ratio - 1| of none is below that of deception, and of actuator",
+        criteria.best_without_friction,
+    ),
+    Claim(
+        "E2",
+        "using Actuator Net, the robot exhibited significant abnormal behavior, eventually leading to system failure",
+        "actuator, other engines, no friction: under 20 % of the command in the slower direction",
+        criteria.fails_elsewhere("actuator"),
+    ),
+    Claim(
+        "E3",
+        "with static friction, the robot displayed irregular jittering [in Sim2Sim]",
+        "other engines, no friction: joint accelerations of deception above 1.5 times those of none",
+        criteria.jitters_elsewhere,
+    ),
+    Claim(
+        "E4",
+        "and jumping",
+        "other engines, no friction: deception has no foot on the ground in more than 5 % of its moving steps",
+        criteria.jumps_elsewhere,
+    ),
+    Claim(
+        "E5",
+        "but was still capable of ascending and descending stairs",
+        "deception trained on stairs, PhysX, no friction: at least 80 % of crossings, at each height",
+        criteria.climbs("deception", "physx", 0.0),
+    ),
+    Claim(
+        "E6",
+        "domain randomization without static friction enabled the robot to walk backward on flat ground",
+        "none, virtual robot: at least 50 % of the command backward, at each level",
+        criteria.walks("none", "vx=-0.5"),
+    ),
+    Claim(
+        "E7",
+        "but forward walking caused it to fall",
+        "none, virtual robot: at least half of the walks forward end in a fall, at each level",
+        criteria.falls("none", "vx=0.5"),
+    ),
+    Claim(
+        "E8",
+        "using Actuator Net allowed the robot to walk forward, albeit unsteadily",
+        "actuator, virtual robot: at least 50 % of the command forward, at each level",
+        criteria.walks("actuator", "vx=0.5"),
+    ),
+    Claim(
+        "E9",
+        "and it was unable to climb stairs",
+        "actuator trained on stairs, virtual robot, level 0.2: under 20 % of crossings, at each height",
+        criteria.climbs_not("actuator", "physx+all", 0.2),
+    ),
+    Claim(
+        "E10",
+        "domain randomization with static friction achieved stable walking on flat ground",
+        "deception, virtual robot: 80 to 120 % both ways and falls in under 5 % of walks, at each level",
+        criteria.walks_stably("deception"),
+    ),
+    Claim(
+        "E11",
+        "and successful stair navigation",
+        "deception trained on stairs, virtual robot, level 0.2: at least 80 % of crossings, at each height",
+        criteria.climbs("deception", "physx+all", 0.2),
+    ),
+    Claim(
+        "E12",
+        "this approach significantly improved Sim2Real performance",
+        "virtual robot: mean |speed ratio - 1| of deception is below that of none, at each level",
+        criteria.better_on_the_robot("deception", "none"),
+    ),
+    Claim(
+        "E13",
+        "albeit with a slight sacrifice in Sim2Sim performance",
+        "other engines, no friction: mean |speed ratio - 1| of deception is above that of none",
+        criteria.worse_elsewhere("deception", "none"),
+    ),
+    Claim(
+        "E14",
+        "static friction is the primary cause of this discrepancy",
+        "none, virtual robot: friction alone costs more of the slower direction than everything else alone, per level",
+        criteria.friction_is_the_cause,
+    ),
+    Claim(
+        "V2",
+        "directly incorporating static friction caused the robot to remain stationary",
+        "direct, virtual robot: under 20 % of the command in the faster direction, at each level",
+        criteria.stationary("direct"),
+    ),
+    Claim(
+        "V3",
+        "manually compensating for it in the actions caused the robot to remain stationary",
+        "compensation, virtual robot: under 20 % of the command in the faster direction, at each level",
+        criteria.stationary("compensation"),
+    ),
+    Claim(
+        "V5",
+        "fine-tuning a model that was trained without static friction also failed",
+        "finetune, virtual robot: under 80 % of the command in the slower direction, at each level",
+        criteria.fails("finetune"),
+    ),
+    Claim(
+        "V7",
+        "models trained with the iterative method exhibited severe jitter during real-world deployment",
+        "virtual robot: joint accelerations of iterative above 1.5 times those of deception, at each level",
+        criteria.jitters_on_the_robot("iterative", "deception"),
+    ),
+    Claim(
+        "V8",
+        "even making stable standing difficult",
+        "iterative, virtual robot: faster than 0.1 m/s where standing is commanded, at each level",
+        criteria.stands_badly("iterative"),
+    ),
+    Claim(
+        "T1",
+        "static friction [0.98 % of the torque limit] leads to a noticeable impact",
+        "none, other engines: under 80 % of the command in the slower direction at level 0.01",
+        criteria.fails_at("none", 0.01),
+    ),
+    Claim(
+        "T2",
+        "joints with lower friction-to-torque ratios could further alleviate this issue",
+        "none, virtual robot: mean |speed ratio - 1| at 0.1 is below that at 0.2",
+        criteria.lower_is_better,
+    ),
+    Claim(
+        "X1",
+        "the unit: 0.442 read as a coefficient of the joint's load freezes conventional policies",
+        "none, law load, c = 0.442: under 20 % of the command in the faster direction",
+        criteria.frozen_by("load"),
+    ),
+    Claim(
+        "X2",
+        "the unit: 0.442 read as a coefficient of the motor's torque does",
+        "none, law effort, c = 0.442: under 20 % of the command in the faster direction",
+        criteria.frozen_by("effort"),
+    ),
+    Claim(
+        "X3",
+        "Webots ignores joint friction under position control, so that the paper's Sim2Sim had none",
+        "none, ODE as Webots sets it up: at least 80 % in the slower direction without friction, and less at 0.2",
+        criteria.webots_without_friction,
+    ),
+    Claim(
+        "X4",
+        "on the real robot friction under load was far above the bench's value",
+        "none, virtual robot: at least 80 % in the slower direction at the bench's value, less with 0.1 of the load",
+        criteria.load_above_bench,
+    ),
+)
+"""In the order of the paper, then the explanations."""
+
+
+def judge_all(evidence: Evidence, claims: Iterable[Claim] = CLAIMS) -> list[Verdict]:
+    """Return what became of every sentence."""
+    verdicts = []
+    for claim in claims:
+        finding: Finding = claim.judge(evidence)
+        verdicts.append(Verdict(claim.id, claim.sentence, claim.criterion, finding.outcome, finding.evidence))
+    return verdicts

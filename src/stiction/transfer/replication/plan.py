@@ -1,0 +1,111 @@
+"""What the comparison consists of: grids, each answering one question, each with its own ledger."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from stiction.formats.contract import Contract
+from stiction.transfer.evaluate import EvaluationCfg
+from stiction.transfer.grid.config import FIRST_ROBOT, GridCfg
+from stiction.transfer.replication.ways import way_of
+
+Size = Literal["quick", "full"]
+
+BOTH = ("vx=0.5", "vx=-0.5")
+"""Forward and backward: how the ways of training are compared."""
+
+ALL = (*BOTH, "vy=0.3", "wz=0.5", "stand")
+"""Every command on flat ground."""
+
+OVER = "vx=0.4"
+"""The command over stairs."""
+
+LEVELS = (0.0, 0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
+"""Friction over the torque limit; 1 % is the paper's."""
+
+SHORT = (0.0, 0.01, 0.1, 0.2, 0.3)
+"""The same for the preset `quick`."""
+
+COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.442)
+"""Of the laws `load` and `effort`; the last is the paper's number, read as one."""
+
+ROBOT_LEVELS = ("0.01", "0.05", "0.1", "0.2", "0.3", "bench", "bench+0.02", "bench+0.1")
+"""Friction of the virtual robot; `bench` is what the paper measured, without load and with some."""
+
+COMPARED = ("none", "direct", "deception")
+"""The ways of training whose friction is read in other units."""
+
+
+def everyone(contract: Contract) -> bool:
+    """Take every policy for flat ground."""
+    return contract.terrain == "flat"
+
+
+def compared(contract: Contract) -> bool:
+    """Take the policies whose friction is read in other units."""
+    return everyone(contract) and way_of(contract) in COMPARED
+
+
+def climbers(contract: Contract) -> bool:
+    """Take the policies that were trained on ground that is not flat."""
+    return contract.terrain != "flat"
+
+
+@dataclass(frozen=True)
+class Part:
+    """One grid of the comparison."""
+
+    name: str
+    """Name of its folder."""
+    title: str
+    """What it asks."""
+    takes: Callable[[Contract], bool]
+    """Which policies walk in it."""
+    grid: GridCfg
+    """What they are put through."""
+
+
+def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
+    """Return the grids of a preset; `robots`: how many virtual robots, by default 2 (quick) or 8 (full)."""
+    quick = size == "quick"
+    count = robots or (2 if quick else 8)
+    seeds = tuple(range(FIRST_ROBOT, FIRST_ROBOT + count))
+    levels, episodes = (SHORT, 2) if quick else (LEVELS, 8)
+    seconds = 8.0 if quick else 10.0
+
+    def base(
+        levels: tuple[float, ...], commands: tuple[str, ...], episodes: int, law: str = "coulomb"
+    ) -> EvaluationCfg:
+        return EvaluationCfg(levels, commands, episodes, seconds, friction_law=law)
+
+    others = ("physx", "ode-webots") if quick else ("mujoco-alone", "physx", "ode", "ode-webots")
+    robot_levels = ROBOT_LEVELS if not quick else ("0.01", "0.1", "0.2", "0.3", "bench", "bench+0.02")
+    cells = ("physx+nominal", "physx+friction", "physx+rest", "physx+all")
+    heights = ("stairs=0.08",) if quick else ("stairs=0.06", "stairs=0.08", "stairs=0.1")
+    return (
+        Part("training", "In the simulator of the training", everyone, GridCfg(base(levels, ALL, 8), ("mujoco",))),
+        Part("engines", "Sim2Sim: other engines", everyone, GridCfg(base(levels, BOTH, episodes), others)),
+        Part(
+            *("robot", "On the virtual robot", everyone),
+            GridCfg(base((0.0,), (*BOTH, "stand"), 1), cells, robots=seeds, robot_levels=robot_levels),
+        ),
+        Part(
+            *("stairs", "Stairs, up, landing and down", climbers),
+            GridCfg(
+                base((0.0, 0.2), (OVER,), 3 if quick else 20),
+                ("mujoco", "physx", "physx+all"),
+                heights,
+                robots=seeds,
+                robot_levels=("0", "0.2") if quick else ("0", "0.1", "0.2"),
+            ),
+        ),
+        *(
+            Part(
+                *(law, f"Friction as a coefficient of the {words}", compared),
+                GridCfg(base(COEFFICIENTS, BOTH, 8, law), ("mujoco",)),
+            )
+            for law, words in (("load", "joint's load"), ("effort", "motor's torque"))
+        ),
+    )

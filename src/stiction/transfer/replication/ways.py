@@ -1,0 +1,25 @@
+"""How a policy was made, by its contract: the paper's methods under the names by which they are compared."""
+
+from __future__ import annotations
+
+from stiction.formats.contract import Contract
+
+WAYS = {
+    "none": "conventional randomisation, without friction",
+    "actuator": "Actuator Net: trained through a net of the robot's own joints",
+    "deception": "friction-aware: friction from none to 1.2 of the nominal one",
+    "direct": "friction within 0.8 to 1.2 of the nominal one",
+    "point": "the nominal friction alone, no range",
+    "compensation": "nominal friction added to the command, in training and after",
+    "finetune": "trained without friction, then with all of it at once",
+    "iterative": "trained without friction, then with more in steps",
+}
+"""Way of training -> what it is. With `+forward` behind it, friction is fed forward in the joint controller."""
+
+
+def way_of(contract: Contract) -> str:
+    """Return the way in which a policy was trained, one of `WAYS`."""
+    if contract.actuator is not None:
+        return "actuator"
+    low, high = contract.friction_range
+    return "point" if contract.method == "direct" and low == high else contract.method
