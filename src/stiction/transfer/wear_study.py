@@ -10,6 +10,7 @@ import json
 import multiprocessing
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from itertools import product
@@ -126,7 +127,7 @@ def study_wear(
         progress: called with the name of a walk, or of the study, and the share that is done.
 
     Raises:
-        StictionError: a bundle does not fit the robot, or the engine is not here.
+        StictionError: a bundle does not fit the robot, the engine is not here, or a process was killed.
 
     """
     for bundle in bundles:
@@ -142,6 +143,10 @@ def study_wear(
             for done, _ in enumerate(as_completed(waiting), 1):
                 progress("robots", done / len(waiting))
             parts = [future.result() for future in waiting]
+        except BrokenProcessPool as error:
+            raise StictionError(
+                "a process was killed, perhaps for want of memory; give fewer --jobs, what is done is kept"
+            ) from error
         finally:
             pool.shutdown(cancel_futures=True)
     windows = [Window(**row) for part in parts for row in part["windows"]]
