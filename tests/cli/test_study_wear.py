@@ -12,7 +12,7 @@ from stiction.cli.main import main
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
-SHORT = ("--engine", "mujoco", "--seconds", "3.1", "--window", "1", "--jobs", "1", "--seeds", "3")
+SHORT = ("--engine", "mujoco", "--seconds", "3", "--window", "0.5", "--jobs", "1", "--seeds", "3")
 
 
 def test_it_writes_tables_figure_and_page_and_does_nothing_twice(tmp_path: Path, capsys) -> None:

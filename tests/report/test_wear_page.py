@@ -43,6 +43,7 @@ GROUP = {
     "monitored": True,
     "unusual": {"before": 2, "never": 1},
     "grown": {"before": 3},
+    "held": 0.25,
 }
 
 
@@ -58,7 +59,10 @@ def test_the_answer_says_where_lives_end_and_of_what_the_interval_is() -> None:
     """A mean with its interval where every life ended, counts where some did not."""
     (said,) = answers([GROUP], 3.0)
     assert said.startswith("p at level 0.1: its life ends at x1.50 (95 % over robots: x1.20 to x1.90), 1 by a fall.")
-    assert said.endswith("an unusual reading came before for 2, never for 1; growth was told before for 3.")
+    assert said.endswith(
+        "an unusual reading came before for 2, never for 1; growth was told before for 3. "
+        "Its 95 % intervals held the truth in 25% of the windows."
+    )
     some = GROUP | {"mean": None, "interval95": None, "median": 2.5, "monitored": False}
     some |= {"ends": {"alive": 1, "slow": 1, "slow from the start": 1}}
     (said,) = answers([some], 3.0)

@@ -93,7 +93,9 @@ def test_the_mean_over_robots_is_of_the_logarithm() -> None:
     assert (group["mean"], group["median"], group["robots"]) == (pytest.approx(2.0), pytest.approx(2.5), 2)
     half = 12.7062 * log(4) / sqrt(2) / sqrt(2)
     assert group["interval95"] == pytest.approx([2 * exp(-half), 2 * exp(half)], rel=1e-3)
-    assert groups(lives(1.0))[0]["interval95"] is None
+    assert groups(lives(1.0))[0]["interval95"] is None and group["held"] is None
+    (heard,) = groups([replace(row, held=share) for row, share in zip(lives(1.0, 4.0), (0.25, 0.75), strict=True)])
+    assert heard["held"] == 0.5
 
 
 def test_lives_that_did_not_end_have_no_mean() -> None:

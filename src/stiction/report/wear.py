@@ -83,13 +83,16 @@ MONITOR = (
     "The monitor hears what the policy's network is given, nothing else, and speaks once a window. An unusual reading "
     "says that the walk is like none that it knows: more friction, or another robot. At once means: in the first "
     "window already, before there was any wear, so that it is no notice of wear. Growth is told by the first reading "
-    "whose 95 % interval lies wholly above that of the first one. Before and after: the end of the policy's life."
+    "whose 95 % interval lies wholly above that of the first one. Before and after: the end of the policy's life. The "
+    "truth is the friction in motion that a bench without load would find. A monitor is fitted in the training's "
+    "simulator, on Coulomb friction: what else a robot has, more friction at rest, harder contacts, other masses, it "
+    "takes for friction or does not know."
 )
 
 WHAT = (
     "Virtual robots in {engine}, cell {cell}, with parameters of their own; the friction of {joints} grows by equal "
-    "ratios from x{wear[start]:g} to x{wear[end]:g} of its level in {wear[seconds]:g} s, under the constant command "
-    "{command}. Nothing corrects the heading; the speed is that along the command, in the robot's frame. The first "
+    "ratios from x{wear[start]:g} to x{wear[end]:g} of its level in {wear[seconds]:g} s and stays there, under the constant "
+    "command {command}. Nothing corrects the heading; the speed is that along the command, in the robot's frame. The first "
     "{settle:g} s are left out; windows have {window:g} s. Each robot walks once. Intervals are 95 % t-intervals of "
     "the mean of the factor's logarithm over the robots that these seeds made: they speak of virtual robots under this "
     "one policy, not of other trainings of its method."
@@ -136,7 +139,8 @@ def _noticed(group: dict[str, Any]) -> str:
         f"{what} {', '.join(f'{kind} for {number}' for kind, number in group[name].items())}"
         for name, what in (("unusual", "an unusual reading came"), ("grown", "growth was told"))
     ]
-    return f"Of its {group['robots']} monitors, {'; '.join(parts)}."
+    held = "" if group["held"] is None else f" Its 95 % intervals held the truth in {group['held']:.0%} of the windows."
+    return f"Of its {group['robots']} monitors, {'; '.join(parts)}.{held}"
 
 
 def draw_ratios(windows: Sequence[Window], lives: Sequence[Life]) -> Figure:
@@ -222,9 +226,7 @@ def draw_readings(readings: Sequence[Reading]) -> Figure:
                 )
             axis.plot([], [], color=color, marker="o", label=f"robot {robot}")
         target = "mean over the joints" if rows[0].target == "level" else rows[0].target
-        axis.set(
-            xlabel="time [s]", ylabel=f"dry friction, {target} [% of τ_max]", title=f"{panel[0]}, level {panel[1]}"
-        )
+        axis.set(xlabel="time [s]", ylabel=f"f/τ_max [%], {target}", title=f"{panel[0]}, level {panel[1]}")
         legend(axis)
     return figure
 

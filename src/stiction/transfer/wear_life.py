@@ -130,6 +130,7 @@ def groups(lives: Sequence[Life]) -> list[dict[str, Any]]:
                 "interval95": None if interval is None else [exp(end) for end in interval],
                 "median": _median(rows),
                 "monitored": rows[0].monitored,
+                "held": float(np.mean(held)) if (held := [row.held for row in rows if row.held is not None]) else None,
                 "unusual": _count(rows, "unusual"),
                 "grown": _count(rows, "grown"),
             }

@@ -58,7 +58,8 @@ class WearCfg:
     seeds: tuple[int, ...] = SEEDS
     """Seeds of the virtual robots."""
     wear: Wear = field(default_factory=lambda: Wear(seconds=120.0))
-    """Which joints wear, how far, and in which time. Twelve windows from x0.3 to x3: x1.2 in each."""
+    """Which joints wear, how far, and in which time. Twelve windows from x0.3 to x3: x1.2 in each. At the end of it the
+    robot walks on for a window, so that one is all at the greatest wear."""
     command: str = "vx=0.5"
     """What is commanded all the time."""
     settle: float = 2.0
@@ -80,10 +81,10 @@ class WearCfg:
             Case(seed, self.cell, parse_level(level))
             if parse_level(level).is_none:
                 raise StictionError("friction level 0 cannot wear: expected levels above it")
-        if not (self.settle >= 0 and 0.02 <= self.every <= self.window <= self.wear.seconds - self.settle):
+        if not (self.settle >= 0 and self.every >= 0.1 and 0.1 <= self.window <= self.wear.seconds - self.settle):
             raise StictionError(
                 f"windows of {self.window} s, every {self.every} s, after {self.settle} s to settle, in "
-                f"{self.wear.seconds} s: expected windows that fit and are no shorter than the time between them"
+                f"{self.wear.seconds} s: expected windows that fit, of 0.1 s or more and as far from each other"
             )
 
 
@@ -173,7 +174,7 @@ def _wear_out(worn: Worn, bundle: Bundle, progress: Callable[[float], None]) -> 
     """Let one robot walk, and judge it."""
     cfg, command = worn.cfg, parse_command(worn.cfg.command)
     period, spec = bundle.contract.control_period, robot_of(bundle.contract)
-    steps = round(cfg.wear.seconds / period)
+    steps = round((cfg.wear.seconds + cfg.window) / period)
     case = Case(worn.seed, cfg.cell, parse_level(worn.level))
     velocity = np.array(command.velocity)
 

@@ -39,7 +39,8 @@ class WearStudy:
     end: float = 3.0
     """Wear at the end [1]; in between it grows by equal ratios."""
     seconds: float = 120.0
-    """Length of a walk [s]: in PhysX some 35 s on one core, and so three minutes for the five robots of a policy."""
+    """Time from `start` to `end` [s]; a window at `end` follows. In PhysX some 36 s on one core, and so three
+    minutes for the five robots of a policy."""
     command: str = "vx=0.5"
     """Commanded velocity."""
     window: float = 10.0
