@@ -91,11 +91,11 @@ MONITOR = (
 
 WHAT = (
     "Virtual robots in {engine}, cell {cell}, with parameters of their own; the friction of {joints} grows by equal "
-    "ratios from x{wear[start]:g} to x{wear[end]:g} of its level in {wear[seconds]:g} s and stays there, under the constant "
-    "command {command}. Nothing corrects the heading; the speed is that along the command, in the robot's frame. The first "
-    "{settle:g} s are left out; windows have {window:g} s. Each robot walks once. Intervals are 95 % t-intervals of "
-    "the mean of the factor's logarithm over the robots that these seeds made: they speak of virtual robots under this "
-    "one policy, not of other trainings of its method."
+    "ratios from x{wear[start]:g} to x{wear[end]:g} of its level in {wear[seconds]:g} s and stays there for a window, "
+    "under the constant command {command}. Nothing corrects the heading; the speed is that along the command, in the "
+    "robot's frame. The first {settle:g} s are left out; windows have {window:g} s. Each robot walks once. Intervals "
+    "are 95 % t-intervals of the mean of the factor's logarithm over the robots that these seeds made: they speak of "
+    "virtual robots under this one policy, not of other trainings of its method."
 )
 
 
