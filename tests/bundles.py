@@ -11,10 +11,12 @@ import pytest
 
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
+from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS
 from stiction.formats.bundle import FILES, write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.golden import Golden
 from stiction.formats.observation import proprioception
+from stiction.formats.wear import WearModel
 from stiction.robots.catalog import find_robot
 
 SENSORS = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")
@@ -117,3 +119,29 @@ def make_bundle(path: Path, contract: Contract, model: bytes | None = None) -> P
     """Write a complete bundle that passes every check; return its path."""
     model = make_network(contract) if model is None else model
     return write_bundle(path, contract, model, make_golden(contract, model), "# Toy\n")
+
+
+def make_wear(contract: Contract, **changes) -> WearModel:
+    """A map that reads each joint's friction off the mean of e·sign(θ'), the level off the first joint's."""
+    joints = contract.num_joints
+    weights = np.zeros((JOINT_MOMENTS * joints + BODY_MOMENTS, joints + 1))
+    weights[3 * joints : 4 * joints, :joints] = np.eye(joints)
+    weights[3 * joints, joints] = 1.0
+    values = {
+        "joint_names": contract.joint_names,
+        "window": 3,
+        "center": (0.0,) * len(weights),
+        "scale": (1.0,) * len(weights),
+        "limit": 3.0,
+        "weights": tuple(map(tuple, weights.tolist())),
+        "intercept": (0.01,) * (joints + 1),
+        "reach": (0.02,) * (joints + 1),
+        "told": (True,) * joints + (True,),
+        "determination": (0.9,) * (joints + 1),
+        "coverage": (0.95,) * (joints + 1),
+        "threshold": 0.5,
+        "highest": 0.24,
+        "unusual": 1.0,
+        "student": "0" * 64,
+    }
+    return WearModel(**(values | changes))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bundles import make_bundle, make_contract, make_golden, make_network, repair_sums
+from bundles import make_bundle, make_contract, make_golden, make_network, make_wear, repair_sums
 from stiction.deploy.check import check_bundle
 from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS, Moments, WearMonitor, estimate
 from stiction.formats.bundle import BundleError, read_bundle, write_bundle
@@ -16,32 +16,6 @@ from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.observation import proprioception
 from stiction.formats.wear import WearModel, read_wear
-
-
-def make_model(contract: Contract, **changes) -> WearModel:
-    """A map that reads each joint's friction off the mean of e·sign(θ'), the level off the first joint's."""
-    joints = contract.num_joints
-    weights = np.zeros((JOINT_MOMENTS * joints + BODY_MOMENTS, joints + 1))
-    weights[3 * joints : 4 * joints, :joints] = np.eye(joints)
-    weights[3 * joints, joints] = 1.0
-    values = {
-        "joint_names": contract.joint_names,
-        "window": 3,
-        "center": (0.0,) * len(weights),
-        "scale": (1.0,) * len(weights),
-        "limit": 3.0,
-        "weights": tuple(map(tuple, weights.tolist())),
-        "intercept": (0.01,) * (joints + 1),
-        "reach": (0.02,) * (joints + 1),
-        "told": (True,) * joints + (True,),
-        "determination": (0.9,) * (joints + 1),
-        "coverage": (0.95,) * (joints + 1),
-        "threshold": 0.5,
-        "highest": 0.24,
-        "unusual": 1.0,
-        "student": "0" * 64,
-    }
-    return WearModel(**(values | changes))
 
 
 def frame_of(joints: int, angle: float, velocity: float, action: float) -> np.ndarray:
@@ -70,7 +44,7 @@ def test_the_body_is_in_it_in_raw_units() -> None:
 
 def test_an_estimate_comes_at_the_end_of_each_window(contract: Contract) -> None:
     """Three pairs of frames make a window: an estimate after four steps, the next three later; a reset empties."""
-    monitor = WearMonitor(contract, make_model(contract))
+    monitor = WearMonitor(contract, make_wear(contract))
     frame = frame_of(18, 0.0, 50.0, 0.4)
     observation = np.concatenate([np.full(650, 9.0), frame]).astype(np.float32)
     said = [monitor.step(observation) for _ in range(7)]
@@ -86,7 +60,7 @@ def test_an_estimate_comes_at_the_end_of_each_window(contract: Contract) -> None
 
 def test_what_is_not_told_is_not_said(contract: Contract) -> None:
     """A number for a joint that the walk says nothing about would be believed."""
-    model = make_model(contract, told=(True, False) + (True,) * 16 + (False,))
+    model = make_wear(contract, told=(True, False) + (True,) * 16 + (False,))
     found = estimate(model, np.zeros(len(model.center)))
     assert np.isnan(found.friction[1])
     assert np.isnan(found.interval95[:, 1]).all()
@@ -97,7 +71,7 @@ def test_what_is_not_told_is_not_said(contract: Contract) -> None:
 
 def test_a_window_unlike_all_others_is_marked(contract: Contract) -> None:
     """Mean square of the features 0.81 and 1.21 about a bound of 1."""
-    model = make_model(contract)
+    model = make_wear(contract)
     features = np.ones(len(model.center))
     assert estimate(model, 100.0 * features).friction[0] == pytest.approx(3.01)
     assert not estimate(model, 0.9 * features).unusual
@@ -106,7 +80,7 @@ def test_a_window_unlike_all_others_is_marked(contract: Contract) -> None:
 
 def test_the_file_comes_back_as_it_was(contract: Contract) -> None:
     """What the robot reads is what was fitted."""
-    model = make_model(contract)
+    model = make_wear(contract)
     assert read_wear(model.to_json().encode()) == model
 
 
@@ -122,7 +96,7 @@ def test_the_file_comes_back_as_it_was(contract: Contract) -> None:
 def test_a_map_that_fits_nothing_is_refused(contract: Contract, change: dict, message: str) -> None:
     """A short vector would be broadcast in silence."""
     with pytest.raises(StictionError, match=message):
-        replace(make_model(contract), **change)
+        replace(make_wear(contract), **change)
 
 
 @pytest.mark.parametrize("text", [b"[]", b"{}", b"\xff", b'{"schema_version": 1}', b'{"schema_version": 2}'])
@@ -135,17 +109,17 @@ def test_a_file_that_is_none_is_refused(text: bytes) -> None:
 def test_a_map_for_another_robot_is_refused(contract: Contract) -> None:
     """Twelve joints read with the map of eighteen would give plausible numbers."""
     with pytest.raises(StictionError, match="joints"):
-        WearMonitor(make_contract("go1"), make_model(contract))
+        WearMonitor(make_contract("go1"), make_wear(contract))
 
 
 def test_a_bundle_carries_the_map_under_its_checksums(tmp_path: Path, contract: Contract) -> None:
     """Altered, it is found; left out or added without a checksum, too; and a bundle without one stays valid."""
     network = make_network(contract)
     folder = write_bundle(
-        tmp_path / "watching", contract, network, make_golden(contract, network), "# Toy\n", make_model(contract)
+        tmp_path / "watching", contract, network, make_golden(contract, network), "# Toy\n", make_wear(contract)
     )
     check = check_bundle(folder)
-    assert check.bundle.wear == make_model(contract)
+    assert check.bundle.wear == make_wear(contract)
     assert check.summary()["wear"][-2:] == [contract.joint_names[-1], "level"]
     (folder / "wear.json").write_text((folder / "wear.json").read_text().replace("0.01", "0.02", 1))
     with pytest.raises(BundleError, match=r"wear\.json does not match"):
@@ -155,7 +129,7 @@ def test_a_bundle_carries_the_map_under_its_checksums(tmp_path: Path, contract: 
         read_bundle(folder)
     plain = make_bundle(tmp_path / "plain", contract, network)
     assert check_bundle(plain).summary()["wear"] == []
-    (plain / "wear.json").write_text(make_model(contract).to_json())
+    (plain / "wear.json").write_text(make_wear(contract).to_json())
     repair_sums(plain)
     with pytest.raises(BundleError, match=r"wear\.json does not match"):
         read_bundle(plain)
@@ -164,7 +138,7 @@ def test_a_bundle_carries_the_map_under_its_checksums(tmp_path: Path, contract: 
 def test_a_map_for_other_joints_does_not_get_into_a_bundle(tmp_path: Path, contract: Contract) -> None:
     """Found when the bundle is read, before the robot moves."""
     network, names = make_network(contract), tuple(f"other_{name}" for name in contract.joint_names)
-    model = WearModel(**(asdict(make_model(contract)) | {"joint_names": names}))
+    model = WearModel(**(asdict(make_wear(contract)) | {"joint_names": names}))
     folder = write_bundle(tmp_path / "b", contract, network, make_golden(contract, network), "# Toy\n", model)
     with pytest.raises(BundleError, match="other joints"):
         read_bundle(folder)

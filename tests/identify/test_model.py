@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stiction.formats.errors import StictionError
-from stiction.identify.model import LAWS, Model
+from stiction.identify.model import LAWS, Model, nearest_joint
 from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
 from stiction.joints.gravity import Gravity
 from stiction.joints.pd import PDGains
@@ -49,3 +49,13 @@ def test_values_that_no_joint_has_are_refused(law: str) -> None:
         model.joint([0.1])
     with pytest.raises(StictionError, match="positive inertia"):
         model.joint([0.0, *[0.1] * (len(model.names) - 1)])
+
+
+def test_the_nearest_joint_of_an_estimate_has_no_friction_below_zero() -> None:
+    """An offset, or what differs by direction, may be negative; dry friction may be so in an estimate alone."""
+    values = {"inertia": 0.01, "viscous_friction": -0.1, "coulomb_friction": -0.02, "offset": -0.3}
+    assert nearest_joint(values) == values | {"coulomb_friction": 0.0}
+    assert nearest_joint({"static_friction": -1.0, "load_coefficient": 0.1}) == {
+        "static_friction": 0.0,
+        "load_coefficient": 0.1,
+    }

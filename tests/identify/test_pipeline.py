@@ -14,6 +14,7 @@ from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.identify.example import GO1, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.setup import IdentifySetup
+from stiction.joints.friction import Coulomb
 
 QUIET = SensorNoise(position=0.0, resolution=0.0, velocity=0.0, torque=0.0, ripple=0.0)
 
@@ -49,6 +50,19 @@ def test_with_noise_the_truth_is_near(motor: Motor) -> None:
         assert abs(other.value - true) < 4 * other.std
         assert other.std < own.std
     assert record.warnings == ()
+
+
+def test_a_joint_without_friction_is_identified_and_said_to_have_none_that_can_be_told() -> None:
+    """Its estimate scatters about zero, below it in this log; the simulation that follows takes it as none."""
+    smooth = replace(SATURN_LITE, joint=replace(SATURN_LITE.joint, friction=Coulomb(0.0)))
+    record = identify_joint(example_log(smooth)).record
+    assert record.coulomb_friction.value < 0 < record.coulomb_friction.interval95[1] < 0.01
+    assert record.inertia.value == pytest.approx(SATURN_LITE.joint.inertia, rel=0.02)
+    simulated = record.diagnostics["output_error"]["coulomb_friction"]
+    assert simulated["value"] == 0 and -0.003 < simulated["interval95"][0] < 0
+    assert record.diagnostics["instrumental_variable"] is not None
+    assert record.diagnostics["verdict"]["text"].startswith("No dry friction can be told from zero")
+    assert any("interval of coulomb_friction reaches zero" in warning for warning in record.warnings)
 
 
 def test_ratio_and_dead_band_follow_from_friction() -> None:

@@ -47,7 +47,16 @@ def test_what_is_not_known_is_said() -> None:
     assert unknown.level is None and "cannot be said" in unknown.text and "trouble" not in unknown.text
     assert "not stated" in verdict(FRICTION, ratio(0.05), None, None).text
     faint = Estimate(0.1, 0.1, (-0.1, 0.3))
-    assert "does not prove" in verdict(faint, ratio(0.05), None, "loaded").text
+    assert "No dry friction can be told from zero" in verdict(faint, ratio(0.05), None, "loaded").text
+
+
+def test_friction_that_scatters_about_zero_is_said_to_be_at_most_its_upper_end() -> None:
+    """Nobody can do anything with a motor that loses -0.4 % of its torque; 0.6 % is what it may lose."""
+    faint, band = Estimate(-0.004, 0.005, (-0.014, 0.006)), Estimate(-1e-4, 1e-4, (-3e-4, 1e-4))
+    told = verdict(FRICTION.scaled(-0.1), faint, band, "in_air")
+    assert told.text.startswith("No dry friction can be told from zero in this log. Dry friction takes at most 0.6 %")
+    assert "up to f/kp, at most 0.0001 rad" in told.text and told.level == 0.02
+    assert "told from zero" not in verdict(FRICTION, ratio(0.02), None, "in_air").text
 
 
 def test_a_linear_axis_is_not_a_leg() -> None:
@@ -70,7 +79,7 @@ def test_friction_without_newton_metres_is_judged_by_its_ratio() -> None:
     """A log of positions alone: the words say whose units these are, and an interval over zero is still noticed."""
     told = verdict(None, ratio(0.02), Estimate(0.02, 0.001, (0.018, 0.022)), "in_air")
     assert told.level == 0.04 and "Newton metres are not known" in told.text
-    assert "does not prove" in verdict(None, Estimate(0.01, 0.01, (-0.01, 0.03)), None, "in_air").text
+    assert "told from zero" in verdict(None, Estimate(0.01, 0.01, (-0.01, 0.03)), None, "in_air").text
     assert "newton metres" not in verdict(None, None, None, None).text
 
 

@@ -12,6 +12,7 @@ STUDIES: dict[str, str] = {
     "adaptation": "what a student's latent z* does, and whether it tells the friction of the joints",
     "actuator": "the loop of an Actuator Net: f0, log, f_motor, f1",
     "friction": "which way to train with joint friction works, and at how much of it; a verdict a claim",
+    "wear": "how long a policy lives while friction grows, and whether its monitor notices in time",
 }
 """Study -> what it answers. The module is `stiction.cli.studies.<name>`."""
 

@@ -13,7 +13,7 @@ from stiction.identify.combinations import shifted
 from stiction.identify.consistency import COMPARED
 from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
 from stiction.identify.instrument import fit_instrumental
-from stiction.identify.model import GRAVITY, Model
+from stiction.identify.model import GRAVITY, Model, nearest_joint
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.regression import INVERSE_STRENGTH, Fit
 from stiction.identify.runs import Run
@@ -200,7 +200,9 @@ def _follow(run: Run, gains: PDGains, fit: Fit, values: np.ndarray) -> np.ndarra
 
 
 def respond(run: Run, gains: PDGains, model: Model, values: dict[str, float]) -> Response:
-    """Simulate the whole of a run with the joint's own values, the payload's added; what is not given is zero.
+    """Simulate the whole of a run with the joint's own values, the payload's added.
+
+    What is not given is zero, and so is friction below zero.
 
     Raises `StictionError` where no joint has them.
     """
@@ -213,7 +215,7 @@ def respond(run: Run, gains: PDGains, model: Model, values: dict[str, float]) ->
     }
     loop = ClosedLoop(_signals(run), gains, model, begin, run.setup.velocity_delay)
     whole = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
-    return loop.run(whole, run.signals.position)
+    return loop.run(nearest_joint(whole), run.signals.position)
 
 
 def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:

@@ -14,7 +14,7 @@ The last is for joints behind a linkage, a belt or a cable guide: the knees of a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -46,6 +46,15 @@ PARAMETERS_OF: dict[Law, tuple[str, ...]] = {
 
 GRAVITY = ("gravity_sin", "gravity_cos")
 """Torque that holds the link: gravity_sin sin θ + gravity_cos cos θ [N m]."""
+
+
+NOT_NEGATIVE = ("coulomb_friction", "static_friction", "load_coefficient")
+"""Parameters that no joint has below zero. An estimate may be: where there is no friction it scatters about zero."""
+
+
+def nearest_joint(values: Mapping[str, float]) -> dict[str, float]:
+    """Return estimates as the nearest joint has them, by name: less than no friction is none."""
+    return {name: max(0.0, value) if name in NOT_NEGATIVE else value for name, value in values.items()}
 
 
 @dataclass(frozen=True)

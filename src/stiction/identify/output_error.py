@@ -20,7 +20,7 @@ from stiction.identify.closed_loop import EXTRAS, START, ClosedLoop, Response
 from stiction.identify.descent import descend
 from stiction.identify.gaps import unsettled
 from stiction.identify.intervals import block_count, bootstrap_reach, make_blocks, robust_covariance, with_intervals
-from stiction.identify.model import Model
+from stiction.identify.model import NOT_NEGATIVE, Model, nearest_joint
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Trajectory
 
@@ -61,12 +61,7 @@ STRIBECK_SPEEDS = (0.005, 0.5)
 """Stribeck velocities that the search may try, as shares of the top speed: under the first, the fall of the friction is
 over before it shows; over the second, it looks like less viscous friction."""
 
-LOWEST = {
-    "coulomb_friction": 0.0,
-    "static_friction": 0.0,
-    "load_coefficient": 0.0,
-    "delay": 0.0,
-}
+LOWEST = dict.fromkeys((*NOT_NEGATIVE, "delay"), 0.0)
 """Bounds; inertia and motor strength stay above a hundredth of where they start."""
 
 
@@ -108,7 +103,8 @@ def fit_output_error(
 ) -> OutputError:
     """Fit the model's parameters, and unknowns of the loop, to position and torque, or to position alone.
 
-    signals: with a target; start: where the search begins, for each of `model.names`; velocity: filtered θ' [rad/s],
+    signals: with a target; start: where the search begins, for each of `model.names`, at zero where friction is
+    below it; velocity: filtered θ' [rad/s],
     shape (num_samples,); velocity_delay: how late the controller's velocity is beyond its loop [s]; delay: how late the
     loop is, known or, if unknown, where the search begins [s]; unknown: which of `EXTRAS` to fit; known: parameters of
     the model that are not to be fitted. Raises `StictionError` for names that are none of these, for delays that would
@@ -126,7 +122,7 @@ def fit_output_error(
         raise StictionError(f"delay {delay} s: expected a number that is not negative")
     fixed["delay"] = delay
     top = float(np.quantile(np.abs(velocity[signals.valid]), 0.99))
-    free = {name: float(start[name]) for name in model.names if name not in fixed}
+    free = nearest_joint({name: float(start[name]) for name in model.names if name not in fixed})
     free |= {name: {"delay": delay, "motor_strength": gains.strength}.get(name, 0.0) for name in unknown}
     still = abs(velocity[0]) <= STILL * top
     begin = {"start_position": float(np.mean(signals.position[:3])), "start_velocity": float(velocity[0])}

@@ -100,7 +100,9 @@ def _measured(
 ) -> list[str]:
     """Say what was found, under which condition, and what is not known."""
     measured = CONDITIONS.get(condition or "", "under a condition that was not stated")
-    parts = []
+    parts, known = [], coulomb or ratio or dead_band
+    if known is not None and known.interval95[0] <= 0:
+        parts.append("No dry friction can be told from zero in this log.")
     if ratio is None:
         parts.append(
             "Without the motor's torque limit it cannot be said whether this friction matters: --torque-limit."
@@ -109,15 +111,12 @@ def _measured(
         parts.append(f"Dry friction takes {_span(ratio, 100, ' %')} of the torque limit, measured {measured}.")
     if dead_band is not None:
         band = _span(dead_band, 1, " rad" if leg else " m")
-        parts.append(f"The joint ignores position errors up to f/kp = {band} at the gains of the log.")
-    known = coulomb or ratio or dead_band
+        parts.append(f"The joint ignores position errors up to f/kp, {band}, at the gains of the log.")
     if coulomb is None and known is not None:
         parts.append(
             "Newton metres are not known: these are in units of the command, or of the torque column, in which the "
             "motor's strength cancels."
         )
-    if known is not None and known.interval95[0] <= 0:
-        parts.append("The interval of the dry friction reaches zero: this log does not prove that there is any.")
     return parts
 
 
@@ -151,6 +150,7 @@ def _proposal(level: float, condition: str | None) -> str:
 
 
 def _span(estimate: Estimate, factor: float, unit: str) -> str:
-    """Return `value unit (low to high)` with three digits."""
+    """Return `value unit (low to high)` with three digits; where there may be nothing, the most that it may be."""
     low, high = estimate.interval95
-    return f"{estimate.value * factor:.3g}{unit} (95 %: {low * factor:.3g} to {high * factor:.3g})"
+    said = f"{estimate.value * factor:.3g}" if low > 0 else f"at most {max(high, 0.0) * factor:.3g}"
+    return f"{said}{unit} (95 %: {low * factor:.3g} to {high * factor:.3g})"

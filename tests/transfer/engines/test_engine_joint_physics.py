@@ -1,4 +1,4 @@
-"""Laws of friction for one robot: by hand, and bit for bit what a fleet of the training does."""
+"""Friction of one robot's joints: by hand, and bit for bit what a fleet of the training does."""
 
 from __future__ import annotations
 
@@ -15,39 +15,66 @@ from stiction.transfer.engines.engine import Motion
 from stiction.transfer.engines.joint_physics import JointFriction
 
 NOTHING = Motion(**{part.name: np.zeros(2) for part in fields(Motion)})
+NONE, STEP = np.zeros(2), 0.005
+
+
+def bearing(*load: float) -> Motion:
+    """A robot whose joints transmit these [N]."""
+    return replace(NOTHING, joint_force=np.array(load))
 
 
 def test_bounds_by_hand() -> None:
     """2 N m: half more at rest, 2 + 1/e at v_s; a coefficient of 0.5 on 4 N m of the motor, on 3 N + 1 N m borne."""
     level, torque = np.array([2.0, 2.0]), np.array([0.0, -4.0])
     moving = replace(NOTHING, joint_velocity=np.array([0.0, -0.1]))
-    assert JointFriction(Law("coulomb"), level).bound(moving, torque).tolist() == [2.0, 2.0]
-    stribeck = JointFriction(Law("stribeck", 1.5, 0.1), level).bound(moving, torque)
+    assert JointFriction.under(Law("coulomb"), level, STEP).bound(moving, torque).tolist() == [2.0, 2.0]
+    stribeck = JointFriction.under(Law("stribeck", 1.5, 0.1), level, STEP).bound(moving, torque)
     np.testing.assert_allclose(stribeck, [3.0, 2.0 + np.exp(-1.0)])
     half = np.full(2, 0.5)
-    assert JointFriction(Law("effort"), half).bound(moving, torque).tolist() == [0.0, 2.0]
-    loaded = replace(NOTHING, joint_force=np.array([0.0, 3.0]), joint_torque=np.array([0.0, 1.0]))
-    assert JointFriction(Law("load"), half).bound(loaded, torque).tolist() == [0.0, 2.0]
+    assert JointFriction.under(Law("effort"), half, STEP).bound(moving, torque).tolist() == [0.0, 2.0]
+    loaded = replace(bearing(0.0, 3.0), joint_torque=np.array([0.0, 1.0]))
+    assert JointFriction.under(Law("load"), half, STEP).bound(loaded, torque).tolist() == [0.0, 2.0]
 
 
-def test_load_keeps_half_of_the_old_bound_until_a_reset() -> None:
+def test_what_joints_have_of_their_own_adds_up() -> None:
+    """0.4 N m at speed or 1.5 times that at rest, 0.01 of 100 N borne, a tenth of the motor's 3 N m."""
+    friction = JointFriction(STEP, np.full(2, 0.4), np.array([1.5, 1.0]), 0.1, np.array([0.0, 0.01]), 0.1)
+    np.testing.assert_allclose(friction.bound(bearing(100.0, 100.0), np.array([0.0, -3.0])), [0.6, 0.4 + 1.0 + 0.3])
+
+
+@pytest.mark.parametrize(("timestep", "steps"), [(0.005, 1), (0.0025, 2), (0.001, 5)])
+def test_half_of_the_old_load_is_left_after_5_ms_whatever_the_step(timestep: float, steps: int) -> None:
+    """An engine with shorter steps would have another law than the training: hardly any of the old load after 5 ms."""
+    friction = JointFriction(timestep, load=np.ones(2))
+    np.testing.assert_allclose(friction.bound(bearing(8.0, 0.0), NONE), [8.0, 0.0])
+    for left in ([4.0, 0.0], [2.0, 0.0]):
+        for _ in range(steps):
+            bound = friction.bound(NOTHING, NONE)
+        np.testing.assert_allclose(bound, left)
+
+
+def test_a_robot_that_begins_anew_has_no_old_load() -> None:
     """The next episode would begin with the friction of the last one."""
-    friction = JointFriction(Law("load"), np.ones(2))
-    loaded = replace(NOTHING, joint_force=np.full(2, 8.0))
-    bounds = [friction.bound(motion, np.zeros(2))[0] for motion in (loaded, NOTHING, NOTHING)]
-    assert bounds == [8.0, 4.0, 2.0]
+    friction = JointFriction(STEP, load=np.ones(2))
+    friction.bound(bearing(8.0, 8.0), NONE)
     friction.reset()
-    assert friction.bound(NOTHING, np.zeros(2)).tolist() == [0.0, 0.0]
+    assert friction.bound(NOTHING, NONE).tolist() == [0.0, 0.0]
 
 
-def test_wear_acts_at_once_and_a_level_is_its_own() -> None:
-    """Friction that grows over a run is a level that is written; what the caller keeps must not change with it."""
+def test_wear_acts_at_once_on_what_a_bench_measures_and_not_on_the_load_term() -> None:
+    """The paper's seals were measured without load."""
+    friction = JointFriction(STEP, np.array([0.4, 0.6]), load=np.array([0.01, 0.03]))
+    bounds = [friction.bound(bearing(10.0, 10.0), NONE, np.array([factor, 1.0])) for factor in (1.0, 3.0)]
+    np.testing.assert_allclose(bounds, [[0.5, 0.9], [1.3, 0.9]])
+
+
+def test_a_level_is_its_own() -> None:
+    """What the caller gives, and what it does with a bound, must not change the friction."""
     given = np.ones(2)
-    friction = JointFriction(Law("coulomb"), given)
-    friction.level *= 3.0
-    bound = friction.bound(NOTHING, np.zeros(2))
-    bound[:] = 7.0
-    assert given.tolist() == [1.0, 1.0] and friction.bound(NOTHING, np.zeros(2)).tolist() == [3.0, 3.0]
+    friction = JointFriction.under(Law("coulomb"), given, STEP)
+    friction.bound(NOTHING, NONE)[:] = 7.0
+    given *= 5.0
+    assert friction.bound(NOTHING, NONE).tolist() == [1.0, 1.0]
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -56,7 +83,7 @@ def test_one_robot_has_the_friction_of_a_fleet(law: str) -> None:
     fleet = Fleet(find_robot("go1"), 1, joint_sensors=True)
     level = np.linspace(0.1, 0.3, 12)
     joint_friction(fleet, Law(law)).set_level(level[None])
-    friction = JointFriction(Law(law), level)
+    friction = JointFriction.under(Law(law), level, STEP)
     generator = np.random.default_rng(0)
     for _ in range(30):
         fleet.set_targets(fleet.standing + 0.2 * generator.standard_normal((1, 12)))

@@ -91,6 +91,20 @@ def test_friction_and_inertia_are_found_where_they_were_put() -> None:
     assert trained.armature[-1] == pytest.approx(0.0145, rel=0.1)
 
 
+def test_a_robot_without_friction_is_identified_as_one_without() -> None:
+    """Cells without friction could not be benched: their estimates scatter about zero, and half of them are below."""
+    pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed for the bench")
+    from stiction.transfer.engines.mujoco_engine import MujocoEngine
+
+    log = bench(MujocoEngine, Case(3, "sensors+delays", parse_level("0")), BenchCfg(("shank",), 5.0))
+    records = [identify_joint(log, name).record for name in log.joints]
+    inside = [r.coulomb_friction.interval95[0] <= 0 <= r.coulomb_friction.interval95[1] for r in records]
+    assert sum(inside) >= 5 and min(r.coulomb_friction.value for r in records) < 0
+    assert all(abs(r.friction_ratio.value) < 1e-3 for r in records)
+    said = [r.diagnostics["verdict"]["text"].startswith("No dry friction can be told") for r in records]
+    assert sum(said) >= 5
+
+
 def test_a_bench_refuses_another_robot_and_logs_that_say_nothing() -> None:
     """In one line each."""
     robot = World(Hinges).on_bench(Case(0, "nominal", parse_level("0")), SPEC, np.random.default_rng(0))

@@ -7,6 +7,7 @@ import pytest
 
 from stiction.formats.errors import StictionError
 from stiction.robots.catalog import find_robot
+from stiction.transfer.engines.engine import Motion
 from stiction.transfer.robot import draw as ranges
 from stiction.transfer.robot.draw import draw
 from stiction.transfer.robot.factorial import CELLS, LEVELS, Case, Level, factorial, parse_level
@@ -111,10 +112,13 @@ def test_a_cell_without_friction_takes_no_level() -> None:
 
 def test_a_level_scales_friction_and_nothing_else() -> None:
     """Ratios and speeds of the Stribeck curve are the robot's, the same at every level."""
-    hidden, still = draw(SPEC, 2), np.zeros(18)
-    bounds = [Case(2, "all", Level(share)).friction(hidden, SPEC, 0.001).bound(still, still) for share in (0.1, 0.2)]
+    hidden, none = draw(SPEC, 2), np.zeros(18)
+    still = Motion(**{part.name: none for part in fields(Motion)})
+    bounds = [Case(2, "all", Level(share)).friction(hidden, SPEC, 0.001).bound(still, none) for share in (0.1, 0.2)]
     np.testing.assert_allclose(bounds[1], 2 * bounds[0])
     limit = SPEC.joint_values("torque_limit")
-    sliding = Case(2, "all", Level(0.1)).friction(hidden, SPEC, 0.001).bound(still + 9.0, still)
+    sliding = (
+        Case(2, "all", Level(0.1)).friction(hidden, SPEC, 0.001).bound(replace(still, joint_velocity=none + 9.0), none)
+    )
     assert (sliding / limit).mean() == pytest.approx(0.1)
     np.testing.assert_allclose(bounds[0] / sliding, hidden.friction.static_ratio)

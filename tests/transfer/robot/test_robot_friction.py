@@ -1,11 +1,14 @@
-"""Friction that differs between joints, with speed, load and age; the numbers are worked out by hand."""
+"""Friction that differs between joints, and its wear; the numbers are worked out by hand."""
+
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from stiction.formats.errors import StictionError
 from stiction.robots.catalog import find_robot
-from stiction.transfer.robot.friction import DryFriction, FrictionShape
+from stiction.transfer.engines.engine import Motion
+from stiction.transfer.robot.friction import FrictionShape
 from stiction.transfer.robot.wear import SEALS_OUT, Wear
 
 SHAPE = FrictionShape(
@@ -15,39 +18,24 @@ SHAPE = FrictionShape(
     load_share=np.array([0.5, 1.5]),
 )
 NONE = np.zeros(2)
+NOTHING = Motion(**{part.name: NONE for part in fields(Motion)})
 
 
-def test_each_joint_has_its_own_share_and_its_own_stribeck_curve() -> None:
-    """It is f r at rest, f (1 + (r − 1)/e) at v_s, f far above it."""
-    friction = DryFriction(SHAPE, np.array([0.5, 0.25]), 0.0, 0.001)
-    np.testing.assert_allclose(friction.bound(NONE, NONE), [0.6, 0.3])
-    np.testing.assert_allclose(friction.bound(np.array([-0.1, 0.1]), NONE), [0.4 * (1 + 0.5 / np.e), 0.3])
-    np.testing.assert_allclose(friction.bound(np.array([2.0, -2.0]), NONE), [0.4, 0.3])
+def test_each_joint_has_its_own_share_curve_and_load_coefficient() -> None:
+    """It is f r at rest, f (1 + (r − 1)/e) at v_s, f far above it; 100 N at c = 0.02 are 2 N m times its share."""
+    friction = SHAPE.at(np.array([0.5, 0.25]), 0.0, 0.001)
+    for speed, bound in ((0.0, [0.6, 0.3]), (-0.1, [0.4 * (1 + 0.5 / np.e), 0.3]), (2.0, [0.4, 0.3])):
+        np.testing.assert_allclose(friction.bound(replace(NOTHING, joint_velocity=np.full(2, speed)), NONE), bound)
+    loaded = replace(NOTHING, joint_force=np.full(2, 60.0), joint_torque=np.full(2, 40.0))
+    np.testing.assert_allclose(SHAPE.at(NONE, 0.02, 0.001).bound(loaded, NONE), [1.0, 3.0])
 
 
-def test_load_adds_friction_and_half_of_a_change_is_there_after_5_ms() -> None:
-    """As in the law `load` of the training, whatever the physics step."""
-    for timestep, steps in ((0.005, 1), (0.001, 5)):
-        friction = DryFriction(SHAPE, NONE, 0.02, timestep)
-        np.testing.assert_allclose(friction.bound(NONE, np.array([100.0, 100.0])), [1.0, 3.0])
-        for _ in range(steps):
-            bound = friction.bound(NONE, np.array([300.0, 100.0]))
-        np.testing.assert_allclose(bound, [2.0, 3.0])
-
-
-def test_a_robot_that_is_put_down_anew_has_no_old_load() -> None:
-    """Or the first steps of an episode would depend on the one before."""
-    friction = DryFriction(SHAPE, NONE, 0.02, 0.001)
-    friction.bound(NONE, np.array([1e3, 1e3]))
-    friction.reset()
-    np.testing.assert_allclose(friction.bound(NONE, np.array([100.0, 0.0])), [1.0, 0.0])
-
-
-def test_wear_acts_on_what_a_bench_measures_and_not_on_the_load_term() -> None:
-    """The paper's seals were measured without load."""
-    friction = DryFriction(SHAPE, np.array([0.5, 0.5]), 0.02, 0.001)
-    bound = friction.bound(np.array([5.0, 5.0]), np.array([10.0, 10.0]), np.array([3.0, 1.0]))
-    np.testing.assert_allclose(bound, [3 * 0.4 + 0.1, 0.6 + 0.3])
+def test_perfect_joints_have_coulombs_law_at_the_level() -> None:
+    """The same at rest and in motion, in every joint, or the cells without friction of its own would have some."""
+    friction = FrictionShape.perfect(2).at(np.array([0.5, 0.25]), 0.0, 0.001)
+    for speed in (0.0, 0.1, 3.0):
+        moving = replace(NOTHING, joint_velocity=np.full(2, speed))
+        np.testing.assert_array_equal(friction.bound(moving, NONE), [0.5, 0.25])
 
 
 def test_wear_grows_by_equal_ratios_from_the_seals_out_to_three() -> None:

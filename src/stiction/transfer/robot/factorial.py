@@ -23,7 +23,7 @@ import numpy as np
 
 from stiction.formats.errors import StictionError
 from stiction.robots.spec import RobotSpec
-from stiction.transfer.robot.friction import DryFriction
+from stiction.transfer.engines.joint_physics import JointFriction
 from stiction.transfer.robot.hidden import GROUPS, Hidden
 
 REST = tuple(name for name in GROUPS if name != "friction")
@@ -127,9 +127,9 @@ class Case:
         """Return what the robot `hidden` is in this cell."""
         return hidden.only(self.groups)
 
-    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> DryFriction:
+    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
-        return DryFriction(self.robot(hidden).friction, self.level.coulomb(spec), self.level.load, timestep)
+        return self.robot(hidden).friction.at(self.level.coulomb(spec), self.level.load, timestep)
 
 
 def factorial(seeds: Sequence[int], levels: Sequence[str] = LEVELS, cells: Sequence[str] = tuple(CELLS)) -> list[Case]:

@@ -1,11 +1,4 @@
-"""Dry friction of joints that are not alike: how much it is, what it does with speed, load and age.
-
-    bound_j = wear_j(t) f_j (1 + (r_j − 1) exp(−(q'/v_j)²)) + c_j (|F_j| + |T_j|)
-
-f_j is what the level asks for times the joint's own share; r_j and v_j are the joint's Stribeck curve; c_j multiplies
-the force and torque that the joint transmits, as the law `load` of `stiction.sim.friction` does, with half of the old
-load kept over 5 ms. Wear acts on what a bench measures without load, as the paper's seals do, and not on c.
-"""
+"""How the dry friction of a robot's joints differs from one to the other."""
 
 from __future__ import annotations
 
@@ -13,10 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.sim.friction import KEPT, stribeck_bound
-
-KEPT_OVER = 0.005
-"""Physics step of the training, over which `KEPT` of the old load is kept [s]; shorter ones keep as much over it."""
+from stiction.transfer.engines.joint_physics import JointFriction
 
 
 @dataclass(frozen=True)
@@ -39,30 +29,11 @@ class FrictionShape:
         one = np.ones(num_joints)
         return cls(one, one, one, one)
 
+    def at(self, coulomb: np.ndarray, load: float, timestep: float) -> JointFriction:
+        """Return the friction at a level.
 
-class DryFriction:
-    """The friction of one robot at one level."""
-
-    def __init__(self, shape: FrictionShape, coulomb: np.ndarray, load_coefficient: float, timestep: float) -> None:
-        """coulomb: the level's [N m], shape (J,); load_coefficient: the level's [1]; timestep: of the physics [s]."""
-        self._shape = shape
-        self._coulomb = coulomb * shape.share
-        self._coefficient = load_coefficient * shape.load_share
-        self._kept = KEPT ** (timestep / KEPT_OVER)
-        self.reset()
-
-    def reset(self) -> None:
-        """Begin without a past."""
-        self._load: np.ndarray | None = None
-
-    def bound(self, speed: np.ndarray, load: np.ndarray, wear: np.ndarray | float = 1.0) -> np.ndarray:
-        """Return the bounds of the coming step [N m], shape (J,).
-
-        speed: q' of the links [rad/s]; load: |F| + |T| in the step before, numbers of N and N m added up; wear: factor
-        on what a bench would measure [1].
+        coulomb: the level's [N m], shape (J,); load: its coefficient [-]; timestep: of the physics [s].
         """
-        shape = self._shape
-        old = load if self._load is None else self._load
-        self._load = self._kept * old + (1.0 - self._kept) * load
-        dry = stribeck_bound(self._coulomb, shape.static_ratio, shape.stribeck_velocity, speed)
-        return wear * dry + self._coefficient * self._load
+        return JointFriction(
+            timestep, coulomb * self.share, self.static_ratio, self.stribeck_velocity, load * self.load_share
+        )

@@ -24,8 +24,8 @@ import numpy as np
 from stiction.deploy.observation import Sensors
 from stiction.formats.errors import StictionError
 from stiction.transfer.engines.engine import Engine, Motion
+from stiction.transfer.engines.joint_physics import JointFriction
 from stiction.transfer.robot.delay import DelayLine, whole_steps
-from stiction.transfer.robot.friction import DryFriction
 from stiction.transfer.robot.gears import Gears
 from stiction.transfer.robot.hidden import Hidden
 from stiction.transfer.robot.motor import Drive, asked_torque
@@ -94,7 +94,7 @@ class VirtualRobot:
         self,
         engine: Engine,
         hidden: Hidden,
-        friction: DryFriction,
+        friction: JointFriction,
         generator: np.random.Generator,
         period: float = PERIOD,
         wear: Wear | None = None,
@@ -176,10 +176,10 @@ class VirtualRobot:
         asked = asked_torque(
             command.kp, command.kd, command.target, command.forward, encoders.angle, encoders.velocity
         )  # 2
+        last = self._given
         self._given, reported = self._drive.torque(asked, self._gears.velocity)  # 3
-        before = self._motion
         age = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)
-        self._bound = self._friction.bound(before.joint_velocity, before.joint_force + before.joint_torque, age)
+        self._bound = self._friction.bound(self._motion, last, age)
         self._engine.step(self._gears.transmit(self._given), self._bound)  # 4 and 5
         self._motion, self._tick = self._engine.motion(), self._tick + 1
         self._gears.follow(self._given, self._motion.joint_position, self._motion.joint_velocity)  # 6

@@ -1,0 +1,152 @@
+"""Judges a walk under growing friction: at how much wear a policy's life ended, and whether its monitor saw it coming.
+
+A window, of the speed or of the monitor, is known at its end and speaks of its middle: events are put in order by when
+they are known, and reported at the wear in the middle. The wear grows by equal ratios, so the middle is the mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import groupby
+from math import exp, log
+from typing import Any
+
+import numpy as np
+
+from stiction.formats.life import ENOUGH, End, Life, Notice, Reading, Window
+from stiction.transfer.statistics import t_interval
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a life ended, at which wear [1], and when that was known [s]."""
+
+    end: End
+    factor: float | None = None
+    time: float | None = None
+
+
+def ratios(speed: np.ndarray, period: float, settle: float, window: float, every: float) -> list[tuple[float, float]]:
+    """Return the end [s] and the mean of every window that fits, the first beginning at `settle`.
+
+    speed: over the commanded one, one entry a control step [-]; period: of control [s]; window: its length [s]; every:
+    time from one window to the next [s].
+    """
+    begin, width, stride = (round(time / period) for time in (settle, window, every))
+    total = np.concatenate([[0.0], np.cumsum(speed)])
+    ends = range(begin + width, len(speed) + 1, stride)
+    return [(end * period, float(total[end] - total[end - width]) / width) for end in ends]
+
+
+def ending(windows: Sequence[Window], fell: tuple[float, float] | None) -> Ending:
+    """Return how a life ended.
+
+    It ends with the first window from which on none reaches `ENOUGH`, or with a fall before that. windows: in order of
+    time; fell: time [s] and wear [1] of a fall.
+    """
+    enough = [index for index, window in enumerate(windows) if window.ratio >= ENOUGH]
+    if windows and not enough:
+        return Ending("slow from the start")
+    if enough and enough[-1] + 1 < len(windows):
+        last = windows[enough[-1] + 1]
+        return Ending("slow", last.factor, last.time)
+    if fell is not None:
+        return Ending("fell", fell[1], fell[0])
+    return Ending("alive")
+
+
+def first_unusual(readings: Sequence[Reading]) -> Reading | None:
+    """Return the first reading that the monitor itself called unusual."""
+    return next((reading for reading in readings if reading.unusual), None)
+
+
+def first_grown(readings: Sequence[Reading]) -> Reading | None:
+    """Return the first reading whose interval lies wholly above that of the first one; None where none is told."""
+    known = next((reading.high for reading in readings if reading.high is not None), None)
+    if known is None:
+        return None
+    return next((reading for reading in readings if reading.low is not None and reading.low > known), None)
+
+
+def notice(seen: Reading | None, readings: Sequence[Reading], ended: Ending) -> Notice:
+    """Say when a reading came: one at once is no notice of wear, for there was none yet."""
+    if seen is None:
+        return "never"
+    if seen is readings[0]:
+        return "at once"
+    return "before" if ended.time is None or seen.time <= ended.time else "after"
+
+
+def life(
+    walk: dict[str, Any],
+    windows: Sequence[Window],
+    readings: Sequence[Reading],
+    fell: tuple[float, float] | None,
+    monitored: bool,
+) -> Life:
+    """Return the row of one walk.
+
+    walk: the fields of `Life` that say which it is; windows, readings: in order of time; fell: see `ending`; monitored:
+    whether the bundle has a monitor.
+    """
+    ended = ending(windows, fell)
+    unusual, grown = first_unusual(readings), first_grown(readings)
+    holding = [one.low <= one.true <= one.high for one in readings if one.low is not None and one.high is not None]
+    return Life(
+        **walk,
+        first_ratio=windows[0].ratio if windows else None,
+        last_ratio=windows[-1].ratio if windows else None,
+        **asdict(ended),
+        monitored=monitored,
+        unusual_factor=None if unusual is None else unusual.factor,
+        unusual=notice(unusual, readings, ended),
+        grown_factor=None if grown is None else grown.factor,
+        grown=notice(grown, readings, ended),
+        held=float(np.mean(holding)) if holding else None,
+    )
+
+
+def groups(lives: Sequence[Life]) -> list[dict[str, Any]]:
+    """Return, for each policy and level, how its robots ended and the geometric mean of the wear at which they did.
+
+    The mean, and its 95 % t-interval over the robots, of the logarithm, is None unless every robot's life ended within
+    the wear that was tried: the mean of those that did would be too short. The median is None where the middle one did
+    not. The interval speaks of virtual robots that walk with this policy, and not of other trainings.
+    """
+    found = []
+    for (policy, level), same in groupby(lives, key=lambda one: (one.policy, one.friction_level)):
+        rows = list(same)
+        ended = [row.factor for row in rows if row.factor is not None]
+        whole = len(ended) == len(rows)
+        interval = t_interval([log(factor) for factor in ended]) if whole else None
+        found.append(
+            {
+                "policy": policy,
+                "friction_level": level,
+                "robots": len(rows),
+                "ends": {end: sum(row.end == end for row in rows) for end in dict.fromkeys(row.end for row in rows)},
+                "mean": exp(float(np.mean(np.log(ended)))) if whole else None,
+                "interval95": None if interval is None else [exp(end) for end in interval],
+                "median": _median(rows),
+                "monitored": rows[0].monitored,
+                "held": float(np.mean(held)) if (held := [row.held for row in rows if row.held is not None]) else None,
+                "unusual": _count(rows, "unusual"),
+                "grown": _count(rows, "grown"),
+            }
+        )
+    return found
+
+
+def _median(rows: Sequence[Life]) -> float | None:
+    """Return the median wear at the end: those slow from the start before all, those alive after all."""
+    order = sorted(rows, key=lambda row: (row.end == "alive", row.end != "slow from the start", row.factor or 0.0))
+    middle = order[(len(order) - 1) // 2 : len(order) // 2 + 1]
+    factors = [row.factor for row in middle if row.factor is not None]
+    return float(np.mean(factors)) if len(factors) == len(middle) else None
+
+
+def _count(rows: Sequence[Life], name: str) -> dict[str, int]:
+    """Return how often each kind of notice came."""
+    said = [getattr(row, name) for row in rows]
+    return {kind: said.count(kind) for kind in dict.fromkeys(said)}

@@ -1,0 +1,60 @@
+"""`stiction study wear` as a user runs it."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import main
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+SHORT = ("--engine", "mujoco", "--seconds", "3", "--window", "0.5", "--jobs", "1", "--seeds", "3")
+
+
+def test_it_writes_tables_figure_and_page_and_does_nothing_twice(tmp_path: Path, capsys) -> None:
+    """A shipped bundle by its name; the second call reads the robot's file."""
+    out = tmp_path / "wear"
+    words = ["study", "wear", "saturn_lite-flat-none-0.2", *SHORT, "--levels", "0.3", "--out", str(out)]
+    assert main([*words, "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert [group["friction_level"] for group in summary["groups"]] == ["0.3"]
+    assert summary["exploratory"] == [3] and summary["policies"]["saturn_lite-flat-none-0.2"]["monitor"] is False
+    with (out / "lives.csv").open(newline="") as file:
+        assert [row["robot"] for row in csv.DictReader(file)] == ["3"]
+    files = {file: file.stat().st_mtime_ns for file in (out / "robots").iterdir()}
+    assert len(files) == 1 and (out / "wear.png").stat().st_size > 1000
+    assert main(words) == 0
+    said = capsys.readouterr().out
+    assert "saturn_lite-flat-none-0.2 at level 0.3: " in said and "no wear monitor" in said
+    assert files == {file: file.stat().st_mtime_ns for file in (out / "robots").iterdir()}
+    assert "None of these bundles has a wear monitor" in (out / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--joint", "knee"), "wear of 'knee': expected some of"),
+        (("--levels", "2"), "friction level '2'"),
+        (("--command", "stand"), "asks for motion"),
+        (("--engine", "bullet"), "engine 'bullet' is unknown"),
+        (("--start", "0"), "three positive numbers"),
+        (("--jobs", "0"), "--jobs 0"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_one_line(words: tuple[str, ...], said: str, tmp_path: Path, capsys) -> None:
+    """Before a robot walks."""
+    assert main(["study", "wear", "saturn_lite-flat-none-0.2", *SHORT, "--out", str(tmp_path), *words]) == 1
+    error = capsys.readouterr().err
+    assert said in error and error.count("\n") == 1
+
+
+def test_no_bundle_is_wrong_usage_and_one_that_is_not_there_a_failure(tmp_path: Path, capsys) -> None:
+    """Exit status 2 and 1."""
+    assert main(["study", "wear"]) == 2
+    assert "no bundle given" in capsys.readouterr().err
+    assert main(["study", "wear", str(tmp_path / "nosuch"), "--out", str(tmp_path / "out")]) == 1
+    assert "nosuch" in capsys.readouterr().err and not (tmp_path / "out").exists()

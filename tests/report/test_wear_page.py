@@ -1,0 +1,104 @@
+"""The page on wear: the sentence on top, the rows, and what is said of a monitor that is not there."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from stiction.formats.life import Life, Reading, Window
+from stiction.report.wear import answers, write_wear
+
+WALK = {"policy": "<b>p</b>", "friction_level": "0.1", "robot": 1000}
+LIFE = Life(
+    **WALK,
+    method="none",
+    engine="physx",
+    command="vx=0.5",
+    first_ratio=1.1,
+    last_ratio=0.2,
+    end="slow",
+    factor=1.25,
+    time=42.0,
+    monitored=True,
+    unusual_factor=None,
+    unusual="never",
+    grown_factor=0.9,
+    grown="before",
+    held=0.5,
+)
+WINDOWS = [Window(**WALK, time=10.0 * at, factor=0.3 * at, ratio=1.1 - 0.1 * at) for at in range(1, 10)]
+READING = Reading(
+    **WALK, target="level", time=12.0, factor=0.4, true=0.04, estimate=0.07, low=0.05, high=0.09, unusual=True
+)
+GROUP = {
+    "policy": "p",
+    "friction_level": "0.1",
+    "robots": 3,
+    "ends": {"slow": 2, "fell": 1},
+    "mean": 1.5,
+    "interval95": [1.2, 1.9],
+    "median": 1.4,
+    "monitored": True,
+    "unusual": {"before": 2, "never": 1},
+    "grown": {"before": 3},
+    "held": 0.25,
+}
+
+
+def summary(**changes) -> dict:
+    """What stands beside the rows."""
+    wear = {"joints": [], "start": 0.3, "end": 3.0, "seconds": 120.0}
+    settings = {"engine": "physx", "cell": "all", "command": "vx=0.5", "settle": 2.0, "window": 10.0, "wear": wear}
+    base = {"command": "stiction study wear p", "revision": "abc", "machine": {"cpu": "a processor"}}
+    return base | {"settings": settings, "exploratory": [], "groups": [GROUP]} | changes
+
+
+def test_the_answer_says_where_lives_end_and_of_what_the_interval_is() -> None:
+    """A mean with its interval where every life ended, counts where some did not."""
+    (said,) = answers([GROUP], 3.0)
+    assert said.startswith("p at level 0.1: its life ends at x1.50 (95 % over robots: x1.20 to x1.90), 1 by a fall.")
+    assert said.endswith(
+        "an unusual reading came before for 2, never for 1; growth was told before for 3. "
+        "Its 95 % intervals held the truth in 25% of the windows."
+    )
+    some = GROUP | {"mean": None, "interval95": None, "median": 2.5, "monitored": False}
+    some |= {"ends": {"alive": 1, "slow": 1, "slow from the start": 1}}
+    (said,) = answers([some], 3.0)
+    assert "1 of 3 robots still walk at x3, 1 of 3 fall under 80% of the command before that" in said
+    assert "1 of 3 never reach 80% of the command; the median life ends at x2.50." in said
+    assert said.endswith("The bundle has no wear monitor.")
+    (said,) = answers([GROUP | {"robots": 1, "interval95": None, "ends": {"slow": 1}}], 3.0)
+    assert "its life ends at x1.50, one robot." in said
+
+
+def test_the_page_has_tables_and_figures_and_the_numbers_lie_beside_it(tmp_path: Path) -> None:
+    """Self-contained and escaped; every number can be had as CSV."""
+    second = replace(READING, time=22.0, estimate=None, low=None, high=None)
+    page = write_wear(tmp_path, [LIFE], WINDOWS, [READING, second], summary()).read_text()
+    assert "<b>p</b>" not in page and page.count("data:image/png") == 2 and "http" not in page.replace("http-equiv", "")
+    assert "x1.25" in page and "x0.90" in page and "Exploratory" not in page
+    for name, count in (("lives", 1), ("windows", 9), ("readings", 2)):
+        with (tmp_path / f"{name}.csv").open(newline="") as file:
+            assert len(list(csv.DictReader(file))) == count
+    assert json.loads((tmp_path / "summary.json").read_text())["groups"][0]["mean"] == 1.5
+    assert all((tmp_path / name).stat().st_size > 1000 for name in ("wear.png", "monitor.png"))
+
+
+def test_a_bundle_without_a_monitor_is_said_to_have_none(tmp_path: Path) -> None:
+    """And what an earlier study left there of one is gone; robots that were looked at before are named."""
+    (tmp_path / "readings.csv").write_text("old")
+    (tmp_path / "monitor.png").write_text("old")
+    rows = [replace(LIFE, monitored=False, grown_factor=None, grown="never"), replace(LIFE, end="alive", factor=None)]
+    page = write_wear(tmp_path, rows, WINDOWS, [], summary(exploratory=[3])).read_text()
+    assert "None of these bundles has a wear monitor" in page and "no monitor" in page and "over x3" in page
+    assert "Exploratory: the virtual robots 3 were" in page
+    assert not (tmp_path / "readings.csv").exists() and not (tmp_path / "monitor.png").exists()
+
+
+def test_a_robot_that_fell_at_once_has_no_window(tmp_path: Path) -> None:
+    """The page is made all the same."""
+    fallen = replace(LIFE, end="fell", first_ratio=None, last_ratio=None)
+    assert "fell" in write_wear(tmp_path, [fallen], [], [], summary()).read_text()
+    assert not (tmp_path / "windows.csv").exists()

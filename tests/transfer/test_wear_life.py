@@ -1,0 +1,113 @@
+"""When a life ends and when its monitor noticed; the walks are made by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import exp, log, sqrt
+
+import numpy as np
+import pytest
+
+from stiction.formats.life import Life, Reading, Window
+from stiction.transfer.wear_life import Ending, ending, first_grown, groups, life, notice, ratios
+
+WALK = {"policy": "p", "friction_level": "0.1", "robot": 1000}
+WHAT = WALK | {"method": "none", "engine": "physx", "command": "vx=0.5"}
+
+
+def windows(*ratio: float) -> list[Window]:
+    """Windows of 10 s, the wear doubling from one to the next, from 1 on."""
+    return [Window(**WALK, time=10.0 * (at + 1), factor=2.0**at, ratio=one) for at, one in enumerate(ratio)]
+
+
+def reading(time: float, low: float | None, unusual: bool = False, true: float = 0.1) -> Reading:
+    """A reading whose interval is 0.02 wide; `low` None: the target is not told."""
+    ends = (None, None, None) if low is None else (low + 0.01, low, low + 0.02)
+    return Reading(
+        **WALK, target="level", time=time, factor=2.0 ** (time / 10 - 1), true=true, unusual=unusual, **zipped(ends)
+    )
+
+
+def zipped(ends: tuple[float | None, ...]) -> dict[str, float | None]:
+    """An estimate with its interval."""
+    return dict(zip(("estimate", "low", "high"), ends, strict=True))
+
+
+def test_windows_by_hand() -> None:
+    """Ten steps of 0.1 s, the first two left out, windows of 0.4 s every 0.2 s: 2..5, 4..7, 6..9."""
+    found = ratios(np.arange(10.0), 0.1, 0.2, 0.4, 0.2)
+    np.testing.assert_allclose(found, [(0.6, 3.5), (0.8, 5.5), (1.0, 7.5)])
+    assert ratios(np.arange(5.0), 0.1, 0.2, 0.4, 0.2) == []
+
+
+def test_a_life_ends_where_the_speed_is_too_low_for_good() -> None:
+    """A dip that the robot recovers from is no end, and a walk that stays above has none."""
+    assert ending(windows(1.0, 0.7, 0.9, 0.79, 0.5), None) == Ending("slow", 8.0, 40.0)
+    assert ending(windows(1.0, 0.7, 0.8), None) == Ending("alive")
+    assert ending(windows(0.7, 0.6), None) == Ending("slow from the start")
+
+
+def test_a_fall_ends_a_life_that_was_not_over() -> None:
+    """What falls while it crawls had ended before; what falls before a window is over has fallen."""
+    assert ending(windows(1.0, 0.9), (23.0, 2.9)) == Ending("fell", 2.9, 23.0)
+    assert ending(windows(1.0, 0.9, 0.5), (33.0, 5.9)) == Ending("slow", 4.0, 30.0)
+    assert ending([], (3.0, 0.4)) == Ending("fell", 0.4, 3.0)
+
+
+def test_growth_is_told_by_intervals_that_do_not_meet() -> None:
+    """0.05 to 0.07 at first: 0.06 to 0.08 may be the same friction, 0.08 to 0.10 is not."""
+    said = [reading(10, 0.05), reading(20, 0.06), reading(30, 0.08), reading(40, 0.09)]
+    assert first_grown(said) is said[2]
+    assert first_grown(said[:2]) is None and first_grown([]) is None and first_grown([reading(10, None)]) is None
+
+
+def test_a_notice_counts_when_it_came_in_time_and_not_at_once() -> None:
+    """A monitor that finds the unworn robot unusual has noticed no wear."""
+    said = [reading(10, 0.05), reading(20, 0.06, unusual=True), reading(30, 0.08)]
+    over = Ending("slow", 2.0, 20.0)
+    assert [notice(one, said, over) for one in (*said, None)] == ["at once", "before", "after", "never"]
+    assert notice(said[2], said, Ending("alive")) == "before"
+
+
+def test_the_row_of_a_walk() -> None:
+    """Ends at x4; unusual at x8 is late, growth at x2 in time; two of three intervals hold 0.06."""
+    said = [reading(10, 0.05, true=0.06), reading(20, 0.08, true=0.09), reading(40, 0.09, unusual=True, true=0.2)]
+    row = life(WHAT, windows(1.0, 0.9, 0.7, 0.2), said, None, True)
+    assert (row.end, row.factor, row.time, row.first_ratio, row.last_ratio) == ("slow", 4.0, 30.0, 1.0, 0.2)
+    assert (row.unusual, row.unusual_factor, row.grown, row.grown_factor) == ("after", 8.0, "before", 2.0)
+    assert row.held == pytest.approx(2 / 3)
+    deaf = life(WHAT, windows(1.0), [], None, False)
+    assert (deaf.end, deaf.unusual, deaf.held, deaf.factor) == ("alive", "never", None, None)
+
+
+def lives(*factors: float | None, start: bool = False) -> list[Life]:
+    """Robots of one policy whose lives ended there; None: alive, or slow from the start."""
+    row = life(WHAT, windows(1.0), [], None, False)
+    missing = "slow from the start" if start else "alive"
+    return [replace(row, robot=at, factor=one, end="slow" if one else missing) for at, one in enumerate(factors)]
+
+
+def test_the_mean_over_robots_is_of_the_logarithm() -> None:
+    """x1 and x4: mean x2; with two robots t = 12.706 and the standard error of the logarithm is ln 2."""
+    (group,) = groups(lives(1.0, 4.0))
+    assert (group["mean"], group["median"], group["robots"]) == (pytest.approx(2.0), pytest.approx(2.5), 2)
+    half = 12.7062 * log(4) / sqrt(2) / sqrt(2)
+    assert group["interval95"] == pytest.approx([2 * exp(-half), 2 * exp(half)], rel=1e-3)
+    assert groups(lives(1.0))[0]["interval95"] is None and group["held"] is None
+    (heard,) = groups([replace(row, held=share) for row, share in zip(lives(1.0, 4.0), (0.25, 0.75), strict=True)])
+    assert heard["held"] == 0.5
+
+
+def test_lives_that_did_not_end_have_no_mean() -> None:
+    """The mean of those that did would be too short; the median stands while the middle one is known."""
+    (group,) = groups(lives(1.0, 3.0, None))
+    assert group["mean"] is None and group["interval95"] is None and group["median"] == 3.0
+    assert group["ends"] == {"slow": 2, "alive": 1}
+    assert groups(lives(1.0, None, None))[0]["median"] is None
+    assert groups(lives(1.0, 3.0, None, start=True))[0]["median"] == 1.0
+
+
+def test_policies_and_levels_are_kept_apart() -> None:
+    """One row a policy and level, in their order."""
+    other = [replace(row, friction_level="0.2") for row in lives(2.0)]
+    assert [(g["friction_level"], g["mean"]) for g in groups(lives(1.0) + other)] == [("0.1", 1.0), ("0.2", 2.0)]

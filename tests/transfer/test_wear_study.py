@@ -1,0 +1,115 @@
+"""Robots that wear out under a policy that walks: what is seen, kept, and said of the monitor."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bundles import make_wear
+from stiction.formats.bundle import Bundle, read_bundle, write_bundle
+from stiction.formats.errors import StictionError
+from stiction.formats.shipped import shipped_bundles
+from stiction.robots.catalog import find_robot
+from stiction.transfer import wear_study
+from stiction.transfer.robot.draw import draw
+from stiction.transfer.robot.wear import Wear
+from stiction.transfer.wear_study import WearCfg, study_wear
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+SPEC = find_robot("saturn_lite")
+WALKER = read_bundle(shipped_bundles()["saturn_lite-flat-none-0.2"])
+SHORT = WearCfg("mujoco", ("0.3",), seeds=(3,), wear=Wear(start=0.1, seconds=6.0), settle=1.0, window=2.0)
+
+
+def silent(name: str, share: float) -> None:
+    """Show no progress."""
+
+
+def watching(folder: Path, **changes) -> Bundle:
+    """The walker with a monitor whose windows have 50 steps."""
+    wear = make_wear(WALKER.contract, window=50, **changes)
+    parts = (WALKER.contract, WALKER.policy, WALKER.golden, WALKER.card, wear)
+    return read_bundle(write_bundle(folder / "watching", *parts))
+
+
+def run(folder: Path, cfg: WearCfg = SHORT, **changes):
+    """Wear robots out under the watching walker."""
+    bundle = watching(folder, **changes)
+    (folder / "robots").mkdir()
+    return study_wear([bundle], [folder / "watching"], cfg, folder / "robots", 1, silent)
+
+
+def test_friction_stops_a_policy_that_never_met_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It walks at 3 % of the torque limit and not at 90; windows, wear and the monitor's truth are as asked for."""
+    (row,), windows, readings = run(tmp_path, unusual=1e9)
+    assert (row.policy, row.friction_level, row.robot, row.engine) == ("watching", "0.3", 3, "mujoco")
+    assert row.first_ratio > 0.8 > row.last_ratio and row.end == "slow" and 0.3 < row.factor < 2.6
+    assert [window.time for window in windows] == [3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
+    assert [window.factor for window in windows] == pytest.approx([0.1 * 30 ** (at / 6) for at in (2, 3, 4, 5, 6, 6)])
+    # The monitor pairs frames, so that its first window of 50 steps takes 51.
+    assert [reading.time for reading in readings] == pytest.approx([2.02, 3.02, 4.02, 5.02, 6.02, 7.02])
+    for reading in readings:
+        assert reading.target == "level" and reading.factor == pytest.approx(
+            0.1 * 30 ** (min(reading.time - 0.5, 6) / 6)
+        )
+        assert reading.true == pytest.approx(0.3 * reading.factor)
+        assert reading.high - reading.low <= 0.04 + 1e-9 and not reading.unusual
+    assert len({reading.estimate for reading in readings}) == 6 and row.monitored and row.unusual == "never"
+    # Done once, it is not done again.
+    monkeypatch.setattr(wear_study, "walk", None)
+    again = study_wear([WALKER], [tmp_path / "watching"], SHORT, tmp_path / "robots", 1, silent)
+    assert again == ([row], windows, readings)
+    with pytest.raises(TypeError):
+        study_wear([WALKER], [tmp_path / "watching"], replace(SHORT, seeds=(2,)), tmp_path / "robots", 1, silent)
+
+
+def test_one_joint_wears_and_is_watched(tmp_path: Path) -> None:
+    """The truth is that joint's own share of the level times the wear; what the map does not tell is not said."""
+    told = (*(name != "ML_shank" for name in SPEC.joint_names), True)
+    cfg = replace(SHORT, wear=Wear(("ML_shank",), 0.3, 3.0, 2.0), window=1.0)
+    (row,), _, readings = run(tmp_path, cfg, unusual=1e-9, told=told)
+    (reading,) = readings
+    share = draw(SPEC, 3).friction.share[SPEC.joint_names.index("ML_shank")]
+    assert reading.target == "ML_shank" and reading.true == pytest.approx(0.3 * share * reading.factor)
+    assert (reading.estimate, reading.low, reading.high, reading.unusual) == (None, None, None, True)
+    assert (row.unusual, row.grown, row.held) == ("at once", "never", None)
+    kept = json.loads(next((tmp_path / "robots").iterdir()).read_text())
+    assert kept["life"]["robot"] == 3 and kept["readings"][0]["target"] == "ML_shank"
+
+
+def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
+    """One line for the user, not the traceback of a child."""
+    with pytest.raises(StictionError, match="engine 'bullet' is unknown"):
+        path = shipped_bundles()["saturn_lite-flat-none-0.2"]
+        study_wear([WALKER], [path], replace(SHORT, engine="bullet"), tmp_path, 2, silent)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"command": "stand"}, "asks for motion"),
+        ({"levels": ()}, "at least one"),
+        ({"seeds": (3, 3)}, "each once"),
+        ({"levels": ("0",)}, "level 0 cannot wear"),
+        ({"levels": ("heavy",)}, "friction level 'heavy'"),
+        ({"cell": "rest"}, "has no friction"),
+        ({"window": 9.0}, "windows that fit"),
+        ({"every": 0.0}, "windows that fit"),
+    ],
+)
+def test_what_cannot_be_worn_out_is_refused(change: dict, said: str) -> None:
+    """Before anything walks, in one line."""
+    with pytest.raises(StictionError, match=said):
+        replace(SHORT, **change)
+
+
+def test_a_joint_that_the_robot_lacks_is_refused_before_anything_walks(tmp_path: Path) -> None:
+    """A study that wears nothing out would find that nothing matters."""
+    cfg = replace(SHORT, wear=Wear(("knee",), seconds=6.0))
+    with pytest.raises(StictionError, match="wear of 'knee'"):
+        study_wear([WALKER], [shipped_bundles()["saturn_lite-flat-none-0.2"]], cfg, tmp_path, 1, silent)
+    assert not list(tmp_path.iterdir())
