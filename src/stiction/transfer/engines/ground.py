@@ -82,6 +82,23 @@ class Ground:
     field: HeightField | None = None
     """A height field beside them."""
 
+    def __post_init__(self) -> None:
+        """Refuse boxes without size, place or orientation, so that no engine needs to; a height field checks itself."""
+        shapes = np.shape(self.half_sizes), np.shape(self.positions), np.shape(self.quaternions)
+        count = shapes[0][0] if shapes[0] else 0
+        if shapes != ((count, 3), (count, 3), (count, 4)):
+            raise StictionError(
+                f"boxes with half sizes, places and quaternions of shapes {shapes}; expected (B, 3), (B, 3) and (B, 4) "
+                "for B boxes"
+            )
+        for half, place, turn in zip(self.half_sizes, self.positions, self.quaternions, strict=True):
+            sized = np.isfinite(half).all() and np.min(half) > 0
+            if not (sized and np.isfinite(place).all() and abs(np.linalg.norm(turn) - 1.0) < 1e-6):
+                raise StictionError(
+                    f"box of half sizes {half} m at {place} m, turned by {turn}; expected positive half sizes, a "
+                    "place, and a quaternion of length 1"
+                )
+
     def height(self, points: np.ndarray) -> np.ndarray:
         """Return the height of the ground [m], shape (P,), at points (P, 2) [m]."""
         points = np.asarray(points, float)

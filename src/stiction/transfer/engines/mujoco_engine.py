@@ -34,8 +34,11 @@ class MujocoEngine:
 
     name = "mujoco"
 
-    def __init__(self, body: Body, ground: Ground, timestep: float) -> None:
-        """Build the robot on its ground, the base at the origin; `timestep` of the physics [s]."""
+    def __init__(self, body: Body, ground: Ground, timestep: float, contact_time: float | None = None) -> None:
+        """Build the robot on its ground, the base at the origin.
+
+        timestep: of the physics [s]; contact_time: in which contacts give way [s], by default as in training.
+        """
         self.body, self.timestep = body, timestep
         self._legs, self._joints = len(body.spec.legs), body.spec.num_joints
         spec = build(body.spec, timestep, ground.half_sizes, joint_sensors=True)
@@ -58,6 +61,8 @@ class MujocoEngine:
         for number, (place, turn) in enumerate(zip(ground.positions, ground.quaternions, strict=True)):
             box = model.geom(f"obstacle{number}").id
             model.geom_pos[box], model.geom_quat[box] = place, turn
+        if contact_time is not None:
+            model.geom_solref[:, 0] = contact_time
         mujoco.mj_setConst(model, self._data)
         self.reset(body.spec.joint_values("standing"), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 
