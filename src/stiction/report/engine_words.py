@@ -85,8 +85,8 @@ def _reached(rows: Sequence[WalkRow]) -> list[str]:
     ]
     if missed:
         sentences.append(
-            f"Of the {len(missed)} walks in the engines that miss it, {len(near)} are within ±{CLOSE:.0%} of what the "
-            "same policy reaches in training's simulator."
+            f"Of the {len(missed)} walks in the engines that miss it, {len(near)} {'is' if len(near) == 1 else 'are'} "
+            f"within ±{CLOSE:.0%} of what the same policy reaches in training's simulator."
         )
     return sentences
 
@@ -122,6 +122,9 @@ def _contacts(rows: Sequence[WalkRow]) -> list[str]:
     for name in _names(rows):
         soft, stiff = distance(rows, name, MUJOCO), distance(rows, name, STIFF)
         if name in (TRAINING, MUJOCO, COARSE, STIFF) or soft is None or stiff is None:
+            continue
+        if soft == 0:
+            sentences.append(f"{name} does not differ from {MUJOCO}.")
             continue
         verdict = (
             f"stiffer contacts take away {1 - stiff / soft:.0%} of the difference"

@@ -71,6 +71,13 @@ def lead(result: EnginesResult) -> str:
     return " ".join([*conformance_words(result.figures), *walk_words(result.walks)[:1]])
 
 
+def as_summary(result: EnginesResult) -> dict[str, Any]:
+    """Return what was found as plain data: every row but those of single episodes, which episodes.csv has."""
+    lists: dict[str, tuple[Any, ...]] = {"conformance": result.figures, "pace": result.paces, "walks": result.walks}
+    found = {name: [asdict(row) for row in rows] for name, rows in lists.items()}
+    return {"failures": failures(result), "answers": answers(result), "missing": result.missing, **found}
+
+
 def write_engines(out: Path, result: EnginesResult, summary: dict[str, Any]) -> Path:
     """Write conformance.csv, pace.csv, walks.csv, episodes.csv, figures, summary.json and report.html into `out`.
 
@@ -95,8 +102,7 @@ def write_engines(out: Path, result: EnginesResult, summary: dict[str, Any]) -> 
                 write_rows(out / f"{name}.csv", rows)
         for name, figure in drawn.items():
             figure.savefig(out / f"{name}.png", dpi=110, facecolor="white")
-        lists = {name: [asdict(row) for row in rows] for name, rows in tables.items() if name != "episodes"}
-        write_summary(out / "summary.json", summary | {"failures": failures(result)} | lists)
+        write_summary(out / "summary.json", summary)
         pictures = {name: figure_uri(figure) for name, figure in drawn.items()}
         page = out / "report.html"
         text = render_page("Physics engines", sections(result, pictures, summary), lead(result), warnings(result))

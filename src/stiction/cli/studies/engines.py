@@ -61,7 +61,7 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import provenance
     from stiction.formats.results import summary_text
-    from stiction.report.engines import EnginesResult, answers, failures, write_engines
+    from stiction.report.engines import EnginesResult, as_summary, write_engines
     from stiction.transfer.engine_walks import check_walks, simulators, walk_bundle
     from stiction.transfer.engines.study import check_timesteps, figure_rows, find_engines, pace_rows, traces
     from stiction.transfer.evaluate import EvaluationCfg
@@ -91,12 +91,11 @@ def main(arguments: list[str]) -> int:
     summary: dict[str, Any] = {
         "command": shlex.join(["stiction", "study", "engines", *arguments]),
         "engines": engines.here,
-        "missing": engines.missing,
         "evaluation": asdict(cfg),
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
         "seconds": time.perf_counter() - start,
         **provenance(),
-        "answers": answers(result),
+        **as_summary(result),
     }
     page = write_engines(options.out, result, summary)
     if options.json:
@@ -104,7 +103,7 @@ def main(arguments: list[str]) -> int:
     else:
         _show(result)
         print("\n".join([*summary["answers"], f"report: {page}"]))
-    return 1 if failures(result) else 0
+    return 1 if summary["failures"] else 0
 
 
 def _bundles(options: EnginesStudy) -> list:

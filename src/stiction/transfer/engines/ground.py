@@ -30,10 +30,11 @@ class HeightField:
     def __post_init__(self) -> None:
         """Refuse a grid that is none."""
         heights = np.asarray(self.heights)
-        if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all() or not self.cell > 0:
+        grid = heights.ndim == 2 and min(heights.shape) >= 2 and np.isfinite(heights).all()
+        if not (grid and 0 < self.cell < np.inf and np.shape(self.corner) == (2,) and np.isfinite(self.corner).all()):
             raise StictionError(
-                f"height field of shape {heights.shape} with cells of {self.cell} m: expected at least two rows and "
-                "two columns of finite heights, and a positive cell"
+                f"height field of shape {heights.shape} from {self.corner} m on with cells of {self.cell} m: expected "
+                "at least two rows and two columns of finite heights, a place, and a positive cell"
             )
         if heights.min() < 0:
             raise StictionError(
