@@ -90,7 +90,7 @@ def test_an_engine_that_is_not_here_is_named(value: list[float], only_mujoco: No
     out = tmp_path / "engines"
     assert main(["study", "engines", "--no-walks", "--out", str(out)]) == 0
     printed = capsys.readouterr().out
-    assert f"Not tested: physx. {GONE}." in printed
+    assert f"physx was not tested: {GONE}." in printed
     page = (out / "report.html").read_text()
     assert all(f"{name} was not tested" in page for name in ENGINES if name != "mujoco")
 

@@ -64,7 +64,7 @@ def failures(result: EnginesResult) -> int:
 
 def answers(result: EnginesResult) -> list[str]:
     """Return what was found, a sentence each: who passes, who is missing, and what the walks say."""
-    left_out = [f"Not tested: {name}. {line}." for name, line in result.missing.items()]
+    left_out = [f"{name} was not tested: {line}." for name, line in result.missing.items()]
     return [*conformance_words(result.figures), *left_out, *walk_words(result.walks)]
 
 
