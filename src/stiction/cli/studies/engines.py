@@ -26,7 +26,7 @@ class EnginesStudy:
     """Options of `stiction study engines`."""
 
     engines: tuple[str, ...] | None = None
-    """Some of mujoco, physx, ode, ode-webots; by default those that can be had here, and what the others need is said."""
+    """Some of mujoco, physx, ode, ode-webots; by default all that can be had here, and what others need is said."""
     timesteps: tuple[float, ...] = (0.002,)
     """Physics steps of the suite [s]; its bounds are made for 0.002. Policies walk at that step whatever this says."""
     walks: bool = True
