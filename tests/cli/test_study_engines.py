@@ -64,7 +64,7 @@ def test_suite_and_walks_are_written(value: list[float], bundle: Path, tmp_path:
         "0.5",
         "True",
     )
-    assert len(rows(out / "walks.csv")) == 4 and len(rows(out / "episodes.csv")) == 8
+    assert len(rows(out / "walks.csv")) == 5 and len(rows(out / "episodes.csv")) == 10
     page = (out / "report.html").read_text()
     assert "its number" in page and "The same policies in every simulator" in page
     assert "http" not in page.replace("http://www.w3.org", "")

@@ -15,7 +15,7 @@ from stiction.transfer.metrics import Recording, speed_ratio
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
 from stiction.deploy.check import check_bundle
-from stiction.formats.engines import COARSE, MUJOCO, STIFF, TRAINING
+from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING
 from stiction.transfer.engine_walks import SameFriction, check_walks, lasting, simulators, walk_bundle
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.robot.factorial import Level
@@ -55,14 +55,14 @@ def test_every_cell_has_every_simulator_in_order(bundle: Path) -> None:
     cfg = EvaluationCfg((0.0, 0.2), ("vx=0.5",), episodes=2, seconds=1.0, settle=0.0)
     done: dict[str, float] = {}
     walks = walk_bundle(check_bundle(bundle).bundle, simulators([MUJOCO]), cfg, done.__setitem__)
-    names = [TRAINING, COARSE, MUJOCO, STIFF]
+    steps = {TRAINING: 0.005, FINE_TRAINING: 0.001, COARSE: 0.005, MUJOCO: 0.002, STIFF: 0.002}
     assert [(walk.row.friction_level, walk.row.simulator) for walk in walks] == [
-        (level, name) for level in (0.0, 0.2) for name in names
+        (level, name) for level in (0.0, 0.2) for name in steps
     ]
-    assert done == {f"toy, {name}": 1.0 for name in names}
+    assert done == {f"toy, {name}": 1.0 for name in steps}
     for walk in walks:
         row = walk.row
-        assert row.episodes == 2 and row.timestep == (0.005 if row.simulator in (TRAINING, COARSE) else 0.002)
+        assert row.episodes == 2 and row.timestep == steps[row.simulator]
         assert row.speed_ratio == pytest.approx(np.mean([one.speed_ratio for one in walk.episodes]))
         assert (row.to_training is None) == (row.simulator == TRAINING)
         assert row.speed_low is not None and row.speed_low < row.speed_ratio < row.speed_high

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-TRAINING = "training"
-"""The simulator that policies were trained in: many robots at once, their controllers part of the engine."""
+TRAINING, FINE_TRAINING = "training", "training (1 ms)"
+"""The simulator that policies were trained in, many robots at once, their controllers part of the engine: at its own
+step, and at a finer one."""
 
 MUJOCO, COARSE, STIFF = "mujoco", "mujoco (training's step)", "mujoco (contacts of 4 ms)"
 """MuJoCo with one robot and torque from outside: at the step of the other engines, at the step of the training, and at
@@ -57,7 +58,7 @@ class WalkRow:
     policy: str
     """Name of the bundle."""
     simulator: str
-    """`TRAINING`, `COARSE`, `STIFF`, or the name of an engine."""
+    """`TRAINING`, `FINE_TRAINING`, `COARSE`, `STIFF`, or the name of an engine."""
     timestep: float
     """Physics step [s]."""
     friction_level: float

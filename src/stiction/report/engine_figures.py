@@ -67,5 +67,5 @@ def draw_walks(rows: Sequence[WalkRow], episodes: Sequence[EpisodeRow]) -> Figur
 
 
 def _color(number: int) -> str:
-    """Return the colour of a simulator; one more than the page's colours is grey."""
-    return (*COLORS, INK)[number % (len(COLORS) + 1)]
+    """Return the colour of a simulator, one of the page's or of two more."""
+    return (INK, *COLORS, "#c9556a")[number % (len(COLORS) + 2)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from statistics import fmean
 
-from stiction.formats.engines import COARSE, MUJOCO, STIFF, TRAINING, FigureRow, WalkRow
+from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING, FigureRow, WalkRow
 
 CLOSE = 0.1
 """A speed is reached, and two simulators agree, within this share [-]."""
@@ -51,7 +51,7 @@ def walk_words(rows: Sequence[WalkRow]) -> list[str]:
     """Return what the walks say: speeds without friction, what contacts make of it, agreement with the training."""
     if not rows:
         return []
-    return [*_reached(rows), *_contacts(rows), *_agreement(rows), *_falls(rows)]
+    return [*_reached(rows), *_contacts(rows), *_step(rows), *_agreement(rows), *_falls(rows)]
 
 
 def _cell(row: WalkRow) -> Cell:
@@ -75,7 +75,7 @@ def _reached(rows: Sequence[WalkRow]) -> list[str]:
         judged = [judge(row.speed_low, row.speed_high) for row in mine]
         open_ones = f" ({judged.count('not decided')} not decided)" if "not decided" in judged else ""
         counts.append(f"{name} {judged.count('within')} of {len(mine)}{open_ones}")
-    here = [row for row in free if row.simulator != TRAINING]
+    here = [row for row in free if row.simulator not in (TRAINING, FINE_TRAINING)]
     missed = [row for row in here if judge(row.speed_low, row.speed_high) == "outside"]
     near = [row for row in missed if judge(row.to_training_low, row.to_training_high) == "within"]
     own = [row.speed_ratio for row in free if row.simulator == TRAINING]
@@ -121,7 +121,7 @@ def _contacts(rows: Sequence[WalkRow]) -> list[str]:
     sentences = []
     for name in _names(rows):
         soft, stiff = distance(rows, name, MUJOCO), distance(rows, name, STIFF)
-        if name in (TRAINING, MUJOCO, COARSE, STIFF) or soft is None or stiff is None:
+        if name in (TRAINING, FINE_TRAINING, MUJOCO, COARSE, STIFF) or soft is None or stiff is None:
             continue
         if soft == 0:
             sentences.append(f"{name} does not differ from {MUJOCO}.")
@@ -135,14 +135,20 @@ def _contacts(rows: Sequence[WalkRow]) -> list[str]:
             f"{name} differs from {MUJOCO} by {soft:.3f} of the commanded speed in the mean over all walks, from "
             f"{STIFF} by {stiff:.3f}: {verdict}."
         )
-    outside = [(name, distance(rows, name, TRAINING)) for name in (COARSE, MUJOCO)]
-    parts = [f"{name} {far:.3f}" for name, far in outside if far is not None]
-    if parts:
-        sentences.append(
-            "The same engine with one robot, whose joint controllers are outside of it, differs from training's "
-            f"simulator by, in the same measure: {', '.join(parts)}."
-        )
     return sentences
+
+
+def _step(rows: Sequence[WalkRow]) -> list[str]:
+    """Return how far the training's simulator is from the same engine with one robot, at its own and a finer step."""
+    own, fine, finer = (
+        distance(rows, *pair) for pair in ((TRAINING, COARSE), (TRAINING, MUJOCO), (FINE_TRAINING, MUJOCO))
+    )
+    if own is None or fine is None or finer is None:
+        return []
+    return [
+        "Training's simulator differs from the same engine with one robot, whose controllers are outside of it, by "
+        f"{own:.3f} at the same step, and from that at 2 ms by {fine:.3f}; at steps of 1 ms of its own, by {finer:.3f}."
+    ]
 
 
 def _falls(rows: Sequence[WalkRow]) -> list[str]:

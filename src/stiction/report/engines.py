@@ -27,10 +27,10 @@ HOW_FIGURES = (
 
 HOW_WALKS = (
     "The robot of the data sheet on flat ground: no sensor noise, no delay, Coulomb friction of the same share of the "
-    "torque limit in every joint. Simulators: `training`, the batched MuJoCo that the policies were trained in; the "
-    "engines with one robot, its controllers outside of them at every step; MuJoCo again at the training's step, and "
-    "with contacts that give way in 4 ms in place of 20 ms. An interval is over episodes, which differ by their first "
-    "joint angles: it says how sure a number is for this policy, and nothing of other trainings."
+    "torque limit in every joint. Simulators: `training`, the batched MuJoCo that the policies were trained in, at its "
+    "own step and at 1 ms; the engines with one robot, its controllers outside of them, at 2 ms; MuJoCo again at the "
+    "training's step, and with contacts that give way in 4 ms in place of 20 ms. An interval is over episodes, which "
+    "differ by their first joint angles: it says how sure a number is for this policy, and nothing of other trainings."
 )
 
 COLUMNS = (

@@ -14,7 +14,7 @@ import numpy as np
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.climb import wilson
-from stiction.formats.engines import COARSE, MUJOCO, STIFF, TRAINING, EpisodeRow, WalkRow
+from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING, EpisodeRow, WalkRow
 from stiction.formats.errors import StictionError
 from stiction.locomotion.config import NoiseCfg
 from stiction.transfer.command import Command
@@ -31,6 +31,9 @@ from stiction.transfer.statistics import ratio_interval, t_interval
 TIMESTEP = 0.002
 """Physics step of the engines [s], that of the conformance suite's bounds."""
 
+FINE = 0.001
+"""Physics step of `FINE_TRAINING` [s]."""
+
 CONTACT_TIME = 0.004
 """In which contacts give way in `STIFF` [s]: the shortest that MuJoCo takes at this step, twice the step."""
 
@@ -45,7 +48,7 @@ class Simulator:
     name: str
     """As in `WalkRow`."""
     make: Make | None
-    """Makes the engine; None for `TRAINING`."""
+    """Makes the engine; None for the training's simulator."""
     timestep: float | None
     """Physics step [s]; None: the policy's own, that of the training."""
 
@@ -69,7 +72,7 @@ class Walk:
 
 def simulators(engines: Sequence[str]) -> list[Simulator]:
     """Return what policies walk in, the training's simulator first: the engines at 2 ms, MuJoCo in three ways."""
-    found = [Simulator(TRAINING, None, None)]
+    found = [Simulator(TRAINING, None, None), Simulator(FINE_TRAINING, None, FINE)]
     for name in engines:
         make = partial(make_engine, name)
         if name == MUJOCO:
@@ -108,7 +111,8 @@ def walk_bundle(
         done = partial(progress, f"{bundle.name}, {simulator.name}")
         if simulator.make is None:
             same = replace(cfg, noise=NO_NOISE, action_delay=0.0, friction_law="coulomb")
-            measured[simulator.name] = list(evaluate_bundle(bundle, same, progress=done).episodes)
+            finer = at_step(bundle, _timestep(bundle, simulator))
+            measured[simulator.name] = list(evaluate_bundle(finer, same, progress=done).episodes)
             continue
         measured[simulator.name] = []
         for number, (level, command) in enumerate(cells):
@@ -137,6 +141,12 @@ def _walks(
         recording = lasting(trial.recording, steps).of(slice(0, 1), first)
         metrics.append(measure(recording, command, spec.groups(), spec.mass * GRAVITY))
     return tuple(metrics)
+
+
+def at_step(bundle: Bundle, timestep: float) -> Bundle:
+    """Return a bundle that evaluation steps at another timestep [s], with the same control period."""
+    decimation = round(bundle.contract.control_period / timestep)
+    return replace(bundle, contract=replace(bundle.contract, physics_timestep=timestep, decimation=decimation))
 
 
 def lasting(recording: Recording, steps: int) -> Recording:
