@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from stiction.formats.engines import MUJOCO, STIFF, TRAINING, FigureRow, WalkRow
+from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING, FigureRow, WalkRow
 from stiction.report.engine_words import conformance_words, distance, judge, walk_words
 from stiction.report.engines import figure_table
 
@@ -17,7 +17,7 @@ WALK = WalkRow("p", TRAINING, 0.005, 0.0, "vx=0.5", 3, 1.0, 0.98, 1.02, 0, 0.0, 
 
 def walks(**speeds: float) -> list[WalkRow]:
     """Return a walk in each simulator at these speeds, intervals of ±0.01."""
-    names = {"training": TRAINING, "mujoco": MUJOCO, "stiff": STIFF}
+    names = {"training": TRAINING, "mujoco": MUJOCO, "stiff": STIFF, "coarse": COARSE, "fine": FINE_TRAINING}
     base = speeds["training"]
     return [
         replace(
@@ -73,6 +73,13 @@ def test_contacts_explain_what_they_take_away_and_no_more() -> None:
     open_one = walk_words(walks(training=1.05, mujoco=1.0, stiff=1.05, physx=1.2))
     assert any("do not explain most of the difference: 75% of it is left" in text for text in open_one)
     assert distance(walks(training=1.0, mujoco=1.0, physx=1.2), "physx", STIFF) is None
+
+
+def test_the_step_of_the_training_is_told_from_its_engine() -> None:
+    """What a coarse step makes would be put down to another engine."""
+    words = walk_words(walks(training=1.0, fine=1.04, coarse=1.06, mujoco=1.05))
+    assert any("by 0.060 at the same step" in text and text.endswith("of its own, by 0.010.") for text in words)
+    assert not any("of its own, by" in text for text in walk_words(walks(training=1.0, mujoco=1.05)))
 
 
 def test_engines_that_agree_exactly_leave_nothing_to_explain() -> None:

@@ -117,7 +117,7 @@ def write_engines(out: Path, result: EnginesResult, summary: dict[str, Any]) -> 
 def warnings(result: EnginesResult) -> list[str]:
     """Return a line for every figure out of bounds, and for every engine that is missing."""
     lost = [
-        f"{row.engine} at {1000 * row.timestep:g} ms fails {row.check}: {row.figure} is {_value(row)} {row.unit}, "
+        f"{row.engine} at {1000 * row.timestep:g} ms fails {row.check}: {row.figure} is {_value(row)}{_unit(row)}, "
         f"within {row.bound:g} expected"
         for row in result.figures
         if not row.passed
@@ -164,16 +164,20 @@ def figure_table(rows: Sequence[FigureRow], timestep: float) -> tuple[list[str],
     cells = []
     for (check, figure), found in lines.items():
         one = next(iter(found.values()))
-        unit = "" if one.unit == "1" else f" {one.unit}"
         values = [_cell(found[name]) if name in found else "–" for name in engines]
         verdict = "pass" if all(row.passed for row in found.values()) else "FAIL"
-        cells.append([check, figure, f"{one.bound:.3g}{unit}", *values, verdict])
+        cells.append([check, figure, f"{one.bound:.3g}{_unit(one)}", *values, verdict])
     return ["check", "figure", "bound", *engines, "verdict"], cells
 
 
 def _cell(row: FigureRow) -> str:
     """Return a figure as a cell that cannot be read as a pass where it is none."""
     return _value(row) if row.passed else f"{_value(row)} FAIL"
+
+
+def _unit(row: FigureRow) -> str:
+    """Return the unit after a space, nothing for a ratio or a count."""
+    return "" if row.unit == "1" else f" {row.unit}"
 
 
 def _value(row: FigureRow) -> str:

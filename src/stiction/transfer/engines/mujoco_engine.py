@@ -7,9 +7,10 @@ may change at every step.
 Two things make a policy walk otherwise here than elsewhere, and neither is in the joints. Contacts are as soft as in
 training. A policy trained without friction reached 1.13 of the commanded speed here (backward 0.92), and 0.59 (0.44)
 with friction of 20 % of the torque limits; in PhysX 1.22 (0.90) and 0.67 (0.56), in ODE 1.19 (0.88) and 0.67 (0.55);
-and here, with contacts of 4 ms in place of 20 ms (`geom_solref`), 1.20 (0.90) and 0.67 (0.53). And the fleet takes kd
-of its controllers implicitly, which at steps of 5 ms acts like kd Δt = 0.0125 kg m² of more inertia: there 1.08 (1.00)
-and 0.57 (0.50). With finer steps both come to the same.
+and here, with contacts of 4 ms in place of 20 ms (`geom_solref`), 1.20 (0.90) and 0.67 (0.53). And the fleet has
+its controllers inside, kd taken implicitly: without friction 1.08 (1.02) there at steps of 5 ms, 1.12 (0.97) at 1 ms,
+where this engine comes to 1.13 (0.95). More inertia of kd Δt, which is what that does to one step, does not make up for
+it: 1.16 (0.95) here at 5 ms. `stiction study engines` measures all but the last.
 """
 
 from __future__ import annotations
