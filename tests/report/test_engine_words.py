@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING, FigureRow, WalkRow
+from stiction.report.engine_tables import figure_table
 from stiction.report.engine_words import conformance_words, distance, judge, walk_words
-from stiction.report.engines import figure_table
 
 ROW = FigureRow("mujoco", 0.002, "standing", "tilt", 0.01, "rad", 0.02, True)
 
@@ -64,6 +64,8 @@ def test_a_failed_figure_cannot_be_read_as_a_pass() -> None:
     header, (line,) = figure_table([*rows, replace(ROW, timestep=0.005)], 0.002)
     assert header == ["check", "figure", "bound", "mujoco", "ode", "verdict"]
     assert line == ["standing", "tilt", "0.02 rad", "0.01", "0.03 FAIL", "FAIL"]
+    _, (_, alone) = figure_table([ROW, replace(ROW, engine="ode"), replace(ROW, figure="drift")], 0.002)
+    assert alone[-2:] == ["–", "FAIL"]
 
 
 def test_contacts_explain_what_they_take_away_and_no_more() -> None:

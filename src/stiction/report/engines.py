@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,8 @@ from stiction.formats.errors import StictionError
 from stiction.formats.results import write_summary
 from stiction.formats.rows import write_rows
 from stiction.report.engine_figures import draw_motions, draw_walks
-from stiction.report.engine_words import conformance_words, judge, walk_words
+from stiction.report.engine_tables import figure_table, pace_cells, unit, value, verdict_table, walk_table
+from stiction.report.engine_words import conformance_words, walk_words
 from stiction.report.page import Section, bullets, figure_uri, paragraph, picture, render_page, table
 
 HOW_FIGURES = (
@@ -117,7 +117,7 @@ def write_engines(out: Path, result: EnginesResult, summary: dict[str, Any]) -> 
 def warnings(result: EnginesResult) -> list[str]:
     """Return a line for every figure out of bounds, and for every engine that is missing."""
     lost = [
-        f"{row.engine} at {1000 * row.timestep:g} ms fails {row.check}: {row.figure} is {_value(row)}{_unit(row)}, "
+        f"{row.engine} at {1000 * row.timestep:g} ms fails {row.check}: {row.figure} is {value(row)}{unit(row)}, "
         f"within {row.bound:g} expected"
         for row in result.figures
         if not row.passed
@@ -137,7 +137,9 @@ def sections(result: EnginesResult, pictures: dict[str, str], summary: dict[str,
     found = [
         Section("One joint and a free flight", (picture(pictures["motions"], drawn),)),
         Section("Conformance", (paragraph(HOW_FIGURES), *figures)),
-        Section("Pace", (paragraph(PACE), table(["engine", "step", "steps/s", "share"], map(_pace, result.paces)))),
+        Section(
+            "Pace", (paragraph(PACE), table(["engine", "step", "steps/s", "share"], map(pace_cells, result.paces)))
+        ),
     ]
     if result.walks:
         caption = "Bars: means; points: episodes; grey: the commanded speed ±10 %."
@@ -152,89 +154,6 @@ PACE = (
     "whose motion is read at every step; all engines in turn in the same run, the median of three rounds. What else a "
     "machine does changes the number more than the share, which is over the first engine's."
 )
-
-
-def figure_table(rows: Sequence[FigureRow], timestep: float) -> tuple[list[str], list[list[str]]]:
-    """Return header and lines of the figures at one timestep: a figure a line, an engine a column."""
-    mine = [row for row in rows if row.timestep == timestep]
-    engines = list(dict.fromkeys(row.engine for row in mine))
-    lines: dict[tuple[str, str], dict[str, FigureRow]] = {}
-    for row in mine:
-        lines.setdefault((row.check, row.figure), {})[row.engine] = row
-    cells = []
-    for (check, figure), found in lines.items():
-        one = next(iter(found.values()))
-        values = [_cell(found[name]) if name in found else "–" for name in engines]
-        verdict = "pass" if all(row.passed for row in found.values()) else "FAIL"
-        cells.append([check, figure, f"{one.bound:.3g}{_unit(one)}", *values, verdict])
-    return ["check", "figure", "bound", *engines, "verdict"], cells
-
-
-def _cell(row: FigureRow) -> str:
-    """Return a figure as a cell that cannot be read as a pass where it is none."""
-    return _value(row) if row.passed else f"{_value(row)} FAIL"
-
-
-def _unit(row: FigureRow) -> str:
-    """Return the unit after a space, nothing for a ratio or a count."""
-    return "" if row.unit == "1" else f" {row.unit}"
-
-
-def _value(row: FigureRow) -> str:
-    """Return what came out, as text."""
-    return "not a number" if row.value is None else f"{row.value:.2g}"
-
-
-def _pace(row: PaceRow) -> list[str]:
-    """Return a pace as cells."""
-    return [row.engine, f"{1000 * row.timestep:g} ms", f"{row.steps_per_second:,.0f}", f"{row.share:.2f}"]
-
-
-def walk_table(rows: Sequence[WalkRow]) -> Markup:
-    """Return the speeds: policy, friction and command down, simulators across."""
-    return _walk_cells(rows, _speeds, "Speed over the commanded speed, and over that in training's simulator.")
-
-
-def verdict_table(rows: Sequence[WalkRow]) -> Markup:
-    """Return whether speeds are within ±10 %, and falls; the same lines and columns."""
-    caption = (
-        "Whether the whole interval is within ±10 % of the commanded speed / of the speed in training's simulator, and "
-        "robots that fell with Wilson's 95 % interval."
-    )
-    return _walk_cells(rows, _verdicts, caption)
-
-
-def _walk_cells(rows: Sequence[WalkRow], cell: Any, caption: str) -> Markup:
-    """Return a table with a cell for each row."""
-    names = list(dict.fromkeys(row.simulator for row in rows))
-    lines: dict[tuple[str, float, str], dict[str, str]] = {}
-    for row in rows:
-        lines.setdefault((row.policy, row.friction_level, row.command), {})[row.simulator] = cell(row)
-    body = [
-        [policy, f"{level:.0%}", command, *(found.get(name, "–") for name in names)]
-        for (policy, level, command), found in lines.items()
-    ]
-    return table(["policy", "friction", "command", *names], body, caption)
-
-
-def _speeds(row: WalkRow) -> str:
-    """Return speed and ratio with their intervals."""
-    text = f"{row.speed_ratio:.2f}{_interval(row.speed_low, row.speed_high)}"
-    if row.to_training is None:
-        return text
-    return f"{text}; {row.to_training:.2f}{_interval(row.to_training_low, row.to_training_high)}"
-
-
-def _interval(low: float | None, high: float | None) -> str:
-    """Return an interval in brackets, nothing where there is none."""
-    return "" if low is None or high is None else f" ({low:.2f} to {high:.2f})"
-
-
-def _verdicts(row: WalkRow) -> str:
-    """Return both verdicts, and falls."""
-    against = "" if row.to_training is None else f" / {judge(row.to_training_low, row.to_training_high)}"
-    falls = f"{row.falls} of {row.episodes} fell, {row.fall_low:.0%} to {row.fall_high:.0%}"
-    return f"{judge(row.speed_low, row.speed_high)}{against}; {falls}"
 
 
 def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:

@@ -122,7 +122,7 @@ def _show(result: EnginesResult) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from stiction.report.engines import figure_table
+    from stiction.report.engine_tables import figure_table
 
     console = Console()
     if not console.is_terminal:
