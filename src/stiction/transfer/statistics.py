@@ -46,3 +46,22 @@ def difference_interval(first: Sequence[float], second: Sequence[float]) -> Inte
     freedom = total**2 / sum(part**2 / (len(points) - 1) for part, points in zip(parts, (first, second), strict=True))
     half = _half_width(total**0.5, freedom)
     return difference - half, difference + half
+
+
+def ratio_interval(first: Sequence[float], second: Sequence[float]) -> Interval | None:
+    """Return the 95 % interval of mean(first) / mean(second), None where either has fewer than two points.
+
+    To first order in the errors of the two means (the delta method), degrees of freedom by Welch and Satterthwaite: it
+    holds where the second mean is many of its errors away from zero. None where that mean is zero.
+    """
+    if len(first) < 2 or len(second) < 2 or not (below := float(np.mean(second))):
+        return None
+    ratio = float(np.mean(first)) / below
+    samples = ((first, 1.0), (second, ratio))
+    parts = [float(np.var(points, ddof=1)) / len(points) * (weight / below) ** 2 for points, weight in samples]
+    total = sum(parts)
+    if total == 0.0:
+        return ratio, ratio
+    freedom = total**2 / sum(part**2 / (len(points) - 1) for part, (points, _) in zip(parts, samples, strict=True))
+    half = _half_width(total**0.5, freedom)
+    return ratio - half, ratio + half

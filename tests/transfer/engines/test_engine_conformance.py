@@ -12,8 +12,8 @@ from stiction.formats.errors import StictionError
 from stiction.robots.catalog import find_robot
 from stiction.transfer.engines.catalog import ENGINES, make_engine, what_is_missing
 from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make
-from stiction.transfer.engines.conformance import CHECKS, TIMESTEP, conformance, steps_per_second
-from stiction.transfer.engines.engine import Body, Motion
+from stiction.transfer.engines.conformance import CHECKS, TIMESTEP, check_timestep, conformance, steps_per_second
+from stiction.transfer.engines.engine import BlownUp, Body, Motion
 from stiction.transfer.engines.ground import Ground, flat
 from stiction.transfer.engines.mujoco_engine import MujocoEngine
 from stiction.transfer.engines.rotation import matrix
@@ -89,6 +89,30 @@ def test_the_suite_names_the_check_of_every_figure(monkeypatch: pytest.MonkeyPat
     found = [(measured.check, measured.figure.name) for measured in conformance(MujocoEngine, 0.005)]
     assert found == [("first", "one"), ("first", "two"), ("second", "one"), ("second", "two")]
     assert seen == [0.005, 0.005] and steps_per_second(MujocoEngine, seconds=0.02) > 0
+
+
+def test_a_robot_that_blows_up_fails_the_check_and_the_suite_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One broken check would hide what all the others say, or pass for want of a number."""
+
+    def breaks(make: Make, timestep: float) -> tuple[Figure, ...]:
+        raise BlownUp("gone")
+
+    def holds(make: Make, timestep: float) -> tuple[Figure, ...]:
+        return (Figure("one", 0.0, "m", 1.0),)
+
+    monkeypatch.setattr("stiction.transfer.engines.conformance.CHECKS", {"first": breaks, "second": holds})
+    lost, kept = conformance(MujocoEngine)
+    assert lost.check == "first" and np.isnan(lost.figure.value) and not lost.figure.passed
+    assert kept.check == "second" and kept.figure.passed
+
+
+@pytest.mark.parametrize("timestep", [0.0, -0.002, 0.003, 0.00015, 0.2, np.nan])
+def test_steps_that_do_not_fit_the_suite_are_refused(timestep: float) -> None:
+    """A figure would be taken between two samples of its reference, and fail for that."""
+    check_timestep(0.0001)
+    check_timestep(0.005)
+    with pytest.raises(StictionError, match="whole number of steps"):
+        next(conformance(MujocoEngine, timestep))
 
 
 class Faulty(MujocoEngine):

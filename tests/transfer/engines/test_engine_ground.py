@@ -12,6 +12,9 @@ from stiction.transfer.engines.ground import Ground, HeightField, box_top, cours
 from stiction.transfer.engines.mujoco_engine import add_field
 from stiction.transfer.engines.rotation import about
 
+HALF, PLACE, TURN = np.array([[0.1, 0.1, 0.1]]), np.array([[0.5, 0.5, 0.25]]), np.array([[1.0, 0.0, 0.0, 0.0]])
+"""A box of 0.2 m."""
+
 
 def test_heights_of_a_field_by_hand() -> None:
     """One cell of 2 m, 1 m high at one side, is cut from lower left to upper right: a slope below, another above."""
@@ -92,8 +95,19 @@ def test_nothing_lies_on_flat_ground() -> None:
         (lambda: course("ice", 0.1), "expected flat"),
         (lambda: HeightField(np.zeros(3), 0.1, (0.0, 0.0)), "two rows"),
         (lambda: HeightField(np.zeros((2, 2)), 0.0, (0.0, 0.0)), "positive cell"),
+        (lambda: HeightField(np.zeros((2, 2)), np.inf, (0.0, 0.0)), "positive cell"),
+        (lambda: HeightField(np.zeros((2, 2)), 0.1, (np.nan, 0.0)), "a place"),
         (lambda: HeightField(np.full((2, 2), np.nan), 0.1, (0.0, 0.0)), "finite"),
         (lambda: HeightField(np.full((2, 2), -0.1), 0.1, (0.0, 0.0)), "down to -0.1"),
+        (lambda: Ground(HALF[0], PLACE, TURN), "shapes"),
+        (lambda: Ground(HALF, np.zeros((2, 3)), TURN), "shapes"),
+        (lambda: Ground(HALF, PLACE, TURN[:, :3]), "shapes"),
+        (lambda: Ground(-HALF, PLACE, TURN), "positive half sizes"),
+        (lambda: Ground(HALF * [1.0, 0.0, 1.0], PLACE, TURN), "positive half sizes"),
+        (lambda: Ground(HALF * np.inf, PLACE, TURN), "positive half sizes"),
+        (lambda: Ground(HALF, PLACE + np.nan, TURN), "a place"),
+        (lambda: Ground(HALF, PLACE, 2.0 * TURN), "length 1"),
+        (lambda: Ground(HALF, PLACE, TURN + np.nan), "length 1"),
     ],
 )
 def test_ground_that_cannot_be_is_refused(make, message: str) -> None:
@@ -105,5 +119,5 @@ def test_ground_that_cannot_be_is_refused(make, message: str) -> None:
 def test_boxes_count_where_they_overlap_a_field() -> None:
     """The robot walks on whatever is higher."""
     field = HeightField(np.full((2, 2), 0.2), 2.0, (-1.0, -1.0))
-    box = Ground(np.array([[0.1, 0.1, 0.1]]), np.array([[0.5, 0.5, 0.25]]), np.array([[1.0, 0, 0, 0]]), field)
+    box = Ground(HALF, PLACE, TURN, field)
     np.testing.assert_allclose(box.height(np.array([[0.5, 0.5], [0.0, 0.0], [2.0, 2.0]])), [0.35, 0.2, 0.0])

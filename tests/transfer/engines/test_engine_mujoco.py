@@ -6,7 +6,7 @@ import numpy as np
 
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
-from stiction.transfer.engines.checks.rig import UPRIGHT, record
+from stiction.transfer.engines.checks.rig import UPRIGHT, record, still
 from stiction.transfer.engines.engine import Body, Motion
 from stiction.transfer.engines.ground import flat
 from stiction.transfer.engines.mujoco_engine import MujocoEngine
@@ -38,3 +38,14 @@ def test_a_fleet_and_the_engine_come_to_the_same_with_finer_steps() -> None:
     """Rows of `mujoco` would be about another robot than the one trained, and no step would be fine enough."""
     coarse, fine = apart(2e-3), apart(2.5e-4)
     assert fine < 1e-4 and fine < 0.25 * coarse
+
+
+def test_stiffer_contacts_give_way_less() -> None:
+    """A study that asks what soft contacts change would compare the same contacts twice."""
+    height = []
+    for contact_time in (None, 0.004):
+        engine = MujocoEngine(Body.nominal(SPEC), flat(), 0.002, contact_time)
+        engine.reset(SPEC.joint_values("standing"), np.array([0.0, 0.0, SPEC.standing_height]), UPRIGHT)
+        height.append(record(engine, 200, still(engine.body)).base_position[-1, 2] - SPEC.standing_height)
+    soft, stiff = height
+    assert -2e-3 < soft < 3.0 * stiff < 0.0

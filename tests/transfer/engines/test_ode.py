@@ -193,9 +193,6 @@ def test_a_robot_that_blew_up_walks_again_as_if_new() -> None:
     assert same(_jump(engine), _jump(on_the_plane()))
 
 
-BOX = (np.ones((1, 3)), np.zeros((1, 3)), UPRIGHT[None])
-
-
 @pytest.mark.parametrize(
     ("act", "message"),
     [
@@ -213,7 +210,6 @@ BOX = (np.ones((1, 3)), np.zeros((1, 3)), UPRIGHT[None])
             lambda: on_the_plane(spec=replace(SPEC, hip=replace(SPEC.hip, upper=6.0))),
             "range of a joint .* of 6.8; .* below 6.283",
         ),
-        (lambda: OdeEngine(Body.nominal(SPEC), Ground(-BOX[0], *BOX[1:]), STEP), "half sizes"),
         (lambda: OdeEngine(Body.nominal(SPEC), flat(), 0.0), "physics step"),
     ],
 )

@@ -11,15 +11,17 @@ reference of free flight and of standing is MuJoCo with finer steps.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from stiction.formats.errors import StictionError
 from stiction.transfer.engines.checks import contact, flight, joint, repeat, terrain
 from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make, hold, robot
-from stiction.transfer.engines.engine import Body
+from stiction.transfer.engines.engine import BlownUp, Body
 from stiction.transfer.engines.ground import flat
 
 TIMESTEP = 0.002
@@ -57,10 +59,32 @@ class Measured:
 
 
 def conformance(make: Make, timestep: float = TIMESTEP) -> Iterator[Measured]:
-    """Run every check on engines that `make(body, ground, timestep)` makes, and yield their figures one by one."""
+    """Run every check on engines that `make(body, ground, timestep)` makes, and yield their figures one by one.
+
+    A check in which the robot blows up yields one figure that is not a number, and so does not pass.
+
+    Raises:
+        StictionError: the checks cannot be run with such a timestep.
+
+    """
+    check_timestep(timestep)
     for name, check in CHECKS.items():
-        for figure in check(make, timestep):
+        try:
+            figures = check(make, timestep)
+        except BlownUp:
+            figures = (Figure("robot that does not blow up", math.nan, "1", 0.0),)
+        for figure in figures:
             yield Measured(name, figure)
+
+
+def check_timestep(timestep: float) -> None:
+    """Raise `StictionError` unless a tenth of a second has whole steps, and a step whole ones of the reference."""
+    wholes = 0.1 / timestep if timestep > 0 else math.nan, timestep / flight.FINE
+    if not all(math.isfinite(whole) and whole > 0.5 and abs(whole - round(whole)) < 1e-6 for whole in wholes):
+        raise StictionError(
+            f"conformance at a timestep of {timestep:g} s; expected a whole number of steps in 0.1 s, and of "
+            f"{flight.FINE:g} s in a step: 0.001, 0.002, 0.005"
+        )
 
 
 def steps_per_second(make: Make, timestep: float = TIMESTEP, seconds: float = 2.0) -> float:

@@ -30,10 +30,11 @@ class HeightField:
     def __post_init__(self) -> None:
         """Refuse a grid that is none."""
         heights = np.asarray(self.heights)
-        if heights.ndim != 2 or min(heights.shape) < 2 or not np.isfinite(heights).all() or not self.cell > 0:
+        grid = heights.ndim == 2 and min(heights.shape) >= 2 and np.isfinite(heights).all()
+        if not (grid and 0 < self.cell < np.inf and np.shape(self.corner) == (2,) and np.isfinite(self.corner).all()):
             raise StictionError(
-                f"height field of shape {heights.shape} with cells of {self.cell} m: expected at least two rows and "
-                "two columns of finite heights, and a positive cell"
+                f"height field of shape {heights.shape} from {self.corner} m on with cells of {self.cell} m: expected "
+                "at least two rows and two columns of finite heights, a place, and a positive cell"
             )
         if heights.min() < 0:
             raise StictionError(
@@ -81,6 +82,23 @@ class Ground:
     """Their orientations, w x y z, shape (B, 4)."""
     field: HeightField | None = None
     """A height field beside them."""
+
+    def __post_init__(self) -> None:
+        """Refuse boxes without size, place or orientation, so that no engine needs to; a height field checks itself."""
+        shapes = np.shape(self.half_sizes), np.shape(self.positions), np.shape(self.quaternions)
+        count = shapes[0][0] if shapes[0] else 0
+        if shapes != ((count, 3), (count, 3), (count, 4)):
+            raise StictionError(
+                f"boxes with half sizes, places and quaternions of shapes {shapes}; expected (B, 3), (B, 3) and (B, 4) "
+                "for B boxes"
+            )
+        for half, place, turn in zip(self.half_sizes, self.positions, self.quaternions, strict=True):
+            sized = np.isfinite(half).all() and np.min(half) > 0
+            if not (sized and np.isfinite(place).all() and abs(np.linalg.norm(turn) - 1.0) < 1e-6):
+                raise StictionError(
+                    f"box of half sizes {half} m at {place} m, turned by {turn}; expected positive half sizes, a "
+                    "place, and a quaternion of length 1"
+                )
 
     def height(self, points: np.ndarray) -> np.ndarray:
         """Return the height of the ground [m], shape (P,), at points (P, 2) [m]."""

@@ -7,9 +7,10 @@ may change at every step.
 Two things make a policy walk otherwise here than elsewhere, and neither is in the joints. Contacts are as soft as in
 training. A policy trained without friction reached 1.13 of the commanded speed here (backward 0.92), and 0.59 (0.44)
 with friction of 20 % of the torque limits; in PhysX 1.22 (0.90) and 0.67 (0.56), in ODE 1.19 (0.88) and 0.67 (0.55);
-and here, with contacts of 4 ms in place of 20 ms (`geom_solref`), 1.20 (0.90) and 0.67 (0.53). And the fleet takes kd
-of its controllers implicitly, which at steps of 5 ms acts like kd Δt = 0.0125 kg m² of more inertia: there 1.08 (1.00)
-and 0.57 (0.50). With finer steps both come to the same.
+and here, with contacts of 4 ms in place of 20 ms (`geom_solref`), 1.20 (0.90) and 0.67 (0.53). And the fleet has
+its controllers inside, kd taken implicitly: without friction 1.08 (1.02) there at steps of 5 ms, 1.12 (0.97) at 1 ms,
+where this engine comes to 1.13 (0.95). More inertia of kd Δt, which is what that does to one step, does not make up for
+it: 1.16 (0.95) here at 5 ms. `stiction study engines` measures all but the last.
 """
 
 from __future__ import annotations
@@ -34,8 +35,11 @@ class MujocoEngine:
 
     name = "mujoco"
 
-    def __init__(self, body: Body, ground: Ground, timestep: float) -> None:
-        """Build the robot on its ground, the base at the origin; `timestep` of the physics [s]."""
+    def __init__(self, body: Body, ground: Ground, timestep: float, contact_time: float | None = None) -> None:
+        """Build the robot on its ground, the base at the origin.
+
+        timestep: of the physics [s]; contact_time: in which contacts give way [s], by default as in training.
+        """
         self.body, self.timestep = body, timestep
         self._legs, self._joints = len(body.spec.legs), body.spec.num_joints
         spec = build(body.spec, timestep, ground.half_sizes, joint_sensors=True)
@@ -58,6 +62,8 @@ class MujocoEngine:
         for number, (place, turn) in enumerate(zip(ground.positions, ground.quaternions, strict=True)):
             box = model.geom(f"obstacle{number}").id
             model.geom_pos[box], model.geom_quat[box] = place, turn
+        if contact_time is not None:
+            model.geom_solref[:, 0] = contact_time
         mujoco.mj_setConst(model, self._data)
         self.reset(body.spec.joint_values("standing"), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 

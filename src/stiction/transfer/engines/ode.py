@@ -17,7 +17,7 @@ import numpy as np
 from stiction.formats.errors import StictionError
 from stiction.transfer.engines.engine import GRAVITY, TOUCH, BlownUp, Body, Motion, check_speed
 from stiction.transfer.engines.ground import Ground
-from stiction.transfer.engines.ode_check import check_body, check_drive, check_ground, check_pose
+from stiction.transfer.engines.ode_check import check_body, check_drive, check_pose
 from stiction.transfer.engines.ode_contact import ContactSettings, OdeContacts
 from stiction.transfer.engines.ode_library import ode_library, prepare_thread, taken_messages
 from stiction.transfer.engines.ode_robot import OdeRobot
@@ -55,13 +55,12 @@ class OdeEngine:
         """Build the robot on its ground, standing, the base at the origin; `timestep` of the physics [s].
 
         Raises:
-            StictionError: there is no ODE 0.16, or it cannot have such a robot, ground or timestep.
+            StictionError: there is no ODE 0.16, or it cannot have such a robot or timestep.
 
         """
         if not 0 < timestep < np.inf:
             raise StictionError(f"physics step {timestep} s; expected a positive number")
         check_body(body)
-        check_ground(ground)
         self._library = library = ode_library()
         prepare_thread(library)
         self.name, self.body, self.timestep, self.settings = settings.name, body, timestep, settings

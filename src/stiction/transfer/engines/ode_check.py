@@ -2,7 +2,7 @@
 
 After an error ODE calls exit(), after a failed assertion abort(); builds without assertions go on with garbage, and a
 linear complementarity problem that holds a NaN may never end. No number that is none, and no body without mass, comes
-past here.
+past here; the ground checks itself.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import numpy as np
 from stiction.formats.errors import StictionError
 from stiction.robots.links import links
 from stiction.transfer.engines.engine import BlownUp, Body
-from stiction.transfer.engines.ground import Ground
 
 WIDEST = 2 * np.pi
 """Range of a joint [rad]: ODE has angles from -π to π."""
@@ -32,16 +31,6 @@ def check_body(body: Body) -> None:
     _expect(spec.name, "armature [kg m²]", body.armature, least=0.0)
     _expect(spec.name, "damping [N m s/rad]", body.damping, least=0.0)
     _expect(spec.name, "sum of armature and damping", np.add(body.armature, body.damping), above=0.0)
-
-
-def check_ground(ground: Ground) -> None:
-    """Raise `StictionError` for boxes without size, place or orientation; a height field checks itself."""
-    for half, place, turn in zip(ground.half_sizes, ground.positions, ground.quaternions, strict=True):
-        if not (np.isfinite(half).all() and np.min(half) > 0 and np.isfinite(place).all() and _is_unit(turn)):
-            raise StictionError(
-                f"box of half sizes {half} m at {place} m, turned by {turn}; expected positive half sizes, a place, "
-                "and a quaternion of length 1"
-            )
 
 
 def check_pose(joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:

@@ -8,6 +8,7 @@ has its motion in closed form, stick and slip included.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -77,8 +78,24 @@ def _drive(make: Make, timestep: float, start: float, joint: Callable[[int, floa
     return record(engine, round(END / timestep), act)
 
 
-def friction_of_one_joint(make: Make, timestep: float) -> tuple[Figure, ...]:
-    """Hold, break away and decay of a joint under a known torque."""
+@dataclass(frozen=True)
+class BreakAway:
+    """A joint that is held, breaks away and comes to rest under `PROFILE`; arrays of shape (steps + 1,)."""
+
+    time: np.ndarray
+    """[s]."""
+    load: np.ndarray
+    """Torque on the joint [N m]."""
+    angle: np.ndarray
+    """[rad]."""
+    speed: np.ndarray
+    """[rad/s]."""
+    truth: Trajectory
+    """The exact motion."""
+
+
+def break_away(make: Make, timestep: float) -> BreakAway:
+    """Return how an engine moves a joint under `PROFILE`, and how it should."""
     times, levels = np.array(PROFILE).T
     steps = round(END / timestep)
     grid = np.arange(steps + 1) * timestep
@@ -86,10 +103,16 @@ def friction_of_one_joint(make: Make, timestep: float) -> tuple[Figure, ...]:
     # Torque is constant over a step: that of its middle gives a ramp its exact impulse.
     torque = FRICTION * np.interp(grid[:-1] + timestep / 2, times, levels)
     motion = _drive(make, timestep, start, lambda number, angle, speed: (torque[number], FRICTION))
-    angle, speed = motion.joint_position[:, -1], motion.joint_velocity[:, -1]
-    weak = PDGains(1e-9, 0.0)
     load = FRICTION * np.interp(grid, times, levels)
-    truth = exact(weak, FRICTION, timestep, np.full(steps + 1, start), load)
+    truth = exact(PDGains(1e-9, 0.0), FRICTION, timestep, np.full(steps + 1, start), load)
+    return BreakAway(grid, load, motion.joint_position[:, -1], motion.joint_velocity[:, -1], truth)
+
+
+def friction_of_one_joint(make: Make, timestep: float) -> tuple[Figure, ...]:
+    """Hold, break away and decay of a joint under a known torque."""
+    seen = break_away(make, timestep)
+    angle, speed, load, truth = seen.angle, seen.speed, seen.load, seen.truth
+    steps, start = len(angle) - 1, float(truth.position[0])
     driven, let_go = round(DRIVEN / timestep), round(LET_GO / timestep)
     gone = [np.argmax(np.abs(path - path[driven]) > MOVED) for path in (angle, truth.position)]
     stopped = [steps - np.argmax(np.abs(path[::-1]) > AT_REST) for path in (speed, truth.velocity)]
