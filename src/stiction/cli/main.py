@@ -17,6 +17,7 @@ VERBS = {
     "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
     "train": "train a teacher and a student for a robot, with or without joint friction",
     "evaluate": "drive a policy bundle over friction levels and commands, and tabulate what it reached",
+    "replicate": "run the paper's comparison over engines and a virtual robot, and judge its sentences",
     "train-actuator": "fit an Actuator Net to logs of walks, in place of the PD law in training",
     "study": "run one of the experiments behind the results, and write its page",
     "export": "turn a training run into a policy bundle that can be checked, or a bundle into a Webots project",

@@ -14,7 +14,6 @@ from stiction.formats.errors import StictionError
 from stiction.formats.experiment import Experiment
 from stiction.report.experiment_figures import draw_budget, draw_collapse, draw_conditions, draw_learning
 from stiction.report.experiment_tables import (
-    Sheet,
     methods_sheet,
     onset_sheet,
     part_sheet,
@@ -22,6 +21,7 @@ from stiction.report.experiment_tables import (
     verdict_sheet,
 )
 from stiction.report.page import Section, figure_uri, fold, paragraph, picture, render_page
+from stiction.report.sheet import Sheet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -105,17 +105,12 @@ def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
 
 def sections(experiment: Experiment, figures: Mapping[str, Figure], sheets: Mapping[str, Sheet]) -> list[Section]:
     """Return the sections of the page: verdicts, figures, tables, what was run."""
-    page = [Section("What became of the paper's sentences", _blocks(sheets["verdicts"]))]
+    page = [Section("What became of the paper's sentences", sheets["verdicts"].blocks())]
     for name, figure in figures.items():
         page.append(Section(HEADINGS[name], (picture(figure_uri(figure), CAPTIONS[name]),)))
-    tables = [fold(sheet.title, _blocks(sheet)) for name, sheet in sheets.items() if name not in ("verdicts", "runs")]
+    tables = [fold(sheet.title, sheet.blocks()) for name, sheet in sheets.items() if name not in ("verdicts", "runs")]
     page.append(Section("Tables", tuple(tables)))
     return [*page, Section("What was run", _run_blocks(experiment, sheets["runs"]))]
-
-
-def _blocks(sheet: Sheet) -> tuple[Markup, ...]:
-    """Return a table and its note."""
-    return sheet.html(), *((paragraph(sheet.note),) if sheet.note else ())
 
 
 def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:

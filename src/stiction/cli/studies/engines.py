@@ -113,7 +113,7 @@ def _bundles(options: EnginesStudy) -> list:
 
     paths = options.policies if options.policies is not None else tuple(shipped_bundles().values())
     bundles = [check_bundle(find_bundle(path)).bundle for path in paths]
-    check_names(bundles)
+    check_names([bundle.name for bundle in bundles])
     return bundles
 
 

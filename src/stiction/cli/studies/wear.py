@@ -81,7 +81,7 @@ def main(arguments: list[str]) -> int:
     cfg = WearCfg(wear=wear, **chosen)
     paths = [find_bundle(path) for path in options.bundles]
     bundles = [check_bundle(path).bundle for path in paths]
-    check_names(bundles)
+    check_names([bundle.name for bundle in bundles])
     make_folder(options.out / "robots")
     with work_progress() as progress:
         jobs = options.jobs or num_threads()

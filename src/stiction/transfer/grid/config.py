@@ -88,9 +88,10 @@ class GridCfg:
         for terrain in self.terrains:
             self.on(terrain)
         alone = [place.label for place in self.places if not place.is_batch]
-        if alone and (self.base.action_delay or self.base.law.name == "effort"):
-            what = "an action delay" if self.base.action_delay else "the law effort"
-            raise StictionError(f"{alone[0]} with {what}: only {BATCH} has it; a virtual robot has delays of its own")
+        if alone and self.base.action_delay:
+            raise StictionError(
+                f"{alone[0]} with an action delay: only {BATCH} has it; a virtual robot has delays of its own"
+            )
         if any(place.cell for place in self.places) and has_coefficient(self.base.law.name) and not self.robot_levels:
             raise StictionError("virtual robots have a law of their own; give their --robot-levels, such as 0.1 bench")
 

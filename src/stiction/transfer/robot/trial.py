@@ -15,10 +15,10 @@ from stiction.locomotion.config import NoiseCfg
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.engine import BlownUp, Body, Engine, Motion
 from stiction.transfer.engines.ground import Ground, flat
+from stiction.transfer.engines.joint_physics import JointFriction
 from stiction.transfer.engines.rotation import about
 from stiction.transfer.metrics import Recording
 from stiction.transfer.robot.draw import draw
-from stiction.transfer.robot.friction import DryFriction
 from stiction.transfer.robot.hidden import Hidden
 from stiction.transfer.robot.noisy import Noisy
 from stiction.transfer.robot.pilot import Pilot, Turn
@@ -54,7 +54,7 @@ class Kind(Protocol):
         """Return what of a robot is real."""
         ...
 
-    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> DryFriction:
+    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
         ...
 

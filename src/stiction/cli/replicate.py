@@ -1,0 +1,172 @@
+"""`stiction replicate`: the paper's comparison, and what a user would try, in other engines and on a virtual robot."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+
+from stiction.formats.errors import StictionError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from stiction.formats.bundle import Bundle
+
+DESCRIPTION = """The paper's comparison as one command, resumable: conventional, Actuator Net and friction-aware
+training, the paper's other ways, and what a user would try; in other physics engines, on a virtual robot with joints of
+its own, on flat ground and stairs. Each sentence of the paper gets a verdict with its numbers.
+
+quick: the shipped policies, some 30 minutes on two cores. full: trains what is missing first (days on two cores).
+Stop it at any time: the same command goes on."""
+
+CLIPS = ("none", "direct", "deception")
+"""Ways of training that are shown side by side."""
+
+CLIP_LEVEL, CLIP_COMMAND = 0.2, "vx=0.5"
+
+
+@dataclass(frozen=True)
+class ReplicateCfg:
+    """Options of `stiction replicate`."""
+
+    preset: Literal["quick", "full"] = "quick"
+    """quick: few levels, episodes and robots; full: all of them, and policies that are trained for it."""
+    policies: tuple[Path, ...] = ()
+    """Bundles, names of shipped ones, or finished training runs; by default the shipped bundles (quick), or the runs
+    of the experiment (full)."""
+    runs: Path = Path("runs")
+    """Folder of the training runs of the preset `full`, as `stiction study friction` has it."""
+    parts: tuple[str, ...] = ()
+    """Parts to walk: training, engines, robot, stairs, load, effort; by default all."""
+    robots: int | None = None
+    """Virtual robots, seeds from 1000; by default 2 (quick) or 8 (full)."""
+    jobs: int | None = None
+    """Walks, or trainings, at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
+    clips: bool = True
+    """Render clips of three methods side by side."""
+    out: Path = Path("stiction-replication")
+    """Folder of results.csv, methods.csv, budget.csv, onsets.csv, verdicts.csv, summary.json, tables.md, figures,
+    clips, report.html, and a folder for each part, by which an interrupted command goes on."""
+    json: bool = False
+    """Print the verdicts as JSON on standard output, and nothing else."""
+
+    def __post_init__(self) -> None:
+        """Refuse no work at once."""
+        for name in ("jobs", "robots"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                raise StictionError(f"--{name} {value}: expected at least 1")
+
+
+def main(arguments: list[str]) -> int:
+    """Walk the comparison, judge it, write the page."""
+    cfg = tyro.cli(ReplicateCfg, args=arguments, prog="stiction replicate", description=DESCRIPTION)
+    import json
+
+    from stiction.cli.terminal import work_progress
+    from stiction.formats.folder import make_folder
+    from stiction.formats.reproducibility import num_threads
+    from stiction.report.replication import lead, write_replication
+    from stiction.transfer.replication.plan import parts_of
+    from stiction.transfer.replication.run import replicate
+
+    parts = parts_of(cfg.preset, cfg.robots)
+    names = [part.name for part in parts]
+    if unknown := [name for name in cfg.parts if name not in names]:
+        raise StictionError(f"part {unknown[0]!r} is none of the comparison's; expected some of {', '.join(names)}")
+    make_folder(cfg.out)
+    jobs = cfg.jobs or num_threads()
+    with work_progress() as progress:
+        found = find_policies(cfg, jobs, progress)
+        if isinstance(found, int):
+            return found
+        bundles, folders = found
+        chosen = [part for part in parts if not cfg.parts or part.name in cfg.parts]
+        command = shlex.join(["stiction", "replicate", *arguments])
+        result = replicate(bundles, chosen, cfg.out, jobs, progress, {"command": command, "preset": cfg.preset})
+    clips = render(bundles, folders, cfg.out) if cfg.clips else {}
+    page = write_replication(cfg.out, result, clips)
+    if cfg.json:
+        print(json.dumps({verdict.id: verdict.outcome for verdict in result.verdicts}))
+    else:
+        print(f"{lead(result)}\nreport: {page}")
+    return 0
+
+
+def find_policies(
+    cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], None]
+) -> tuple[list[Bundle], dict[str, Path]] | int:
+    """Return the checked policies and the folder of each; or the exit status of a training that was asked to stop."""
+    from stiction.deploy.check import check_bundle
+    from stiction.formats.shipped import find_bundle, shipped_bundles
+
+    given = [find_bundle(path) for path in cfg.policies] or list(shipped_bundles().values())
+    if cfg.preset == "full" and not cfg.policies:
+        trained = train_all(cfg, jobs, progress)
+        if isinstance(trained, int):
+            return trained
+        given = trained
+    folders = [exported(path, cfg.out) for path in given]
+    bundles = [check_bundle(folder).bundle for folder in folders]
+    return bundles, {bundle.name: folder for bundle, folder in zip(bundles, folders, strict=True)}
+
+
+def exported(path: Path, out: Path) -> Path:
+    """Return a bundle's folder: the path itself, or of a training run what was exported of it into `out`."""
+    if not (path / "checkpoints").is_dir():
+        return path
+    from stiction.formats.folder import make_folder
+    from stiction.transfer.export import export_run
+
+    folder = out / "bundles" / path.resolve().name
+    if not folder.exists():
+        make_folder(folder.parent)
+        export_run(path, folder)
+    return folder
+
+
+def train_all(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], None]) -> list[Path] | int:
+    """Train every run of the comparison that is missing; return their folders, or the exit status if asked to stop."""
+    from stiction.cli.interruption import stop_requests
+    from stiction.cli.train import parse
+    from stiction.transfer.experiment.places import Place
+    from stiction.transfer.experiment.training import train_missing
+    from stiction.transfer.replication.runs import comparison_runs
+
+    runs = comparison_runs()
+    places = [Place(run, parse([*run.arguments]).config, cfg.runs / run.name) for run in runs]
+    with stop_requests(say, "an iteration of each run") as asked:
+        failed = train_missing(places, jobs, progress, asked=asked)
+    if asked():
+        return asked.status
+    if failed:
+        name, reason = next(iter(failed.items()))
+        raise StictionError(f"{name}: {reason}")
+    return [place.path for place in places]
+
+
+def render(bundles: list[Bundle], folders: dict[str, Path], out: Path) -> dict[str, Path]:
+    """Render a clip of the first policy of each of `CLIPS`; without OpenGL say so once and go on."""
+    from stiction.transfer.clip import ClipError, record_clip
+    from stiction.transfer.replication.ways import way_of
+
+    clips: dict[str, Path] = {}
+    for way in CLIPS:
+        name = next((b.name for b in bundles if way_of(b.contract) == way and b.contract.terrain == "flat"), None)
+        if name is not None:
+            try:
+                clips[name] = record_clip(folders[name], CLIP_LEVEL, CLIP_COMMAND, out / f"{name}.webp")
+            except ClipError as error:
+                say(str(error))
+                return clips
+    return clips
+
+
+def say(text: str) -> None:
+    """Print a line on standard error."""
+    print(f"stiction replicate: {text}", file=sys.stderr)

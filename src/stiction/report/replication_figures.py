@@ -1,0 +1,118 @@
+"""Figures of the paper's comparison: the friction budget, and which training a joint needs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from stiction.formats.friction import has_coefficient, level_axis, level_number
+from stiction.formats.replication import BudgetPoint, Onset
+from stiction.report.page import COLORS, INK, legend, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FOLLOWING = (0.8, 1.2)
+"""Speed ratios that count as following the command [-]."""
+
+FEWEST = 3
+"""Points without which a curve is none."""
+
+MARKS = "osD^vP*X"
+"""One an engine."""
+
+
+def color_of(way: str, ways: Sequence[str]) -> str:
+    """Return the colour of a way of training, the same in every figure."""
+    return COLORS[list(ways).index(way) % len(COLORS)]
+
+
+def style_of(way: str, ways: Sequence[str]) -> str:
+    """Return the line style: the second round of colours is dashed."""
+    return "-" if list(ways).index(way) < len(COLORS) else "--"
+
+
+def draw_budget(points: Sequence[BudgetPoint], ways: Sequence[str], band: float) -> Figure:
+    """Return speed ratio of the slower direction over friction, a panel for each engine and law.
+
+    band: dead band f/kp of the shank at a friction of the whole torque limit [rad], for the axis on top.
+    """
+    groups: dict[tuple[str, str], list[BudgetPoint]] = {}
+    for point in points:
+        groups.setdefault((point.engine, point.friction_law), []).append(point)
+    shown = {key: some for key, some in groups.items() if len({p.friction_level for p in some}) >= FEWEST}
+    rows = -(-max(1, len(shown)) // 3)
+    figure, axes = new_figure(rows, 3, size=(12.6, 3.7 * rows))
+    for axis, ((engine, law), some) in zip(axes, shown.items(), strict=False):
+        axis.axhspan(*FOLLOWING, color=COLORS[2], alpha=0.12, linewidth=0)
+        axis.axhline(0.0, color=INK, linewidth=0.8)
+        for way in ways:
+            own = sorted((p for p in some if p.method == way), key=lambda p: p.friction_level)
+            if own:
+                _draw_way(axis, own, color_of(way, ways), style_of(way, ways))
+        axis.set(title=engine, xlabel=level_axis(law), ylim=(-0.4, 1.6))
+        if not has_coefficient(law):
+            _dead_band(axis, band)
+    for axis in axes[len(shown) :]:
+        axis.set_visible(False)
+    axes[0].set_ylabel("speed reached / commanded")
+    legend(axes[0])
+    return figure
+
+
+def _draw_way(axis: Axes, own: Sequence[BudgetPoint], color: str, style: str) -> None:
+    """Draw one way of training: every seed thin, their mean thick, its interval as a band."""
+    law = own[0].friction_law
+    levels = [level_number(law, p.friction_level) for p in own]
+    axis.plot(levels, [p.ratio for p in own], color=color, linestyle=style, linewidth=1.8, label=own[0].method)
+    for level, point in zip(levels, own, strict=True):
+        each = [float(one) for one in point.each.split()]
+        axis.plot([level] * len(each), each, linestyle="", marker=".", markersize=3, color=color)
+    known = [(level, p.low, p.high) for level, p in zip(levels, own, strict=True) if p.low is not None]
+    if known:
+        middle, low, high = zip(*known, strict=True)
+        axis.fill_between(middle, low, high, color=color, alpha=0.13, linewidth=0)
+
+
+def _dead_band(axis: Axes, band: float) -> None:
+    """Add the axis of the shank's dead band on top."""
+    unit = 10 * band  # mrad per per cent
+
+    def angle(level: Any) -> Any:
+        return level * unit
+
+    def level(angle: Any) -> Any:
+        return angle / unit
+
+    top = axis.secondary_xaxis("top", functions=(angle, level))
+    top.set_xlabel("dead band f/kp of the shank [mrad]", fontsize=8, color=INK)
+    top.tick_params(colors=INK, labelsize=7)
+
+
+def draw_needs(onsets: Sequence[Onset], ways: Sequence[str]) -> Figure:
+    """Return up to which friction each way of training follows: a bar to its lowest onset, a mark an engine."""
+    known = [onset for onset in onsets if not has_coefficient(onset.friction_law)]
+    engines = list(dict.fromkeys(onset.engine for onset in known))
+    rows = [way for way in ways if any(onset.method == way for onset in known)]
+    figure, (axis,) = new_figure(1, 1, size=(9.0, 0.5 * max(1, len(rows)) + 1.6))
+    for height, way in enumerate(rows):
+        own = [onset for onset in known if onset.method == way]
+        lowest = min(_end(onset) for onset in own)
+        axis.barh(height, lowest, color=color_of(way, ways), alpha=0.35, height=0.6)
+        for onset in own:
+            mark = MARKS[engines.index(onset.engine) % len(MARKS)]
+            face = color_of(way, ways) if onset.level is not None else "none"
+            axis.plot(_end(onset), height, marker=mark, color=color_of(way, ways), markerfacecolor=face, markersize=6)
+    for number, engine in enumerate(engines):
+        axis.plot([], [], linestyle="", marker=MARKS[number % len(MARKS)], color=INK, label=engine)
+    axis.set_yticks(range(len(rows)), rows)
+    axis.set(xlabel="dry friction, % of each joint's torque limit", ylim=(len(rows) - 0.5, -0.5), xlim=(0, None))
+    if known:
+        axis.legend(fontsize=8, labelcolor=INK, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return figure
+
+
+def _end(onset: Onset) -> float:
+    """Return up to which friction a way follows [%]: its onset, or what was tested where it has none."""
+    return 100 * (onset.tested if onset.level is None else onset.level)

@@ -1,0 +1,79 @@
+"""The friction budget: how speed falls with friction for each way of training, and where it falls under 80 %."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stiction.formats.friction import has_coefficient
+from stiction.formats.replication import BudgetPoint, Onset
+from stiction.robots.spec import RobotSpec
+from stiction.transfer.experiment.onset import onset_level
+from stiction.transfer.replication.evidence import Evidence, Spot
+from stiction.transfer.statistics import t_interval
+
+FEWEST = 3
+"""Levels without which there is no curve."""
+
+
+def budget(evidence: Evidence) -> list[BudgetPoint]:
+    """Return the slower direction's speed ratio of every way, engine and law at every level on flat ground."""
+    found = []
+    for way, engine, law in _curves(evidence):
+        for level in evidence.levels(way, engine, law):
+            points = list(evidence.slower(way, Spot(engine, level, law)).values())
+            if points:
+                low, high = t_interval(points) or (None, None)
+                each = " ".join(f"{point:.4g}" for point in points)
+                mean = float(np.mean(points))
+                found.append(BudgetPoint(way, engine, law, level, len(points), mean, low, high, each))
+    return found
+
+
+def onsets(evidence: Evidence, spec: RobotSpec) -> list[Onset]:
+    """Return where every way falls under 80 % of the command. `spec`: the robot, for the dead band of its shank.
+
+    The onset is found for each seed and then averaged: a mean of curves has another one. A virtual robot without
+    friction is the cell that has everything else.
+    """
+    found = []
+    for way, engine, law in _curves(evidence):
+        curves = _by_seed(evidence, way, engine, law)
+        tested = max((level for levels, _ in curves.values() for level in levels), default=0.0)
+        each = [onset_level(*curve) for curve in curves.values() if len(curve[0]) >= FEWEST]
+        if not each:
+            continue
+        known = [level for level in each if level is not None]
+        whole = len(known) == len(each)
+        level = float(np.mean(known)) if whole else None
+        low, high = (t_interval(known) if whole else None) or (None, None)
+        words = " ".join(f">{tested:g}" if one is None else f"{one:.3g}" for one in each)
+        unit = spec.shank.torque_limit / spec.shank.stiffness
+        band = None if level is None or has_coefficient(law) else level * unit
+        found.append(Onset(way, engine, law, len(each), level, low, high, tested, words, band))
+    return found
+
+
+def _curves(evidence: Evidence) -> list[tuple[str, str, str]]:
+    """Return way, engine and law of every curve, in the order of the rows; bench levels are single points."""
+    keys = dict.fromkeys((way, engine, law) for way, engine, law, *_ in evidence.cells)
+    return [key for key in keys if not key[2].startswith(("real-", "real+"))]
+
+
+BARE = {"physx+all": "physx+rest", "physx+friction": "physx+nominal"}
+"""Cell with friction -> the same robot without."""
+
+
+def _by_seed(evidence: Evidence, way: str, engine: str, law: str) -> dict[int, tuple[Sequence[float], Sequence[float]]]:
+    """Return levels from 0 on and the slower direction's ratios of every seed."""
+    spots = [Spot(engine, level, law) for level in evidence.levels(way, engine, law)]
+    if engine in BARE and law != "coulomb":
+        spots = [Spot(BARE[engine], 0.0), *spots]
+    curves: dict[int, tuple[list[float], list[float]]] = {}
+    for spot in spots:
+        for seed, ratio in evidence.slower(way, spot).items():
+            levels, ratios = curves.setdefault(seed, ([], []))
+            levels.append(spot.level)
+            ratios.append(ratio)
+    return {seed: curve for seed, curve in curves.items() if curve[0][0] == 0.0}

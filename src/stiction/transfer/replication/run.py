@@ -1,0 +1,107 @@
+"""Walks the comparison, part by part, and puts together what it came to."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from stiction.formats.bundle import Bundle
+from stiction.formats.errors import StictionError
+from stiction.formats.folder import make_folder
+from stiction.formats.replication import PartRecord, Replication
+from stiction.formats.reproducibility import provenance
+from stiction.transfer.grid.run import walk_grid
+from stiction.transfer.grid.table import method_means, rows_of
+from stiction.transfer.replication.budget import budget, onsets
+from stiction.transfer.replication.claims import judge_all
+from stiction.transfer.replication.evidence import Evidence
+from stiction.transfer.replication.plan import Part
+from stiction.transfer.replication.ways import WAYS, way_of
+from stiction.transfer.rollout import robot_of
+from stiction.transfer.summary import check_names, describe
+
+Progress = Callable[[str, float], None]
+"""Called with part and engine, and the share of its walks that is done."""
+
+
+def replicate(
+    bundles: Sequence[Bundle],
+    parts: Sequence[Part],
+    out: Path,
+    jobs: int = 1,
+    progress: Progress = lambda name, share: None,
+    summary: dict[str, Any] | None = None,
+) -> Replication:
+    """Walk every part that has policies, resumable, and judge the paper's sentences.
+
+    Args:
+        bundles: checked policies of one robot, each of another name.
+        parts: the grids; the ledger of each is in a folder of its name in `out`.
+        out: folder of the results; it exists.
+        jobs: processes at once.
+        progress: see `Progress`.
+        summary: what the summary begins with.
+
+    Raises:
+        StictionError: two bundles have one name, they are of several robots, none fits a part, or as `walk_grid`.
+
+    """
+    check_names([bundle.name for bundle in bundles])
+    if len(robots := {bundle.contract.robot for bundle in bundles}) != 1:
+        raise StictionError(f"policies of {len(robots)} robots ({', '.join(sorted(robots))}); expected those of one")
+    start, records = time.perf_counter(), []
+    for part in parts:
+        takes = [bundle for bundle in bundles if part.takes(bundle.contract)]
+        if takes:
+            records.append(_walk_part(part, takes, out / part.name, jobs, progress))
+    if not records:
+        raise StictionError("no policy fits any part of the comparison; give policies for flat ground or for stairs")
+    shank = robot_of(bundles[0].contract).shank
+    evidence = Evidence.of(row for record in records for row in record.details)
+    return Replication(
+        records,
+        [mean for record in records for mean in method_means(record.rows)],
+        budget(evidence),
+        onsets(evidence, robot_of(bundles[0].contract)),
+        judge_all(evidence),
+        {way: text for way, text in WAYS.items() if way in evidence.ways()},
+        {
+            **(summary or {}),
+            "dead_band": shank.torque_limit / shank.stiffness,
+            "grids": {part.name: _settings(part) for part in parts},
+            "seconds": time.perf_counter() - start,
+            **provenance(),
+            "policies": {bundle.name: describe(bundle) | {"way": way_of(bundle.contract)} for bundle in bundles},
+        },
+    )
+
+
+def _walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progress: Progress) -> PartRecord:
+    """Walk one grid; in its rows the method is the way of training."""
+    make_folder(out)
+    done = walk_grid(bundles, part.grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
+    rows, details = rows_of(done, bundles)
+    ways = {bundle.name: way_of(bundle.contract) for bundle in bundles}
+    rows = [replace(row, method=ways[row.policy]) for row in rows]
+    return PartRecord(part.name, part.title, rows, [detail | {"method": ways[detail["policy"]]} for detail in details])
+
+
+def _settings(part: Part) -> dict[str, Any]:
+    """Return what a part asks, as plain data."""
+    grid = part.grid
+    return {
+        "title": part.title,
+        "engines": list(grid.engines),
+        "terrains": list(grid.terrains),
+        "robots": grid.used_robots,
+        "robot_levels": list(grid.levels_of_robots) if grid.used_robots else [],
+        "friction_levels": list(grid.base.friction_levels),
+        "friction_law": grid.base.friction_law,
+        "commands": list(grid.base.commands),
+        "episodes": grid.base.episodes,
+        "seconds": grid.base.seconds,
+        "seed": grid.base.seed,
+    }

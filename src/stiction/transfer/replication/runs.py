@@ -1,0 +1,30 @@
+"""The training runs of the comparison: those of the experiment that it needs, and a few of its own."""
+
+from __future__ import annotations
+
+from stiction.transfer.experiment.manifest import Condition, Run, runs_of
+
+STAIRS = ("--friction-level", "0.2", "--teacher.iterations", "1000", "--student.iterations", "200")
+"""Options of both trainings on stairs."""
+
+OWN = (
+    Condition(
+        "coulomb20-point",
+        "comparison",
+        "the nominal friction alone, no range: what one would try first",
+        ("--method", "direct", "--friction-level", "0.2", "--task.friction.range", "1", "1"),
+    ),
+    *(
+        Condition(
+            *(f"stairs-{method}", "comparison", "stairs, blind"),
+            (*("--terrain", "stairs", "--method", method), *STAIRS),
+        )
+        for method in ("none", "deception")
+    ),
+)
+"""Conditions that no other experiment has. The Actuator Net's policy comes out of `stiction study actuator`."""
+
+
+def comparison_runs() -> list[Run]:
+    """Return every run: the first two parts of the experiment, then the comparison's own."""
+    return [*runs_of(("1", "2")), *(run for condition in OWN for run in condition.runs)]
