@@ -1,0 +1,64 @@
+"""The friction budget: where each seed falls under 80 %, and what is said of several."""
+
+import pytest
+
+from stiction.robots.catalog import find_robot
+from stiction.transfer.replication.budget import budget, onsets
+from stiction.transfer.replication.evidence import Evidence, Row
+
+SPEC = find_robot("saturn_lite")
+
+
+def curve(way: str, seed: int, ratios: dict[float, float], engine: str = "physx", law: str = "coulomb") -> list[Row]:
+    """Return rows of both directions; backward is 0.1 slower."""
+    return [
+        {"method": way, "engine": engine, "friction_law": law, "friction_level": level, "terrain": "flat"}
+        | {"seed": seed, "command": command, "speed_ratio": ratio - less}
+        for level, ratio in ratios.items()
+        for command, less in (("vx=0.5", 0.0), ("vx=-0.5", 0.1))
+    ]
+
+
+def test_the_onset_is_interpolated_for_each_seed() -> None:
+    """Backward 1.0, 0.7: it crosses 0.8 at two thirds of 0.1; the other seed 0.9, 0.7 at half: mean 0.0583."""
+    rows = curve("none", 0, {0.0: 1.1, 0.1: 0.8, 0.2: 0.4}) + curve("none", 1, {0.0: 1.0, 0.1: 0.8, 0.2: 0.4})
+    (onset,) = onsets(Evidence.of(rows), SPEC)
+    assert onset.level == pytest.approx((0.2 / 3 + 0.05) / 2)
+    assert onset.each == "0.0667 0.05"
+    assert onset.dead_band == pytest.approx(onset.level * SPEC.shank.torque_limit / SPEC.shank.stiffness)
+    half = 12.706 * (0.2 / 3 - 0.05) / 2
+    assert (onset.low, onset.high) == (
+        pytest.approx(onset.level - half, abs=1e-4),
+        pytest.approx(onset.level + half, abs=1e-4),
+    )
+
+
+def test_a_seed_that_stays_above_has_no_onset_and_neither_has_the_mean() -> None:
+    """The mean of the others would be an onset that is too low."""
+    rows = curve("none", 0, {0.0: 1.1, 0.1: 1.1, 0.2: 1.1}) + curve("none", 1, {0.0: 1.0, 0.1: 0.8, 0.2: 0.4})
+    (onset,) = onsets(Evidence.of(rows), SPEC)
+    assert (onset.level, onset.low, onset.dead_band, onset.each, onset.tested) == (None, None, None, ">0.2 0.05", 0.2)
+
+
+def test_a_virtual_robot_begins_with_the_cell_that_has_all_but_friction() -> None:
+    """Its levels do not contain zero: without that cell the first one would count as the start."""
+    rows = curve("none", 0, {0.0: 1.1}, "physx+rest")
+    rows += curve("none", 0, {0.1: 0.9, 0.2: 0.5}, "physx+all", "real")
+    found = {onset.engine: onset for onset in onsets(Evidence.of(rows), SPEC)}
+    assert list(found) == ["physx+all"]
+    assert found["physx+all"].level == pytest.approx(0.1)
+
+
+def test_a_coefficient_has_no_dead_band() -> None:
+    """It is no torque."""
+    rows = curve("none", 0, {0.0: 1.1, 0.1: 0.8, 0.2: 0.4}, "mujoco", "load")
+    assert onsets(Evidence.of(rows), SPEC)[0].dead_band is None
+
+
+def test_a_curve_has_a_point_for_every_level() -> None:
+    """Mean of two seeds, the slower direction: (1.0 + 0.9) / 2."""
+    rows = curve("none", 0, {0.0: 1.1, 0.1: 0.8}) + curve("none", 1, {0.0: 1.0, 0.1: 0.8})
+    points = budget(Evidence.of(rows))
+    assert [(point.friction_level, point.seeds) for point in points] == [(0.0, 2), (0.1, 2)]
+    assert points[0].ratio == pytest.approx(0.95)
+    assert points[0].each == "1 0.9"

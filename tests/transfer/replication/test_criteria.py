@@ -1,0 +1,149 @@
+"""The criteria of the comparison, on rows made by hand: three seeds whose intervals decide, one that does not."""
+
+from typing import Any
+
+import pytest
+
+from stiction.transfer.experiment.judging import Finding
+from stiction.transfer.replication import criteria
+from stiction.transfer.replication.claims import CLAIMS, judge_all
+from stiction.transfer.replication.criteria import ROBOT
+from stiction.transfer.replication.evidence import Evidence, Row, Spot
+
+SEEDS = (0, 1, 2)
+SPREAD = (-0.01, 0.0, 0.01)
+"""Differences between seeds: the half-width of the 95 % interval is 4.303 · 0.01 / √3 = 0.025."""
+
+
+def rows(
+    way: str, spot: Spot, forward: float, backward: float | None = None, seeds: tuple[int, ...] = SEEDS, **columns: Any
+) -> list[Row]:
+    """Return rows of a way at a spot: speed ratios about these means, other columns the same for every seed."""
+    speeds = (("vx=0.5", forward), ("vx=-0.5", forward if backward is None else backward))
+    same = {"terrain": "flat", "tracking_error": 0.1, "fall_rate": 0.0, "joint_jitter": 50.0, "flight_share": 0.0}
+    return [
+        same
+        | {"method": way, "engine": spot.engine, "friction_law": spot.law, "friction_level": spot.level}
+        | {"seed": seed, "command": command, "speed_ratio": ratio + SPREAD[seed], "crossed": None}
+        | columns
+        for command, ratio in speeds
+        for seed in seeds
+    ]
+
+
+def judged(judge: criteria.Judge, *parts: list[Row]) -> Finding:
+    """Judge rows."""
+    return judge(Evidence.of(row for part in parts for row in part))
+
+
+PHYSX, ODE = Spot("physx", 0.0), Spot("ode-webots", 0.0)
+REAL = [Spot(ROBOT, level, "real") for level in (0.1, 0.2)]
+
+
+def test_the_slower_direction_is_that_of_each_seed() -> None:
+    """The mean of two directions would hide a robot that walks one way only."""
+    evidence = Evidence.of(rows("none", PHYSX, 0.9, 0.5))
+    assert list(evidence.slower("none", PHYSX).values()) == pytest.approx([0.49, 0.50, 0.51])
+    assert list(evidence.faster("none", PHYSX).values()) == pytest.approx([0.89, 0.90, 0.91])
+    assert evidence.error("none", [PHYSX])[1] == pytest.approx((0.1 + 0.5) / 2)
+
+
+def test_two_policies_of_one_seed_are_one_sample() -> None:
+    """Their mean: 0.6 of 0.5 and 0.7."""
+    both = rows("none", PHYSX, 0.5, seeds=(1,)) + rows("none", PHYSX, 0.7, seeds=(1,))
+    assert Evidence.of(both).points("none", PHYSX, "vx=0.5", "speed_ratio") == {1: pytest.approx(0.6)}
+
+
+def test_all_other_engines_must_agree() -> None:
+    """An Actuator Net that fails in one engine and walks in the other did not fail elsewhere."""
+    fails = criteria.fails_elsewhere("actuator")
+    assert judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.05)).outcome == "reproduces"
+    found = judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.9))
+    assert found.outcome == "does not"
+    assert "ode-webots: actuator 0.90" in found.evidence
+
+
+def test_one_seed_carries_no_verdict() -> None:
+    """Its number is given."""
+    found = judged(criteria.fails_elsewhere("actuator"), rows("actuator", PHYSX, 0.0, seeds=(1,)))
+    assert (found.outcome, "0.00 (one seed)" in found.evidence) == ("not tested", True)
+
+
+def test_who_is_best_without_friction() -> None:
+    """None at 0.98 is nearer than deception at 1.3 and actuator at 0.5; deception at 0.99 would be nearer."""
+    none, actuator = rows("none", PHYSX, 0.95), rows("actuator", PHYSX, 0.5)
+    best = criteria.best_without_friction
+    assert judged(best, none, actuator, rows("deception", PHYSX, 1.3)).outcome == "reproduces"
+    assert judged(best, none, actuator, rows("deception", PHYSX, 0.99)).outcome == "does not"
+
+
+def test_jitter_is_a_multiple() -> None:
+    """160 is above 1.5 times 100, 140 is not."""
+    none = rows("none", PHYSX, 1.0, joint_jitter=100.0)
+    for jitter, outcome in ((160.0, "reproduces"), (140.0, "does not")):
+        deception = rows("deception", PHYSX, 1.0, joint_jitter=jitter)
+        assert judged(criteria.jitters_elsewhere, none, deception).outcome == outcome
+
+
+def test_the_virtual_robot_is_judged_level_by_level() -> None:
+    """A policy that walks at 10 % and stands at 20 % walks at some levels: the sentence says none."""
+    walks = criteria.walks("none", "vx=-0.5")
+    low, high = REAL
+    assert judged(walks, rows("none", low, 0.9), rows("none", high, 0.8)).outcome == "reproduces"
+    assert judged(walks, rows("none", low, 0.9), rows("none", high, 0.1)).outcome == "undecided"
+    assert (
+        judged(criteria.stationary("none"), rows("none", low, 0.9), rows("none", high, 0.1)).outcome == "only above x"
+    )
+    assert judged(walks).outcome == "not tested"
+
+
+def test_falls_are_counted_in_the_direction_that_the_sentence_names() -> None:
+    """Half of the walks forward."""
+    falls = criteria.falls("none", "vx=0.5")
+    for rate, outcome in ((0.9, "reproduces"), (0.1, "does not")):
+        parts = [rows("none", spot, 0.5, fall_rate=rate) for spot in REAL]
+        assert judged(falls, *parts).outcome == outcome
+
+
+def test_stable_is_both_ways_and_upright() -> None:
+    """One direction at 1.3, or a fall in ten, is not stable."""
+    stable = criteria.walks_stably("deception")
+    assert judged(stable, *(rows("deception", spot, 1.0) for spot in REAL)).outcome == "reproduces"
+    assert judged(stable, *(rows("deception", spot, 1.0, 1.4) for spot in REAL)).outcome == "does not"
+    assert judged(stable, *(rows("deception", spot, 1.0, fall_rate=0.2) for spot in REAL)).outcome == "does not"
+
+
+def test_friction_is_the_cause_where_it_costs_more_than_the_rest() -> None:
+    """From 1.0: friction leaves 0.5, all else 0.9."""
+    nominal, rest = rows("none", Spot("physx+nominal", 0.0), 1.0), rows("none", Spot("physx+rest", 0.0), 0.9)
+    friction = Spot("physx+friction", 0.2, "real")
+    cause = criteria.friction_is_the_cause
+    assert judged(cause, nominal, rest, rows("none", friction, 0.5)).outcome == "reproduces"
+    assert judged(cause, nominal, rest, rows("none", friction, 0.98)).outcome == "does not"
+
+
+def test_every_height_must_be_crossed() -> None:
+    """9 of 10 on steps of 6 cm and none on steps of 10 cm is no navigation of stairs."""
+    climbs = criteria.climbs("deception", "physx", 0.0)
+
+    def crossings(terrain: str, share: float) -> list[Row]:
+        return rows("deception", PHYSX, 0.8, terrain=terrain, crossed=share, command="vx=0.4")
+
+    assert judged(climbs, crossings("stairs=0.06", 0.9), crossings("stairs=0.1", 1.0)).outcome == "reproduces"
+    assert judged(climbs, crossings("stairs=0.06", 0.9), crossings("stairs=0.1", 0.0)).outcome == "does not"
+
+
+def test_the_bench_is_not_felt_and_a_share_of_the_load_is() -> None:
+    """Both halves of the explanation must hold."""
+    bench = rows("none", Spot(ROBOT, 0.0107, "real-bench"), 1.0)
+    loaded = Spot(ROBOT, 0.0107, "real-bench+load0.1")
+    assert judged(criteria.load_above_bench, bench, rows("none", loaded, 0.3)).outcome == "reproduces"
+    assert judged(criteria.load_above_bench, bench, rows("none", loaded, 1.0)).outcome == "does not"
+
+
+def test_nothing_walked_is_nothing_judged() -> None:
+    """Every sentence must say so, and none must break."""
+    verdicts = judge_all(Evidence.of([]))
+    assert [verdict.id for verdict in verdicts] == [claim.id for claim in CLAIMS]
+    assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)
+    assert {verdict.outcome for verdict in verdicts} == {"not tested"}
