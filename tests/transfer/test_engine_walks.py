@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import Law
 from stiction.robots.catalog import find_robot
 from stiction.transfer.command import parse_command
 from stiction.transfer.metrics import Recording, speed_ratio
@@ -16,9 +18,10 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 from stiction.deploy.check import check_bundle
 from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING
-from stiction.transfer.engine_walks import SameFriction, check_walks, lasting, simulators, walk_bundle
+from stiction.transfer.engine_walks import check_walks, simulators, walk_bundle
+from stiction.transfer.engines.engine import Motion
 from stiction.transfer.evaluate import EvaluationCfg
-from stiction.transfer.robot.factorial import Level
+from stiction.transfer.robot.data_sheet import DataSheet
 from stiction.transfer.robot.hidden import Hidden
 
 
@@ -34,7 +37,7 @@ def test_a_fall_counts_to_the_end_of_the_walk() -> None:
         upright=np.array([[True], [False]]),
         friction=np.array([[1.0], [2.0]]),
     )
-    longer = lasting(recording, 4)
+    longer = recording.lasting(4)
     assert longer.upright.ravel().tolist() == [True, False, False, False]
     assert longer.contact.shape == (4, 1, 6) and longer.friction is not None and longer.friction[-1, 0] == 2.0
     assert speed_ratio(longer, parse_command("vx=1")) == pytest.approx(0.25)
@@ -44,9 +47,12 @@ def test_friction_is_the_level_in_every_joint() -> None:
     """A virtual robot's own friction differs from joint to joint; engines would be compared on another robot."""
     spec = find_robot("saturn_lite")
     hidden = Hidden.perfect(spec.num_joints)
-    friction = SameFriction(0, "nominal", Level(0.2)).friction(hidden, spec, 0.002)
+    friction = DataSheet(0, Law(), 0.2).friction(hidden, spec, 0.002)
+    still = Motion(**{part.name: np.zeros(spec.num_joints) for part in fields(Motion)})
+    loaded = np.full(spec.num_joints, 50.0)
     for speed in (0.0, 3.0):
-        bound = friction.bound(np.full(spec.num_joints, speed), np.full(spec.num_joints, 50.0))
+        motion = replace(still, joint_velocity=np.full(spec.num_joints, speed), joint_force=loaded)
+        bound = friction.bound(motion, loaded)
         np.testing.assert_allclose(bound, 0.2 * spec.joint_values("torque_limit"))
 
 

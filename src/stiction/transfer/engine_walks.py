@@ -16,14 +16,15 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.climb import wilson
 from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING, EpisodeRow, WalkRow
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import Law
 from stiction.locomotion.config import NoiseCfg
 from stiction.transfer.command import Command
 from stiction.transfer.engines.catalog import make_engine
 from stiction.transfer.engines.checks.rig import Make
 from stiction.transfer.engines.engine import GRAVITY
 from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
-from stiction.transfer.metrics import Metrics, Recording, measure
-from stiction.transfer.robot.factorial import Case, Level
+from stiction.transfer.metrics import Metrics, measure
+from stiction.transfer.robot.data_sheet import DataSheet
 from stiction.transfer.robot.trial import World, walk
 from stiction.transfer.rollout import robot_of
 from stiction.transfer.statistics import ratio_interval, t_interval
@@ -51,13 +52,6 @@ class Simulator:
     """Makes the engine; None for the training's simulator."""
     timestep: float | None
     """Physics step [s]; None: the policy's own, that of the training."""
-
-
-class SameFriction(Case):
-    """The robot of the data sheet with a level of dry friction: Coulomb's law, the same share in every joint."""
-
-    def __post_init__(self) -> None:
-        """Allow friction though no group is real: it is that of a perfect robot."""
 
 
 @dataclass(frozen=True)
@@ -133,12 +127,12 @@ def _walks(
     contract = bundle.contract
     spec, period = robot_of(contract), contract.control_period
     world = World(make, timestep=timestep, period=period)
-    case, velocity = SameFriction(cfg.seed, "nominal", Level(level)), np.array(command.velocity)
+    case, velocity = DataSheet(cfg.seed, Law(), level), np.array(command.velocity)
     steps, first = round(cfg.seconds / period), round(cfg.settle / period)
     metrics = []
     for episode in range(cfg.episodes):
         trial = walk(bundle, case, world, lambda number, motion: velocity, steps, episode)
-        recording = lasting(trial.recording, steps).of(slice(0, 1), first)
+        recording = trial.recording.lasting(steps).of(slice(0, 1), first)
         metrics.append(measure(recording, command, spec.groups(), spec.mass * GRAVITY))
     return tuple(metrics)
 
@@ -147,21 +141,6 @@ def at_step(bundle: Bundle, timestep: float) -> Bundle:
     """Return a bundle that evaluation steps at another timestep [s], with the same control period."""
     decimation = round(bundle.contract.control_period / timestep)
     return replace(bundle, contract=replace(bundle.contract, physics_timestep=timestep, decimation=decimation))
-
-
-def lasting(recording: Recording, steps: int) -> Recording:
-    """Return a recording of `steps` steps: one that ended with a fall stays as it ended."""
-    kept = np.minimum(np.arange(steps), len(recording.upright) - 1)
-    return replace(
-        recording,
-        velocity=recording.velocity[kept],
-        position=recording.position[kept],
-        contact=recording.contact[kept],
-        power=recording.power[kept],
-        square_acceleration=recording.square_acceleration[kept],
-        upright=recording.upright[kept],
-        friction=None if recording.friction is None else recording.friction[kept],
-    )
 
 
 def _timestep(bundle: Bundle, simulator: Simulator) -> float:

@@ -2,53 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from stiction.formats.bundle import Bundle
-from stiction.formats.friction import Law, has_coefficient
-from stiction.robots.spec import RobotSpec
 from stiction.transfer.command import Command, parse_command
 from stiction.transfer.course import FOOT, Course, parse_course, starts, straight_on
 from stiction.transfer.engines.catalog import make_engine
 from stiction.transfer.engines.engine import GRAVITY, Motion
 from stiction.transfer.engines.ground import course
-from stiction.transfer.engines.joint_physics import JointFriction
 from stiction.transfer.engines.rotation import yaw
 from stiction.transfer.evaluate import evaluate_bundle
 from stiction.transfer.grid.config import ALONE, GridCfg
 from stiction.transfer.grid.plan import Unit, Walk
 from stiction.transfer.metrics import Metrics, measure
+from stiction.transfer.robot.data_sheet import DataSheet
 from stiction.transfer.robot.factorial import Case, parse_level
-from stiction.transfer.robot.hidden import Hidden
 from stiction.transfer.robot.trial import TIMESTEP, Kind, Steer, World, walk
 from stiction.transfer.rollout import robot_of
 
 STEP = 0.002
 """Physics step of an engine with the data sheet's robot in it [s]: what the engines' conformance is held at."""
-
-
-@dataclass(frozen=True)
-class DataSheet:
-    """The robot as its description has it, under one law of friction: a case like those of the factorial."""
-
-    seed: int
-    """Of start poses and sensor noise."""
-    law: Law
-    """Of the friction."""
-    level: float
-    """Friction as a fraction of the torque limit, or its coefficient [-]."""
-
-    def robot(self, hidden: Hidden) -> Hidden:
-        """Return a robot in which nothing is hidden."""
-        return hidden.only(())
-
-    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
-        """Return the dry friction of its joints; `timestep`: of the physics [s]."""
-        unit = np.ones(spec.num_joints) if has_coefficient(self.law.name) else spec.joint_values("torque_limit")
-        return JointFriction.under(self.law, self.level * unit, timestep)
 
 
 def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
