@@ -65,7 +65,6 @@ def test_a_place_that_is_none_is_refused(text: str, message: str) -> None:
         ({"robot_levels": ("2",)}, "up to 0.9"),
         ({"terrains": ("stairs=1",)}, "expected flat"),
         ({"terrains": ("stairs=0.1",), "base": EvaluationCfg((0.0,), ("stand",))}, "leads over it"),
-        ({"engines": ("physx",), "base": EvaluationCfg(friction_law="effort")}, "effort"),
         ({"engines": ("physx",), "base": EvaluationCfg(action_delay=0.01)}, "action delay"),
         ({"engines": ("physx+all",), "base": EvaluationCfg(friction_law="load")}, "robot-levels"),
     ],

@@ -8,20 +8,20 @@ from functools import partial
 import numpy as np
 
 from stiction.formats.bundle import Bundle
-from stiction.formats.friction import Law
+from stiction.formats.friction import Law, has_coefficient
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.command import Command, parse_command
 from stiction.transfer.course import FOOT, Course, parse_course, starts, straight_on
 from stiction.transfer.engines.catalog import make_engine
 from stiction.transfer.engines.engine import GRAVITY, Motion
 from stiction.transfer.engines.ground import course
+from stiction.transfer.engines.joint_physics import JointFriction
 from stiction.transfer.engines.rotation import yaw
 from stiction.transfer.evaluate import evaluate_bundle
 from stiction.transfer.grid.config import ALONE, GridCfg
 from stiction.transfer.grid.plan import Unit, Walk
 from stiction.transfer.metrics import Metrics, measure
 from stiction.transfer.robot.factorial import Case, parse_level
-from stiction.transfer.robot.friction import DryFriction, FrictionShape
 from stiction.transfer.robot.hidden import Hidden
 from stiction.transfer.robot.trial import TIMESTEP, Kind, Steer, World, walk
 from stiction.transfer.rollout import robot_of
@@ -45,15 +45,10 @@ class DataSheet:
         """Return a robot in which nothing is hidden."""
         return hidden.only(())
 
-    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> DryFriction:
+    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
-        num = spec.num_joints
-        one = np.ones(num)
-        if self.law.name == "load":
-            return DryFriction(FrictionShape.perfect(num), np.zeros(num), self.level, timestep)
-        ratio = self.law.static_ratio if self.law.name == "stribeck" else 1.0
-        shape = FrictionShape(one, ratio * one, self.law.stribeck_velocity * one, one)
-        return DryFriction(shape, self.level * spec.joint_values("torque_limit"), 0.0, timestep)
+        unit = np.ones(spec.num_joints) if has_coefficient(self.law.name) else spec.joint_values("torque_limit")
+        return JointFriction.under(self.law, self.level * unit, timestep)
 
 
 def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
@@ -93,7 +88,8 @@ def _alone(bundle: Bundle, one: Walk, cfg: GridCfg, robot: str | None) -> Metric
     else:
         case = Case(one.robot, one.place.cell, parse_level(one.level))
     steps = round(asked.duration / period)
-    trial = walk(bundle, case, world, steer(command, ground), steps, one.episode, spec=spec)
+    friction = None if one.forward is None else np.array(one.forward)
+    trial = walk(bundle, case, world, steer(command, ground), steps, one.episode, spec=spec, friction=friction)
     part = trial.recording.lasting(steps).of(slice(0, 1), round(asked.settle / period))
     return measure(part, command, spec.groups(), spec.mass * GRAVITY, ground)
 

@@ -15,10 +15,10 @@ from stiction.locomotion.config import NoiseCfg
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.engine import BlownUp, Body, Engine, Motion
 from stiction.transfer.engines.ground import Ground, flat
+from stiction.transfer.engines.joint_physics import JointFriction
 from stiction.transfer.engines.rotation import about
 from stiction.transfer.metrics import Recording
 from stiction.transfer.robot.draw import draw
-from stiction.transfer.robot.friction import DryFriction
 from stiction.transfer.robot.hidden import Hidden
 from stiction.transfer.robot.noisy import Noisy
 from stiction.transfer.robot.pilot import Pilot, Turn
@@ -54,7 +54,7 @@ class Kind(Protocol):
         """Return what of a robot is real."""
         ...
 
-    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> DryFriction:
+    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
         ...
 
@@ -127,14 +127,16 @@ def walk(
     episode: int = 0,
     wear: Wear | None = None,
     spec: RobotSpec | None = None,
+    friction: np.ndarray | None = None,
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
     steer: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells and at
-    all levels; wear: of the robot's joints; spec: the robot, by default the shipped one that the bundle names.
+    all levels; wear: of the robot's joints; spec: the robot, by default the shipped one that the bundle names;
+    friction: what the joint controllers feed forward, see `Pilot`.
 
     Raises:
-        StictionError: the bundle does not fit the robot.
+        StictionError: the bundle does not fit the robot, or friction is to be fed forward to one that compensates it.
 
     """
     contract = bundle.contract
@@ -147,7 +149,7 @@ def walk(
     height = spec.standing_height + world.height(np.array(world.start))
     robot.place(standing, np.array([*world.start, height]), about(2, world.heading))
     port = robot.plug if world.noise is None else Noisy(robot.plug, world.noise, noise)
-    pilot = Pilot(port, load_policy(contract, bundle.policy))
+    pilot = Pilot(port, load_policy(contract, bundle.policy), friction)
     referee = Referee(robot.witness, spec, contract.control_period)
     turns: list[Turn] = []
     while len(turns) < steps and referee.upright:
