@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from stiction.identify import loop_choice
 from stiction.identify.choice import choose_law
 from stiction.identify.example import ASYMMETRIC, GO1, SATURN_LITE, STRIBECK, Motor, example_log
 from stiction.identify.in_loop import InLoop, close_loop, symmetric_model
@@ -43,6 +44,16 @@ def test_without_a_loop_there_is_no_answer() -> None:
     run = make_run(example_log(STRIBECK), None, IdentifySetup())
     base = fit_rows(run.rows, symmetric_model(run))
     assert choose_in_loop(run, base, InLoop()) is None
+
+
+def test_a_law_that_cannot_be_simulated_costs_the_joint_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under high friction the first guess falls so steeply that the joint would run away; the symmetric law stands."""
+    run = make_run(example_log(STRIBECK, seed=7), None, IdentifySetup())
+    base = fit_rows(run.rows, symmetric_model(run))
+    loop = close_loop(run, base, base)
+    assert choose_in_loop(run, base, loop) is not None
+    monkeypatch.setattr(loop_choice, "FIRST_RISE", 100.0)
+    assert choose_in_loop(run, base, loop) is None
 
 
 def test_the_equation_holds_the_simulations_values() -> None:

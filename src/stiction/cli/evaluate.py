@@ -37,6 +37,10 @@ class EvaluateCfg:
     robot_levels: tuple[str, ...] = ()
     """Friction of virtual robots: fractions of the torque limit, bench (0.442 N m at Saturn Lite's shank, 0.25 N m at
     hip and thigh), bench+0.02 (and that coefficient of the load); by default as --friction-levels."""
+    forward: tuple[str, ...] = ()
+    """Names of bundles that also walk with friction fed forward in the joint controllers, as policies of their own,
+    NAME+forward. Of the data sheet's robot that is the friction of the level, of a virtual robot what identify finds
+    on that robot's bench, which takes minutes a robot and level. Not in the engine mujoco."""
     terrains: tuple[str, ...] = ("flat",)
     """Grounds: flat, stairs=0.1 (step height [m]), slope=0.2 (angle [rad]), rough=0.05 (highest slab [m]). What is not
     flat is crossed blind, straight on, by the commands that lead forward."""
@@ -66,7 +70,8 @@ class EvaluateCfg:
     reached the link, dry and viscous friction of the joint taken off."""
     out: Path = Path("stiction-evaluation")
     """Directory for results.csv, methods.csv (means over training seeds), summary.json, friction_budget.svg and .png,
-    and report.html; and for walks.jsonl, by which an interrupted command goes on where it was."""
+    and report.html; for walks.jsonl, by which an interrupted command goes on where it was; and for bench, what was
+    identified for --forward."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -106,7 +111,10 @@ def main(arguments: list[str]) -> int:
         static_ratio=cfg.static_ratio,
         stribeck_velocity=cfg.stribeck_velocity,
     )
-    settings = GridCfg(base, cfg.engines, cfg.terrains, cfg.robots, cfg.robot_levels)
+    settings = GridCfg(base, cfg.engines, cfg.terrains, cfg.robots, cfg.robot_levels, cfg.forward)
+    if cfg.forward and any(place.is_batch for place in settings.places):
+        left_out = "mujoco has no joint controller to feed friction forward; +forward walks in the other engines alone"
+        print(f"stiction evaluate: {left_out}", file=sys.stderr)
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
     make_folder(cfg.out)
     if cfg.log is not None:

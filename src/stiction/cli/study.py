@@ -11,6 +11,7 @@ STUDIES: dict[str, str] = {
     "damping": "B and k·kd as one number to a joint: where that holds, and where it fails",
     "adaptation": "what a student's latent z* does, and whether it tells the friction of the joints",
     "actuator": "the loop of an Actuator Net: f0, log, f_motor, f1",
+    "bench": "what identification finds of virtual robots on their benches, held against the truth",
     "engines": "whether every physics engine does what it should, and how the same policy walks in each",
     "friction": "which way to train with joint friction works, and at how much of it; a verdict a claim",
     "wear": "how long a policy lives while friction grows, and whether its monitor notices in time",

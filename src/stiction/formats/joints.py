@@ -207,7 +207,8 @@ class JointsFile:
         for joint in joints:
             estimate = getattr(self.record(joint), quantity)
             if estimate is None:
-                raise JointsError(f"{quantity} of joint {joint!r} is null in this file: it was not identified")
+                why = next((f": {text}" for text in self.record(joint).warnings), "")
+                raise JointsError(f"{quantity} of joint {joint!r} is null in this file, it was not identified{why}")
             if quantity == "inertia" and estimate.value <= 0:
                 raise JointsError(f"inertia of joint {joint!r} is {estimate.value}; expected a positive number")
             values.append(estimate.value if quantity == "offset" else max(0.0, estimate.value))

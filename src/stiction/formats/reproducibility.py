@@ -11,6 +11,7 @@ import platform
 import re
 import subprocess
 from collections.abc import Iterable
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -100,6 +101,16 @@ def limit_library_threads() -> None:
     """
     for variable in LIBRARY_POOLS:
         os.environ.setdefault(variable, "1")
+
+
+@cache
+def source_digest(*patterns: str) -> str:
+    """Return the SHA-256 of those of the package's files that match: results are known by the code that made them.
+
+    patterns: of paths below the package, such as `sim/*.py`.
+    """
+    files = sorted({file for pattern in patterns for file in PACKAGE.glob(pattern)})
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def git_revision() -> str:

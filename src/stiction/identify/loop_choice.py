@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stiction.formats.errors import StictionError
 from stiction.identify.agreement import beyond_chance, disagreement
 from stiction.identify.choice import LEAST_EVIDENCE, Gain, gain_of
 from stiction.identify.in_loop import InLoop, fit_in_loop, respond, values_of
@@ -54,7 +55,11 @@ def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> LoopChoice | None:
     start = values_of(base) | start
     start["static_friction"] = FIRST_RISE * start["coulomb_friction"]
     start["stribeck_velocity"] = FIRST_SPEED * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
-    found = fit_in_loop(run, gains, rich, start)
+    try:
+        found = fit_in_loop(run, gains, rich, start)
+    except StictionError:
+        # With friction that falls so steeply a joint would run away within a sample, and so there is no such joint.
+        return None
     if found is None or not _rises(found) or _is_late(run, base, start, loop.symmetric, found):
         return None
     gain = _held_out(run, base, rich, start)

@@ -27,12 +27,13 @@ def identify_log(
     joints: Sequence[str] = (),
     repeats: Sequence[Log] = (),
     done: Done = lambda name: None,
+    workers: int | None = None,
 ) -> tuple[dict[str, Identification], dict[str, JointRecord]]:
     """Identify several joints, every one of the log's by default.
 
     Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
-    both in the order of the log, or of `joints`. Raises `StictionError` where a joint is not in the log, or none could
-    be identified.
+    both in the order of the log, or of `joints`. `workers`: processes, by default one a core. Raises `StictionError`
+    where a joint is not in the log, or none could be identified.
     """
     names = [log.joint(name)[0] for name in joints] or list(log.joints)
     found: dict[str, Identification] = {}
@@ -43,7 +44,7 @@ def identify_log(
         name: (_alone(log, name), name if named else None, setup, tuple(_alone(one, name) for one in repeats))
         for name in names
     }
-    for name, outcome in _outcomes(jobs):
+    for name, outcome in _outcomes(jobs, min(len(jobs), workers or num_threads())):
         if isinstance(outcome, StictionError):
             refused[name] = str(outcome)
         else:
@@ -55,9 +56,8 @@ def identify_log(
     return {name: found[name] for name in names if name in found}, empty
 
 
-def _outcomes(jobs: Mapping[str, _Job]) -> Iterator[tuple[str, Identification | StictionError]]:
+def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Identification | StictionError]]:
     """Yield each joint's name with its identification or its refusal, as they are finished."""
-    workers = min(len(jobs), num_threads())
     if workers == 1:
         for name, job in jobs.items():
             yield name, _attempt(*job)

@@ -47,7 +47,15 @@ def compensated(target: Any, position: Any, friction_angle: Any, width: float = 
     in which the joint is asked to move. target: a [rad]; position: θ as measured [rad]; friction_angle: f/kp [rad].
     NumPy arrays and torch tensors alike.
     """
-    return target + friction_angle * ((target - position) / width).clip(-1.0, 1.0)
+    return target + fed_forward(target, position, friction_angle, width)
+
+
+def fed_forward(target: Any, position: Any, friction: Any, width: float = COMPENSATION_WIDTH) -> Any:
+    """Return what to add against friction, f sat((a − θ)/width), in the unit of `friction`; shapes broadcast.
+
+    target: a [rad]; position: θ as measured [rad]; friction: f [N m] for a torque, f/kp [rad] for an angle.
+    """
+    return friction * ((target - position) / width).clip(-1.0, 1.0)
 
 
 def pd_torque(gains: PDGains, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:

@@ -53,6 +53,13 @@ VIRTUAL = (
 )
 """What a virtual robot is."""
 
+FED_FORWARD = (
+    "Policies called +forward are those of that name with dry friction fed forward in the joint controllers: f sat((a "
+    "− θ)/0.05 rad) is added to the motor's torque every 2 ms. f is the law's own level on the robot of the data "
+    "sheet, and on a virtual robot what was identified from the log of that robot's own bench."
+)
+"""What a policy with friction fed forward is."""
+
 FIXED = {
     "action_delay": "action delay {:g} s",
     "encoder_offset": "encoder offset {:g} rad",
@@ -205,9 +212,10 @@ def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
     fixed = [FIXED[name].format(value) for name, value in summary["conditions"].items()]
     where = f"Engines: {', '.join(summary['engines'])}. Grounds: {', '.join(summary['terrains'])}."
     robots = (VIRTUAL.format(", ".join(map(str, summary["robots"]))),) if summary["robots"] else ()
+    forward = (FED_FORWARD,) if summary.get("forward") else ()
     return (
         paragraph(f"Command: {summary['command']}"),
-        *(paragraph(text) for text in (where, *robots)),
+        *(paragraph(text) for text in (where, *robots, *forward)),
         paragraph(f"{CONDITIONS.format(law)} {', '.join(fixed)}."),
         paragraph(f"Settings: {json.dumps(evaluation)}"),
         table(["policy", "method", "seed", "revision", "digest", "made by"], policies),

@@ -39,6 +39,7 @@ def evaluate_all(
         "engines": list(cfg.engines),
         "terrains": list(cfg.terrains),
         "robots": cfg.used_robots,
+        "forward": list(cfg.forward),
         "conditions": cfg.base.conditions,
         "robot": robot,
         "seconds": time.perf_counter() - start,

@@ -9,13 +9,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import has_coefficient
-from stiction.formats.reproducibility import PACKAGE
+from stiction.formats.reproducibility import source_digest
 from stiction.formats.results import ResultRow, read_results, write_results
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.checkpoint import latest_checkpoint
@@ -84,11 +84,9 @@ MEASURING = (
 """Code that decides what an evaluation measures; where it changes, what was kept before does not count."""
 
 
-@cache
 def code_digest() -> str:
     """Return the SHA-256 of that code."""
-    files = sorted(file for pattern in MEASURING for file in PACKAGE.glob(pattern))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+    return source_digest(*MEASURING)
 
 
 @dataclass(frozen=True)

@@ -76,12 +76,15 @@ class GridCfg:
     """Seeds of the virtual robots. They are never those on which anything was tuned."""
     robot_levels: tuple[str, ...] = ()
     """Friction of the virtual robots: fractions of the torque limit, `bench`, `bench+0.02`; none: those of `base`."""
+    forward: tuple[str, ...] = ()
+    """Policies that also walk with friction fed forward in the joint controllers, see `stiction.transfer.grid.forward`:
+    names of bundles."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be walked."""
-        for name in ("engines", "terrains", "robots", "robot_levels"):
+        for name in ("engines", "terrains", "robots", "robot_levels", "forward"):
             given = getattr(self, name)
-            if len(set(given)) < len(given) or not (given or name == "robot_levels"):
+            if len(set(given)) < len(given) or not (given or name in ("robot_levels", "forward")):
                 raise StictionError(f"{name.replace('_', ' ')} {list(given)}: expected at least one, each once")
         for text in self.levels_of_robots:
             parse_level(text)
@@ -92,8 +95,25 @@ class GridCfg:
             raise StictionError(
                 f"{alone[0]} with an action delay: only {BATCH} has it; a virtual robot has delays of its own"
             )
+        self._check_forward()
         if any(place.cell for place in self.places) and has_coefficient(self.base.law.name) and not self.robot_levels:
             raise StictionError("virtual robots have a law of their own; give their --robot-levels, such as 0.1 bench")
+
+    def _check_forward(self) -> None:
+        """Refuse friction fed forward where there is no joint controller to do it, or no one torque to feed."""
+        if not self.forward:
+            return
+        if all(place.is_batch for place in self.places):
+            raise StictionError(
+                f"friction fed forward in {BATCH}: its joint controllers are the simulator's own and take no torque "
+                "beside their targets; give another engine, such as physx"
+            )
+        law = self.base.law.name
+        if has_coefficient(law) and any(place.cell is None and not place.is_batch for place in self.places):
+            raise StictionError(
+                f"friction fed forward under the law {law}: it has a coefficient and no torque that could be fed; "
+                "expected coulomb or stribeck"
+            )
 
     @property
     def places(self) -> tuple[Place, ...]:

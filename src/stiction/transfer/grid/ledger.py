@@ -10,12 +10,11 @@ import hashlib
 import json
 import os
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
 from typing import Any
 
 from stiction.formats.errors import StictionError
-from stiction.formats.reproducibility import PACKAGE
+from stiction.formats.reproducibility import source_digest
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.plan import Walk
 from stiction.transfer.metrics import Metrics
@@ -26,13 +25,6 @@ MEASURING = (
     *(f"transfer/{name}.py" for name in ("course", "evaluate", "rollout", "metrics")),
 )
 """Code that decides what a walk is worth."""
-
-
-@cache
-def code_digest() -> str:
-    """Return the SHA-256 of that code."""
-    files = sorted(file for pattern in MEASURING for file in PACKAGE.glob(pattern))
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 class Ledger:
@@ -52,7 +44,7 @@ class Ledger:
 
         """
         self._path, self._digests = path, digests
-        common = {"settings": cfg.settings(), "code": code_digest(), "robot": robot}
+        common = {"settings": cfg.settings(), "code": source_digest(*MEASURING), "robot": robot}
         self._common = json.dumps(common, sort_keys=True)
         self._commands = {terrain: cfg.on(terrain).commands for terrain in cfg.terrains}
         self._found: dict[str, dict[str, Any]] = {}

@@ -12,6 +12,9 @@ from stiction.transfer.robot.factorial import factorial
 REAL = "real"
 """Law of a virtual robot's friction in results.csv: Stribeck's, different in every joint."""
 
+FORWARD = "+forward"
+"""Behind the names of policy and method: with friction fed forward in the joint controllers."""
+
 COST = {"mujoco": 0.05, "mujoco-alone": 1.0, "physx": 2.0, "ode-webots": 4.0, "ode": 6.0}
 """Time that a walk takes in each engine, in some unit: the long ones go first, so that no core waits at the end."""
 
@@ -36,11 +39,23 @@ class Walk:
     """Number of start pose and noise."""
     robot: int | None = None
     """Seed of the virtual robot."""
+    forward: tuple[float, ...] | None = None
+    """Friction that the joint controllers feed forward [N m], of each joint; None: they do not."""
+
+    @property
+    def name(self) -> str:
+        """What rows of results call the policy."""
+        return self.policy + self.suffix
+
+    @property
+    def suffix(self) -> str:
+        """What stands behind the names of policy and method."""
+        return "" if self.forward is None else FORWARD
 
     @property
     def cell(self) -> tuple[str, ...]:
         """What the walks of one row of results.csv share."""
-        return self.policy, self.place.label, self.law, self.level, self.terrain, self.command
+        return self.name, self.place.label, self.law, self.level, self.terrain, self.command
 
 
 def plan(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:

@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.transfer.engines.catalog import what_is_missing
 from stiction.transfer.grid.config import ALONE, GridCfg
+from stiction.transfer.grid.forward import forwarded
 from stiction.transfer.grid.ledger import Ledger
 from stiction.transfer.grid.plan import Unit, Walk, plan, units
 from stiction.transfer.grid.walk import walk_unit
 from stiction.transfer.metrics import Metrics
 from stiction.transfer.rollout import robot_of
+from stiction.transfer.workers import spread
 
 LEDGER = "walks.jsonl"
 """Name of the ledger in the folder of the results."""
+
+BENCHES = "bench"
+"""Name of the folder beside it for what was identified of virtual robots, where friction is fed forward."""
 
 Progress = Callable[[str, float], None]
 """Called with the name of an engine and the share of its walks that is done."""
@@ -45,8 +47,8 @@ def walk_grid(
         progress: see `Progress`.
 
     Raises:
-        StictionError: a bundle does not fit its robot, an engine is not installed, or a process was killed. What was
-            walked until then is kept.
+        StictionError: a bundle does not fit its robot, an engine is not installed, friction cannot be fed forward, or a
+            process was killed. What was walked until then is kept.
 
     """
     for bundle in bundles:
@@ -56,6 +58,7 @@ def walk_grid(
                 raise StictionError(why)
     ledger = Ledger(out / LEDGER, cfg, {bundle.name: bundle.digest for bundle in bundles}, robot)
     walks = plan([bundle.name for bundle in bundles], cfg)
+    walks += forwarded(bundles, cfg, out / BENCHES, jobs, robot, progress)
     done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
     tally = _Tally(walks, progress)
     tally.add(list(done))
@@ -86,20 +89,6 @@ def _walked(
     new: Sequence[Unit], bundles: dict[str, Bundle], cfg: GridCfg, robot: str | None, jobs: int
 ) -> Iterator[tuple[Unit, list[Metrics]]]:
     """Do units and give each as it ends."""
-    if jobs == 1 or len(new) < 2:
-        for unit in new:
-            yield unit, walk_unit(bundles[unit.policy], unit, cfg, robot)
-        return
-    # Forked children would share the simulator's threads with this process.
-    pool = ProcessPoolExecutor(min(jobs, len(new)), mp_context=multiprocessing.get_context("spawn"))
-    try:
-        waiting = {pool.submit(walk_unit, bundles[unit.policy], unit, cfg, robot): unit for unit in new}
-        for future in as_completed(waiting):
-            yield waiting.pop(future), future.result()
-    except BrokenProcessPool as error:
-        raise StictionError(
-            "a process that walks was killed, perhaps for want of memory; what is done is kept: run the same command "
-            "again, with fewer --jobs"
-        ) from error
-    finally:
-        pool.shutdown(cancel_futures=True)
+    tasks = [(bundles[unit.policy], unit, cfg, robot) for unit in new]
+    for number, metrics in spread(walk_unit, tasks, jobs):
+        yield new[number], metrics

@@ -38,8 +38,8 @@ def rows_of(
         first, metrics = walks[0], combine([done[walk] for walk in walks])
         contract = contracts[first.policy]
         row = ResultRow(
-            policy=first.policy,
-            method=contract.method,
+            policy=first.name,
+            method=contract.method + first.suffix,
             seed=contract.seed,
             engine=first.place.label,
             friction_law=first.law if first.robot is None else real_law(first),

@@ -64,7 +64,8 @@ def _alone(bundle: Bundle, one: Walk, cfg: GridCfg, robot: str | None) -> Metric
     else:
         case = Case(one.robot, one.place.cell, parse_level(one.level))
     steps = round(asked.duration / period)
-    trial = walk(bundle, case, world, steer(command, ground), steps, one.episode, spec=spec)
+    friction = None if one.forward is None else np.array(one.forward)
+    trial = walk(bundle, case, world, steer(command, ground), steps, one.episode, spec=spec, friction=friction)
     part = trial.recording.lasting(steps).of(slice(0, 1), round(asked.settle / period))
     return measure(part, command, spec.groups(), spec.mass * GRAVITY, ground)
 

@@ -29,5 +29,5 @@ class Noisy:
         return replace(reading, sensors=Sensors(*(getattr(noisy, part.name)[0] for part in fields(Sensors))))
 
     def exchange(self, command: JointCommand) -> Reading:
-        """Send a command; what comes back is not disturbed, since no policy looks at it."""
+        """Send a command; what comes back is not disturbed: joint controllers see it, no policy."""
         return self._port.exchange(command)

@@ -127,14 +127,16 @@ def walk(
     episode: int = 0,
     wear: Wear | None = None,
     spec: RobotSpec | None = None,
+    friction: np.ndarray | None = None,
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
     steer: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells and at
-    all levels; wear: of the robot's joints; spec: the robot, by default the shipped one that the bundle names.
+    all levels; wear: of the robot's joints; spec: the robot, by default the shipped one that the bundle names;
+    friction: what the joint controllers feed forward, see `Pilot`.
 
     Raises:
-        StictionError: the bundle does not fit the robot.
+        StictionError: the bundle does not fit the robot, or friction is to be fed forward to one that compensates it.
 
     """
     contract = bundle.contract
@@ -147,7 +149,7 @@ def walk(
     height = spec.standing_height + world.height(np.array(world.start))
     robot.place(standing, np.array([*world.start, height]), about(2, world.heading))
     port = robot.plug if world.noise is None else Noisy(robot.plug, world.noise, noise)
-    pilot = Pilot(port, load_policy(contract, bundle.policy))
+    pilot = Pilot(port, load_policy(contract, bundle.policy), friction)
     referee = Referee(robot.witness, spec, contract.control_period)
     turns: list[Turn] = []
     while len(turns) < steps and referee.upright:

@@ -1,0 +1,81 @@
+"""Friction fed forward in the joint controllers, what a user of a conventional policy would try first.
+
+At every reading the controllers get f sat((a − θ)/width) beside target and gains (`Pilot`). On the robot of the data
+sheet f is the law's own level: the best that anybody could know. On a virtual robot it is what identification found in
+the log of that robot's own bench, in the same engine, at the same level; never its hidden truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from stiction.formats.bundle import Bundle
+from stiction.formats.errors import StictionError
+from stiction.robots.spec import RobotSpec
+from stiction.transfer.grid.config import ALONE, GridCfg
+from stiction.transfer.grid.plan import Walk, plan
+from stiction.transfer.robot.factorial import Case, parse_level
+from stiction.transfer.robot.identification import JOINTS, Bench, identified_friction, is_made, make_bench
+from stiction.transfer.rollout import robot_of
+from stiction.transfer.workers import spread
+
+BENCH_WORK = "benches"
+"""What progress calls the benches."""
+
+
+def forwarded(
+    bundles: Sequence[Bundle],
+    cfg: GridCfg,
+    out: Path,
+    jobs: int = 1,
+    robot: str | None = None,
+    progress: Callable[[str, float], None] = lambda name, share: None,
+) -> list[Walk]:
+    """Return the walks of `cfg.forward`, each with its friction; those in the batch are left out.
+
+    Virtual robots that have not been on their bench yet are put there first; `out` is the folder of what is identified,
+    one folder a robot. Other arguments as of `walk_grid`.
+
+    Raises:
+        StictionError: no bundle has such a name, one compensates friction itself, or a joint cannot be identified.
+
+    """
+    by_name = {bundle.name: bundle for bundle in bundles}
+    for name in cfg.forward:
+        if name not in by_name:
+            raise StictionError(f"friction fed forward to {name!r}: expected some of {', '.join(by_name)}")
+        if by_name[name].contract.compensation is not None:
+            raise StictionError(f"{name} compensates friction in its targets; it cannot be fed forward once more")
+    specs = {name: robot_of(by_name[name].contract, robot) for name in cfg.forward}
+    walks = [walk for walk in plan(cfg.forward, cfg) if not walk.place.is_batch]
+    benches = {walk: bench_of(walk, specs[walk.policy]) for walk in walks}
+    missing = {
+        bench.label: bench for bench in benches.values() if bench is not None and not is_made(bench, out / bench.label)
+    }
+    workers = max(1, jobs // max(1, len(missing)))
+    tasks = [(bench, out / label, workers) for label, bench in missing.items()]
+    for count, _ in enumerate(spread(make_bench, tasks, jobs), 1):
+        progress(BENCH_WORK, count / len(missing))
+    found: dict[str, tuple[float, ...]] = {}
+    for bench in benches.values():
+        if bench is not None and bench.label not in found:
+            file = out / bench.label / JOINTS
+            found[bench.label] = tuple(identified_friction(file, bench.spec.joint_names).tolist())
+    return [
+        replace(walk, forward=law_friction(walk, specs[walk.policy]) if bench is None else found[bench.label])
+        for walk, bench in benches.items()
+    ]
+
+
+def bench_of(walk: Walk, spec: RobotSpec) -> Bench | None:
+    """Return the bench of the robot of a walk; None for the robot of the data sheet."""
+    if walk.robot is None or walk.place.cell is None:
+        return None
+    return Bench(ALONE[walk.place.engine], Case(walk.robot, walk.place.cell, parse_level(walk.level)), spec)
+
+
+def law_friction(walk: Walk, spec: RobotSpec) -> tuple[float, ...]:
+    """Return the friction of a walk on the data sheet's robot, its level of each joint's torque limit [N m]."""
+    return tuple((float(walk.level) * spec.joint_values("torque_limit")).tolist())

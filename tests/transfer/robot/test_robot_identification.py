@@ -1,0 +1,142 @@
+"""A virtual robot is identified from its bench log alone, once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pytest
+
+from hinges import Hinges
+from stiction.formats.errors import StictionError
+from stiction.formats.identified import IdentifiedFriction
+from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
+from stiction.formats.rows import read_rows
+from stiction.robots.catalog import find_robot
+from stiction.transfer.robot import bench_study, identification
+from stiction.transfer.robot.bench import BenchCfg
+from stiction.transfer.robot.bench_study import LoadMeter, referee, study_benches
+from stiction.transfer.robot.draw import draw
+from stiction.transfer.robot.factorial import Case, parse_level
+from stiction.transfer.robot.identification import Bench, identified_friction, is_made, make_bench
+from stiction.transfer.robot.port import JointCommand
+
+SPEC = find_robot("saturn_lite")
+SHANKS = tuple(name for name in SPEC.joint_names if name.endswith("shank"))
+BENCH = Bench("hinges", Case(3, "friction", parse_level("0.05")), SPEC, BenchCfg(("shank",), 4.0))
+
+
+@pytest.fixture(autouse=True)
+def engines(monkeypatch: pytest.MonkeyPatch) -> list[Hinges]:
+    """Build every robot of independent hinges; return those that were built."""
+    built: list[Hinges] = []
+
+    def build(name: str, *rest) -> Hinges:
+        built.append(Hinges(*rest))
+        return built[-1]
+
+    monkeypatch.setattr(identification, "make_engine", build)
+    monkeypatch.setattr(bench_study, "what_is_missing", lambda name, spec: None)
+    return built
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[IdentifiedFriction]]:
+    """The study of one robot: its folder, and the referee's rows."""
+    out = tmp_path_factory.mktemp("study")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(identification, "make_engine", lambda name, *rest: Hinges(*rest))
+        patch.setattr(bench_study, "what_is_missing", lambda name, spec: None)
+        rows, failed = study_benches([BENCH], out)
+    assert not failed
+    return out, rows
+
+
+def known(value: float) -> JointRecord:
+    """Return a joint whose friction is known."""
+    return JointRecord(coulomb_friction=Estimate(value, 0.1, (value - 0.2, value + 0.2)))
+
+
+def test_friction_comes_in_the_order_of_the_robot_and_is_never_negative() -> None:
+    """A controller that is fed another joint's friction, or one that drives, would be worse than none."""
+    file = JointsFile({"b": known(2.0), "a": known(1.0), "c": known(-0.1)})
+    np.testing.assert_array_equal(identified_friction(file, ("a", "b", "c")), [1.0, 2.0, 0.0])
+
+
+def test_a_joint_without_friction_is_refused_with_its_reason(tmp_path: Path) -> None:
+    """To feed nothing forward in one joint of many would be a silent other experiment."""
+    file = JointsFile({"a": known(1.0), "b": JointRecord(warnings=("not identified: it hardly moves",))})
+    file.write(tmp_path / "joints.json")
+    with pytest.raises(StictionError, match=r"'b' is null .* it hardly moves"):
+        identified_friction(tmp_path / "joints.json", ("a", "b"))
+    with pytest.raises(StictionError, match="no record for joint 'z'"):
+        identified_friction(file, ("z",))
+
+
+def test_a_study_holds_what_was_found_against_the_truth_and_keeps_the_truth_to_itself(studied) -> None:
+    """Friction of hinges is found within 4 %; the robot's folder has none of the numbers that were drawn."""
+    out, rows = studied
+    assert [row.joint for row in rows] == list(SHANKS)
+    truth = 0.05 * 45.0 * draw(SPEC, 3).friction.share[2::3]
+    np.testing.assert_allclose([row.friction for row in rows], truth)
+    np.testing.assert_allclose([row.identified for row in rows], truth, rtol=0.04)
+    assert [row.strength for row in rows] == [1.0] * 6 and [row.load for row in rows] == [0.0] * 6
+    folder = out / BENCH.label
+    assert {file.name for file in folder.iterdir()} == {
+        *("bench.npz", "bench.json", "joints.json", "training.json", "made.json"),
+    }
+    told = "".join(file.read_text() for file in folder.glob("*.json"))
+    assert not [value for value in truth if f"{value:.5g}" in told]
+    table = read_rows(out / "bench.csv", IdentifiedFriction)
+    np.testing.assert_allclose([row.friction for row in table], truth)
+
+
+def test_what_is_there_is_not_made_again(studied, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Minutes a robot; but what code or robot have changed since must not pass for theirs."""
+    out, rows = studied
+    copytree(out, tmp_path, dirs_exist_ok=True)
+    other = replace(BENCH, case=replace(BENCH.case, seed=4))
+    made: list[str] = []
+
+    def counted(bench: Bench, *rest):
+        made.append(bench.label)
+        return "it is broken"
+
+    monkeypatch.setattr(bench_study, "judge_bench", counted)
+    again, failed = study_benches([BENCH, other], tmp_path)
+    assert made == [other.label] and failed == {other.label: "it is broken"}
+    assert [row.identified for row in again] == pytest.approx([row.identified for row in rows])
+    assert is_made(BENCH, tmp_path / BENCH.label)
+    assert not is_made(replace(BENCH, cfg=BenchCfg(("shank",), 7.0)), tmp_path / BENCH.label)
+    monkeypatch.setattr(identification, "source_digest", lambda *patterns: "other code")
+    assert not is_made(BENCH, tmp_path / BENCH.label)
+
+
+def test_an_identification_alone_keeps_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Evaluations need joints.json of many robots, and not five megabytes of each."""
+    refused = {name: JointRecord(warnings=("not identified: hidden",)) for name in reversed(SHANKS)}
+    monkeypatch.setattr(identification, "identify_log", lambda log, workers: ({}, refused))
+    make_bench(BENCH, tmp_path)
+    assert is_made(BENCH, tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {"joints.json", "training.json", "made.json"}
+    assert tuple(load_joints(tmp_path / "joints.json").joints) == SHANKS
+
+
+def test_the_load_is_that_of_joints_in_motion(engines: list[Hinges]) -> None:
+    """|F| + |T| = 30 + 10 at a coefficient of 0.02 times the joint's share is what the load adds."""
+    case = Case(3, "friction", parse_level("bench+0.02"))
+    bench = replace(BENCH, case=case)
+    robot = bench.robot()
+    engines[0].force[:], engines[0].torque[:] = 30.0, 10.0
+    meter = LoadMeter(robot)
+    zero, target = np.zeros(SPEC.num_joints), SPEC.joint_values("standing")
+    target[2] += 0.3
+    for _ in range(100):
+        meter.exchange(JointCommand(target, 100.0 + zero, 2.5 + zero, zero))
+    assert meter.load[2] == pytest.approx(40.0) and not np.delete(meter.load, 2).any()
+    (row,) = referee(bench, JointsFile({SPEC.joint_names[2]: known(1.0)}), meter.load)
+    share = draw(SPEC, 3).friction
+    assert row.load == pytest.approx(0.02 * share.load_share[2] * 40.0)
+    assert row.friction == pytest.approx(0.442 * share.share[2])
