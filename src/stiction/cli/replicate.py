@@ -42,7 +42,7 @@ class ReplicateCfg:
     runs: Path = Path("runs")
     """Folder of the training runs of the preset `full`, as `stiction study friction` has it."""
     parts: tuple[str, ...] = ()
-    """Parts to walk: training, engines, robot, stairs, load, effort; by default all."""
+    """Parts to walk: training, engines, robot, forward, stairs, load, effort; by default all."""
     robots: int | None = None
     """Virtual robots, seeds from 1000; by default 2 (quick) or 8 (full)."""
     jobs: int | None = None

@@ -20,8 +20,8 @@ from stiction.locomotion.config import NoiseCfg
 from stiction.locomotion.terrain import LENGTH
 from stiction.sim.terrain import KINDS, SLABS, STEEPEST, Terrain
 from stiction.transfer.course import PATIENCE, crossed, line_up, pilot, starts, steps_passed
-from stiction.transfer.evaluate import record
 from stiction.transfer.metrics import Recording
+from stiction.transfer.record import record
 from stiction.transfer.rollout import Rollout, friction_at, robot_of
 
 

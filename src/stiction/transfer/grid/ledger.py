@@ -22,7 +22,7 @@ from stiction.transfer.metrics import Metrics
 MEASURING = (
     *("sim/*.py", "joints/pd.py", "robots/*.py", "deploy/*.py"),
     *("transfer/engines/*.py", "transfer/robot/*.py", "transfer/grid/walk.py"),
-    *(f"transfer/{name}.py" for name in ("course", "evaluate", "rollout", "metrics")),
+    *(f"transfer/{name}.py" for name in ("course", "evaluate", "record", "rollout", "metrics")),
 )
 """Code that decides what a walk is worth."""
 

@@ -182,6 +182,18 @@ CLAIMS: tuple[Claim, ...] = (
         "none, virtual robot: at least 80 % in the slower direction at the bench's value, less with 0.1 of the load",
         criteria.load_above_bench,
     ),
+    Claim(
+        "X5",
+        "what a user would try: friction fed forward in the joint controllers makes a conventional policy walk",
+        "none+forward, virtual robot, friction as identified on its bench: at least 80 % in the slower direction",
+        criteria.walks_both_ways("none+forward"),
+    ),
+    Claim(
+        "X6",
+        "and training with friction is better than that",
+        "virtual robot: mean |speed ratio - 1| of deception is below that of none+forward, at each level",
+        criteria.better_on_the_robot("deception", "none+forward"),
+    ),
 )
 """In the order of the paper, then the explanations."""
 

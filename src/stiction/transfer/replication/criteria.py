@@ -141,6 +141,11 @@ def walks(way: str, command: str) -> Judge:
     return judge
 
 
+def walks_both_ways(way: str) -> Judge:
+    """A way reaches 80 % of the command in both directions on the virtual robot, however fast it is."""
+    return lambda e: on_robot(e, way, lambda s: within(f"{way}, slower", e.slower(way, s), FOLLOWS[0], np.inf))
+
+
 def falls(way: str, command: str) -> Judge:
     """Half of the walks on the virtual robot end in a fall."""
 

@@ -48,6 +48,11 @@ def compared(contract: Contract) -> bool:
     return everyone(contract) and way_of(contract) in COMPARED
 
 
+def conventional(contract: Contract) -> bool:
+    """Take the policies for flat ground that never met friction, and could be fed some forward."""
+    return everyone(contract) and way_of(contract) == "none"
+
+
 def climbers(contract: Contract) -> bool:
     """Take the policies that were trained on ground that is not flat."""
     return contract.terrain != "flat"
@@ -65,6 +70,8 @@ class Part:
     """Which policies walk in it."""
     grid: GridCfg
     """What they are put through."""
+    forward: bool = False
+    """Whether conventional policies also walk with friction fed forward."""
 
 
 def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
@@ -86,10 +93,22 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     heights = ("stairs=0.08",) if quick else ("stairs=0.06", "stairs=0.08", "stairs=0.1")
     return (
         Part("training", "In the simulator of the training", everyone, GridCfg(base(levels, ALL, 8), ("mujoco",))),
-        Part("engines", "Sim2Sim: other engines", everyone, GridCfg(base(levels, BOTH, episodes), others)),
+        Part(
+            "engines", "Sim2Sim: other engines", everyone, GridCfg(base(levels, BOTH, episodes), others), forward=True
+        ),
         Part(
             *("robot", "On the virtual robot", everyone),
             GridCfg(base((0.0,), (*BOTH, "stand"), 1), cells, robots=seeds, robot_levels=robot_levels),
+        ),
+        Part(
+            *("forward", "What a user would try: the virtual robot's identified friction, fed forward", conventional),
+            GridCfg(
+                base((0.0,), BOTH, 1),
+                ("physx+all",),
+                robots=seeds,
+                robot_levels=("0.1", "0.2") if quick else ("0.1", "0.2", "0.3", "bench", "bench+0.02"),
+            ),
+            forward=True,
         ),
         Part(
             *("stairs", "Stairs, up, landing and down", climbers),

@@ -18,8 +18,8 @@ from stiction.transfer.grid.table import method_means, rows_of
 from stiction.transfer.replication.budget import budget, onsets
 from stiction.transfer.replication.claims import judge_all
 from stiction.transfer.replication.evidence import Evidence
-from stiction.transfer.replication.plan import Part
-from stiction.transfer.replication.ways import WAYS, way_of
+from stiction.transfer.replication.plan import Part, conventional
+from stiction.transfer.replication.ways import FORWARD, WAYS, way_of
 from stiction.transfer.rollout import robot_of
 from stiction.transfer.summary import check_names, describe
 
@@ -82,9 +82,13 @@ def replicate(
 def _walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progress: Progress) -> PartRecord:
     """Walk one grid; in its rows the method is the way of training."""
     make_folder(out)
-    done = walk_grid(bundles, part.grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
-    rows, details = rows_of(done, bundles)
     ways = {bundle.name: way_of(bundle.contract) for bundle in bundles}
+    grid = part.grid
+    if part.forward:
+        grid = replace(grid, forward=tuple(b.name for b in bundles if conventional(b.contract)))
+    done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
+    rows, details = rows_of(done, bundles)
+    ways |= {name + FORWARD: way + FORWARD for name, way in ways.items()}
     rows = [replace(row, method=ways[row.policy]) for row in rows]
     return PartRecord(part.name, part.title, rows, [detail | {"method": ways[detail["policy"]]} for detail in details])
 

@@ -6,6 +6,7 @@ from stiction.formats.contract import Contract
 
 WAYS = {
     "none": "conventional randomisation, without friction",
+    "none+forward": "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
     "actuator": "Actuator Net: trained through a net of the robot's own joints",
     "deception": "friction-aware: friction from none to 1.2 of the nominal one",
     "direct": "friction within 0.8 to 1.2 of the nominal one",
@@ -14,7 +15,10 @@ WAYS = {
     "finetune": "trained without friction, then with all of it at once",
     "iterative": "trained without friction, then with more in steps",
 }
-"""Way of training -> what it is. With `+forward` behind it, friction is fed forward in the joint controller."""
+"""Way of training -> what it is."""
+
+FORWARD = "+forward"
+"""Behind the name of a policy, and of its way, that walks with friction fed forward."""
 
 
 def way_of(contract: Contract) -> str:
