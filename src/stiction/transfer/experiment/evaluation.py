@@ -79,7 +79,10 @@ def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
 MEASURING = (
     *("sim/*.py", "joints/pd.py", "robots/*.py", "rma/models.py"),
     *(f"locomotion/{name}.py" for name in ("observations", "privileged")),
-    *(f"transfer/{name}.py" for name in ("run_evaluation", "evaluate", "rollout", "metrics", "teacher", "twin")),
+    *(
+        f"transfer/{name}.py"
+        for name in ("run_evaluation", "evaluate", "record", "rollout", "course", "metrics", "teacher", "twin")
+    ),
 )
 """Code that decides what an evaluation measures; where it changes, what was kept before does not count."""
 
