@@ -131,7 +131,10 @@ def exported(path: Path, out: Path) -> Path:
 
 
 def train_all(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], None]) -> list[Path] | int:
-    """Train every run of the comparison that is missing; return their folders, or the exit status if asked to stop."""
+    """Train everything that is missing; return the folders of runs and bundles, or the exit status if asked to stop.
+
+    The first run is that of f0 of the Actuator Net's loop.
+    """
     from stiction.cli.interruption import stop_requests
     from stiction.cli.train import parse
     from stiction.transfer.experiment.places import Place
@@ -147,7 +150,21 @@ def train_all(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], Non
     if failed:
         name, reason = next(iter(failed.items()))
         raise StictionError(f"{name}: {reason}")
-    return [place.path for place in places]
+    return [*(place.path for place in places), close_loop(cfg, places[0].path, progress)]
+
+
+def close_loop(cfg: ReplicateCfg, conventional: Path, progress: Callable[[str, float], None]) -> Path:
+    """Run the paper's loop with an Actuator Net, backward walking only; return the folder of its policy f1.
+
+    conventional: the run of f0.
+    """
+    from stiction.transfer.actuator_loop import ActuatorLoop
+    from stiction.transfer.loop_config import LoopCfg
+
+    study, variant = cfg.runs / "actuator-study", "backward"
+    loop = LoopCfg(policy=exported(conventional, cfg.out), variants=(variant,))
+    ActuatorLoop(study, loop, "stiction replicate --preset full", progress).run()
+    return study / "bundles" / f"f1-{variant}"
 
 
 def render(bundles: list[Bundle], folders: dict[str, Path], out: Path) -> dict[str, Path]:

@@ -26,5 +26,5 @@ OWN = (
 
 
 def comparison_runs() -> list[Run]:
-    """Return every run: the first two parts of the experiment, then the comparison's own."""
+    """Return every run: the first two parts of the experiment, conventional training first, then the comparison's."""
     return [*runs_of(("1", "2")), *(run for condition in OWN for run in condition.runs)]
