@@ -31,7 +31,7 @@ def evaluate_all(
         StictionError: two bundles have the same name, or one does not fit its robot.
 
     """
-    check_names(bundles)
+    check_names([bundle.name for bundle in bundles])
     rows: list[ResultRow] = []
     details: list[dict[str, Any]] = []
     policies: dict[str, Any] = {}
@@ -53,12 +53,11 @@ def evaluate_all(
     return rows, summary
 
 
-def check_names(bundles: Sequence[Bundle]) -> None:
-    """Raise `StictionError` where two bundles have the same name."""
-    names = [bundle.name for bundle in bundles]
+def check_names(names: Sequence[str], kind: str = "bundles") -> None:
+    """Raise `StictionError` where two of a kind have the same name."""
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise StictionError(
-            f"two bundles are called {twice[0]!r}; rename one directory, results tell them apart by name"
+            f"two {kind} are called {twice[0]!r}; rename one directory, results tell them apart by name"
         )
 
 

@@ -56,7 +56,7 @@ def main(arguments: list[str]) -> int:
 
     settings = ClimbCfg(cfg.step_heights, cfg.friction_levels, cfg.trials, cfg.speed, cfg.seed)
     bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
-    check_names(bundles)
+    check_names([bundle.name for bundle in bundles])
     make_folder(cfg.out)
     rows = []
     with work_progress() as progress:
