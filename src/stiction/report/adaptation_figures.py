@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stiction.report.page import legend, new_figure
+from stiction.report.page import COLORS, INK, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-COLOURS = ("#2f6fb2", "#d9822b", "#4c9f70", "#8b5fbf", "#a03b3b", "#5f6b78")
-"""One a training."""
 
 LOWEST = -0.2
 """Left end of the axis of R² [-]: what is below is drawn there, it tells nothing either."""
@@ -30,14 +27,15 @@ def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[s
 
     """
     figure, axes = new_figure(1, len(targets), size=(4.6 * len(targets) + 1.6, 0.42 * len(inputs) + 1.6))
+    heights = {name: height for height, name in enumerate(inputs)}
     for axis, (per, title) in zip(axes, targets.items(), strict=True):
         for index, (method, found) in enumerate(methods.items()):
             shift = 0.12 * (index - (len(methods) - 1) / 2)
-            for height, name in enumerate(inputs):
-                for probe in found["probes"]:
-                    if (probe["input"], probe["row"], probe["per"], probe["shuffled"]) == (name, "walk", per, False):
-                        _mark(axis, probe, height + shift, COLOURS[index % len(COLOURS)], method if not height else "")
-        axis.axvline(0.0, color="#7d8590", linewidth=0.8)
+            kind = ("walk", per, False)
+            for probe in (p for p in found["probes"] if (p["row"], p["per"], p["shuffled"]) == kind):
+                height = heights[probe["input"]]
+                _mark(axis, probe, height + shift, COLORS[index % len(COLORS)], "" if height else method)
+        axis.axvline(0.0, color=INK, linewidth=0.8)
         axis.set(title=title, xlabel="R² on unseen robots", xlim=(LOWEST, 1.02), ylim=(len(inputs) - 0.5, -0.5))
         axis.set_yticks(range(len(inputs)), list(inputs.values()) if axis is axes[0] else [""] * len(inputs))
     legend(axes[0])
@@ -61,13 +59,13 @@ def draw_effects(methods: dict[str, Any], latents: dict[str, str]) -> Figure:
     """
     figure, axes = new_figure(1, max(1, len(methods)), size=(3.8 * max(1, len(methods)), 3.2))
     for axis, (method, found) in zip(axes, methods.items(), strict=False):
-        for colour, (latent, words) in zip(COLOURS, latents.items(), strict=False):
+        for colour, (latent, words) in zip(COLORS, latents.items(), strict=False):
             points = _sorted(found["effects"], latent)
             levels = [100 * point["level"] for point in points]
             for seed in range(len(points[0]["each"]) if points else 0):
                 axis.plot(levels, [point["each"][seed] for point in points], color=colour, linewidth=0.7, alpha=0.5)
             axis.plot(levels, [p["difference"] for p in points], color=colour, marker="o", markersize=4, label=words)
-        axis.axhline(0.0, color="#7d8590", linewidth=0.8)
+        axis.axhline(0.0, color=INK, linewidth=0.8)
         axis.set(title=method, xlabel="friction, % of torque limit")
     axes[0].set_ylabel("change of the speed ratio")
     legend(axes[0])

@@ -75,7 +75,7 @@ def main(arguments: list[str]) -> int:
     )
     make_folder(options.out)
     bundles = [_bundle(path, options.out) for path in options.policies]
-    check_names(bundles)
+    check_names([bundle.name for bundle in bundles])
     variants: tuple[str, ...] = options.variants or tuple(
         trained_variant(bundle.contract.command) for bundle in bundles
     )

@@ -25,6 +25,7 @@ from stiction.transfer.adaptation.probes import probe_walk
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.export import contract_of
 from stiction.transfer.statistics import t_interval
+from stiction.transfer.summary import check_names
 
 Progress = Callable[[str, float], None]
 """Called with the name of a piece of work and the share of it that is done."""
@@ -64,9 +65,7 @@ def study(
         StictionError: a run without a finished student, or two of the same name.
 
     """
-    names = [run.resolve().name for run in runs]
-    if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise StictionError(f"two runs are called {twice[0]!r}; rename one folder, results tell them apart by name")
+    check_names([run.resolve().name for run in runs], "runs")
     for run in runs:
         RunDirectory(run).check_finished("student")
     parts = [study_run(run, out, cfg, threads, progress) for run in runs]
