@@ -1,7 +1,7 @@
 """What the simulations so far say about joint friction, and what to train with because of it.
 
-The evidence is `results/friction-training`: one simulated 32 kg hexapod, five training seeds, Coulomb friction, 0.5 m/s.
-Every sentence that rests on it is called provisional.
+The evidence is `results/friction-training`: one simulated 32 kg hexapod, five training seeds, Coulomb friction,
+0.5 m/s. Every sentence that rests on it is called provisional.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from typing import Any
 from stiction.formats.joints import Estimate
 
 FELT = 0.05
-"""Share of the torque limit up to which policies trained without friction still reached 89 % of a commanded 0.5 m/s, the
-mean over seeds of the slower direction, in `results/friction-training`."""
+"""Share of the torque limit up to which policies trained without friction still reached 89 % of a commanded 0.5 m/s,
+backward, the slower direction, mean over seeds in `results/friction-training`."""
 
 FELT_BAND = 0.0225
 """Largest dead band that went with `FELT` there [rad]: 5 % of 45 N m at kp 100."""
 
 SEVERE = 0.10
-"""Share at which the same policies fell under 80 %, backward: 74 %; at 0.20 they reached 42 % forward, 40 % backward."""
+"""Share at which the same policies fell under 80 %, backward: 74 %; at 0.20 they reached 42 % forward, 40 % back."""
 
 MARGIN = 2.0
 """Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
