@@ -43,29 +43,24 @@ def place_text(place: Place) -> str:
 def draw_budget(rows: Sequence[ResultRow]) -> Figure:
     """Return the friction budget: speed ratio over friction level, a line for each policy.
 
-    There is a row of panels for each place, and a panel for each command, and for each law: their levels have
-    different units.
+    A column of panels for each command; a row for each place, and for each law there: their levels have other units.
     """
     moving = [row for row in rows if row.speed_ratio is not None]
-    columns = unique((row.friction_law, row.command) for row in moving)
-    lines = places(moving)
+    lines = unique((place_of(row), row.friction_law) for row in moving)
+    columns = unique(row.command for row in moving)
     width, height = max(1, len(columns)), max(1, len(lines))
     figure, axes = new_figure(height, width, size=(4.6 * width, 3.4 * height))
-    for index, axis in enumerate(axes):
-        if not moving:
-            break
-        place, (law, command) = lines[index // width], columns[index % width]
+    for number, axis in enumerate(axes[: len(lines) * len(columns)]):
+        (place, law), command = lines[number // width], columns[number % width]
         shown = [row for row in moving if (place_of(row), row.friction_law, row.command) == (place, law, command)]
-        if not shown:
-            axis.set_visible(False)
-            continue
+        axis.set_visible(bool(shown))
         axis.axhspan(*GOOD, color=COLORS[2], alpha=0.12, linewidth=0)
         axis.axhline(0.0, color=INK, linewidth=0.8)
         for policy in unique(row.policy for row in rows):
             points = sorted((row for row in shown if row.policy == policy), key=lambda row: row.friction_level)
             levels = [level_number(law, row.friction_level) for row in points]
             axis.plot(levels, [row.speed_ratio for row in points], marker="o", markersize=4, label=policy)
-        where = f"{place_text(place)}, " if lines != [DEFAULT] else ""
+        where = f"{place_text(place)}, " if places(moving) != [DEFAULT] else ""
         axis.set(title=f"{where}commanded {command}", xlabel=level_axis(law))
     if moving:
         for axis in axes[::width]:

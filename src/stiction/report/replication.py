@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import has_coefficient
 from stiction.formats.replication import Replication
 from stiction.report.page import Section, figure_uri, file_uri, fold, paragraph, picture, render_page, row
 from stiction.report.page import table as page_table
@@ -69,7 +70,8 @@ def draw_figures(result: Replication) -> dict[str, Figure]:
     """Return the friction budget and who follows up to where."""
     ways = list(dict.fromkeys(point.method for point in result.budget))
     found = {"budget": draw_budget(result.budget, ways, result.summary["dead_band"])} if result.budget else {}
-    return found | ({"needs": draw_needs(result.onsets, ways)} if result.onsets else {})
+    torques = [onset for onset in result.onsets if not has_coefficient(onset.friction_law)]
+    return found | ({"needs": draw_needs(torques, ways)} if torques else {})
 
 
 def sheets_of(result: Replication) -> list[Sheet]:

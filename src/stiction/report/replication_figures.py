@@ -91,13 +91,15 @@ def _dead_band(axis: Axes, band: float) -> None:
 
 
 def draw_needs(onsets: Sequence[Onset], ways: Sequence[str]) -> Figure:
-    """Return up to which friction each way of training follows: a bar to its lowest onset, a mark an engine."""
-    known = [onset for onset in onsets if not has_coefficient(onset.friction_law)]
-    engines = list(dict.fromkeys(onset.engine for onset in known))
-    rows = [way for way in ways if any(onset.method == way for onset in known)]
+    """Return up to which friction each way of training follows: a bar to its lowest onset, a mark an engine.
+
+    onsets: at least one, none of a coefficient.
+    """
+    engines = list(dict.fromkeys(onset.engine for onset in onsets))
+    rows = [way for way in ways if any(onset.method == way for onset in onsets)]
     figure, (axis,) = new_figure(1, 1, size=(9.0, 0.5 * max(1, len(rows)) + 1.6))
     for height, way in enumerate(rows):
-        own = [onset for onset in known if onset.method == way]
+        own = [onset for onset in onsets if onset.method == way]
         lowest = min(_end(onset) for onset in own)
         axis.barh(height, lowest, color=color_of(way, ways), alpha=0.35, height=0.6)
         for onset in own:
@@ -108,8 +110,7 @@ def draw_needs(onsets: Sequence[Onset], ways: Sequence[str]) -> Figure:
         axis.plot([], [], linestyle="", marker=MARKS[number % len(MARKS)], color=INK, label=engine)
     axis.set_yticks(range(len(rows)), rows)
     axis.set(xlabel="dry friction, % of each joint's torque limit", ylim=(len(rows) - 0.5, -0.5), xlim=(0, None))
-    if known:
-        axis.legend(fontsize=8, labelcolor=INK, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    axis.legend(fontsize=8, labelcolor=INK, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return figure
 
 
