@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,6 +27,9 @@ Stop it at any time: the same command goes on."""
 
 CLIPS = ("none", "direct", "deception")
 """Ways of training that are shown side by side."""
+
+ROBOT = "saturn_lite"
+"""The paper's robot: engines are tried with it before anything is trained."""
 
 CLIP_LEVEL, CLIP_COMMAND = 0.2, "vx=0.5"
 
@@ -72,13 +76,16 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import num_threads
     from stiction.report.replication import lead, write_replication
+    from stiction.robots.catalog import find_robot
     from stiction.transfer.replication.plan import parts_of
-    from stiction.transfer.replication.run import replicate
+    from stiction.transfer.replication.run import check_engines, replicate
 
     parts = parts_of(cfg.preset, cfg.robots)
     names = [part.name for part in parts]
     if unknown := [name for name in cfg.parts if name not in names]:
         raise StictionError(f"part {unknown[0]!r} is none of the comparison's; expected some of {', '.join(names)}")
+    chosen = [part for part in parts if not cfg.parts or part.name in cfg.parts]
+    check_engines(chosen, find_robot(ROBOT))
     make_folder(cfg.out)
     jobs = cfg.jobs or num_threads()
     with work_progress() as progress:
@@ -86,7 +93,6 @@ def main(arguments: list[str]) -> int:
         if isinstance(found, int):
             return found
         bundles, folders = found
-        chosen = [part for part in parts if not cfg.parts or part.name in cfg.parts]
         command = shlex.join(["stiction", "replicate", *arguments])
         result = replicate(bundles, chosen, cfg.out, jobs, progress, {"command": command, "preset": cfg.preset})
     clips = render(bundles, folders, cfg.out) if cfg.clips else {}
@@ -124,6 +130,9 @@ def exported(path: Path, out: Path) -> Path:
     from stiction.transfer.export import export_run
 
     folder = out / "bundles" / path.resolve().name
+    newest = max(file.stat().st_mtime for file in (path / "checkpoints").iterdir())
+    if folder.exists() and folder.stat().st_mtime < newest:
+        shutil.rmtree(folder)
     if not folder.exists():
         make_folder(folder.parent)
         export_run(path, folder)
@@ -170,7 +179,7 @@ def close_loop(cfg: ReplicateCfg, conventional: Path, progress: Callable[[str, f
 def render(bundles: list[Bundle], folders: dict[str, Path], out: Path) -> dict[str, Path]:
     """Render a clip of the first policy of each of `CLIPS`; without OpenGL say so once and go on."""
     from stiction.transfer.clip import ClipError, record_clip
-    from stiction.transfer.replication.ways import way_of
+    from stiction.transfer.ways import way_of
 
     clips: dict[str, Path] = {}
     for way in CLIPS:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
 
-Outcome = Literal["reproduces", "does not", "only above x", "undecided", "not tested"]
+Outcome = Literal["reproduces", "does not", "only above x", "only up to x", "undecided", "not tested"]
 
 
 @dataclass(frozen=True)

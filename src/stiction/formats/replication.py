@@ -51,9 +51,9 @@ class Onset:
     """Training seeds."""
     level: float | None
     """Level at which the slower direction falls under it, mean over the seeds [-]: 0 where it is under from the start,
-    None where a seed stays above at every tested level."""
+    None where every seed stays above at every tested level. A seed that does counts with the highest of them."""
     low: float | None
-    """Lower end of its 95 % t-interval; None for one seed."""
+    """Lower end of its 95 % t-interval; None for one seed, and where a seed stays above."""
     high: float | None
     """Upper end."""
     tested: float
@@ -104,6 +104,8 @@ class Replication:
         for name, records in tables.items():
             if records:
                 write_rows(out / f"{name}.csv", records)
+            else:
+                (out / f"{name}.csv").unlink(missing_ok=True)
         parts = {part.name: {"title": part.title, "rows": list(part.details)} for part in self.parts}
         verdicts = [asdict(verdict) for verdict in self.verdicts]
         write_summary(out / "summary.json", self.summary | {"ways": self.ways, "verdicts": verdicts, "parts": parts})

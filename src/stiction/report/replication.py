@@ -60,7 +60,8 @@ def write_replication(out: Path, result: Replication, clips: Mapping[str, Path])
         sheets = sheets_of(result)
         (out / "tables.md").write_text("\n".join(sheet.markdown() for sheet in sheets), encoding="utf-8")
         page = out / "report.html"
-        page.write_text(render_page(TITLE, sections(result, figures, clips), lead(result), warnings(result)))
+        text = render_page(TITLE, sections(result, figures, clips), lead(result), warnings(result))
+        page.write_text(text, encoding="utf-8")
     except OSError as error:
         raise StictionError(f"the results cannot be written to {out}: {error}; choose another --out") from error
     return page

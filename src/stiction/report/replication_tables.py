@@ -55,8 +55,8 @@ def needs_sheet(onsets: Sequence[Onset]) -> Sheet:
         tested = level <= max((onset.tested for onset in known), default=0.0)
         rows.append((f"{100 * level:g} %", ", ".join(good) if good else "none of them" if tested else "not tested"))
     note = (
-        "Following: at least 80 % of the command in the slower direction, in every engine and on the virtual robot, "
-        "mean over training seeds. It may be faster than commanded."
+        "Following: the slower direction falls under 80 % of the command beyond that friction, mean over training "
+        "seeds, in every engine and on the virtual robot as far as it walked there. It may be faster than commanded."
     )
     return Sheet("My joint has this much friction: which training follows?", ("friction", "follows"), tuple(rows), note)
 
@@ -71,7 +71,7 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
     rows = []
     for one in onsets:
         if one.level is None:
-            text = f"not up to {level_text(one.friction_law, one.tested)} in every seed"
+            text = f"not up to {level_text(one.friction_law, one.tested)}"
         else:
             text = "from the start" if one.level == 0 else level_text(one.friction_law, round(one.level, 4))
         interval = "–" if one.low is None or one.high is None else f"{max(0.0, one.low):.3g} to {one.high:.3g}"
@@ -84,13 +84,13 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
 COLUMNS = (
     ("vx=0.5", "speed_ratio", "forward", ".2f"),
     ("vx=-0.5", "speed_ratio", "backward", ".2f"),
-    ("worst", "fall_rate", "falls", ".0%"),
-    ("worst", "joint_jitter", "jitter [rad/s²]", ".0f"),
-    ("worst", "flight_share", "flight", ".0%"),
-    ("worst", "tripod_share", "tripod", ".0%"),
+    ("both", "fall_rate", "falls", ".0%"),
+    ("both", "joint_jitter", "jitter [rad/s²]", ".0f"),
+    ("both", "flight_share", "flight", ".0%"),
+    ("both", "tripod_share", "tripod", ".0%"),
     ("stand", "tracking_error", "standing [m/s]", ".3f"),
 )
-"""Command (`worst`: mean of forward and backward), column, heading, format."""
+"""Command (`both`: mean of forward and backward), column, heading, format."""
 
 
 def methods_sheet(result: Replication, engine: str, level: float, law: str, title: str) -> Sheet:
@@ -110,7 +110,7 @@ def methods_sheet(result: Replication, engine: str, level: float, law: str, titl
 
 def _figure(own: Sequence[dict[str, Any]], command: str, column: str, heading: str, form: str) -> str:
     """Return the mean of a column over the policies of a way, a dash where there is none."""
-    commands = ("vx=0.5", "vx=-0.5") if command == "worst" else (command,)
+    commands = ("vx=0.5", "vx=-0.5") if command == "both" else (command,)
     values = [r[column] for r in own if r["command"] in commands and r[column] is not None]
     return format(sum(values) / len(values), form) if values else "–"
 

@@ -143,6 +143,8 @@ def combine(episodes: Sequence[Metrics]) -> Metrics:
     def sure(name: str) -> float:
         return float(np.mean([getattr(one, name) for one in episodes]))
 
+    # Who had fallen before the measured part has no jitter; zero is what stands there.
+    jitter = [one.joint_jitter**2 for one in episodes if one.joint_jitter or not one.fall_rate]
     groups = [(one.group_share, one.moving_share or 0.0) for one in episodes if one.group_share is not None]
     moved = sum(by for _, by in groups)
     first, second = (sum(share[side] * by for share, by in groups) / moved if moved else None for side in (0, 1))
@@ -152,7 +154,7 @@ def combine(episodes: Sequence[Metrics]) -> Metrics:
         fall_rate=sure("fall_rate"),
         distance=sure("distance"),
         cost_of_transport=mean("cost_of_transport", "distance"),
-        joint_jitter=float(np.sqrt(np.mean([one.joint_jitter**2 for one in episodes]))),
+        joint_jitter=float(np.sqrt(np.mean(jitter))) if jitter else 0.0,
         tripod_share=mean("tripod_share", "moving_share"),
         flight_share=mean("flight_share", "moving_share"),
         group_share=None if first is None or second is None else (first, second),

@@ -67,6 +67,18 @@ def larger(first: tuple[str, Points], second: tuple[str, Points]) -> Finding:
     return Finding(side(interval, above_zero, np.inf), text)
 
 
+def larger_paired(first: tuple[str, Points], second: tuple[str, Points]) -> Finding:
+    """Judge that the first is larger for the same policies, by the t-interval of the differences seed by seed."""
+    evidence = f"{describe(*first)}; {describe(*second)}"
+    seeds = sorted(first[1].keys() & second[1].keys())
+    interval = t_interval([first[1][seed] - second[1][seed] for seed in seeds])
+    if interval is None:
+        return Finding("not tested", evidence)
+    above_zero = float(np.nextafter(0.0, 1.0))
+    text = f"{evidence}; difference, policy by policy, [{interval[0]:.2f}, {interval[1]:.2f}]"
+    return Finding(side(interval, above_zero, np.inf), text)
+
+
 def all_of(*findings: Finding) -> Finding:
     """Judge that several things hold together: it fails with one that does not, and stands when all do."""
     outcomes = [finding.outcome for finding in findings]
@@ -78,10 +90,10 @@ def all_of(*findings: Finding) -> Finding:
 
 
 def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
-    """Judge a sentence that names no level: at every level above zero, at none, or only above x.
+    """Judge a sentence that names no level: at every level above zero, at none, only above x, or only up to x.
 
-    `findings`: level -> whether the sentence holds there, from low to high. x is the highest level at which it was not
-    shown to hold. Where it holds at a level and not at a higher one, there is no such x, and it is undecided.
+    `findings`: level -> whether the sentence holds there, from low to high. Above x: x is the highest level at which it
+    was not shown to hold. Up to x: the highest at which it holds, and the next one refutes it. Otherwise undecided.
     """
     above = [(level, finding) for level, finding in findings if level > 0]
     tested = [(level, finding) for level, finding in above if finding.outcome != "not tested"]
@@ -97,12 +109,15 @@ def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
     first = holds.index(True)
     if all(holds[first:]):
         return Finding("only above x", f"x = {tested[first - 1][0]:g}; {at}")
+    last = holds.index(False) if holds[0] else 0
+    if last and not any(holds[last:]) and tested[last][1].outcome == "does not":
+        return Finding("only up to x", f"x = {tested[last - 1][0]:g}; {at}")
     return Finding("undecided", f"it holds at {tested[first][0]:g} and not at every level above; {at}")
 
 
 def _telling(tested: Sequence[tuple[float, Finding]], holds: Sequence[bool]) -> list[tuple[float, Finding]]:
     """Return the levels that a reader wants: the two about the change, or the ends where there is none."""
-    if any(holds) and not all(holds) and holds.index(True) > 0:
-        first = holds.index(True)
-        return [tested[first - 1], tested[first]]
+    if any(holds) and not all(holds):
+        change = holds.index(not holds[0])
+        return [tested[change - 1], tested[change]]
     return [tested[0], tested[-1]] if len(tested) > 1 else list(tested)

@@ -19,6 +19,7 @@ from stiction.transfer.metrics import Metrics, combine
 from stiction.transfer.robot.factorial import parse_level
 from stiction.transfer.rollout import robot_of
 from stiction.transfer.statistics import t_interval
+from stiction.transfer.ways import way_of
 
 
 def rows_of(
@@ -39,7 +40,7 @@ def rows_of(
         contract = contracts[first.policy]
         row = ResultRow(
             policy=first.name,
-            method=contract.method + first.suffix,
+            method=way_of(contract) + first.suffix,
             seed=contract.seed,
             engine=first.place.label,
             friction_law=first.law if first.robot is None else real_law(first),

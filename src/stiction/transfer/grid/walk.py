@@ -65,7 +65,8 @@ def _alone(bundle: Bundle, one: Walk, cfg: GridCfg, robot: str | None) -> Metric
         case = Case(one.robot, one.place.cell, parse_level(one.level))
     steps = round(asked.duration / period)
     friction = None if one.forward is None else np.array(one.forward)
-    trial = walk(bundle, case, world, steer(command, ground), steps, one.episode, spec=spec, friction=friction)
+    seed = 0 if one.robot is None else asked.seed
+    trial = walk(bundle, case, world, steer(command, ground), steps, one.episode, None, spec, friction, seed)
     part = trial.recording.lasting(steps).of(slice(0, 1), round(asked.settle / period))
     return measure(part, command, spec.groups(), spec.mass * GRAVITY, ground)
 

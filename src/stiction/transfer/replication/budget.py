@@ -34,8 +34,9 @@ def budget(evidence: Evidence) -> list[BudgetPoint]:
 def onsets(evidence: Evidence, spec: RobotSpec) -> list[Onset]:
     """Return where every way falls under 80 % of the command. `spec`: the robot, for the dead band of its shank.
 
-    The onset is found for each seed and then averaged: a mean of curves has another one. A virtual robot without
-    friction is the cell that has everything else.
+    The onset is found for each seed and then averaged: a mean of curves has another one. A seed that stays above counts
+    with the highest level that was tested, which is less than the truth; there is no interval then. A virtual robot
+    without friction is the cell that has everything else; without friction nothing is fed forward.
     """
     found = []
     for way, engine, law in _curves(evidence):
@@ -44,10 +45,10 @@ def onsets(evidence: Evidence, spec: RobotSpec) -> list[Onset]:
         each = [onset_level(*curve) for curve in curves.values() if len(curve[0]) >= FEWEST]
         if not each:
             continue
-        known = [level for level in each if level is not None]
-        whole = len(known) == len(each)
-        level = float(np.mean(known)) if whole else None
-        low, high = (t_interval(known) if whole else None) or (None, None)
+        above = [level is None for level in each]
+        ends = [tested if level is None else level for level in each]
+        level = None if all(above) else float(np.mean(ends))
+        low, high = (None if any(above) else t_interval(ends)) or (None, None)
         words = " ".join(f">{tested:g}" if one is None else f"{one:.3g}" for one in each)
         unit = spec.shank.torque_limit / spec.shank.stiffness
         band = None if level is None or has_coefficient(law) else level * unit
@@ -72,7 +73,10 @@ def _by_seed(evidence: Evidence, way: str, engine: str, law: str) -> dict[int, t
         spots = [Spot(BARE[engine], 0.0), *spots]
     curves: dict[int, tuple[list[float], list[float]]] = {}
     for spot in spots:
-        for seed, ratio in evidence.slower(way, spot).items():
+        ratios_of = evidence.slower(way, spot) or (
+            evidence.slower(way.removesuffix("+forward"), spot) if spot.level == 0.0 else {}
+        )
+        for seed, ratio in ratios_of.items():
             levels, ratios = curves.setdefault(seed, ([], []))
             levels.append(spot.level)
             ratios.append(ratio)

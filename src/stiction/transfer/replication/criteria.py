@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from stiction.transfer.experiment.criteria import FOLLOWS, JITTER, STATIONARY
-from stiction.transfer.experiment.judging import Finding, all_of, larger, over_levels, within
+from stiction.transfer.experiment.judging import Finding, all_of, larger, larger_paired, over_levels, within
 from stiction.transfer.experiment.table import Points
 from stiction.transfer.replication.evidence import Evidence, Spot
 
@@ -25,6 +26,12 @@ REAL = "real"
 
 PAPER = 0.442
 """The paper's number [N m], read as a coefficient."""
+
+MOVES = 0.1
+"""Speed at which a robot that is told to stand does not [m/s]."""
+
+NOTICEABLE = 0.1
+"""Loss of speed ratio that one notices."""
 
 HALF, JUMPING, STABLE, CROSSED = 0.5, 0.05, 0.05, 0.8
 """Share of the command that counts as walking; of steps in the air as jumping; of falls as stable; of crossings."""
@@ -74,9 +81,17 @@ def fails_elsewhere(way: str) -> Judge:
     return lambda e: everywhere(e, way, lambda s: within(way, e.slower(way, s), -np.inf, STATIONARY))
 
 
-def fails_at(way: str, level: float) -> Judge:
-    """A way does not follow in both directions in other engines at a level."""
-    return lambda e: everywhere(e, way, lambda s: within(way, e.slower(way, s), -np.inf, FOLLOWS[0]), level)
+def loses(way: str, level: float) -> Judge:
+    """A way loses a noticeable part of its speed up to a level, in other engines, policy by policy."""
+
+    def judge(e: Evidence) -> Finding:
+        def at(spot: Spot) -> Finding:
+            lost = _less(e.slower(way, replace(spot, level=0.0)), e.slower(way, spot))
+            return within(f"{way}, speed ratio lost", lost, NOTICEABLE, np.inf)
+
+        return everywhere(e, way, at, level)
+
+    return judge
 
 
 def jitters_elsewhere(e: Evidence) -> Finding:
@@ -111,12 +126,12 @@ def jumps_elsewhere(e: Evidence) -> Finding:
 
 def climbs(way: str, engine: str, level: float) -> Judge:
     """A way crosses stairs of every height that was tried."""
-    return lambda e: _crossings(e, way, engine, level, CROSSED, 1.0)
+    return lambda e: _crossings(e, way, engine, level, CROSSED, np.inf)
 
 
 def climbs_not(way: str, engine: str, level: float) -> Judge:
     """A way crosses stairs of no height that was tried."""
-    return lambda e: _crossings(e, way, engine, level, 0.0, STATIONARY)
+    return lambda e: _crossings(e, way, engine, level, -np.inf, STATIONARY)
 
 
 def _crossings(e: Evidence, way: str, engine: str, level: float, low: float, high: float) -> Finding:
@@ -151,7 +166,7 @@ def falls(way: str, command: str) -> Judge:
 
     def judge(e: Evidence) -> Finding:
         return on_robot(
-            e, way, lambda s: within(f"{way}, falls at {command}", e.points(way, s, command, "fall_rate"), HALF, 1.0)
+            e, way, lambda s: within(f"{way}, falls at {command}", e.points(way, s, command, "fall_rate"), HALF, np.inf)
         )
 
     return judge
@@ -165,7 +180,7 @@ def walks_stably(way: str) -> Judge:
             return all_of(
                 within(f"{way}, slower direction", e.slower(way, spot), *FOLLOWS),
                 within("faster direction", e.faster(way, spot), *FOLLOWS),
-                within("falls", e.worst(way, spot, "fall_rate"), 0.0, STABLE),
+                within("falls", e.worst(way, spot, "fall_rate"), -np.inf, STABLE),
             )
 
         return on_robot(e, way, at)
@@ -193,24 +208,26 @@ def fails(way: str) -> Judge:
 
 
 def stands_badly(way: str) -> Judge:
-    """A way moves where it is told to stand."""
+    """A way moves, or falls, where it is told to stand: speed over `MOVES` or falls over `STABLE`, the larger."""
 
     def judge(e: Evidence) -> Finding:
-        label = f"{way}, speed while standing [m/s]"
-        return on_robot(e, way, lambda s: within(label, e.points(way, s, "stand", "tracking_error"), 0.1, np.inf))
+        def at(spot: Spot) -> Finding:
+            speed, falls = (e.points(way, spot, "stand", column) for column in ("tracking_error", "fall_rate"))
+            points = {seed: max(speed[seed] / MOVES, falls[seed] / STABLE) for seed in speed}
+            return within(f"{way} at stand, speed over {MOVES:g} m/s or falls over {STABLE:.0%}", points, 1.0, np.inf)
+
+        return on_robot(e, way, at)
 
     return judge
 
 
 def friction_is_the_cause(e: Evidence) -> Finding:
-    """Friction alone takes more of the conventional policy's speed than all other differences alone."""
-    nominal, rest = (e.slower("none", Spot(cell, 0.0)) for cell in (NOMINAL, REST))
+    """Friction alone leaves the conventional policy slower than all other differences alone, policy by policy."""
+    rest = e.slower("none", Spot(REST, 0.0))
     found = []
     for level in e.levels("none", FRICTION, REAL):
         friction = e.slower("none", Spot(FRICTION, level, REAL))
-        found.append(
-            (level, larger(("lost to friction", _less(nominal, friction)), ("to the rest", _less(nominal, rest))))
-        )
+        found.append((level, larger_paired(("all but friction", rest), ("friction alone", friction))))
     return over_levels(found) if found else Finding("not tested", "none was not walked with friction alone")
 
 
@@ -222,7 +239,7 @@ def _less(first: Points, second: Points) -> Points:
 def lower_is_better(e: Evidence) -> Finding:
     """Half of the friction leaves the conventional policy nearer to the command."""
     high, low = (e.error("none", [Spot(ROBOT, level, REAL)]) for level in (0.2, 0.1))
-    return larger(("none at 0.2", high), ("at 0.1", low))
+    return larger_paired(("none at 0.2", high), ("at 0.1", low))
 
 
 def frozen_by(law: str) -> Judge:

@@ -82,9 +82,21 @@ class Evidence:
         return self._over(way, spot, max)
 
     def error(self, way: str, spots: Sequence[Spot]) -> Points:
-        """Return the mean of |speed ratio - 1| over both directions and some spots, of every seed."""
-        columns = [self.points(way, spot, command, "speed_ratio") for spot in spots for command in BOTH]
-        return {seed: float(np.mean([abs(c[seed] - 1.0) for c in columns])) for seed in _common(columns)}
+        """Return the mean of |speed ratio - 1| over both directions and some spots, of every seed.
+
+        Of virtual robots it is the mean over robots: one that is too fast does not make up for one that is too slow.
+        """
+        columns = [self._deviations(way, spot, command) for spot in spots for command in BOTH]
+        return {seed: float(np.mean([column[seed] for column in columns])) for seed in _common(columns)}
+
+    def _deviations(self, way: str, spot: Spot, command: str) -> Points:
+        """Return the mean of |speed ratio - 1| at one spot and command, of every seed."""
+        found: Points = {}
+        key = way, spot.engine, spot.law, round(spot.level, 6), "flat", command
+        for seed, rows in sorted(self.cells.get(key, {}).items()):
+            each = [ratio for row in rows for ratio in row.get("robots", {0: row["speed_ratio"]}).values()]
+            found[seed] = float(np.mean([abs(ratio - 1.0) for ratio in each]))
+        return found
 
     def worst(self, way: str, spot: Spot, column: str) -> Points:
         """Return the larger of a column's values, forward and backward, of every seed."""

@@ -9,7 +9,7 @@ from typing import Literal
 from stiction.formats.contract import Contract
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.grid.config import FIRST_ROBOT, GridCfg
-from stiction.transfer.replication.ways import way_of
+from stiction.transfer.ways import way_of
 
 Size = Literal["quick", "full"]
 
@@ -114,7 +114,7 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
             *("stairs", "Stairs, up, landing and down", climbers),
             GridCfg(
                 base((0.0, 0.2), (OVER,), 3 if quick else 20),
-                ("mujoco", "physx", "physx+all"),
+                ("mujoco", "physx", "ode-webots", "physx+all"),
                 heights,
                 robots=seeds,
                 robot_levels=("0", "0.2") if quick else ("0", "0.1", "0.2"),

@@ -13,15 +13,18 @@ from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
 from stiction.formats.replication import PartRecord, Replication
 from stiction.formats.reproducibility import provenance
+from stiction.robots.spec import RobotSpec
+from stiction.transfer.engines.catalog import what_is_missing
+from stiction.transfer.grid.config import ALONE
 from stiction.transfer.grid.run import walk_grid
 from stiction.transfer.grid.table import method_means, rows_of
 from stiction.transfer.replication.budget import budget, onsets
 from stiction.transfer.replication.claims import judge_all
 from stiction.transfer.replication.evidence import Evidence
 from stiction.transfer.replication.plan import Part, conventional
-from stiction.transfer.replication.ways import FORWARD, WAYS, way_of
 from stiction.transfer.rollout import robot_of
 from stiction.transfer.summary import check_names, describe
+from stiction.transfer.ways import WAYS, way_of
 
 Progress = Callable[[str, float], None]
 """Called with part and engine, and the share of its walks that is done."""
@@ -52,6 +55,8 @@ def replicate(
     check_names([bundle.name for bundle in bundles])
     if len(robots := {bundle.contract.robot for bundle in bundles}) != 1:
         raise StictionError(f"policies of {len(robots)} robots ({', '.join(sorted(robots))}); expected those of one")
+    check_ways(bundles)
+    check_engines(parts, robot_of(bundles[0].contract))
     start, records = time.perf_counter(), []
     for part in parts:
         takes = [bundle for bundle in bundles if part.takes(bundle.contract)]
@@ -59,6 +64,7 @@ def replicate(
             records.append(_walk_part(part, takes, out / part.name, jobs, progress))
     if not records:
         raise StictionError("no policy fits any part of the comparison; give policies for flat ground or for stairs")
+    records = _once(records)
     shank = robot_of(bundles[0].contract).shank
     evidence = Evidence.of(row for record in records for row in record.details)
     return Replication(
@@ -79,18 +85,51 @@ def replicate(
     )
 
 
+def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
+    """Return the parts without rows that a part before has: a cell that several parts walk is one row."""
+    seen: set[tuple[object, ...]] = set()
+    kept = []
+    for record in records:
+        pairs = []
+        for row, detail in zip(record.rows, record.details, strict=True):
+            cell = row.policy, row.engine, row.friction_law, row.friction_level, row.terrain, row.command
+            if cell not in seen:
+                pairs.append((row, detail))
+            seen.add(cell)
+        rows, details = [row for row, _ in pairs], [detail for _, detail in pairs]
+        kept.append(replace(record, rows=rows, details=details))
+    return kept
+
+
+def check_ways(bundles: Sequence[Bundle]) -> None:
+    """Raise `StictionError` where two policies of one way have one training seed: they would count as one sample."""
+    seen: dict[tuple[str, str, int], str] = {}
+    for bundle in bundles:
+        key = way_of(bundle.contract), bundle.contract.terrain, bundle.contract.seed
+        if key in seen:
+            way, terrain, seed = key
+            raise StictionError(
+                f"{seen[key]} and {bundle.name} are both of the way {way!r}, for {terrain}, seed {seed}; expected one "
+                "policy a way and seed"
+            )
+        seen[key] = bundle.name
+
+
+def check_engines(parts: Sequence[Part], spec: RobotSpec) -> None:
+    """Raise `StictionError` where an engine of a part is not installed: before anything walks, or is trained."""
+    for name in dict.fromkeys(place.engine for part in parts for place in part.grid.places if not place.is_batch):
+        if why := what_is_missing(ALONE[name], spec):
+            raise StictionError(why)
+
+
 def _walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progress: Progress) -> PartRecord:
     """Walk one grid; in its rows the method is the way of training."""
     make_folder(out)
-    ways = {bundle.name: way_of(bundle.contract) for bundle in bundles}
     grid = part.grid
     if part.forward:
         grid = replace(grid, forward=tuple(b.name for b in bundles if conventional(b.contract)))
     done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
-    rows, details = rows_of(done, bundles)
-    ways |= {name + FORWARD: way + FORWARD for name, way in ways.items()}
-    rows = [replace(row, method=ways[row.policy]) for row in rows]
-    return PartRecord(part.name, part.title, rows, [detail | {"method": ways[detail["policy"]]} for detail in details])
+    return PartRecord(part.name, part.title, *rows_of(done, bundles))
 
 
 def _settings(part: Part) -> dict[str, Any]:

@@ -25,6 +25,12 @@ OWN = (
 """Conditions that no other experiment has. The Actuator Net's policy comes out of `stiction study actuator`."""
 
 
+TAKEN = ("none", "direct", "deception", "finetune", "iterative", "compensation")
+"""Conditions of the experiment that the comparison takes: one a way of training, none of its ablations."""
+
+
 def comparison_runs() -> list[Run]:
-    """Return every run: the first two parts of the experiment, conventional training first, then the comparison's."""
-    return [*runs_of(("1", "2")), *(run for condition in OWN for run in condition.runs)]
+    """Return every run: those of the experiment, conventional training first, then the comparison's own."""
+    names = [f"coulomb20-{name}" for name in TAKEN]
+    taken = [run for run in runs_of(("1", "2")) if run.condition.name in names]
+    return [*taken, *(run for condition in OWN for run in condition.runs)]

@@ -128,12 +128,14 @@ def walk(
     wear: Wear | None = None,
     spec: RobotSpec | None = None,
     friction: np.ndarray | None = None,
+    seed: int = 0,
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
-    steer: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells and at
-    all levels; wear: of the robot's joints; spec: the robot, by default the shipped one that the bundle names;
-    friction: what the joint controllers feed forward, see `Pilot`.
+    steer: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells, at all
+    levels, and in the training's simulator (`Rollout`) under the case's seed; wear: of the robot's joints; spec: the
+    robot, by default the shipped one that the bundle names; friction: what the joint controllers feed forward, see
+    `Pilot`; seed: 0, or of other episodes of the same robot.
 
     Raises:
         StictionError: the bundle does not fit the robot, or friction is to be fed forward to one that compensates it.
@@ -141,14 +143,14 @@ def walk(
     """
     contract = bundle.contract
     spec = spec or robot_of(contract)
-    streams = seed_streams(case.seed, [f"episode {episode}, start", f"episode {episode}, noise"])
-    start, noise = streams.values()
-    robot = world.robot(case, spec, noise, wear)
-    standing = contract.array("standing") + INITIAL_ANGLE * start.uniform(-1.0, 1.0, contract.num_joints)
+    name = f"episode {episode}" + (f" of seed {seed}" if seed else "")
+    walking, sensing = seed_streams(case.seed, [name, f"{name}, sensors"]).values()
+    standing = contract.array("standing") + INITIAL_ANGLE * walking.uniform(-1.0, 1.0, contract.num_joints)
+    robot = world.robot(case, spec, sensing, wear)
     standing = np.clip(standing, contract.array("lower"), contract.array("upper"))
     height = spec.standing_height + world.height(np.array(world.start))
     robot.place(standing, np.array([*world.start, height]), about(2, world.heading))
-    port = robot.plug if world.noise is None else Noisy(robot.plug, world.noise, noise)
+    port = robot.plug if world.noise is None else Noisy(robot.plug, world.noise, walking)
     pilot = Pilot(port, load_policy(contract, bundle.policy), friction)
     referee = Referee(robot.witness, spec, contract.control_period)
     turns: list[Turn] = []

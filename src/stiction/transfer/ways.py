@@ -17,9 +17,6 @@ WAYS = {
 }
 """Way of training -> what it is."""
 
-FORWARD = "+forward"
-"""Behind the name of a policy, and of its way, that walks with friction fed forward."""
-
 
 def way_of(contract: Contract) -> str:
     """Return the way in which a policy was trained, one of `WAYS`."""
