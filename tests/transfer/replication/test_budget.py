@@ -33,11 +33,22 @@ def test_the_onset_is_interpolated_for_each_seed() -> None:
     )
 
 
-def test_a_seed_that_stays_above_has_no_onset_and_neither_has_the_mean() -> None:
-    """The mean of the others would be an onset that is too low."""
+def test_a_seed_that_stays_above_counts_with_what_was_tested() -> None:
+    """One good seed of two must not make the way follow to the end: (0.2 + 0.05) / 2, and no interval."""
     rows = curve("none", 0, {0.0: 1.1, 0.1: 1.1, 0.2: 1.1}) + curve("none", 1, {0.0: 1.0, 0.1: 0.8, 0.2: 0.4})
     (onset,) = onsets(Evidence.of(rows), SPEC)
-    assert (onset.level, onset.low, onset.dead_band, onset.each, onset.tested) == (None, None, None, ">0.2 0.05", 0.2)
+    assert (onset.level, onset.low, onset.each) == (pytest.approx(0.125), None, ">0.2 0.05")
+    (alone,) = onsets(Evidence.of(rows[:6]), SPEC)
+    assert (alone.level, alone.dead_band, alone.tested) == (None, None, 0.2)
+
+
+def test_without_friction_nothing_is_fed_forward() -> None:
+    """The curve of a policy with friction fed forward begins where the policy itself does."""
+    rows = curve("none", 0, {0.0: 1.1}, "physx+rest")
+    rows += curve("none+forward", 0, {0.1: 1.1, 0.2: 0.8}, "physx+all", "real")
+    found = onsets(Evidence.of(rows), SPEC)
+    assert [onset.method for onset in found] == ["none+forward"]
+    assert found[0].level == pytest.approx(0.1 + 0.1 * 0.2 / 0.3)
 
 
 def test_a_virtual_robot_begins_with_the_cell_that_has_all_but_friction() -> None:

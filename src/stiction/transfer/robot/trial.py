@@ -132,9 +132,9 @@ def walk(
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
-    steer: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells, at all
-    levels, and in the training's simulator (`Rollout`) under the case's seed; wear: of the robot's joints; spec: the
-    robot, by default the shipped one that the bundle names; friction: what the joint controllers feed forward, see
+    steer: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells, at
+    all levels, and in the training's simulator (`Rollout`) under the case's seed; wear: of the robot's joints; spec:
+    the robot, by default the shipped one that the bundle names; friction: what the joint controllers feed forward, see
     `Pilot`; seed: 0, or of other episodes of the same robot.
 
     Raises:
