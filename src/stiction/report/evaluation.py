@@ -13,7 +13,7 @@ from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
 from stiction.formats.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.formats.results import ResultRow, write_results, write_summary
-from stiction.report.page import Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
+from stiction.report.page import INK, Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -87,7 +87,7 @@ def draw_budget(rows: Sequence[ResultRow]) -> Figure:
     figure, axes = new_figure(1, max(1, len(panels)), size=(4.6 * max(1, len(panels)), 3.4))
     for axis, (law, command) in zip(axes, panels, strict=False):
         axis.axhspan(*GOOD, color="#4c9f70", alpha=0.12, linewidth=0)
-        axis.axhline(0.0, color="#7d8590", linewidth=0.8)
+        axis.axhline(0.0, color=INK, linewidth=0.8)
         for policy in _unique(row.policy for row in rows):
             points = [row for row in rows if (row.policy, row.friction_law, row.command) == (policy, law, command)]
             points.sort(key=lambda row: row.friction_level)
