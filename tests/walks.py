@@ -1,4 +1,4 @@
-"""Walks of a simulated hexapod whose joint friction is known: the shipped policy, logged as `evaluate --log` does."""
+"""Walks of a simulated hexapod whose joint friction is known, logged as `evaluate --log` does."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 from stiction.deploy.check import check_bundle
 from stiction.deploy.policy import load_policy
-from stiction.formats.shipped import find_bundle
 from stiction.transfer.rollout import Rollout
 from stiction.transfer.walk import LogNoiseCfg, measure_walk, record_motion
 
@@ -27,7 +26,7 @@ LIMITS = SPEC.joint_values("torque_limit")
 """Torque limits [N m], shape (18,)."""
 
 ARMATURE, DAMPING = 0.0145, 0.0704
-"""The shipped bundle's rotor inertia [kg m²] and viscous friction [N m s/rad]."""
+"""The policy's rotor inertia [kg m²] and viscous friction [N m s/rad]."""
 
 FORWARD, CURVE, BACKWARD, SIDEWAYS = (0.5, 0.0, 0.0), (0.3, 0.2, 0.3), (-0.5, 0.0, 0.0), (0.0, 0.3, 0.0)
 """Commands: forward, sideways [m/s], turn [rad/s]."""
@@ -37,8 +36,8 @@ NO_NOISE = LogNoiseCfg(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @cache
 def walking_bundle() -> Bundle:
-    """Return the shipped policy that walks at every friction level."""
-    return check_bundle(find_bundle(Path("saturn_lite-flat-deception-0.2"))).bundle
+    """Return a policy that walks at every friction level and lifts its feet: tests do not change with shipped ones."""
+    return check_bundle(Path(__file__).parent / "data" / "walker").bundle
 
 
 def start(friction: np.ndarray, seed: int = 0) -> Rollout:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from stiction.formats.climb import ENOUGH, Climb, highest_climbed, wilson
 from stiction.formats.results import write_summary
 from stiction.formats.rows import write_rows
-from stiction.report.page import Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
+from stiction.report.page import INK, Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,7 +67,7 @@ def answers(rows: Sequence[Climb]) -> list[str]:
 def draw_stairs(rows: Sequence[Climb]) -> Figure:
     """Return the share of successes over step height, a line for each policy and level."""
     figure, (axis,) = new_figure(size=(7.0, 3.6))
-    axis.axhline(ENOUGH, color="#7d8590", linewidth=0.8, linestyle="--")
+    axis.axhline(ENOUGH, color=INK, linewidth=0.8, linestyle="--")
     for policy, level in _groups(rows):
         mine = sorted(
             (row for row in rows if (row.policy, row.friction_level) == (policy, level)),

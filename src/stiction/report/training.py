@@ -6,7 +6,7 @@ from pathlib import Path
 
 from stiction.formats.errors import StictionError
 from stiction.formats.metrics import read_metrics
-from stiction.report.page import legend, new_figure
+from stiction.report.page import INK, legend, new_figure
 
 PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     ("reward a step", {"reward": "reward"}),
@@ -51,7 +51,7 @@ def draw_training(run: Path) -> Path:
             axis.plot(
                 range(1, len(rows) + 1), [row.get(name, float("nan")) for row in rows], label=short, linewidth=1.2
             )
-        axis.axvline(teacher + 0.5, color="#7d8590", linewidth=0.8, linestyle="--")
+        axis.axvline(teacher + 0.5, color=INK, linewidth=0.8, linestyle="--")
         axis.set_xlabel("iteration (student right of the dashed line)")
         axis.set_ylabel(label)
         axis.set_xlim(0.5, len(rows) + 0.5)

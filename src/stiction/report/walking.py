@@ -11,6 +11,7 @@ from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_join
 from stiction.formats.walk_fit import WalkFit, read_walk_fit
 from stiction.report.page import (
     COLORS,
+    INK,
     Section,
     figure_uri,
     legend,
@@ -129,7 +130,7 @@ def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
         if names:
             legend(axis)
         else:
-            axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color="#7d8590")
+            axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color=INK)
     axes[0].set_ylabel("friction [N m]")
     return picture(
         figure_uri(figure),

@@ -11,6 +11,7 @@ from stiction.formats.results import write_summary
 from stiction.formats.rows import write_rows
 from stiction.report.page import (
     COLORS,
+    INK,
     Section,
     figure_uri,
     legend,
@@ -149,7 +150,7 @@ def draw_ratios(windows: Sequence[Window], lives: Sequence[Life]) -> Figure:
     policies = list(dict.fromkeys(row.policy for row in lives))
     figure, axes = new_figure(len(levels), 1, (8.0, 3.4 * len(levels)))
     for axis, level in zip(axes, levels, strict=True):
-        axis.axhline(ENOUGH, color="#7d8590", linewidth=0.8, linestyle="--")
+        axis.axhline(ENOUGH, color=INK, linewidth=0.8, linestyle="--")
         for color, policy in zip(COLORS * len(policies), policies, strict=False):
             rows = [row for row in windows if (row.policy, row.friction_level) == (policy, level)]
             robots = list(dict.fromkeys(row.robot for row in rows))

@@ -150,7 +150,7 @@ def test_nothing_walked_is_nothing_judged() -> None:
 
 
 def test_a_share_ends_at_one_and_its_interval_does_not() -> None:
-    """Crossings of 1, 0.95 and 1 have a t-interval up to 1.05: they would be undecided, and so would no falls at all."""
+    """Crossings of 1, 0.95 and 1 have a t-interval up to 1.05: undecided, and so would no falls at all be."""
     climbs = criteria.climbs("deception", "physx", 0.0)
     crossings = [
         row | {"crossed": share}
