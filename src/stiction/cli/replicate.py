@@ -150,7 +150,7 @@ def train_all(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], Non
     from stiction.transfer.experiment.training import train_missing
     from stiction.transfer.replication.runs import comparison_runs
 
-    runs = comparison_runs()
+    runs = comparison_runs(known_joints(cfg, jobs, progress))
     places = [Place(run, parse([*run.arguments]).config, cfg.runs / run.name) for run in runs]
     with stop_requests(say, "an iteration of each run") as asked:
         failed = train_missing(places, jobs, progress, asked=asked)
@@ -160,6 +160,21 @@ def train_all(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], Non
         name, reason = next(iter(failed.items()))
         raise StictionError(f"{name}: {reason}")
     return [*(place.path for place in places), close_loop(cfg, places[0].path, progress)]
+
+
+def known_joints(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], None]) -> Path:
+    """Return the `joints.json` of the robot that training knows, identified on its bench where it is not there yet."""
+    from stiction.robots.catalog import find_robot
+    from stiction.transfer.replication.runs import known_bench
+    from stiction.transfer.robot.identification import JOINTS, is_made, make_bench
+
+    bench = known_bench(find_robot(ROBOT))
+    folder = cfg.runs / "bench" / bench.label
+    if not is_made(bench, folder):
+        progress("bench", 0.0)
+        make_bench(bench, folder, jobs)
+        progress("bench", 1.0)
+    return folder / JOINTS
 
 
 def close_loop(cfg: ReplicateCfg, conventional: Path, progress: Callable[[str, float], None]) -> Path:

@@ -9,6 +9,7 @@ WAYS = {
     "none+forward": "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
     "actuator": "Actuator Net: trained through a net of the robot's own joints",
     "deception": "friction-aware: friction from none to 1.2 of the nominal one",
+    "identified": "friction-aware, around each joint's friction as identified on the bench of a robot of the same kind",
     "direct": "friction within 0.8 to 1.2 of the nominal one",
     "point": "the nominal friction alone, no range",
     "compensation": "nominal friction added to the command, in training and after",
@@ -22,5 +23,7 @@ def way_of(contract: Contract) -> str:
     """Return the way in which a policy was trained, one of `WAYS`."""
     if contract.actuator is not None:
         return "actuator"
+    if contract.method == "deception" and contract.joints_file is not None:
+        return "identified"
     low, high = contract.friction_range
     return "point" if contract.method == "direct" and low == high else contract.method

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from stiction.robots.spec import RobotSpec
 from stiction.transfer.experiment.manifest import Condition, Run, runs_of
+from stiction.transfer.robot.factorial import Case, parse_level
+from stiction.transfer.robot.identification import Bench
 
 STAIRS = ("--friction-level", "0.2", "--teacher.iterations", "1000", "--student.iterations", "200")
 """Options of both trainings on stairs."""
@@ -24,13 +29,30 @@ OWN = (
 )
 """Conditions that no other experiment has. The Actuator Net's policy comes out of `stiction study actuator`."""
 
+KNOWN = Case(0, "all", parse_level("0.2"))
+"""The virtual robot whose bench says what the way `identified` trains with. It is of the kind of the reported ones and
+none of them: of a robot, training sees the `joints.json` from its bench log and nothing else."""
 
 TAKEN = ("none", "direct", "deception", "finetune", "iterative", "compensation")
 """Conditions of the experiment that the comparison takes: one a way of training, none of its ablations."""
 
 
-def comparison_runs() -> list[Run]:
-    """Return every run: those of the experiment, conventional training first, then the comparison's own."""
+def known_bench(spec: RobotSpec) -> Bench:
+    """Return the bench of the robot that training knows; spec: its data sheet."""
+    return Bench("physx", KNOWN, spec)
+
+
+def comparison_runs(joints: Path) -> list[Run]:
+    """Return every run: those of the experiment, conventional training first, then the comparison's own.
+
+    joints: the `joints.json` of `known_bench`.
+    """
     names = [f"coulomb20-{name}" for name in TAKEN]
     taken = [run for run in runs_of(("1", "2")) if run.condition.name in names]
-    return [*taken, *(run for condition in OWN for run in condition.runs)]
+    identified = Condition(
+        "coulomb20-identified",
+        "comparison",
+        "each joint's friction as it was identified, from zero up to 1.2 of it",
+        ("--method", "deception", "--joints", str(joints)),
+    )
+    return [*taken, *(run for condition in (*OWN, identified) for run in condition.runs)]
