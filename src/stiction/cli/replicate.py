@@ -50,7 +50,7 @@ class ReplicateCfg:
     """Folder of the training runs of the preset `full`, as `stiction study friction` has it."""
     parts: tuple[str, ...] = ()
     """Parts to walk: training, engines, robot, forward, stairs, load, effort; by default all. Of the others, what --out
-    has from before is judged too, as long as preset, policies and code are the same."""
+    has from before is judged too; where preset, policies or code are others, that is refused."""
     num_robots: int | None = None
     """How many virtual robots, seeds from 1000; by default 2 (quick) or 8 (full)."""
     jobs: int | None = None
@@ -88,8 +88,8 @@ def main(arguments: list[str]) -> int:
     names = [part.name for part in parts]
     if unknown := [name for name in cfg.parts if name not in names]:
         raise StictionError(f"part {unknown[0]!r} is none of the comparison's; expected some of {', '.join(names)}")
-    chosen = [part for part in parts if not cfg.parts or part.name in cfg.parts]
-    check_engines(chosen, find_robot(ROBOT))
+    asked = cfg.parts or names
+    check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
     make_folder(cfg.out)
     jobs = cfg.jobs or num_threads()
     with work_progress() as progress:
@@ -98,9 +98,8 @@ def main(arguments: list[str]) -> int:
             return found
         bundles, folders = found
         command = shlex.join(["stiction", "replicate", *arguments])
-        others = [part for part in parts if part not in chosen]
         made = {"command": command, "preset": cfg.preset}
-        result = replicate(bundles, chosen, cfg.out, jobs, progress, made, others)
+        result = replicate(bundles, parts, cfg.out, jobs, progress, made, asked)
     clips = render(bundles, folders, cfg.out) if cfg.clips else {}
     page = write_replication(cfg.out, result, clips)
     if cfg.json:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from stiction.formats.errors import StictionError
 from stiction.formats.experiment import Verdict
 from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
+
+SUMMARY = "summary.json"
+"""Name of the file that has all rows."""
 
 FEWEST_LEVELS = 3
 """Levels without which there is no curve."""
@@ -186,4 +191,22 @@ class Replication:
                 (out / f"{name}.csv").unlink(missing_ok=True)
         parts = {part.name: {"title": part.title, "rows": list(part.details)} for part in self.parts}
         verdicts = [asdict(verdict) for verdict in self.verdicts]
-        write_summary(out / "summary.json", self.summary | {"ways": self.ways, "verdicts": verdicts, "parts": parts})
+        write_summary(out / SUMMARY, self.summary | {"ways": self.ways, "verdicts": verdicts, "parts": parts})
+
+
+def read_part(path: Path, name: str) -> list[dict[str, Any]]:
+    """Return the rows of one part in a summary.json that `Replication.write` wrote; none where there is no such file.
+
+    Raises:
+        StictionError: the file cannot be read, or is no summary of a comparison.
+
+    """
+    if not path.exists():
+        return []
+    try:
+        parts = json.loads(path.read_text(encoding="utf-8"))["parts"]
+        return list(parts[name]["rows"]) if name in parts else []
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise StictionError(
+            f"{path} is no summary of `stiction replicate` ({error!r}); move it away, or give another --out"
+        ) from error

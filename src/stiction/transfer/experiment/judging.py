@@ -130,9 +130,11 @@ def all_of(*findings: Finding) -> Finding:
 
 def any_of(*findings: Finding) -> Finding:
     """Judge that at least one of several things holds: it stands with one that does, and fails when none does."""
+    if holding := [finding.evidence for finding in findings if finding.outcome == "reproduces"]:
+        return Finding("reproduces", "; ".join(holding))
     outcomes = [finding.outcome for finding in findings]
     evidence = "; ".join(finding.evidence for finding in findings)
-    for outcome in ("reproduces", "not tested", "undecided"):
+    for outcome in ("not tested", "undecided"):
         if outcome in outcomes:
             return Finding(outcome, evidence)
     return Finding("does not", evidence)

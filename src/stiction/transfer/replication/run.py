@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
-from stiction.formats.replication import PartRecord, Replication
+from stiction.formats.replication import SUMMARY, PartRecord, Replication
 from stiction.formats.reproducibility import provenance
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.catalog import what_is_missing
@@ -20,7 +20,7 @@ from stiction.transfer.replication.claims import judge_all
 from stiction.transfer.replication.evidence import Evidence
 from stiction.transfer.replication.plan import Part
 from stiction.transfer.replication.samples import samples
-from stiction.transfer.replication.walked import Progress, kept_part, walk_part
+from stiction.transfer.replication.walked import Progress, check_nothing_lost, kept_part, key_of, walk_part
 from stiction.transfer.rollout import robot_of
 from stiction.transfer.summary import check_names, describe
 from stiction.transfer.ways import WAYS, way_of
@@ -33,7 +33,7 @@ def replicate(
     jobs: int = 1,
     progress: Progress = lambda name, share: None,
     summary: dict[str, Any] | None = None,
-    others: Sequence[Part] = (),
+    asked: Collection[str] | None = None,
 ) -> Replication:
     """Walk every part that has policies, resumable, and judge the paper's sentences.
 
@@ -44,26 +44,22 @@ def replicate(
         jobs: processes at once.
         progress: see `Progress`.
         summary: what the summary begins with.
-        others: grids that are not walked; what was walked of them before, in the same `out`, is judged too.
+        asked: names of the parts to walk, by default all; of the others what was walked before in `out` is judged too.
 
     Raises:
-        StictionError: two bundles have one name, they are of several robots, none fits a part, or as `walk_grid` and
-            `kept_part`.
+        StictionError: two bundles have one name, they are of several robots, none fits a part, as `walk_grid`, or as
+            `check_nothing_lost`.
 
     """
     check_names([bundle.name for bundle in bundles])
     if len(robots := {bundle.contract.robot for bundle in bundles}) != 1:
         raise StictionError(f"policies of {len(robots)} robots ({', '.join(sorted(robots))}); expected those of one")
     check_ways(bundles)
-    check_engines(parts, robot_of(bundles[0].contract))
-    takes = {part: [bundle for bundle in bundles if part.takes(bundle.contract)] for part in (*parts, *others)}
-    if not any(takes[part] for part in parts):
-        raise StictionError("no policy fits any part of the comparison; give policies for flat ground or for stairs")
+    asked = [part.name for part in parts] if asked is None else asked
+    check_engines([part for part in parts if part.name in asked], robot_of(bundles[0].contract))
     start = time.perf_counter()
-    kept = [kept_part(part, takes[part], out / part.name) for part in others if takes[part]]
-    walked = [walk_part(part, takes[part], out / part.name, jobs, progress) for part in parts if takes[part]]
-    records = _once([*walked, *(record for record in kept if record is not None)])
-    by_name = {part.name: part for part in takes}
+    records = _once(_records(bundles, parts, out, jobs, progress, asked))
+    by_name = {part.name: part for part in parts}
     shank = robot_of(bundles[0].contract).shank
     evidence = Evidence.of(row for record in records for row in record.details)
     verdicts, behind = judge_all(evidence)
@@ -86,6 +82,28 @@ def replicate(
     )
 
 
+def _records(
+    bundles: Sequence[Bundle],
+    parts: Sequence[Part],
+    out: Path,
+    jobs: int,
+    progress: Progress,
+    asked: Collection[str],
+) -> list[PartRecord]:
+    """Return the parts that have rows, those that are not asked for as they were; arguments as of `replicate`."""
+    takes = {part.name: [bundle for bundle in bundles if part.takes(bundle.contract)] for part in parts}
+    if not any(takes[part.name] for part in parts if part.name in asked):
+        raise StictionError("no policy fits any part of the comparison; give policies for flat ground or for stairs")
+    others = [part for part in parts if part.name not in asked]
+    found = {part.name: kept_part(part, takes[part.name], out / part.name) for part in others}
+    for part in others:
+        check_nothing_lost(part, found[part.name], out / SUMMARY)
+    for part in parts:
+        if part.name in asked and takes[part.name]:
+            found[part.name] = walk_part(part, takes[part.name], out / part.name, jobs, progress)
+    return [record for part in parts if (record := found.get(part.name)) is not None]
+
+
 def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
     """Return the parts without rows that a part before has: a cell that several parts walk is one row."""
     seen: set[tuple[object, ...]] = set()
@@ -93,7 +111,7 @@ def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
     for record in records:
         pairs = []
         for row, detail in zip(record.rows, record.details, strict=True):
-            cell = row.policy, row.engine, row.friction_law, row.friction_level, row.terrain, row.command
+            cell = key_of(detail)
             if cell not in seen:
                 pairs.append((row, detail))
             seen.add(cell)

@@ -6,11 +6,12 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
-from stiction.formats.replication import PartRecord
+from stiction.formats.replication import PartRecord, read_part
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.forward import bench_of, forwarded
 from stiction.transfer.grid.ledger import Ledger
@@ -24,6 +25,9 @@ from stiction.transfer.rollout import robot_of
 
 Progress = Callable[[str, float], None]
 """Called with part and engine, and the share of its walks that is done."""
+
+KEY = ("policy", "engine", "friction_law", "friction_level", "terrain", "command")
+"""Columns by which a row is known."""
 
 
 def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progress: Progress) -> PartRecord:
@@ -40,29 +44,39 @@ def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progr
 def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
     """Return the rows of a grid that were walked before, those all of whose walks are in its ledger; walk nothing.
 
-    None where there is no ledger. Arguments as of `walk_part`.
-
-    Raises:
-        StictionError: no walk in the ledger is one of this grid: it is of another preset, of other policies, or was
-            measured by other code, and a report without it would take the place of one with it.
-
+    None where there are none. Arguments as of `walk_part`; raises as `Ledger`.
     """
-    if not (out / LEDGER).exists():
+    if not bundles or not (out / LEDGER).exists():
         return None
     grid = _grid(part, bundles)
     ledger = Ledger(out / LEDGER, grid, {bundle.name: bundle.digest for bundle in bundles})
     walks = _planned(grid, bundles, out)
     done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
-    if not done:
+    rows, details = rows_of(_whole(walks, done), bundles)
+    kept = f"not asked for: {len(rows)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
+    return PartRecord(part.name, part.title, rows, details, kept) if rows else None
+
+
+def check_nothing_lost(part: Part, kept: PartRecord | None, report: Path) -> None:
+    """Raise `StictionError` where a report has rows, or more walks in a row, of a part that is not walked anew.
+
+    They are of another preset, of other policies or robots, or were measured by other code. kept: what would take their
+    place. report: the report's summary.json.
+    """
+    before = read_part(report, part.name)
+    now = {} if kept is None else {key_of(row): row["episodes"] for row in kept.details}
+    lost = sum(row["episodes"] > now.get(key_of(row), 0) for row in before)
+    if lost:
         raise StictionError(
-            f"{out / LEDGER} has walks of the part {part.name!r}, none of them by this preset, these policies and this "
-            f"code: a report without them would take the place of theirs; add {part.name} to --parts, or give another "
+            f"{report.parent}: the report there has {lost} rows of the part {part.name!r} that this preset, these "
+            f"policies and this code do not have, and would be replaced; add {part.name} to --parts, or give another "
             "--out"
         )
-    whole, cells = _whole(walks, done), len({walk.cell for walk in walks})
-    rows, details = rows_of(whole, bundles)
-    kept = f"not asked for: {len(rows)} of {cells} rows, from walks that were there"
-    return PartRecord(part.name, part.title, rows, details, kept)
+
+
+def key_of(row: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return by what a row of summary.json is known: one of every policy in every cell."""
+    return tuple(row[name] for name in KEY)
 
 
 def _grid(part: Part, bundles: Sequence[Bundle]) -> GridCfg:
