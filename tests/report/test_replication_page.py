@@ -155,10 +155,11 @@ def test_friction_fed_forward_stands_beside_what_it_replaces() -> None:
     def point(way: str, ratio: float) -> BudgetPoint:
         return BudgetPoint(way, "physx+all", "real-bench", 0.0107, 3, ratio, ratio - 0.1, ratio + 0.1, "")
 
-    sheet = forward_sheet([point("none", 0.7), point(FED, 0.95), *RESULT.budget])
+    sheet = forward_sheet([point("none", 0.7), point(FED, 0.95), *RESULT.budget], virtual=True)
     assert sheet is not None
     assert sheet.rows == (("physx+all", "bench (1.07 %)", "0.70 ± 0.10 (3)", "0.95 ± 0.10 (3)", "–"),)
-    assert forward_sheet(RESULT.budget) is None
+    assert forward_sheet([point("none", 0.7), point(FED, 0.95)], virtual=False) is None
+    assert forward_sheet(RESULT.budget, virtual=True) is None
 
 
 def test_no_stairs_no_table() -> None:

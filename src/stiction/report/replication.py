@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -71,7 +72,7 @@ def draw_figures(result: Replication) -> dict[str, Figure]:
 def sheets_of(result: Replication) -> list[Sheet]:
     """Return the tables that a README can take."""
     first = [needs_sheet(result.onsets), onset_sheet(result.onsets), verdict_sheet(result.verdicts)]
-    others = (forward_sheet(result.budget), stairs_sheet(result.samples))
+    others = (*(forward_sheet(result.budget, virtual) for virtual in (True, False)), stairs_sheet(result.samples))
     return [*first, *(sheet for sheet in others if sheet), *place_sheets(result.samples)]
 
 
@@ -89,8 +90,8 @@ def sections(result: Replication, figures: Mapping[str, Figure], clips: Mapping[
     if clips:
         shown = [picture(file_uri(path), name) for name, path in clips.items()]
         page.append(Section("Side by side: 0.5 m/s commanded, 20 % friction", (row(*shown),)))
-    if fed := forward_sheet(result.budget):
-        page.append(Section("Is it enough to feed friction forward?", fed.blocks()))
+    if fed := forward_blocks(result):
+        page.append(Section("Is it enough to feed friction forward?", fed))
     page.append(Section("What became of the paper's sentences", verdict_blocks(result)))
     if stairs := stairs_sheet(result.samples):
         page.append(Section("Stairs", stairs.blocks()))
@@ -100,12 +101,22 @@ def sections(result: Replication, figures: Mapping[str, Figure], clips: Mapping[
     return [*page, Section("What was run", run_blocks(result))]
 
 
+def forward_blocks(result: Replication) -> tuple[Markup, ...]:
+    """Return what feeding friction forward came to: on the virtual robot, and behind a fold where f is known."""
+    robot, sheet = (forward_sheet(result.budget, virtual) for virtual in (True, False))
+    return (*(robot.blocks() if robot else ()), *((fold(sheet.title, sheet.blocks()),) if sheet else ()))
+
+
 def verdict_blocks(result: Replication) -> tuple[Markup, ...]:
-    """Return the verdicts, and behind a fold the rows of each."""
-    sheets = (evidence_sheet(verdict.id, result.behind) for verdict in result.verdicts)
-    behind = [fold(sheet.title, sheet.blocks()) for sheet in sheets if sheet.rows]
-    folded = (fold("The rows behind each sentence (evidence.csv)", behind),) if behind else ()
-    return (*verdict_sheet(result.verdicts).blocks(), *folded)
+    """Return the verdicts, and behind a fold for each its numbers, their intervals and the rows that it read."""
+    sheet = verdict_sheet(result.verdicts)
+    short = replace(sheet, header=sheet.header[:-1], rows=tuple(cells[:-1] for cells in sheet.rows))
+    folds = []
+    for verdict in result.verdicts:
+        rows = evidence_sheet(verdict.id, result.behind)
+        blocks = [paragraph(verdict.evidence), *(rows.blocks() if rows.rows else ())]
+        folds.append(fold(f"{verdict.id}: {verdict.outcome}", blocks))
+    return (*short.blocks(), fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds))
 
 
 def run_blocks(result: Replication) -> tuple[Markup, ...]:

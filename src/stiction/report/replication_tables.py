@@ -107,25 +107,26 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
     return Sheet("Where each way of training falls under 80 % of the command", header, tuple(rows))
 
 
-def forward_sheet(points: Sequence[BudgetPoint]) -> Sheet | None:
+def forward_sheet(points: Sequence[BudgetPoint], virtual: bool) -> Sheet | None:
     """Return the conventional policy alone, with friction fed forward, and friction-aware training beside it.
 
-    None where no friction was fed forward.
+    virtual: on virtual robots, or on the robot of the data sheet. None where no friction was fed forward there.
     """
     cells = {(p.method, p.engine, p.friction_law, p.friction_level): p for p in points}
     rows = []
     for one in points:
-        if one.method == FED:
+        if one.method == FED and ("+" in one.engine) == virtual:
             where = one.engine, one.friction_law, one.friction_level
             three = (cells.get((way, *where)) for way in ("none", FED, "deception"))
             rows.append((one.engine, friction_text(*where[1:]), *map(_ratio_text, three)))
     header = ("engine", "friction", "none", FED, "deception")
+    where_text = "on the virtual robot" if virtual else "on the robot of the data sheet"
+    source = "what was identified from the log of each robot's own bench" if virtual else "the friction itself"
     note = (
         "Speed reached over commanded in the slower direction, mean ± 95 % t-interval over training seeds, in brackets "
-        "their number. Fed forward: f sat((a − θ)/0.05 rad) in the joint controllers. On the robot of the data sheet f "
-        "is the friction itself, on a virtual robot what was identified from the log of its own bench."
+        f"their number. Fed forward: f sat((a − θ)/0.05 rad) in the joint controllers. f is {source}."
     )
-    return Sheet("Friction fed forward, against training with it", header, tuple(rows), note) if rows else None
+    return Sheet(f"Friction fed forward, {where_text}", header, tuple(rows), note) if rows else None
 
 
 def _ratio_text(point: BudgetPoint | None) -> str:
