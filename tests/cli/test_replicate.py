@@ -12,6 +12,10 @@ from stiction.formats.results import read_results
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
 
+LOAD = ("--parts", "load")
+"""A part that needs no other engine than the one of the training."""
+
+
 def test_a_part_is_walked_judged_and_gone_on_with(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -25,22 +29,37 @@ def test_a_part_is_walked_judged_and_gone_on_with(
     with (tmp_path / "verdicts.csv").open() as file:
         told = {row["id"]: row["evidence"] for row in csv.DictReader(file)}
     assert "(one seed)" in told["X1"]
+    with (tmp_path / "evidence.csv").open() as file:
+        behind = [row for row in csv.DictReader(file) if row["claim"] == "X1"]
+    by_command = {row.command: row.speed_ratio for row in rows if row.friction_level == 0.442}
+    assert {row["command"]: float(row["each"]) for row in behind} == pytest.approx(by_command, rel=1e-5)
     monkeypatch.setattr("stiction.transfer.grid.run.walk_unit", lambda *rest: pytest.fail("walked again"))
     assert main([*arguments, "--out", str(tmp_path)]) == 0
-    assert "report.html" in capsys.readouterr().out
-    assert "One training seed" in (tmp_path / "report.html").read_text()
+    printed = capsys.readouterr().out
+    assert printed.startswith("One training seed a way: numbers, no verdicts.")
+    assert "report.html" in printed
+    assert "One training seed a way: numbers, no verdicts." in (tmp_path / "report.html").read_text()
+
+
+def test_help_says_what_gives_verdicts(capsys: pytest.CaptureFixture) -> None:
+    """Half an hour of walks for verdicts that cannot come would be time lost; seeds of robots are `evaluate`'s."""
+    with pytest.raises(SystemExit):
+        main(["replicate", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "one training seed a way: numbers, no verdicts" in told
+    assert "--num-robots" in told
+    assert "--robots" not in told
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--parts", "moon"], "expected some of training, engines, robot"),
-        (["--policies", "nothing"], "does not exist"),
-        (["--policies", "{bundle}", "{bundle}"], "two bundles"),
-        (["--policies", "{bundle}", "--parts", "stairs"], "no policy fits"),
+        ([*LOAD, "--policies", "nothing"], "does not exist"),
+        ([*LOAD, "--policies", "{bundle}", "{bundle}"], "two bundles"),
         (["--jobs", "0"], "at least 1"),
-        (["--robots", "0"], "at least 1"),
-        (["--out", "{bundle}/card.md"], "--out"),
+        (["--num-robots", "0"], "--num-robots 0: expected at least 1"),
+        ([*LOAD, "--out", "{bundle}/card.md"], "--out"),
     ],
 )
 def test_bad_input_is_one_line(

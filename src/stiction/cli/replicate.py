@@ -22,8 +22,10 @@ DESCRIPTION = """The paper's comparison as one command, resumable: conventional,
 training, the paper's other ways, and what a user would try; in other physics engines, on a virtual robot with joints of
 its own, on flat ground and stairs. Each sentence of the paper gets a verdict with its numbers.
 
-quick: the shipped policies, some 30 minutes on two cores. full: trains what is missing first (days on two cores).
-Stop it at any time: the same command goes on."""
+quick: the shipped policies, some 30 minutes on two cores. They have one training seed a way: numbers, no verdicts. A
+verdict takes several training seeds of every way that a sentence compares: give bundles or runs of each seed with
+--policies, or --preset full, which trains what is missing first (days on two cores). Stop it at any time: the same
+command goes on."""
 
 CLIPS = ("none", "direct", "deception")
 """Ways of training that are shown side by side."""
@@ -39,32 +41,34 @@ class ReplicateCfg:
     """Options of `stiction replicate`."""
 
     preset: Literal["quick", "full"] = "quick"
-    """quick: few levels, episodes and robots; full: all of them, and policies that are trained for it."""
+    """quick: few levels, episodes and robots, one training seed a way, no verdicts; full: all of them, and policies
+    that are trained for it."""
     policies: tuple[Path, ...] = ()
     """Bundles, names of shipped ones, or finished training runs; by default the shipped bundles (quick), or the runs
     of the experiment (full)."""
     runs: Path = Path("runs")
     """Folder of the training runs of the preset `full`, as `stiction study friction` has it."""
     parts: tuple[str, ...] = ()
-    """Parts to walk: training, engines, robot, forward, stairs, load, effort; by default all."""
-    robots: int | None = None
-    """Virtual robots, seeds from 1000; by default 2 (quick) or 8 (full)."""
+    """Parts to walk: training, engines, robot, forward, stairs, load, effort; by default all. Of the others, what --out
+    has from before is judged too; where preset, policies or code are others, that is refused."""
+    num_robots: int | None = None
+    """How many virtual robots, seeds from 1000; by default 2 (quick) or 8 (full)."""
     jobs: int | None = None
     """Walks, or trainings, at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
     clips: bool = True
     """Render clips of three methods side by side."""
     out: Path = Path("stiction-replication")
-    """Folder of results.csv, methods.csv, budget.csv, onsets.csv, verdicts.csv, summary.json, tables.md, figures,
-    clips, report.html, and a folder for each part, by which an interrupted command goes on."""
+    """Folder of results.csv, methods.csv, budget.csv, onsets.csv, verdicts.csv, evidence.csv, summary.json, tables.md,
+    figures, clips, report.html, and a folder for each part, by which an interrupted command goes on."""
     json: bool = False
     """Print the verdicts as JSON on standard output, and nothing else."""
 
     def __post_init__(self) -> None:
         """Refuse no work at once."""
-        for name in ("jobs", "robots"):
+        for name in ("jobs", "num_robots"):
             value = getattr(self, name)
             if value is not None and value < 1:
-                raise StictionError(f"--{name} {value}: expected at least 1")
+                raise StictionError(f"--{name.replace('_', '-')} {value}: expected at least 1")
 
 
 def main(arguments: list[str]) -> int:
@@ -75,17 +79,17 @@ def main(arguments: list[str]) -> int:
     from stiction.cli.terminal import work_progress
     from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import num_threads
-    from stiction.report.replication import lead, write_replication
+    from stiction.report.replication import lead, warnings, write_replication
     from stiction.robots.catalog import find_robot
     from stiction.transfer.replication.plan import parts_of
     from stiction.transfer.replication.run import check_engines, replicate
 
-    parts = parts_of(cfg.preset, cfg.robots)
+    parts = parts_of(cfg.preset, cfg.num_robots)
     names = [part.name for part in parts]
     if unknown := [name for name in cfg.parts if name not in names]:
         raise StictionError(f"part {unknown[0]!r} is none of the comparison's; expected some of {', '.join(names)}")
-    chosen = [part for part in parts if not cfg.parts or part.name in cfg.parts]
-    check_engines(chosen, find_robot(ROBOT))
+    asked = cfg.parts or names
+    check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
     make_folder(cfg.out)
     jobs = cfg.jobs or num_threads()
     with work_progress() as progress:
@@ -94,13 +98,14 @@ def main(arguments: list[str]) -> int:
             return found
         bundles, folders = found
         command = shlex.join(["stiction", "replicate", *arguments])
-        result = replicate(bundles, chosen, cfg.out, jobs, progress, {"command": command, "preset": cfg.preset})
+        made = {"command": command, "preset": cfg.preset}
+        result = replicate(bundles, parts, cfg.out, jobs, progress, made, asked)
     clips = render(bundles, folders, cfg.out) if cfg.clips else {}
     page = write_replication(cfg.out, result, clips)
     if cfg.json:
         print(json.dumps({verdict.id: verdict.outcome for verdict in result.verdicts}))
     else:
-        print(f"{lead(result)}\nreport: {page}")
+        print("\n".join([lead(result), *warnings(result), f"report: {page}"]))
     return 0
 
 

@@ -32,8 +32,11 @@ class Climb:
     """Median time of those that succeeded [s]; None where none did."""
 
 
-def wilson(successes: int, trials: int, quantile: float = 1.959964) -> tuple[float, float]:
-    """Return Wilson's 95 % interval of a share (Wilson 1927): it holds near 0 and 1, where the usual one fails."""
+def wilson(successes: float, trials: int, quantile: float = 1.959964) -> tuple[float, float]:
+    """Return Wilson's 95 % interval of a share (Wilson 1927): it holds near 0 and 1, where the usual one fails.
+
+    successes: a mean of clusters makes them a fraction. trials: at least one.
+    """
     share, square = successes / trials, quantile**2
     centre = (share + square / (2 * trials)) / (1 + square / trials)
     half = quantile / (1 + square / trials) * sqrt(share * (1 - share) / trials + square / (4 * trials**2))

@@ -2,15 +2,88 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from stiction.formats.errors import StictionError
 from stiction.formats.experiment import Verdict
-from stiction.formats.grid import MethodMean
 from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
+
+SUMMARY = "summary.json"
+"""Name of the file that has all rows."""
+
+FEWEST_LEVELS = 3
+"""Levels without which there is no curve."""
+
+BOTH = "both"
+"""In methods.csv the command of a sample over forward and backward, each alike."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One column of one way of training in one cell, over its training seeds; a row of methods.csv."""
+
+    method: str
+    """Way of training."""
+    engine: str
+    """Engine, and what of a virtual robot is real in it."""
+    friction_law: str
+    """Law of the friction."""
+    friction_level: float
+    """Friction over the torque limit, or a coefficient [-]."""
+    terrain: str
+    """Ground."""
+    command: str
+    """Commanded velocity, or `BOTH`."""
+    column: str
+    """A column of results.csv; `crossed`, the share of walks that crossed their course; `speed_error`, |speed ratio -
+    1|, of virtual robots the mean over robots."""
+    seeds: str
+    """Training seeds, separated by blanks."""
+    each: str
+    """What each of them reached, in the same order."""
+    mean: float
+    """Their mean."""
+    low: float | None
+    """Lower end of its 95 % t-interval; None for one seed."""
+    high: float | None
+    """Upper end."""
+    trials: int | None
+    """Of a rate, independent trials: walks, or pairs of policy and virtual robot; else None."""
+    trials_low: float | None
+    """Lower end of Wilson's 95 % interval over them."""
+    trials_high: float | None
+    """Upper end."""
+
+
+@dataclass(frozen=True)
+class Behind:
+    """What a criterion read of one column in one cell; a row of evidence.csv, with the seeds as in methods.csv."""
+
+    claim: str
+    """Sentence that was judged by it."""
+    method: str
+    """Way of training."""
+    engine: str
+    """Engine, and what of a virtual robot is real in it."""
+    friction_law: str
+    """Law of the friction."""
+    friction_level: float
+    """Friction over the torque limit, or a coefficient [-]."""
+    terrain: str
+    """Ground."""
+    command: str
+    """Commanded velocity."""
+    column: str
+    """As in `Sample`."""
+    seeds: str
+    """Training seeds, separated by blanks."""
+    each: str
+    """What each of them reached, in the same order."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +149,8 @@ class PartRecord:
     """Its rows."""
     details: Sequence[dict[str, Any]]
     """The same with intervals of the rates, as in summary.json."""
+    kept: str = ""
+    """Of a part that was not asked for: what of it was there from before."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +159,7 @@ class Replication:
 
     parts: Sequence[PartRecord]
     """The grids."""
-    means: Sequence[MethodMean]
+    samples: Sequence[Sample]
     """Ways of training over their seeds."""
     budget: Sequence[BudgetPoint]
     """The friction budget."""
@@ -92,15 +167,23 @@ class Replication:
     """Where each way falls under 80 %."""
     verdicts: Sequence[Verdict]
     """One a sentence."""
+    behind: Sequence[Behind]
+    """What they were judged by."""
     ways: dict[str, str]
     """Way of training -> what it is."""
     summary: dict[str, Any]
     """What was run, on what."""
 
     def write(self, out: Path) -> None:
-        """Write results.csv, methods.csv, budget.csv, onsets.csv, verdicts.csv and summary.json into a folder."""
+        """Write results.csv, methods.csv, budget.csv, onsets.csv, verdicts.csv, evidence.csv and summary.json."""
         write_results(out / "results.csv", [row for part in self.parts for row in part.rows])
-        tables = {"methods": self.means, "budget": self.budget, "onsets": self.onsets, "verdicts": self.verdicts}
+        tables: dict[str, Sequence[Any]] = {
+            "methods": self.samples,
+            "budget": self.budget,
+            "onsets": self.onsets,
+            "verdicts": self.verdicts,
+            "evidence": self.behind,
+        }
         for name, records in tables.items():
             if records:
                 write_rows(out / f"{name}.csv", records)
@@ -108,4 +191,22 @@ class Replication:
                 (out / f"{name}.csv").unlink(missing_ok=True)
         parts = {part.name: {"title": part.title, "rows": list(part.details)} for part in self.parts}
         verdicts = [asdict(verdict) for verdict in self.verdicts]
-        write_summary(out / "summary.json", self.summary | {"ways": self.ways, "verdicts": verdicts, "parts": parts})
+        write_summary(out / SUMMARY, self.summary | {"ways": self.ways, "verdicts": verdicts, "parts": parts})
+
+
+def read_part(path: Path, name: str) -> list[dict[str, Any]]:
+    """Return the rows of one part in a summary.json that `Replication.write` wrote; none where there is no such file.
+
+    Raises:
+        StictionError: the file cannot be read, or is no summary of a comparison.
+
+    """
+    if not path.exists():
+        return []
+    try:
+        parts = json.loads(path.read_text(encoding="utf-8"))["parts"]
+        return list(parts[name]["rows"]) if name in parts else []
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise StictionError(
+            f"{path} is no summary of `stiction replicate` ({error!r}); move it away, or give another --out"
+        ) from error

@@ -15,6 +15,12 @@ from stiction.formats.errors import StictionError
 SCHEMA_VERSION = 1
 """Version of summary.json."""
 
+DIRECTIONS = ("vx=0.5", "vx=-0.5")
+"""Forward and backward: the commands by which ways of training are compared."""
+
+FOLLOWS = (0.8, 1.2)
+"""Speed ratios that count as following the command [-]."""
+
 
 @dataclass(frozen=True)
 class ResultRow:

@@ -13,9 +13,9 @@ from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
 from stiction.formats.friction import LAWS, has_coefficient, level_text
 from stiction.formats.grid import MethodMean
-from stiction.formats.results import ResultRow, write_results, write_summary
+from stiction.formats.results import FOLLOWS, ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
-from stiction.report.evaluation_figures import DEFAULT, GOOD, draw_budget, place_of, place_text, places, unique
+from stiction.report.evaluation_figures import DEFAULT, draw_budget, place_of, place_text, places, unique
 from stiction.report.page import Section, figure_uri, paragraph, picture, render_page, table
 
 TITLE = "Speed over joint friction"
@@ -98,8 +98,8 @@ def write_evaluation(
 
 
 def follows(row: ResultRow) -> bool:
-    """Say whether a row's policy followed its command: within `GOOD`, and nobody fell."""
-    return row.speed_ratio is not None and GOOD[0] <= row.speed_ratio <= GOOD[1] and row.fall_rate == 0.0
+    """Say whether a row's policy followed its command: within `FOLLOWS`, and nobody fell."""
+    return row.speed_ratio is not None and FOLLOWS[0] <= row.speed_ratio <= FOLLOWS[1] and row.fall_rate == 0.0
 
 
 def lead(rows: Sequence[ResultRow]) -> str:
@@ -112,7 +112,7 @@ def lead(rows: Sequence[ResultRow]) -> str:
             if own:
                 where = f", {place_text(place)}," if several else ""
                 sentences.append(f"{policy}{where} {_follows_where(own)}")
-    return " ".join(sentences) + f" Following means {GOOD[0]:.0%} to {GOOD[1]:.0%} of the commanded speed."
+    return " ".join(sentences) + f" Following means {FOLLOWS[0]:.0%} to {FOLLOWS[1]:.0%} of the commanded speed."
 
 
 def _follows_where(rows: Sequence[ResultRow]) -> str:

@@ -6,16 +6,13 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
 from stiction.formats.friction import level_axis, level_number
-from stiction.formats.results import ResultRow
+from stiction.formats.results import FOLLOWS, ResultRow
 from stiction.report.page import COLORS, INK, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 T = TypeVar("T")
-
-GOOD = (0.8, 1.2)
-"""Speed ratios that count as following the command [-]."""
 
 Place = tuple[str, str]
 """Engine and ground of a row."""
@@ -54,7 +51,7 @@ def draw_budget(rows: Sequence[ResultRow]) -> Figure:
         (place, law), command = lines[number // width], columns[number % width]
         shown = [row for row in moving if (place_of(row), row.friction_law, row.command) == (place, law, command)]
         axis.set_visible(bool(shown))
-        axis.axhspan(*GOOD, color=COLORS[2], alpha=0.12, linewidth=0)
+        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
         axis.axhline(0.0, color=INK, linewidth=0.8)
         for policy in unique(row.policy for row in rows):
             points = sorted((row for row in shown if row.policy == policy), key=lambda row: row.friction_level)

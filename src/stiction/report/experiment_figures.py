@@ -8,15 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stiction.formats.experiment import CurvePoint, Experiment, SeedMean
-from stiction.formats.results import ResultRow
+from stiction.formats.results import FOLLOWS, ResultRow
 from stiction.report.page import COLORS, INK, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-FOLLOWING = (0.8, 1.2)
-"""Speed ratios that count as following the command [-]."""
 
 DIRECTIONS = {"vx=0.5": "forward, 0.5 m/s", "vx=-0.5": "backward, 0.5 m/s"}
 
@@ -40,7 +37,7 @@ def _names(axis: Axes) -> None:
 
 def _band(axis: Axes) -> None:
     """Shade the speeds that count as following, and mark standing still."""
-    axis.axhspan(*FOLLOWING, color="#4c9f70", alpha=0.12, linewidth=0)
+    axis.axhspan(*FOLLOWS, color="#4c9f70", alpha=0.12, linewidth=0)
     axis.axhline(0.0, color=INK, linewidth=0.8)
 
 
@@ -120,7 +117,7 @@ def draw_conditions(experiment: Experiment, conditions: Sequence[str]) -> Figure
     figure, axes = new_figure(1, 2, size=(9.6, 0.9 + 0.32 * max(3, len(conditions))))
     nominal = {condition.name: condition.nominal for condition in experiment.conditions}
     for axis, title in zip(axes, ("without friction", "at the nominal friction"), strict=True):
-        axis.axvspan(*FOLLOWING, color="#4c9f70", alpha=0.12, linewidth=0)
+        axis.axvspan(*FOLLOWS, color="#4c9f70", alpha=0.12, linewidth=0)
         axis.axvline(0.0, color=INK, linewidth=0.8)
         for line, condition in enumerate(conditions):
             level = 0.0 if axis is axes[0] else nominal[condition]

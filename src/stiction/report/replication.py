@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,12 +15,13 @@ from stiction.formats.replication import Replication
 from stiction.report.page import Section, figure_uri, file_uri, fold, paragraph, picture, render_page, row
 from stiction.report.page import table as page_table
 from stiction.report.replication_figures import draw_budget, draw_needs
+from stiction.report.replication_methods import place_sheets, stairs_sheet
 from stiction.report.replication_tables import (
     counterpart_sheet,
-    methods_sheet,
+    evidence_sheet,
+    forward_sheet,
     needs_sheet,
     onset_sheet,
-    stairs_sheet,
     verdict_sheet,
 )
 from stiction.report.sheet import Sheet
@@ -30,19 +32,11 @@ if TYPE_CHECKING:
 
 TITLE = "Does it transfer? The paper's comparison"
 
-SPOTS = (
-    ("physx", 0.0, "coulomb", "Sim2Sim: PhysX, no friction"),
-    ("ode", 0.0, "coulomb", "Sim2Sim: ODE, no friction"),
-    ("ode-webots", 0.0, "coulomb", "Sim2Sim: ODE as Webots sets it up, no friction; not run in Webots"),
-    ("physx", 0.2, "coulomb", "PhysX, 20 % of the torque limit in every joint"),
-    ("physx+all", 0.01, "real", "The virtual robot at the paper's 1 %"),
-    ("physx+all", 0.1, "real", "The virtual robot at 10 %"),
-    ("physx+all", 0.2, "real", "The virtual robot at 20 %"),
-    ("physx+rest", 0.0, "coulomb", "The virtual robot without friction: all else"),
-    ("physx+friction", 0.2, "real", "The virtual robot's friction alone, 20 %"),
-    ("physx+nominal", 0.0, "coulomb", "The virtual robot with nothing hidden"),
+REMEDY = (
+    "A verdict takes several training seeds of every way that a sentence compares: give bundles or runs of each seed "
+    "with --policies, or train them with --preset full."
 )
-"""Engine, level, law, title of the tables of methods."""
+"""What to do about a single seed."""
 
 
 def write_replication(out: Path, result: Replication, clips: Mapping[str, Path]) -> Path:
@@ -77,38 +71,52 @@ def draw_figures(result: Replication) -> dict[str, Figure]:
 
 def sheets_of(result: Replication) -> list[Sheet]:
     """Return the tables that a README can take."""
-    first = [verdict_sheet(result.verdicts), needs_sheet(result.onsets), onset_sheet(result.onsets)]
-    stairs = stairs_sheet(result)
-    return [*first, *spot_sheets(result), *([stairs] if stairs else [])]
-
-
-def spot_sheets(result: Replication) -> list[Sheet]:
-    """Return the methods at every spot where some were walked."""
-    found = (methods_sheet(result, *spot) for spot in SPOTS)
-    return [sheet for sheet in found if sheet.rows]
+    first = [needs_sheet(result.onsets), onset_sheet(result.onsets), verdict_sheet(result.verdicts)]
+    others = (*(forward_sheet(result.budget, virtual) for virtual in (True, False)), stairs_sheet(result.samples))
+    return [*first, *(sheet for sheet in others if sheet), *place_sheets(result.samples)]
 
 
 def sections(result: Replication, figures: Mapping[str, Figure], clips: Mapping[str, Path]) -> list[Section]:
-    """Return the sections of the page."""
-    page = [Section("What became of the paper's sentences", verdict_sheet(result.verdicts).blocks())]
+    """Return the sections of the page: what a robot builder needs, the verdicts, then all the rest folded."""
+    page = []
     if "needs" in figures:
         caption = "Up to which friction each way follows: the bar in all engines, a mark in each. Hollow: to the end."
         blocks = (picture(figure_uri(figures["needs"]), caption), *needs_sheet(result.onsets).blocks())
         page.append(Section("Which training does my joint need?", blocks))
     if "budget" in figures:
         caption = "Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: 80 to 120 %."
-        blocks = (picture(figure_uri(figures["budget"]), caption), *onset_sheet(result.onsets).blocks())
-        page.append(Section("The friction budget", blocks))
+        table = fold("Where each way falls under 80 %, in numbers", onset_sheet(result.onsets).blocks())
+        page.append(Section("The friction budget", (picture(figure_uri(figures["budget"]), caption), table)))
     if clips:
         shown = [picture(file_uri(path), name) for name, path in clips.items()]
         page.append(Section("Side by side: 0.5 m/s commanded, 20 % friction", (row(*shown),)))
-    tables: list[Markup] = [block for sheet in spot_sheets(result) for block in sheet.blocks()]
-    if tables:
-        page.append(Section("Every method, place by place", tuple(tables)))
-    if stairs := stairs_sheet(result):
+    if fed := forward_blocks(result):
+        page.append(Section("Is it enough to feed friction forward?", fed))
+    page.append(Section("What became of the paper's sentences", verdict_blocks(result)))
+    if stairs := stairs_sheet(result.samples):
         page.append(Section("Stairs", stairs.blocks()))
+    if places := place_sheets(result.samples):
+        page.append(Section("Every method, place by place", tuple(fold(one.title, one.blocks()) for one in places)))
     page.append(Section("Where the paper's figures are", counterpart_sheet().blocks()))
     return [*page, Section("What was run", run_blocks(result))]
+
+
+def forward_blocks(result: Replication) -> tuple[Markup, ...]:
+    """Return what feeding friction forward came to: on the virtual robot, and behind a fold where f is known."""
+    robot, sheet = (forward_sheet(result.budget, virtual) for virtual in (True, False))
+    return (*(robot.blocks() if robot else ()), *((fold(sheet.title, sheet.blocks()),) if sheet else ()))
+
+
+def verdict_blocks(result: Replication) -> tuple[Markup, ...]:
+    """Return the verdicts, and behind a fold for each its numbers, their intervals and the rows that it read."""
+    sheet = verdict_sheet(result.verdicts)
+    short = replace(sheet, header=sheet.header[:-1], rows=tuple(cells[:-1] for cells in sheet.rows))
+    folds = []
+    for verdict in result.verdicts:
+        rows = evidence_sheet(verdict.id, result.behind)
+        blocks = [paragraph(verdict.evidence), *(rows.blocks() if rows.rows else ())]
+        folds.append(fold(f"{verdict.id}: {verdict.outcome}", blocks))
+    return (*short.blocks(), fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds))
 
 
 def run_blocks(result: Replication) -> tuple[Markup, ...]:
@@ -130,20 +138,38 @@ def run_blocks(result: Replication) -> tuple[Markup, ...]:
 
 
 def lead(result: Replication) -> str:
-    """Return the outcome in a sentence or two."""
-    counts = Counter(verdict.outcome for verdict in result.verdicts)
-    told = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
+    """Return the outcome in a sentence or two; where every way has one training seed, first that nothing is judged."""
+    single, several = seeds_of_ways(result)
+    told = ""
+    if several:
+        counts = Counter(verdict.outcome for verdict in result.verdicts)
+        outcomes = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
+        told = f"Of {len(result.verdicts)} sentences and explanations: {outcomes}."
+    elif single:
+        told = f"One training seed a way: numbers, no verdicts. {REMEDY}"
     needs = {cells[0]: cells[1] for cells in needs_sheet(result.onsets).rows}
     follow = f" With 20 % friction, who follows everywhere: {needs['20 %']}." if result.onsets else ""
-    return f"Of {len(result.verdicts)} sentences and explanations: {told}.{follow}"
+    return f"{told}{follow}".strip()
+
+
+def seeds_of_ways(result: Replication) -> tuple[list[str], list[str]]:
+    """Return the ways of training of which one seed walked, and those of several; on stairs apart from flat ground."""
+    seeds: dict[str, set[str]] = {}
+    for sample in result.samples:
+        where = sample.method if sample.terrain == "flat" else f"{sample.method} on stairs"
+        seeds.setdefault(where, set()).update(sample.seeds.split())
+    return [way for way, own in seeds.items() if len(own) == 1], [way for way, own in seeds.items() if len(own) > 1]
 
 
 def warnings(result: Replication) -> list[str]:
     """Return what a reader must know before the numbers."""
     found: list[str] = []
-    single: Sequence[str] = sorted({m.method for m in result.means if m.seeds == 1})
-    if single:
-        found.append(f"One training seed, a sample and no verdict: {', '.join(single)}.")
+    single, several = seeds_of_ways(result)
+    if single and several:
+        found.append(f"One training seed, a number and no verdict: {', '.join(single)}. {REMEDY}")
+    kept = [f"{part.title} ({part.kept})" for part in result.parts if part.kept]
+    if kept:
+        found.append(f"Not walked by this command: {'; '.join(kept)}.")
     missing = [way for way in ("none", "actuator", "deception") if way not in result.ways]
     if missing:
         found.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")

@@ -6,18 +6,13 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from stiction.formats.friction import has_coefficient, level_axis, level_number
-from stiction.formats.replication import BudgetPoint, Onset
+from stiction.formats.replication import FEWEST_LEVELS, BudgetPoint, Onset
+from stiction.formats.results import FOLLOWS
 from stiction.report.page import COLORS, INK, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-FOLLOWING = (0.8, 1.2)
-"""Speed ratios that count as following the command [-]."""
-
-FEWEST = 3
-"""Points without which a curve is none."""
 
 MARKS = "osD^vP*X"
 """One an engine."""
@@ -41,11 +36,11 @@ def draw_budget(points: Sequence[BudgetPoint], ways: Sequence[str], band: float)
     groups: dict[tuple[str, str], list[BudgetPoint]] = {}
     for point in points:
         groups.setdefault((point.engine, point.friction_law), []).append(point)
-    shown = {key: some for key, some in groups.items() if len({p.friction_level for p in some}) >= FEWEST}
+    shown = {key: some for key, some in groups.items() if len({p.friction_level for p in some}) >= FEWEST_LEVELS}
     rows = -(-max(1, len(shown)) // 3)
     figure, axes = new_figure(rows, 3, size=(12.6, 3.7 * rows))
     for axis, ((engine, law), some) in zip(axes, shown.items(), strict=False):
-        axis.axhspan(*FOLLOWING, color=COLORS[2], alpha=0.12, linewidth=0)
+        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
         axis.axhline(0.0, color=INK, linewidth=0.8)
         for way in ways:
             own = sorted((p for p in some if p.method == way), key=lambda p: p.friction_level)

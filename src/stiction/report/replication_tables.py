@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from stiction.formats.experiment import Verdict
 from stiction.formats.friction import has_coefficient, level_text
-from stiction.formats.replication import Onset, Replication
+from stiction.formats.replication import Behind, BudgetPoint, Onset
+from stiction.report.replication_methods import friction_text
 from stiction.report.sheet import Sheet
 
 NEEDS = (0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Friction over the torque limit for which it is said which training follows."""
+
+FED = "none+forward"
+"""The conventional policy with friction fed forward."""
 
 COUNTERPARTS = (
     ("Fig. 1, the robot on stairs", "clips of `stiction study stairs`; the table of stairs on this page"),
@@ -35,35 +38,58 @@ def verdict_sheet(verdicts: Sequence[Verdict]) -> Sheet:
     rows = tuple((v.id, v.outcome, f"“{v.sentence}”", v.criterion, v.evidence) for v in verdicts)
     note = (
         "Means over training seeds with 95 % t-intervals in brackets and every seed in parentheses. `undecided`: the "
-        "interval straddles the criterion. One seed carries no verdict: `not tested`, with its number. Each sentence "
+        "interval straddles the criterion. A rate (falls, crossings) also has Wilson's interval, over trials, and is "
+        "decided where both agree: the one knows how trainings differ, the other how many walks there were. A trial is "
+        "a walk; of virtual robots it is a pair of policy and robot, since the walks of one robot are not independent. "
+        "One seed carries no verdict: `not tested`, with its number. Each sentence "
         "is judged by itself; their number is not corrected for. E: the paper's comparison; V: its section on training "
         "with friction; T: what it concludes from its motors; X: explanations for what it saw."
     )
     return Sheet("The paper's sentences", ("", "outcome", "sentence", "criterion", "evidence"), rows, note)
 
 
+def evidence_sheet(claim: str, behind: Sequence[Behind]) -> Sheet:
+    """Return the rows that one sentence was judged by."""
+    rows = []
+    for row in behind:
+        if row.claim == claim:
+            friction = friction_text(row.friction_law, row.friction_level)
+            where = row.method, row.engine, friction, row.terrain, row.command
+            rows.append((*where, row.column, row.seeds, row.each))
+    header = ("method", "engine", "friction", "ground", "command", "column", "seeds", "each seed")
+    return Sheet(f"What {claim} was judged by", header, tuple(rows))
+
+
 def needs_sheet(onsets: Sequence[Onset]) -> Sheet:
     """Return, for a joint of some friction, the ways of training that follow in every engine in which they walked."""
     known = [onset for onset in onsets if not has_coefficient(onset.friction_law)]
+    ways = {way: [onset for onset in known if onset.method == way] for way in (onset.method for onset in known)}
+    tested = max((onset.tested for onset in known), default=0.0)
     rows = []
     for level in NEEDS:
-        good = []
-        for way in dict.fromkeys(onset.method for onset in known):
-            own = [onset for onset in known if onset.method == way]
-            if all(onset.level is None or onset.level > level for onset in own) and level <= _tested(own):
-                good.append(way)
-        tested = level <= max((onset.tested for onset in known), default=0.0)
-        rows.append((f"{100 * level:g} %", ", ".join(good) if good else "none of them" if tested else "not tested"))
+        follow = [way for way, own in ways.items() if all(_follows(onset, level) for onset in own)]
+        sure = [way for way in follow if all(_every_seed(onset, level) for onset in ways[way])]
+        named = [f"{way} (one seed)" if min(onset.seeds for onset in ways[way]) == 1 else way for way in sure]
+        others = [way for way in follow if way not in sure]
+        nobody = "none of them" if level <= tested else "not tested"
+        rows.append((f"{100 * level:g} %", ", ".join(named) or nobody, ", ".join(others) or "–"))
     note = (
-        "Following: the slower direction falls under 80 % of the command beyond that friction, mean over training "
-        "seeds, in every engine and on the virtual robot as far as it walked there. It may be faster than commanded."
+        "Following: the slower direction falls under 80 % of the command beyond that friction, in every engine and on "
+        "the virtual robot as far as the way walked there. It may be faster than commanded. Who follows: every "
+        "training seed. On average: the mean over the seeds follows, and some seed does not."
     )
-    return Sheet("My joint has this much friction: which training follows?", ("friction", "follows"), tuple(rows), note)
+    header = ("friction", "follows", "on average only")
+    return Sheet("My joint has this much friction: which training follows?", header, tuple(rows), note)
 
 
-def _tested(own: Sequence[Onset]) -> float:
-    """Return the friction up to which a way was tested everywhere."""
-    return min(onset.tested for onset in own)
+def _follows(onset: Onset, level: float) -> bool:
+    """Say whether the mean over seeds follows at a level that was tested."""
+    return level <= onset.tested and (onset.level is None or onset.level > level)
+
+
+def _every_seed(onset: Onset, level: float) -> bool:
+    """Say whether each seed follows at a level that was tested."""
+    return all(one.startswith(">") or float(one) > level for one in onset.each.split())
 
 
 def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
@@ -81,54 +107,34 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
     return Sheet("Where each way of training falls under 80 % of the command", header, tuple(rows))
 
 
-COLUMNS = (
-    ("vx=0.5", "speed_ratio", "forward", ".2f"),
-    ("vx=-0.5", "speed_ratio", "backward", ".2f"),
-    ("both", "fall_rate", "falls", ".0%"),
-    ("both", "joint_jitter", "jitter [rad/s²]", ".0f"),
-    ("both", "flight_share", "flight", ".0%"),
-    ("both", "tripod_share", "tripod", ".0%"),
-    ("stand", "tracking_error", "standing [m/s]", ".3f"),
-)
-"""Command (`both`: mean of forward and backward), column, heading, format."""
+def forward_sheet(points: Sequence[BudgetPoint], virtual: bool) -> Sheet | None:
+    """Return the conventional policy alone, with friction fed forward, and friction-aware training beside it.
 
-
-def methods_sheet(result: Replication, engine: str, level: float, law: str, title: str) -> Sheet:
-    """Return every way of training at one spot: speed both ways, falls, jitter (joint acceleration), gait, standing."""
-    details = [row for part in result.parts for row in part.details]
-    spot = [r for r in details if (r["engine"], r["friction_law"], r["terrain"]) == (engine, law, "flat")]
-    spot = [r for r in spot if abs(r["friction_level"] - level) < 1e-6]
+    virtual: on virtual robots, or on the robot of the data sheet. None where no friction was fed forward there.
+    """
+    cells = {(p.method, p.engine, p.friction_law, p.friction_level): p for p in points}
     rows = []
-    for way in result.ways:
-        own = [r for r in spot if r["method"] == way]
-        if own:
-            seeds = len({r["seed"] for r in own})
-            rows.append((way, str(seeds), *(_figure(own, *column) for column in COLUMNS)))
-    header = ("method", "seeds", *(heading for *_, heading, _ in COLUMNS))
-    return Sheet(title, header, tuple(rows))
+    for one in points:
+        if one.method == FED and ("+" in one.engine) == virtual:
+            where = one.engine, one.friction_law, one.friction_level
+            three = (cells.get((way, *where)) for way in ("none", FED, "deception"))
+            rows.append((one.engine, friction_text(*where[1:]), *map(_ratio_text, three)))
+    header = ("engine", "friction", "none", FED, "deception")
+    where_text = "on the virtual robot" if virtual else "on the robot of the data sheet"
+    source = "what was identified from the log of each robot's own bench" if virtual else "the friction itself"
+    note = (
+        "Speed reached over commanded in the slower direction, mean ± 95 % t-interval over training seeds, in brackets "
+        f"their number. Fed forward: f sat((a − θ)/0.05 rad) in the joint controllers. f is {source}."
+    )
+    return Sheet(f"Friction fed forward, {where_text}", header, tuple(rows), note) if rows else None
 
 
-def _figure(own: Sequence[dict[str, Any]], command: str, column: str, heading: str, form: str) -> str:
-    """Return the mean of a column over the policies of a way, a dash where there is none."""
-    commands = ("vx=0.5", "vx=-0.5") if command == "both" else (command,)
-    values = [r[column] for r in own if r["command"] in commands and r[column] is not None]
-    return format(sum(values) / len(values), form) if values else "–"
-
-
-def stairs_sheet(result: Replication) -> Sheet | None:
-    """Return the crossings of every policy for stairs, with Wilson's intervals; None where none was walked."""
-    rows = []
-    for part in result.parts:
-        for r in part.details:
-            if r["crossed"] is not None:
-                low, high = r["crossed_interval"]
-                level = level_text(r["friction_law"], r["friction_level"])
-                share = f"{r['crossed']:.0%} ({low:.0%} to {high:.0%})"
-                cells = (r["policy"], r["method"], r["engine"], level, r["terrain"], str(r["episodes"]), share)
-                rows.append((*cells, f"{r['steps_climbed']:.1f}" if r["steps_climbed"] is not None else "–"))
-    header = ("policy", "method", "engine", "friction", "ground", "walks", "crossed", "steps passed")
-    note = "Blind, 0.30 m treads, six up, landing, six down, 0.4 m/s. In brackets: Wilson's 95 % interval over walks."
-    return Sheet("Stairs", header, tuple(rows), note) if rows else None
+def _ratio_text(point: BudgetPoint | None) -> str:
+    """Return a speed ratio with its interval and number of seeds."""
+    if point is None:
+        return "–"
+    spread = "" if point.high is None else f" ± {point.high - point.ratio:.2f}"
+    return f"{point.ratio:.2f}{spread} ({point.seeds})"
 
 
 def counterpart_sheet() -> Sheet:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stiction.transfer.experiment.judging import Finding, all_of, larger, over_levels, within
+from stiction.transfer.experiment.judging import Finding, Rate, all_of, any_of, larger, over_levels, rate_within, within
 
 HOLDS, FAILS = Finding("reproduces", "yes"), Finding("does not", "no")
 OPEN, NONE = Finding("undecided", "perhaps"), Finding("not tested", "nothing")
@@ -45,6 +45,35 @@ def test_several_things_at_once() -> None:
     assert all_of(HOLDS, NONE, FAILS).outcome == "does not"
     assert all_of(HOLDS, OPEN).outcome == "undecided"
     assert all_of(HOLDS, OPEN, NONE).outcome == "not tested"
+
+
+def test_one_of_several_things() -> None:
+    """If this failed, a robot that lies still would count as one that stands."""
+    assert any_of(FAILS, HOLDS, NONE) == HOLDS
+    assert any_of(FAILS, OPEN).outcome == "undecided"
+    assert any_of(FAILS, OPEN, NONE).outcome == "not tested"
+    assert any_of(FAILS, FAILS).outcome == "does not"
+
+
+@pytest.mark.parametrize(
+    ("shares", "trials", "outcome"),
+    [
+        ((0.0, 0.0, 0.0), 24, "undecided"),  # Wilson: up to 0.138
+        ((0.0, 0.0, 0.0), 40, "reproduces"),  # up to 0.088
+        ((0.5, 0.5, 0.5), 40, "does not"),
+        ((0.0, 0.0, 0.15), 4000, "undecided"),  # over seeds: up to 0.265
+        ((0.0,), 4000, "not tested"),
+    ],
+)
+def test_a_rate_is_decided_by_seeds_and_by_trials(shares: tuple, trials: int, outcome: str) -> None:
+    """If this failed, seeds that agree by chance, or walks of trainings that differ, would decide."""
+    rate = Rate(dict(enumerate(shares)), float(np.mean(shares)) * trials, trials)
+    assert rate_within("falls", rate, -np.inf, 0.1).outcome == outcome
+
+
+def test_nothing_walked_has_no_rate() -> None:
+    """If this failed, a way that was not walked would divide by zero."""
+    assert rate_within("falls", Rate({}, 0.0, 0), 0.0, 0.1) == Finding("not tested", "falls not evaluated")
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,10 @@ from typing import Any
 import pytest
 
 from stiction.transfer.experiment.judging import Finding
-from stiction.transfer.replication import criteria
+from stiction.transfer.replication import criteria, explanations
 from stiction.transfer.replication.claims import CLAIMS, judge_all
-from stiction.transfer.replication.criteria import ROBOT
 from stiction.transfer.replication.evidence import Evidence, Row, Spot
+from stiction.transfer.replication.plan import ROBOT
 
 SEEDS = (0, 1, 2)
 SPREAD = (-0.01, 0.0, 0.01)
@@ -21,6 +21,7 @@ def rows(
     """Return rows of a way at a spot: speed ratios about these means, other columns the same for every seed."""
     speeds = (("vx=0.5", forward), ("vx=-0.5", forward if backward is None else backward))
     same = {"terrain": "flat", "tracking_error": 0.1, "fall_rate": 0.0, "joint_jitter": 50.0, "flight_share": 0.0}
+    same |= {"episodes": 40}
     return [
         same
         | {"method": way, "engine": spot.engine, "friction_law": spot.law, "friction_level": spot.level}
@@ -45,7 +46,7 @@ def test_the_slower_direction_is_that_of_each_seed() -> None:
     evidence = Evidence.of(rows("none", PHYSX, 0.9, 0.5))
     assert list(evidence.slower("none", PHYSX).values()) == pytest.approx([0.49, 0.50, 0.51])
     assert list(evidence.faster("none", PHYSX).values()) == pytest.approx([0.89, 0.90, 0.91])
-    assert evidence.error("none", [PHYSX])[1] == pytest.approx((0.1 + 0.5) / 2)
+    assert evidence.error("none", PHYSX)[1] == pytest.approx((0.1 + 0.5) / 2)
 
 
 def test_two_policies_of_one_seed_are_one_sample() -> None:
@@ -60,7 +61,7 @@ def test_all_other_engines_must_agree() -> None:
     assert judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.05)).outcome == "reproduces"
     found = judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.9))
     assert found.outcome == "does not"
-    assert "ode-webots: actuator 0.90" in found.evidence
+    assert "ode-webots: actuator, slower direction 0.90" in found.evidence
 
 
 def test_one_seed_carries_no_verdict() -> None:
@@ -117,7 +118,7 @@ def test_friction_is_the_cause_where_it_costs_more_than_the_rest() -> None:
     """From 1.0: friction leaves 0.5, all else 0.9."""
     nominal, rest = rows("none", Spot("physx+nominal", 0.0), 1.0), rows("none", Spot("physx+rest", 0.0), 0.9)
     friction = Spot("physx+friction", 0.2, "real")
-    cause = criteria.friction_is_the_cause
+    cause = explanations.friction_is_the_cause
     assert judged(cause, nominal, rest, rows("none", friction, 0.5)).outcome == "reproduces"
     assert judged(cause, nominal, rest, rows("none", friction, 0.98)).outcome == "does not"
 
@@ -137,16 +138,17 @@ def test_the_bench_is_not_felt_and_a_share_of_the_load_is() -> None:
     """Both halves of the explanation must hold."""
     bench = rows("none", Spot(ROBOT, 0.0107, "real-bench"), 1.0)
     loaded = Spot(ROBOT, 0.0107, "real-bench+load0.1")
-    assert judged(criteria.load_above_bench, bench, rows("none", loaded, 0.3)).outcome == "reproduces"
-    assert judged(criteria.load_above_bench, bench, rows("none", loaded, 1.0)).outcome == "does not"
+    assert judged(explanations.load_above_bench, bench, rows("none", loaded, 0.3)).outcome == "reproduces"
+    assert judged(explanations.load_above_bench, bench, rows("none", loaded, 1.0)).outcome == "does not"
 
 
 def test_nothing_walked_is_nothing_judged() -> None:
     """Every sentence must say so, and none must break."""
-    verdicts = judge_all(Evidence.of([]))
+    verdicts, behind = judge_all(Evidence.of([]))
     assert [verdict.id for verdict in verdicts] == [claim.id for claim in CLAIMS]
     assert len({claim.id for claim in CLAIMS}) == len(CLAIMS)
     assert {verdict.outcome for verdict in verdicts} == {"not tested"}
+    assert behind == []
 
 
 def test_a_share_ends_at_one_and_its_interval_does_not() -> None:
@@ -179,13 +181,13 @@ def test_the_same_policies_are_compared_one_by_one() -> None:
             for row in rows("none", spot, 0.0, seeds=(seed,))
         ]
 
-    assert judged(criteria.lower_is_better, at(0.1, 0.2), at(0.2, 0.3)).outcome == "reproduces"
+    assert judged(explanations.lower_is_better, at(0.1, 0.2), at(0.2, 0.3)).outcome == "reproduces"
 
 
 def test_a_robot_that_is_too_fast_does_not_make_up_for_one_that_is_too_slow() -> None:
     """0.5 and 1.5 have a mean of 1 and a deviation of a half."""
     found = [row | {"robots": {"1000": 0.5, "1001": 1.5}} for row in rows("none", REAL[0], 1.0, seeds=(1,))]
-    assert Evidence.of(found).error("none", [REAL[0]]) == {1: 0.5}
+    assert Evidence.of(found).error("none", REAL[0]) == {1: 0.5}
 
 
 def test_who_falls_over_does_not_stand() -> None:
@@ -200,5 +202,100 @@ def test_who_falls_over_does_not_stand() -> None:
 def test_one_per_cent_is_felt_where_it_costs_something() -> None:
     """A policy that is slow without friction, too, did not feel it."""
     felt, slow = Spot("physx", 0.01), rows("none", PHYSX, 0.7)
-    assert judged(criteria.loses("none", 0.01), slow, rows("none", felt, 0.5)).outcome == "reproduces"
-    assert judged(criteria.loses("none", 0.01), slow, rows("none", felt, 0.7)).outcome == "does not"
+    assert judged(explanations.loses("none", 0.01), slow, rows("none", felt, 0.5)).outcome == "reproduces"
+    assert judged(explanations.loses("none", 0.01), slow, rows("none", felt, 0.7)).outcome == "does not"
+
+
+def walked_by(way: str, spot: Spot, rate: float, episodes: int, robots: int = 0) -> list[Row]:
+    """Return rows in which every seed has the same share of falls, in each direction."""
+    beside = {"robots": {str(1000 + robot): 1.0 for robot in range(robots)}} if robots else {}
+    return rows(way, spot, 1.0, fall_rate=rate, episodes=episodes, **beside)
+
+
+def test_seeds_that_agree_are_no_certainty() -> None:
+    """No fall in 3 walks of 8: a t-interval of no width, and Wilson's goes up to 0.138; 3 of 12 end at 0.096."""
+    stable = criteria.walks_stably("deception")
+    few, enough = ([walked_by("deception", spot, 0.0, episodes) for spot in REAL] for episodes in (8, 12))
+    found = judged(stable, *few)
+    assert found.outcome == "undecided"
+    assert "0.00 [0.00, 0.00] (0.00, 0.00, 0.00), 24 trials [0.00, 0.14]" in found.evidence
+    assert judged(stable, *enough).outcome == "reproduces"
+
+
+def test_many_walks_do_not_make_up_for_seeds_that_differ() -> None:
+    """Falls of 0, 0 and 60 %, in 3000 walks: Wilson's interval is 0.19 to 0.21, the one over seeds -0.66 to 1.06."""
+    apart = [
+        row | {"fall_rate": share}
+        for spot in REAL
+        for seed, share in enumerate((0.0, 0.0, 0.6))
+        for row in rows("none", spot, 0.5, seeds=(seed,), episodes=1000)
+    ]
+    assert judged(criteria.falls("none", "vx=0.5"), apart).outcome == "undecided"
+
+
+def test_walks_of_one_virtual_robot_are_one_trial() -> None:
+    """Three policies on four robots are 12 trials, however often each of them walks: up to 0.24 may fall."""
+    parts = [walked_by("deception", spot, 0.0, 400, robots=4) for spot in REAL]
+    rate = Evidence.of(row for part in parts for row in part).rate("deception", REAL[0], ("vx=0.5",), "fall_rate")
+    assert (rate.trials, rate.successes) == (12, 0.0)
+    assert rate.interval == (pytest.approx(0.0, abs=1e-9), pytest.approx(0.2425, abs=1e-4))
+    both = Evidence.of(parts[0]).rate("deception", REAL[0], ("vx=0.5", "vx=-0.5"), "fall_rate")
+    assert both.trials == 12
+    assert judged(criteria.walks_stably("deception"), *parts).outcome == "undecided"
+
+
+def test_a_rate_over_two_commands_is_their_mean() -> None:
+    """A quarter and three quarters of 40 walks each, of one seed: 40 of 80."""
+    both = rows("none", PHYSX, 1.0, seeds=(1,))
+    both = [row | {"fall_rate": 0.25 if row["command"] == "vx=0.5" else 0.75} for row in both]
+    rate = Evidence.of(both).rate("none", PHYSX, ("vx=0.5", "vx=-0.5"), "fall_rate")
+    assert (rate.points, rate.trials, rate.successes) == ({1: 0.5}, 80, 40.0)
+    assert rate.share == 0.5
+
+
+def test_falls_alone_are_abnormal_and_a_failure() -> None:
+    """An Actuator Net that runs as fast as it should, smoothly, and falls over has failed."""
+    none = [rows("none", spot, 1.0) for spot in (PHYSX, ODE)]
+    upright, falling = ([rows("actuator", spot, 1.0, fall_rate=rate) for spot in (PHYSX, ODE)] for rate in (0.0, 0.9))
+    for judge in (criteria.abnormal_elsewhere("actuator", "none"), criteria.fails_elsewhere("actuator")):
+        assert judged(judge, *none, *falling).outcome == "reproduces"
+        assert judged(judge, *none, *upright).outcome == "does not"
+
+
+def test_unsteady_is_jitter_or_falls() -> None:
+    """Twice the accelerations of deception are unsteady, and so are falls; neither is not."""
+    judge = criteria.unsteady("actuator", "deception", "vx=0.5")
+    calm = [rows("deception", spot, 1.0) for spot in REAL]
+    for columns, outcome in (
+        ({"joint_jitter": 100.0}, "reproduces"),
+        ({"fall_rate": 0.3}, "reproduces"),
+        ({}, "does not"),
+    ):
+        parts = [rows("actuator", spot, 0.8, **columns) for spot in REAL]
+        assert judged(judge, *calm, *parts).outcome == outcome
+
+
+def test_where_friction_would_have_shown_is_said_level_by_level() -> None:
+    """1.0 without, 0.97 at 1 %, 0.5 at 20 %: it shows above 1 %, and in no other engine's rows."""
+    webots = explanations.loses_at_each_level("none", "ode-webots")
+    parts = [rows("none", Spot("ode-webots", level), ratio) for level, ratio in ((0.0, 1.0), (0.01, 0.97), (0.2, 0.5))]
+    found = judged(webots, *parts)
+    assert (found.outcome, found.evidence[:8]) == ("only above x", "x = 0.01")
+    assert judged(webots, rows("none", PHYSX, 1.0)).outcome == "not tested"
+
+
+def test_the_rows_behind_a_verdict_are_named() -> None:
+    """A reader who takes them from the file must come to the same number."""
+    evidence = Evidence.of(
+        row for part in (rows("none", PHYSX, 1.0), rows("actuator", PHYSX, 0.0, -0.1)) for row in part
+    )
+    _, behind = judge_all(evidence)
+    own = [row for row in behind if row.claim == "E2b"]
+    assert {(row.method, row.engine, row.command, row.column) for row in own} == {
+        ("actuator", "physx", command, column)
+        for command in ("vx=0.5", "vx=-0.5")
+        for column in ("speed_ratio", "fall_rate")
+    }
+    backward = next(row for row in own if (row.command, row.column) == ("vx=-0.5", "speed_ratio"))
+    assert (backward.seeds, backward.each) == ("0 1 2", "-0.11 -0.1 -0.09")
+    assert not [row for row in behind if row.claim == "X1"]

@@ -11,16 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.experiment import CurvePoint
+from stiction.formats.results import DIRECTIONS, FOLLOWS
 from stiction.transfer.experiment.judging import Finding, all_of, describe, larger, over_levels, within
 from stiction.transfer.experiment.learning import iterations_by_seed
 from stiction.transfer.experiment.manifest import LEVEL, LOAD_COEFFICIENTS
-from stiction.transfer.experiment.table import DIRECTIONS, Points, Table
+from stiction.transfer.experiment.table import Points, Table
 
 STATIONARY = 0.2
 """Below this share of the commanded speed a robot counts as stationary [-]."""
-
-FOLLOWS = (0.8, 1.2)
-"""Speed ratios that count as following the command [-]."""
 
 JITTER = 1.5
 """A policy jitters severely if its joint accelerations are this many times those of deception [-]."""

@@ -16,14 +16,13 @@ from typing import Any, Literal, get_args
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import has_coefficient
 from stiction.formats.reproducibility import source_digest
-from stiction.formats.results import ResultRow, read_results, write_results
+from stiction.formats.results import DIRECTIONS, ResultRow, read_results, write_results
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.checkpoint import latest_checkpoint
 from stiction.rma.config import TrainCfg
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.experiment.manifest import LEVEL
 from stiction.transfer.experiment.places import Place
-from stiction.transfer.experiment.table import DIRECTIONS
 
 Who = Literal["teacher", "student"]
 

@@ -2,6 +2,11 @@
 
 An interval wholly on one side of the criterion decides; one that straddles it does not, and the outcome says so. A
 single seed carries no verdict, whatever it shows: its number is given.
+
+A rate, such as the share of walks that end in a fall, has two intervals, and is decided where both are on the same
+side. The t-interval of the seeds' rates knows how much the outcome of a training varies, but not how many walks there
+were: where every seed has the same rate, it shrinks to a point. Wilson's interval of all walks together knows their
+number, but not the seeds.
 """
 
 from __future__ import annotations
@@ -11,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stiction.formats.climb import wilson
 from stiction.formats.experiment import Outcome
 from stiction.transfer.experiment.table import Points
 from stiction.transfer.statistics import Interval, difference_interval, t_interval
@@ -24,6 +30,28 @@ class Finding:
     """The verdict."""
     evidence: str
     """The numbers behind it."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often something happened in the walks of a way of training."""
+
+    points: Points
+    """Training seed -> share of its walks [-]."""
+    successes: float
+    """How often it happened in all of them; with clusters of walks, their mean shares added up."""
+    trials: int
+    """Independent trials: walks, or clusters of walks that are not independent of each other."""
+
+    @property
+    def share(self) -> float:
+        """Share of all trials [-]."""
+        return self.successes / self.trials
+
+    @property
+    def interval(self) -> Interval:
+        """Wilson's 95 % interval of that share."""
+        return wilson(self.successes, self.trials)
 
 
 def side(interval: Interval, low: float, high: float) -> Outcome:
@@ -54,6 +82,17 @@ def within(label: str, points: Points, low: float, high: float) -> Finding:
     if interval is None:
         return Finding("not tested", evidence)
     return Finding(side(interval, low, high), evidence)
+
+
+def rate_within(label: str, rate: Rate, low: float, high: float) -> Finding:
+    """Judge that a rate lies within [low, high]: over the seeds, and over all trials."""
+    over_seeds = within(label, rate.points, low, high)
+    if not rate.trials:
+        return over_seeds
+    ends = rate.interval
+    evidence = f"{over_seeds.evidence}, {rate.trials} trials [{ends[0]:.2f}, {ends[1]:.2f}]"
+    agree = over_seeds.outcome in ("not tested", side(ends, low, high))
+    return Finding(over_seeds.outcome if agree else "undecided", evidence)
 
 
 def larger(first: tuple[str, Points], second: tuple[str, Points]) -> Finding:
@@ -87,6 +126,18 @@ def all_of(*findings: Finding) -> Finding:
         if outcome in outcomes:
             return Finding(outcome, evidence)
     return Finding("reproduces", evidence)
+
+
+def any_of(*findings: Finding) -> Finding:
+    """Judge that at least one of several things holds: it stands with one that does, and fails when none does."""
+    if holding := [finding.evidence for finding in findings if finding.outcome == "reproduces"]:
+        return Finding("reproduces", "; ".join(holding))
+    outcomes = [finding.outcome for finding in findings]
+    evidence = "; ".join(finding.evidence for finding in findings)
+    for outcome in ("not tested", "undecided"):
+        if outcome in outcomes:
+            return Finding(outcome, evidence)
+    return Finding("does not", evidence)
 
 
 def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:

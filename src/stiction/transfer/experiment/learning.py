@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.experiment import CurvePoint
+from stiction.formats.results import FOLLOWS
 from stiction.transfer.experiment.manifest import condition_of
 from stiction.transfer.experiment.table import Points
 
 Rows = Sequence[dict[str, Any]]
 """The lines of one run's metrics.jsonl."""
 
-WALKS = 0.8
+WALKS = FOLLOWS[0]
 """Speed ratio in training from which a teacher counts as walking [-]."""
 
 WINDOW = 10

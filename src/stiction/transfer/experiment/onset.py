@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from stiction.formats.experiment import Collapse, Onset
+from stiction.formats.results import FOLLOWS
 from stiction.rma.config import TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.transfer.experiment.table import Table
-
-FOLLOWING = 0.8
-"""Speed ratio under which a policy does not follow any more [-]."""
 
 CLEARER = 1.2
 """The best axis must beat the second by this factor in spread to count as decided: seeds move an onset by some 10 %."""
@@ -34,15 +32,15 @@ CANDIDATES = {
 
 
 def onset_level(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
-    """Return the level at which the speed ratio first falls under `FOLLOWING`, interpolated between levels.
+    """Return the level at which the speed ratio first falls under 80 % (`FOLLOWS`), interpolated between levels.
 
     0 where it is under from the start, None where it never falls. `levels` rise from 0.
     """
     for index, ratio in enumerate(ratios):
-        if ratio < FOLLOWING:
+        if ratio < FOLLOWS[0]:
             if index == 0:
                 return 0.0
-            above = ratios[index - 1] - FOLLOWING
+            above = ratios[index - 1] - FOLLOWS[0]
             share = above / (ratios[index - 1] - ratio)
             return levels[index - 1] + share * (levels[index] - levels[index - 1])
     return None

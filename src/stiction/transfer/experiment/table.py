@@ -8,14 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.experiment import SeedMean
-from stiction.formats.results import ResultRow
+from stiction.formats.results import DIRECTIONS, ResultRow
 from stiction.transfer.experiment.manifest import condition_of
 from stiction.transfer.statistics import t_interval
 
 STUDENT = "student"
-
-DIRECTIONS = "vx=0.5", "vx=-0.5"
-"""Forward and backward: the commands by which a way of training is judged."""
 
 Key = tuple[str, str, float, str]
 """Condition, who, friction level, command."""

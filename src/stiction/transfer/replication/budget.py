@@ -7,14 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from stiction.formats.friction import has_coefficient
-from stiction.formats.replication import BudgetPoint, Onset
+from stiction.formats.replication import FEWEST_LEVELS, BudgetPoint, Onset
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.experiment.onset import onset_level
+from stiction.transfer.grid.plan import FORWARD
 from stiction.transfer.replication.evidence import Evidence, Spot
+from stiction.transfer.replication.plan import FRICTION, NOMINAL, REST, ROBOT
 from stiction.transfer.statistics import t_interval
-
-FEWEST = 3
-"""Levels without which there is no curve."""
 
 
 def budget(evidence: Evidence) -> list[BudgetPoint]:
@@ -42,7 +41,7 @@ def onsets(evidence: Evidence, spec: RobotSpec) -> list[Onset]:
     for way, engine, law in _curves(evidence):
         curves = _by_seed(evidence, way, engine, law)
         tested = max((level for levels, _ in curves.values() for level in levels), default=0.0)
-        each = [onset_level(*curve) for curve in curves.values() if len(curve[0]) >= FEWEST]
+        each = [onset_level(*curve) for curve in curves.values() if len(curve[0]) >= FEWEST_LEVELS]
         if not each:
             continue
         above = [level is None for level in each]
@@ -57,12 +56,11 @@ def onsets(evidence: Evidence, spec: RobotSpec) -> list[Onset]:
 
 
 def _curves(evidence: Evidence) -> list[tuple[str, str, str]]:
-    """Return way, engine and law of every curve, in the order of the rows; bench levels are single points."""
-    keys = dict.fromkeys((way, engine, law) for way, engine, law, *_ in evidence.cells)
-    return [key for key in keys if not key[2].startswith(("real-", "real+"))]
+    """Return way, engine and law of every curve, in the order of the rows."""
+    return list(dict.fromkeys((way, engine, law) for way, engine, law, *_ in evidence.cells))
 
 
-BARE = {"physx+all": "physx+rest", "physx+friction": "physx+nominal"}
+BARE = {ROBOT: REST, FRICTION: NOMINAL}
 """Cell with friction -> the same robot without."""
 
 
@@ -74,7 +72,7 @@ def _by_seed(evidence: Evidence, way: str, engine: str, law: str) -> dict[int, t
     curves: dict[int, tuple[list[float], list[float]]] = {}
     for spot in spots:
         ratios_of = evidence.slower(way, spot) or (
-            evidence.slower(way.removesuffix("+forward"), spot) if spot.level == 0.0 else {}
+            evidence.slower(way.removesuffix(FORWARD), spot) if spot.level == 0.0 else {}
         )
         for seed, ratio in ratios_of.items():
             levels, ratios = curves.setdefault(seed, ([], []))

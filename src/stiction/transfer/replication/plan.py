@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 from stiction.formats.contract import Contract
+from stiction.formats.results import DIRECTIONS
+from stiction.transfer.command import STAND
 from stiction.transfer.evaluate import EvaluationCfg
-from stiction.transfer.grid.config import FIRST_ROBOT, GridCfg
+from stiction.transfer.grid.config import BATCH, FIRST_ROBOT, GridCfg
 from stiction.transfer.ways import way_of
 
 Size = Literal["quick", "full"]
 
-BOTH = ("vx=0.5", "vx=-0.5")
-"""Forward and backward: how the ways of training are compared."""
-
-ALL = (*BOTH, "vy=0.3", "wz=0.5", "stand")
+ALL = (*DIRECTIONS, "vy=0.3", "wz=0.5", STAND)
 """Every command on flat ground."""
 
 OVER = "vx=0.4"
@@ -28,8 +27,17 @@ LEVELS = (0.0, 0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 SHORT = (0.0, 0.01, 0.1, 0.2, 0.3)
 """The same for the preset `quick`."""
 
-COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.442)
-"""Of the laws `load` and `effort`; the last is the paper's number, read as one."""
+PAPER = 0.442
+"""The paper's number [N m], read as a coefficient."""
+
+COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, PAPER)
+"""Of the laws `load` and `effort`."""
+
+OTHERS = ("physx", "ode-webots", "ode")
+"""Engines that are not the one of the training."""
+
+ROBOT, NOMINAL, FRICTION, REST = (f"physx+{cell}" for cell in ("all", "nominal", "friction", "rest"))
+"""The virtual robot, and the cells by which causes are told apart."""
 
 ROBOT_LEVELS = ("0.01", "0.05", "0.1", "0.2", "0.3", "bench", "bench+0.02", "bench+0.1")
 """Friction of the virtual robot; `bench` is what the paper measured, without load and with some."""
@@ -87,24 +95,32 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     ) -> EvaluationCfg:
         return EvaluationCfg(levels, commands, episodes, seconds, friction_law=law)
 
-    others = ("physx", "ode-webots") if quick else ("mujoco-alone", "physx", "ode", "ode-webots")
+    others = OTHERS[:2] if quick else ("mujoco-alone", *OTHERS)
     robot_levels = ROBOT_LEVELS if not quick else ("0.01", "0.1", "0.2", "0.3", "bench", "bench+0.02")
-    cells = ("physx+nominal", "physx+friction", "physx+rest", "physx+all")
     heights = ("stairs=0.08",) if quick else ("stairs=0.06", "stairs=0.08", "stairs=0.1")
     return (
-        Part("training", "In the simulator of the training", everyone, GridCfg(base(levels, ALL, 8), ("mujoco",))),
+        Part("training", "In the simulator of the training", everyone, GridCfg(base(levels, ALL, 8), (BATCH,))),
         Part(
-            "engines", "Sim2Sim: other engines", everyone, GridCfg(base(levels, BOTH, episodes), others), forward=True
+            "engines",
+            "Sim2Sim: other engines",
+            everyone,
+            GridCfg(base(levels, DIRECTIONS, episodes), others),
+            forward=True,
         ),
         Part(
             *("robot", "On the virtual robot", everyone),
-            GridCfg(base((0.0,), (*BOTH, "stand"), 1), cells, robots=seeds, robot_levels=robot_levels),
+            GridCfg(
+                base((0.0,), (*DIRECTIONS, STAND), 1),
+                (NOMINAL, FRICTION, REST, ROBOT),
+                robots=seeds,
+                robot_levels=robot_levels,
+            ),
         ),
         Part(
             *("forward", "What a user would try: the virtual robot's identified friction, fed forward", conventional),
             GridCfg(
-                base((0.0,), BOTH, 1),
-                ("physx+all",),
+                base((0.0,), DIRECTIONS, 1),
+                (ROBOT,),
                 robots=seeds,
                 robot_levels=("0.1", "0.2") if quick else ("0.1", "0.2", "0.3", "bench", "bench+0.02"),
             ),
@@ -114,7 +130,7 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
             *("stairs", "Stairs, up, landing and down", climbers),
             GridCfg(
                 base((0.0, 0.2), (OVER,), 3 if quick else 20),
-                ("mujoco", "physx", "ode-webots", "physx+all"),
+                (BATCH, *OTHERS[:2], ROBOT),
                 heights,
                 robots=seeds,
                 robot_levels=("0", "0.2") if quick else ("0", "0.1", "0.2"),
@@ -123,7 +139,7 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
         *(
             Part(
                 *(law, f"Friction as a coefficient of the {words}", compared),
-                GridCfg(base(COEFFICIENTS, BOTH, 8, law), ("mujoco",)),
+                GridCfg(base(COEFFICIENTS, DIRECTIONS, 8, law), (BATCH,)),
             )
             for law, words in (("load", "joint's load"), ("effort", "motor's torque"))
         ),

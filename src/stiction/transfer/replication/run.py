@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
-from stiction.formats.folder import make_folder
-from stiction.formats.replication import PartRecord, Replication
+from stiction.formats.replication import SUMMARY, PartRecord, Replication
 from stiction.formats.reproducibility import provenance
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.catalog import what_is_missing
 from stiction.transfer.grid.config import ALONE
-from stiction.transfer.grid.run import walk_grid
-from stiction.transfer.grid.table import method_means, rows_of
 from stiction.transfer.replication.budget import budget, onsets
 from stiction.transfer.replication.claims import judge_all
 from stiction.transfer.replication.evidence import Evidence
-from stiction.transfer.replication.plan import Part, conventional
+from stiction.transfer.replication.plan import Part
+from stiction.transfer.replication.samples import samples
+from stiction.transfer.replication.walked import Progress, check_nothing_lost, kept_part, key_of, walk_part
 from stiction.transfer.rollout import robot_of
 from stiction.transfer.summary import check_names, describe
 from stiction.transfer.ways import WAYS, way_of
-
-Progress = Callable[[str, float], None]
-"""Called with part and engine, and the share of its walks that is done."""
 
 
 def replicate(
@@ -37,6 +33,7 @@ def replicate(
     jobs: int = 1,
     progress: Progress = lambda name, share: None,
     summary: dict[str, Any] | None = None,
+    asked: Collection[str] | None = None,
 ) -> Replication:
     """Walk every part that has policies, resumable, and judge the paper's sentences.
 
@@ -47,42 +44,64 @@ def replicate(
         jobs: processes at once.
         progress: see `Progress`.
         summary: what the summary begins with.
+        asked: names of the parts to walk, by default all; of the others what was walked before in `out` is judged too.
 
     Raises:
-        StictionError: two bundles have one name, they are of several robots, none fits a part, or as `walk_grid`.
+        StictionError: two bundles have one name, they are of several robots, none fits a part, as `walk_grid`, or as
+            `check_nothing_lost`.
 
     """
     check_names([bundle.name for bundle in bundles])
     if len(robots := {bundle.contract.robot for bundle in bundles}) != 1:
         raise StictionError(f"policies of {len(robots)} robots ({', '.join(sorted(robots))}); expected those of one")
     check_ways(bundles)
-    check_engines(parts, robot_of(bundles[0].contract))
-    start, records = time.perf_counter(), []
-    for part in parts:
-        takes = [bundle for bundle in bundles if part.takes(bundle.contract)]
-        if takes:
-            records.append(_walk_part(part, takes, out / part.name, jobs, progress))
-    if not records:
-        raise StictionError("no policy fits any part of the comparison; give policies for flat ground or for stairs")
-    records = _once(records)
+    asked = [part.name for part in parts] if asked is None else asked
+    check_engines([part for part in parts if part.name in asked], robot_of(bundles[0].contract))
+    start = time.perf_counter()
+    records = _once(_records(bundles, parts, out, jobs, progress, asked))
+    by_name = {part.name: part for part in parts}
     shank = robot_of(bundles[0].contract).shank
     evidence = Evidence.of(row for record in records for row in record.details)
+    verdicts, behind = judge_all(evidence)
     return Replication(
         records,
-        [mean for record in records for mean in method_means(record.rows)],
+        samples(evidence),
         budget(evidence),
         onsets(evidence, robot_of(bundles[0].contract)),
-        judge_all(evidence),
+        verdicts,
+        behind,
         {way: text for way, text in WAYS.items() if way in evidence.ways()},
         {
             **(summary or {}),
             "dead_band": shank.torque_limit / shank.stiffness,
-            "grids": {part.name: _settings(part) for part in parts},
+            "grids": {record.name: _settings(by_name[record.name], record) for record in records},
             "seconds": time.perf_counter() - start,
             **provenance(),
             "policies": {bundle.name: describe(bundle) | {"way": way_of(bundle.contract)} for bundle in bundles},
         },
     )
+
+
+def _records(
+    bundles: Sequence[Bundle],
+    parts: Sequence[Part],
+    out: Path,
+    jobs: int,
+    progress: Progress,
+    asked: Collection[str],
+) -> list[PartRecord]:
+    """Return the parts that have rows, those that are not asked for as they were; arguments as of `replicate`."""
+    takes = {part.name: [bundle for bundle in bundles if part.takes(bundle.contract)] for part in parts}
+    if not any(takes[part.name] for part in parts if part.name in asked):
+        raise StictionError("no policy fits any part of the comparison; give policies for flat ground or for stairs")
+    others = [part for part in parts if part.name not in asked]
+    found = {part.name: kept_part(part, takes[part.name], out / part.name) for part in others}
+    for part in others:
+        check_nothing_lost(part, found[part.name], out / SUMMARY)
+    for part in parts:
+        if part.name in asked and takes[part.name]:
+            found[part.name] = walk_part(part, takes[part.name], out / part.name, jobs, progress)
+    return [record for part in parts if (record := found.get(part.name)) is not None]
 
 
 def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
@@ -92,7 +111,7 @@ def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
     for record in records:
         pairs = []
         for row, detail in zip(record.rows, record.details, strict=True):
-            cell = row.policy, row.engine, row.friction_law, row.friction_level, row.terrain, row.command
+            cell = key_of(detail)
             if cell not in seen:
                 pairs.append((row, detail))
             seen.add(cell)
@@ -122,21 +141,12 @@ def check_engines(parts: Sequence[Part], spec: RobotSpec) -> None:
             raise StictionError(why)
 
 
-def _walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progress: Progress) -> PartRecord:
-    """Walk one grid; in its rows the method is the way of training."""
-    make_folder(out)
-    grid = part.grid
-    if part.forward:
-        grid = replace(grid, forward=tuple(b.name for b in bundles if conventional(b.contract)))
-    done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
-    return PartRecord(part.name, part.title, *rows_of(done, bundles))
-
-
-def _settings(part: Part) -> dict[str, Any]:
+def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
     """Return what a part asks, as plain data."""
     grid = part.grid
     return {
         "title": part.title,
+        **({"kept": record.kept} if record.kept else {}),
         "engines": list(grid.engines),
         "terrains": list(grid.terrains),
         "robots": grid.used_robots,

@@ -1,0 +1,112 @@
+"""Parts that are not asked for: what was walked of them stands, and is never replaced by less."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bundles import make_bundle, make_contract
+from stiction.formats.bundle import Bundle, read_bundle
+from stiction.formats.errors import StictionError
+from stiction.transfer.evaluate import EvaluationCfg
+from stiction.transfer.grid.config import GridCfg
+from stiction.transfer.grid.ledger import Ledger
+from stiction.transfer.grid.plan import plan
+from stiction.transfer.metrics import Metrics
+from stiction.transfer.replication.evidence import Evidence
+from stiction.transfer.replication.plan import Part, climbers, everyone
+from stiction.transfer.replication.run import replicate
+from stiction.transfer.replication.samples import samples
+from stiction.transfer.replication.walked import kept_part, walk_part
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+
+FLAT = GridCfg(EvaluationCfg((0.0, 0.1), ("vx=0.5",), episodes=2, seconds=1.0, settle=0.0), ("mujoco",))
+METRICS = Metrics(0.9, 0.1, 0.0, 4.0, 1.0, 50.0, 0.8, 0.0, (0.4, 0.4), 1.0)
+"""What a walk may be worth."""
+
+FIRST, SECOND = (Part(name, f"The {name} part", everyone, FLAT) for name in ("first", "second"))
+
+
+@pytest.fixture
+def still(tmp_path: Path) -> Bundle:
+    """A bundle that walks nowhere in particular."""
+    return read_bundle(make_bundle(tmp_path / "still", make_contract()))
+
+
+def no_walk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make every walk an error."""
+    monkeypatch.setattr("stiction.transfer.grid.run.walk_unit", lambda *rest: pytest.fail("walked"))
+
+
+def test_what_was_walked_is_kept_without_walking(
+    still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same rows, and the reader is told; where nothing was walked there is nothing."""
+    walked = walk_part(FIRST, [still], tmp_path / "first", 1, lambda *rest: None)
+    no_walk(monkeypatch)
+    kept = kept_part(FIRST, [still], tmp_path / "first")
+    assert kept is not None
+    assert (kept.rows, kept.details) == (walked.rows, walked.details)
+    assert kept.kept.startswith("not asked for: 2 of 2 rows")
+    assert kept_part(SECOND, [still], tmp_path / "second") is None
+
+
+def test_a_row_that_lacks_a_walk_is_not_kept(still: Bundle, tmp_path: Path) -> None:
+    """Half of its episodes would count as all; a third episode, or another length of them, makes none whole."""
+    walk_part(FIRST, [still], tmp_path / "first", 1, lambda *rest: None)
+    ledger = tmp_path / "first" / "walks.jsonl"
+    lines = ledger.read_text().splitlines(keepends=True)
+    ledger.write_text("".join(lines[:-1]))
+    kept = kept_part(FIRST, [still], tmp_path / "first")
+    assert kept is not None
+    assert len(kept.rows) == 1
+    assert kept.kept.startswith("not asked for: 1 of 2 rows")
+    longer = replace(FIRST, grid=replace(FLAT, base=replace(FLAT.base, seconds=1.5)))
+    assert kept_part(longer, [still], tmp_path / "first") is None
+
+
+def test_a_part_alone_does_not_replace_the_others(
+    still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Both are in the report, in their order; where the other was walked otherwise, the command refuses."""
+    parts = (FIRST, SECOND)
+    replicate([still], parts, tmp_path).write(tmp_path)
+    no_walk(monkeypatch)
+    again = replicate([still], parts, tmp_path, asked=["second"])
+    assert [(part.name, bool(part.kept)) for part in again.parts] == [("first", True), ("second", False)]
+    assert [len(part.rows) for part in again.parts] == [2, 0]  # the second has the same cells: one row each
+    assert again.summary["grids"]["first"]["kept"] == again.parts[0].kept
+    assert again.samples == samples(Evidence.of(again.parts[0].details))
+    monkeypatch.undo()
+    more = replace(FLAT, base=replace(FLAT.base, episodes=3))
+    with pytest.raises(StictionError, match=r"2 rows of the part 'first' .* add first to --parts"):
+        replicate([still], (replace(FIRST, grid=more), SECOND), tmp_path, asked=["second"])
+
+
+def test_no_robot_is_put_on_its_bench_for_a_part_that_is_not_asked_for(
+    still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That takes minutes a robot: its walks with friction fed forward are not there, and the others are."""
+    grid = replace(FLAT, engines=("mujoco-alone+all",), robots=(1000,), robot_levels=("0.1",))
+    part = replace(FIRST, grid=grid, forward=True)
+    ledger = Ledger(tmp_path / "walks.jsonl", replace(grid, forward=("still",)), {"still": still.digest})
+    walks = plan(["still"], grid)
+    ledger.add(tuple(walks), [METRICS] * len(walks))
+    monkeypatch.setattr("stiction.transfer.grid.forward.make_bench", lambda *rest: pytest.fail("put on its bench"))
+    kept = kept_part(part, [still], tmp_path)
+    assert kept is not None
+    assert [(row.method, row.episodes) for row in kept.rows] == [("none", 2)]
+
+
+def test_policies_that_fit_no_part_are_refused(still: Bundle, tmp_path: Path) -> None:
+    """A page without a row would look like a comparison."""
+    with pytest.raises(StictionError, match="no policy fits any part"):
+        replicate([still], (replace(FIRST, takes=climbers), SECOND), tmp_path, asked=["first"])
+
+
+def test_what_is_no_report_is_not_replaced(still: Bundle, tmp_path: Path) -> None:
+    """A summary of something else is in the way."""
+    (tmp_path / "summary.json").write_text("[]")
+    with pytest.raises(StictionError, match="is no summary of `stiction replicate`"):
+        replicate([still], (FIRST, SECOND), tmp_path, asked=["second"])
