@@ -8,7 +8,8 @@ from typing import Literal
 
 from stiction.formats.contract import Contract
 from stiction.transfer.evaluate import EvaluationCfg
-from stiction.transfer.grid.config import FIRST_ROBOT, GridCfg
+from stiction.transfer.grid.config import GridCfg
+from stiction.transfer.robot.seeds import reported
 from stiction.transfer.ways import way_of
 
 Size = Literal["quick", "full"]
@@ -78,7 +79,7 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     """Return the grids of a preset; `robots`: how many virtual robots, by default 2 (quick) or 8 (full)."""
     quick = size == "quick"
     count = robots or (2 if quick else 8)
-    seeds = tuple(range(FIRST_ROBOT, FIRST_ROBOT + count))
+    seeds = reported(count)
     levels, episodes = (SHORT, 2) if quick else (LEVELS, 8)
     seconds = 8.0 if quick else 10.0
 
