@@ -73,7 +73,7 @@ def test_friction_stops_a_policy_that_never_met_it(tmp_path: Path, monkeypatch: 
 
 def test_beside_it_the_same_robot_walks_with_friction_that_stays(tmp_path: Path) -> None:
     """At the wear where the other begins and at x1; the first window differs by growth alone, and by little."""
-    cfg = replace(SHORT, wear=Wear(start=0.3, seconds=3.0))
+    cfg = replace(SHORT, wear=Wear(start=0.3, seconds=2.0), window=1.0)
     lives, windows, readings = run(tmp_path, cfg, unusual=1e9)
     assert [row.steady for row in lives] == [None, 0.3, 1.0] == list(dict.fromkeys(row.steady for row in windows))
     for steady in (0.3, 1.0):
@@ -83,7 +83,7 @@ def test_beside_it_the_same_robot_walks_with_friction_that_stays(tmp_path: Path)
     grown, stayed, _ = ([row.time for row in readings if row.steady == at] for at in (None, 0.3, 1.0))
     assert grown == stayed and lives[1].end == "alive"
     assert len(list((tmp_path / "robots").iterdir())) == 3
-    assert replace(cfg, wear=Wear(start=1.0, seconds=3.0)).steady == (1.0,)
+    assert replace(cfg, wear=Wear(start=1.0, seconds=2.0)).steady == (1.0,)
 
 
 def test_one_joint_wears_and_is_watched(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
     """One line for the user, not the traceback of a child."""
     with pytest.raises(StictionError, match="engine 'bullet' is unknown"):
         path = shipped_bundles()["saturn_lite-flat-none-0.2"]
-        study_wear([WALKER], [path], replace(SHORT, engine="bullet"), tmp_path, 2, silent)
+        study_wear([WALKER], [path], replace(ALONE, engine="bullet", robots=(3, 4)), tmp_path, 2, silent)
 
 
 @pytest.mark.parametrize(
