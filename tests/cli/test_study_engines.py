@@ -50,7 +50,7 @@ def test_suite_and_walks_are_written(value: list[float], bundle: Path, tmp_path:
     """Everything that the page shows can be had as numbers, and the summary is all of standard output."""
     out = tmp_path / "engines"
     walk = ["--policies", str(bundle), "--commands", "vx=0.5", "--episodes", "2", "--seconds", "3"]
-    walk += ["--friction-levels", "0"]
+    walk += ["--friction-levels", "0", "--jobs", "1"]
     assert main(["study", "engines", "--engines", "mujoco", *walk, "--out", str(out), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["failures"] == 0 and summary["engines"] == ["mujoco"] and not summary["missing"]
@@ -112,6 +112,7 @@ def test_an_engine_that_was_asked_for_and_is_not_here_is_an_error(only_mujoco: N
         (["--commands", "stand"], "asks for motion"),
         (["--friction-levels", "2"], "outside [0, 0.9]"),
         (["--episodes", "0"], "at least one episode"),
+        (["--jobs", "0"], "--jobs 0"),
         (["--policies", "no-such-policy"], "no-such-policy"),
     ],
 )

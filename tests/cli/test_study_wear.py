@@ -12,7 +12,7 @@ from stiction.cli.main import main
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
-SHORT = ("--engine", "mujoco", "--seconds", "3", "--window", "0.5", "--jobs", "1", "--seeds", "3")
+SHORT = ("--engine", "mujoco", "--seconds", "3", "--window", "0.5", "--jobs", "1", "--robots", "3")
 
 
 def test_it_writes_tables_figure_and_page_and_does_nothing_twice(tmp_path: Path, capsys) -> None:
@@ -20,16 +20,19 @@ def test_it_writes_tables_figure_and_page_and_does_nothing_twice(tmp_path: Path,
     out = tmp_path / "wear"
     words = ["study", "wear", "saturn_lite-flat-none-0.2", *SHORT, "--levels", "0.3", "--out", str(out)]
     assert main([*words, "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
+    printed = capsys.readouterr()
+    summary = json.loads(printed.out)
+    assert "stiction study wear: Exploratory: virtual robots with seeds below 1000 (3)" in printed.err
+    assert [one["steady"] for one in summary["groups"][0]["controls"]] == [0.3, 1.0]
     assert [group["friction_level"] for group in summary["groups"]] == ["0.3"]
-    assert summary["exploratory"] == [3] and summary["policies"]["saturn_lite-flat-none-0.2"]["monitor"] is False
+    assert len(summary["warnings"]) == 1 and summary["policies"]["saturn_lite-flat-none-0.2"]["monitor"] is False
     with (out / "lives.csv").open(newline="") as file:
-        assert [row["robot"] for row in csv.DictReader(file)] == ["3"]
+        assert [(row["robot"], row["steady"]) for row in csv.DictReader(file)] == [("3", ""), ("3", "0.3"), ("3", "1")]
     files = {file: file.stat().st_mtime_ns for file in (out / "robots").iterdir()}
-    assert len(files) == 1 and (out / "wear.png").stat().st_size > 1000
-    assert main(words) == 0
+    assert len(files) == 3 and (out / "wear.png").stat().st_size > 1000
+    assert main([*words, "--no-control"]) == 0
     said = capsys.readouterr().out
-    assert "saturn_lite-flat-none-0.2 at level 0.3: " in said and "no wear monitor" in said
+    assert "saturn_lite-flat-none-0.2 at level 0.3: " in said and "no wear monitor" in said and "stayed" not in said
     assert files == {file: file.stat().st_mtime_ns for file in (out / "robots").iterdir()}
     assert "None of these bundles has a wear monitor" in (out / "report.html").read_text()
 

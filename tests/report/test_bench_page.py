@@ -7,7 +7,13 @@ from pathlib import Path
 from stiction.formats.identified import IdentifiedFriction
 from stiction.report.bench import draw_benches, lead, scores, write_bench
 
-SUMMARY = {"command": "stiction study bench", "revision": "abc", "seconds": 3.0, "machine": {"cpu": "a processor"}}
+SUMMARY = {
+    "command": "stiction study bench",
+    "revision": "abc",
+    "seconds": 3.0,
+    "machine": {"cpu": "a processor"},
+    "warnings": ["Exploratory: 3."],
+}
 
 
 def row(robot: str, joint: str, identified: float | None) -> IdentifiedFriction:
@@ -33,7 +39,15 @@ def test_the_page_has_every_joint_and_the_next_step(tmp_path: Path) -> None:
     """Refused joints stand there as such."""
     steps = {"one": "stiction train --friction-from one/training.json", "two": "nothing to train for"}
     page = write_bench(tmp_path, ROWS, steps, SUMMARY).read_text()
-    for text in ("FR_hip", "not known", "1.92 to 2.12", "+10.0%", *steps.values(), "stiction study bench"):
+    for text in (
+        "FR_hip",
+        "not known",
+        "1.92 to 2.12",
+        "+10.0%",
+        *steps.values(),
+        "stiction study bench",
+        "Exploratory: 3.",
+    ):
         assert text in page, text
     assert (tmp_path / "bench.png").stat().st_size > 1000 and (tmp_path / "summary.json").is_file()
 

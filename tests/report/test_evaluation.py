@@ -36,6 +36,7 @@ SUMMARY = {
     "engines": ["mujoco"],
     "terrains": ["flat"],
     "robots": [],
+    "warnings": ["Exploratory: 3."],
     "conditions": {
         "action_delay": 0.01,
         "encoder_offset": 0.0,
@@ -61,6 +62,7 @@ def test_every_file_is_written_and_read_back(tmp_path: Path) -> None:
     html = page.read_text()
     assert "stiction evaluate &lt;b&gt;plain&lt;/b&gt;" in html
     assert "<script" not in html
+    assert "Exploratory: 3." in html
     assert 'src="http' not in html
     assert "0.95" in html
     assert "0" * 16 in html

@@ -10,7 +10,7 @@ from pathlib import Path
 from stiction.formats.life import Life, Reading, Window
 from stiction.report.wear import answers, write_wear
 
-WALK = {"policy": "<b>p</b>", "friction_level": "0.1", "robot": 1000}
+WALK = {"policy": "<b>p</b>", "friction_level": "0.1", "robot": 1000, "steady": None}
 LIFE = Life(
     **WALK,
     method="none",
@@ -44,6 +44,15 @@ GROUP = {
     "unusual": {"before": 2, "never": 1},
     "grown": {"before": 3},
     "held": 0.25,
+    "controls": [],
+}
+CONTROL = {
+    "steady": 0.3,
+    "robots": 3,
+    "ended": 1,
+    "alarms": {"unusual": 2, "grown": 0},
+    "at_once": {"unusual": 1, "grown": 0},
+    "interval95": {"unusual": [0.208, 0.939], "grown": [0.0, 0.562]},
 }
 
 
@@ -52,7 +61,7 @@ def summary(**changes) -> dict:
     wear = {"joints": [], "start": 0.3, "end": 3.0, "seconds": 120.0}
     settings = {"engine": "physx", "cell": "all", "command": "vx=0.5", "settle": 2.0, "window": 10.0, "wear": wear}
     base = {"command": "stiction study wear p", "revision": "abc", "machine": {"cpu": "a processor"}}
-    return base | {"settings": settings, "exploratory": [], "groups": [GROUP]} | changes
+    return base | {"settings": settings, "warnings": [], "groups": [GROUP]} | changes
 
 
 def test_the_answer_says_where_lives_end_and_of_what_the_interval_is() -> None:
@@ -86,14 +95,33 @@ def test_the_page_has_tables_and_figures_and_the_numbers_lie_beside_it(tmp_path:
     assert all((tmp_path / name).stat().st_size > 1000 for name in ("wear.png", "monitor.png"))
 
 
+def test_false_alarms_stand_beside_the_notices(tmp_path: Path) -> None:
+    """Without them nobody could say what a notice is worth; rows of the files say in which walks nothing grew."""
+    group = GROUP | {"controls": [CONTROL, CONTROL | {"steady": 1.0, "ended": 0}]}
+    (said,) = answers([group], 3.0)
+    assert (
+        "Where friction stayed at x0.3, 1 of 3 lives ended; false alarms: an unusual reading for 2 of 3 (21% to 94%), "
+        "growth for 0 of 3 (0% to 56%). Where friction stayed at x1, 0 of 3 lives ended; " in said
+    )
+    (deaf,) = answers([group | {"monitored": False}], 3.0)
+    assert "at x0.3, 1 of 3 lives ended. Where" in deaf and "alarm" not in deaf
+    stayed = [replace(row, steady=0.3) for row in (LIFE, READING, *WINDOWS)]
+    rows = [LIFE, stayed[0]], [*WINDOWS, *stayed[2:]], [READING, stayed[1]]
+    page = write_wear(tmp_path, *rows, summary(groups=[group])).read_text()
+    assert "2 of 3 (21% to 94%)" in page and page.count("x1.25") == 1 and "not known" not in page
+    with (tmp_path / "lives.csv").open(newline="") as file:
+        assert [row["steady"] for row in csv.DictReader(file)] == ["", "0.3"]
+    assert "false alarms are not known" in write_wear(tmp_path, *rows, summary()).read_text()
+
+
 def test_a_bundle_without_a_monitor_is_said_to_have_none(tmp_path: Path) -> None:
     """And what an earlier study left there of one is gone; robots that were looked at before are named."""
     (tmp_path / "readings.csv").write_text("old")
     (tmp_path / "monitor.png").write_text("old")
     rows = [replace(LIFE, monitored=False, grown_factor=None, grown="never"), replace(LIFE, end="alive", factor=None)]
-    page = write_wear(tmp_path, rows, WINDOWS, [], summary(exploratory=[3])).read_text()
+    page = write_wear(tmp_path, rows, WINDOWS, [], summary(warnings=["Exploratory: 3."])).read_text()
     assert "None of these bundles has a wear monitor" in page and "no monitor" in page and "over x3" in page
-    assert "Exploratory: the virtual robots 3 were" in page
+    assert "Exploratory: 3." in page
     assert not (tmp_path / "readings.csv").exists() and not (tmp_path / "monitor.png").exists()
 
 

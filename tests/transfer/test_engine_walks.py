@@ -18,7 +18,8 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 from stiction.deploy.check import check_bundle
 from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING
-from stiction.transfer.engine_walks import check_walks, simulators, walk_bundle
+from stiction.transfer import engine_walks
+from stiction.transfer.engine_walks import check_walks, simulators, walk_bundles
 from stiction.transfer.engines.engine import Motion
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.robot.data_sheet import DataSheet
@@ -56,22 +57,38 @@ def test_friction_is_the_level_in_every_joint() -> None:
         np.testing.assert_allclose(bound, 0.2 * spec.joint_values("torque_limit"))
 
 
-def test_every_cell_has_every_simulator_in_order(bundle: Path) -> None:
-    """Rows would be compared with those of another level or command."""
+def test_every_cell_has_every_simulator_in_order_and_walks_once(
+    bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows would be compared with those of another level or command; an interrupted study would begin anew."""
     cfg = EvaluationCfg((0.0, 0.2), ("vx=0.5",), episodes=2, seconds=1.0, settle=0.0)
-    done: dict[str, float] = {}
-    walks = walk_bundle(check_bundle(bundle).bundle, simulators([MUJOCO]), cfg, done.__setitem__)
+    done: list[tuple[str, float]] = []
+    folder = tmp_path / "walks"
+    folder.mkdir()
+
+    def run(cfg: EvaluationCfg = cfg) -> list[engine_walks.Walk]:
+        found = simulators([MUJOCO])
+        return walk_bundles([check_bundle(bundle).bundle], found, cfg, folder, 1, lambda *said: done.append(said))
+
+    walks = run()
     steps = {TRAINING: 0.005, FINE_TRAINING: 0.001, COARSE: 0.005, MUJOCO: 0.002, STIFF: 0.002}
     assert [(walk.row.friction_level, walk.row.simulator) for walk in walks] == [
         (level, name) for level in (0.0, 0.2) for name in steps
     ]
-    assert done == {f"toy, {name}": 1.0 for name in steps}
+    assert done == [("walks", pytest.approx(number / 10)) for number in range(1, 11)]
     for walk in walks:
         row = walk.row
         assert row.episodes == 2 and row.timestep == steps[row.simulator]
         assert row.speed_ratio == pytest.approx(np.mean([one.speed_ratio for one in walk.episodes]))
         assert (row.to_training is None) == (row.simulator == TRAINING)
         assert row.speed_low is not None and row.speed_low < row.speed_ratio < row.speed_high
+        if row.to_training is not None:
+            trained = next(one.row for one in walks if one.row.friction_level == row.friction_level)
+            assert row.to_training == pytest.approx(row.speed_ratio / trained.speed_ratio)
+    monkeypatch.setattr(engine_walks, "_episodes", lambda *arguments: pytest.fail("walked again"))
+    assert run() == walks and len(list(folder.iterdir())) == 10
+    with pytest.raises(pytest.fail.Exception):
+        run(replace(cfg, seed=1))
 
 
 def test_a_command_to_stand_has_no_speed_to_compare() -> None:

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from stiction.formats.life import Life, Reading, Window
-from stiction.transfer.wear_life import Ending, ending, first_grown, groups, life, notice, ratios
+from stiction.transfer.wear_life import Ending, control, ending, first_grown, groups, life, notice, ratios
 
-WALK = {"policy": "p", "friction_level": "0.1", "robot": 1000}
+WALK = {"policy": "p", "friction_level": "0.1", "robot": 1000, "steady": None}
 WHAT = WALK | {"method": "none", "engine": "physx", "command": "vx=0.5"}
 
 
@@ -67,6 +67,48 @@ def test_a_notice_counts_when_it_came_in_time_and_not_at_once() -> None:
     over = Ending("slow", 2.0, 20.0)
     assert [notice(one, said, over) for one in (*said, None)] == ["at once", "before", "after", "never"]
     assert notice(said[2], said, Ending("alive")) == "before"
+
+
+def test_what_never_walked_fast_enough_has_no_before() -> None:
+    """Its life was over before the wear began: a monitor that speaks up later is no early one."""
+    said = [reading(10, 0.05), reading(20, 0.08, unusual=True)]
+    slow = Ending("slow from the start")
+    assert [notice(one, said, slow) for one in (*said, None)] == ["at once", "after", "never"]
+    row = life(WHAT, windows(0.7, 0.6, 0.5), said, None, True)
+    assert (row.end, row.unusual, row.grown) == ("slow from the start", "after", "after")
+    (group,) = groups([row])
+    assert group["unusual"] == group["grown"] == {"after": 1}
+
+
+def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
+    """Of four robots one is unusual at once, one later, one after a fall; growth is told of one: 3 and 1 of 4.
+
+    Wilson, z² = 3.8415, of 3 in 4: (0.75 + 0.48018 ± 1.96 √(0.046875 + 0.060023)) / 1.96036.
+    """
+    quiet = [reading(10, 0.05), reading(20, 0.06)]
+    heard = [
+        (windows(1.0, 1.0), quiet, None),
+        (windows(1.0, 1.0), [replace(quiet[0], unusual=True), quiet[1]], None),
+        (windows(1.0, 1.0), [quiet[0], reading(20, 0.08, unusual=True)], None),
+        (windows(1.0), [quiet[0], reading(20, 0.06, unusual=True)], (15.0, 0.3)),
+    ]
+    rows = [life(WHAT | {"steady": 0.3}, *one, True) for one in heard]
+    found = control(rows)
+    assert (found["steady"], found["robots"], found["ended"]) == (0.3, 4, 1)
+    assert found["alarms"] == {"unusual": 3, "grown": 1} and found["at_once"] == {"unusual": 1, "grown": 0}
+    half = 1.95996 * sqrt(0.046875 + 0.060023)
+    ends = [(0.75 + 0.48018 - half) / 1.96036, (0.75 + 0.48018 + half) / 1.96036]
+    assert found["interval95"]["unusual"] == pytest.approx(ends, abs=1e-4)
+    assert found["interval95"]["grown"] == pytest.approx([1 - ends[1], 1 - ends[0]], abs=1e-4)
+
+
+def test_walks_in_which_nothing_grew_are_no_lives_under_wear() -> None:
+    """They stand beside those, by the wear at which they stayed, and neither lengthen nor shorten a mean."""
+    stayed = [replace(row, steady=at) for at in (0.3, 1.0) for row in lives(9.0, None)]
+    (group,) = groups(lives(1.0, 4.0) + stayed)
+    assert (group["robots"], group["mean"]) == (2, pytest.approx(2.0)) and group["ends"] == {"slow": 2}
+    assert [(one["steady"], one["robots"], one["ended"]) for one in group["controls"]] == [(0.3, 2, 1), (1.0, 2, 1)]
+    assert groups(lives(1.0))[0]["controls"] == []
 
 
 def test_the_row_of_a_walk() -> None:

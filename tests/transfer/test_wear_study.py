@@ -13,7 +13,7 @@ from stiction.formats.bundle import Bundle, read_bundle, write_bundle
 from stiction.formats.errors import StictionError
 from stiction.formats.shipped import shipped_bundles
 from stiction.robots.catalog import find_robot
-from stiction.transfer import wear_study
+from stiction.transfer import kept, wear_study
 from stiction.transfer.robot.draw import draw
 from stiction.transfer.robot.wear import Wear
 from stiction.transfer.wear_study import WearCfg, study_wear
@@ -22,7 +22,8 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 SPEC = find_robot("saturn_lite")
 WALKER = read_bundle(shipped_bundles()["saturn_lite-flat-none-0.2"])
-SHORT = WearCfg("mujoco", ("0.3",), seeds=(3,), wear=Wear(start=0.1, seconds=6.0), settle=1.0, window=2.0)
+SHORT = WearCfg("mujoco", ("0.3",), robots=(3,), wear=Wear(start=0.1, seconds=6.0), settle=1.0, window=2.0)
+ALONE = replace(SHORT, control=False)
 
 
 def silent(name: str, share: float) -> None:
@@ -36,7 +37,7 @@ def watching(folder: Path, **changes) -> Bundle:
     return read_bundle(write_bundle(folder / "watching", *parts))
 
 
-def run(folder: Path, cfg: WearCfg = SHORT, **changes):
+def run(folder: Path, cfg: WearCfg = ALONE, **changes):
     """Wear robots out under the watching walker."""
     bundle = watching(folder, **changes)
     (folder / "robots").mkdir()
@@ -59,33 +60,51 @@ def test_friction_stops_a_policy_that_never_met_it(tmp_path: Path, monkeypatch: 
         assert reading.true == pytest.approx(0.3 * reading.factor)
         assert reading.high - reading.low <= 0.04 + 1e-9 and not reading.unusual
     assert len({reading.estimate for reading in readings}) == 6 and row.monitored and row.unusual == "never"
-    # Done once, it is not done again.
-    monkeypatch.setattr(wear_study, "walk", None)
-    again = study_wear([WALKER], [tmp_path / "watching"], SHORT, tmp_path / "robots", 1, silent)
-    assert again == ([row], windows, readings)
-    with pytest.raises(TypeError):
-        study_wear([WALKER], [tmp_path / "watching"], replace(SHORT, seeds=(2,)), tmp_path / "robots", 1, silent)
+    # Done once, it is not done again, unless robot or code are others.
+    monkeypatch.setattr(wear_study, "walk", lambda *arguments, **others: pytest.fail("walked again"))
+    folders = [tmp_path / "watching"], ALONE, tmp_path / "robots", 1, silent
+    assert study_wear([WALKER], *folders) == ([row], windows, readings)
+    with pytest.raises(pytest.fail.Exception):
+        study_wear([WALKER], folders[0], replace(ALONE, robots=(2,)), *folders[2:])
+    monkeypatch.setattr(kept, "made_by", lambda *code: {"code": "other"})
+    with pytest.raises(pytest.fail.Exception):
+        study_wear([WALKER], *folders)
+
+
+def test_beside_it_the_same_robot_walks_with_friction_that_stays(tmp_path: Path) -> None:
+    """At the wear where the other begins and at x1; the first window differs by growth alone, and by little."""
+    cfg = replace(SHORT, wear=Wear(start=0.3, seconds=2.0), window=1.0)
+    lives, windows, readings = run(tmp_path, cfg, unusual=1e9)
+    assert [row.steady for row in lives] == [None, 0.3, 1.0] == list(dict.fromkeys(row.steady for row in windows))
+    for steady in (0.3, 1.0):
+        heard = [row for row in readings if row.steady == steady]
+        assert {round(row.factor, 9) for row in (*windows, *heard) if row.steady == steady} == {steady}
+        assert {round(row.true, 9) for row in heard} == {0.3 * steady}
+    grown, stayed, _ = ([row.time for row in readings if row.steady == at] for at in (None, 0.3, 1.0))
+    assert grown == stayed and lives[1].end == "alive"
+    assert len(list((tmp_path / "robots").iterdir())) == 3
+    assert replace(cfg, wear=Wear(start=1.0, seconds=2.0)).steady == (1.0,)
 
 
 def test_one_joint_wears_and_is_watched(tmp_path: Path) -> None:
     """The truth is that joint's own share of the level times the wear; what the map does not tell is not said."""
     told = (*(name != "ML_shank" for name in SPEC.joint_names), True)
-    cfg = replace(SHORT, wear=Wear(("ML_shank",), 0.3, 3.0, 2.0), window=1.0)
+    cfg = replace(ALONE, wear=Wear(("ML_shank",), 0.3, 3.0, 2.0), window=1.0)
     (row,), _, readings = run(tmp_path, cfg, unusual=1e-9, told=told)
     (reading,) = readings
     share = draw(SPEC, 3).friction.share[SPEC.joint_names.index("ML_shank")]
     assert reading.target == "ML_shank" and reading.true == pytest.approx(0.3 * share * reading.factor)
     assert (reading.estimate, reading.low, reading.high, reading.unusual) == (None, None, None, True)
     assert (row.unusual, row.grown, row.held) == ("at once", "never", None)
-    kept = json.loads(next((tmp_path / "robots").iterdir()).read_text())
-    assert kept["life"]["robot"] == 3 and kept["readings"][0]["target"] == "ML_shank"
+    part = json.loads(next((tmp_path / "robots").iterdir()).read_text())
+    assert part["life"]["robot"] == 3 and part["readings"][0]["target"] == "ML_shank"
 
 
 def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
     """One line for the user, not the traceback of a child."""
     with pytest.raises(StictionError, match="engine 'bullet' is unknown"):
         path = shipped_bundles()["saturn_lite-flat-none-0.2"]
-        study_wear([WALKER], [path], replace(SHORT, engine="bullet"), tmp_path, 2, silent)
+        study_wear([WALKER], [path], replace(ALONE, engine="bullet", robots=(3, 4)), tmp_path, 2, silent)
 
 
 @pytest.mark.parametrize(
@@ -93,7 +112,7 @@ def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
     [
         ({"command": "stand"}, "asks for motion"),
         ({"levels": ()}, "at least one"),
-        ({"seeds": (3, 3)}, "each once"),
+        ({"robots": (3, 3)}, "each once"),
         ({"levels": ("0",)}, "level 0 cannot wear"),
         ({"levels": ("heavy",)}, "friction level 'heavy'"),
         ({"cell": "rest"}, "has no friction"),

@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
+from stiction.cli.virtual_robots import RobotSeeds
 from stiction.formats.errors import StictionError
 
 
@@ -32,8 +33,7 @@ class EvaluateCfg:
     """Physics engines. mujoco: the simulator of the training, all robots at once; mujoco-alone, physx, ode, ode-webots:
     one robot, steps of 2 ms, motors and friction by us. After a +, a virtual robot with joints of its own plays the
     real one: physx+all, or what of it is real: +nominal, +friction, +rest (all but friction), +delays+gears."""
-    robots: tuple[int, ...] = (1000, 1001, 1002)
-    """Seeds of the virtual robots, each of which walks --episodes. Do not tune on robots that you report."""
+    robots: RobotSeeds = (1000, 1001, 1002)
     robot_levels: tuple[str, ...] = ()
     """Friction of virtual robots: fractions of the torque limit, bench (0.442 N m at Saturn Lite's shank, 0.25 N m at
     hip and thigh), bench+0.02 (and that coefficient of the load); by default as --friction-levels."""
@@ -47,7 +47,7 @@ class EvaluateCfg:
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
     """Commanded velocities, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5 or vx=0.3,wz=0.2 or stand."""
     episodes: int = 32
-    """Episodes per level and command."""
+    """Episodes per level and command, of every virtual robot."""
     seconds: float = 20.0
     """Length of an episode [s]; its first 2 s are not measured."""
     seed: int = 0
@@ -124,6 +124,8 @@ def main(arguments: list[str]) -> int:
         rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, cfg.jobs or num_threads(), progress)
         if record is not None and cfg.log is not None:
             summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
+    for warning in summary["warnings"]:
+        print(f"stiction evaluate: {warning}", file=sys.stderr)
     summary = {"command": shlex.join(["stiction", "evaluate", *arguments])} | summary
     write_evaluation(cfg.out, rows, summary, method_means(rows))
     if cfg.json:
@@ -139,5 +141,6 @@ def main(arguments: list[str]) -> int:
 DESCRIPTION = (
     "Drive policy bundles over levels of dry joint friction, velocity commands, grounds and physics engines, on the "
     "robot of the data sheet or on a virtual one with joints of its own, from the bundles alone. A bundle is a "
-    "directory, or the name of one that comes with the package. Stop it at any time: the same command goes on."
+    "directory, or the name of one that comes with the package. Stop it at any time: the same command goes on. What is "
+    "lost is the walks in progress, one a core; of the engine mujoco a batch, some three seconds of computing."
 )

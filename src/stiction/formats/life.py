@@ -12,7 +12,8 @@ End = Literal["slow", "fell", "alive", "slow from the start"]
 """How a walk ended: under `ENOUGH` for good; by a fall, before that; neither; or never above `ENOUGH`."""
 
 Notice = Literal["before", "after", "at once", "never"]
-"""When a monitor noticed: before the life ended, after that, at its first reading, before any wear, or not at all."""
+"""When a monitor noticed: before the life ended, after that, at its first reading, before any wear, or not at all. A
+life that was slow from the start has no before."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +26,8 @@ class Walk:
     """Level that wear multiplies, as it was typed: `0.1`, `bench+0.02`."""
     robot: int
     """Seed of the virtual robot."""
+    steady: float | None
+    """Wear at which the friction stayed, of a control walk, in which nothing grew [1]; None: it grew."""
 
 
 @dataclass(frozen=True)

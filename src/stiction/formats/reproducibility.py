@@ -113,6 +113,14 @@ def source_digest(*patterns: str) -> str:
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
+def made_by(*patterns: str) -> dict[str, Any]:
+    """Return what a kept result must have been made by to count still: code, and installed packages.
+
+    patterns: of the code, as of `source_digest`.
+    """
+    return {"code": source_digest(*patterns), "packages": _package_versions()}
+
+
 def git_revision() -> str:
     """Return the short hash of the commit that this code runs from, with `-dirty` where the package differs from it.
 

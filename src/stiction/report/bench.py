@@ -61,7 +61,9 @@ def write_bench(
         write_summary(out / "summary.json", summary)
         draw_benches(rows).savefig(out / "bench.png", dpi=130, facecolor="white")
         page = out / "report.html"
-        page.write_text(render_page(TITLE, sections(rows, next_steps, summary), lead(rows)), encoding="utf-8")
+        page.write_text(
+            render_page(TITLE, sections(rows, next_steps, summary), lead(rows), summary["warnings"]), encoding="utf-8"
+        )
     except OSError as error:
         raise StictionError(f"the study cannot be written to {out}: {error}; choose another --out") from error
     return page

@@ -91,7 +91,9 @@ def write_evaluation(
         for kind in ("svg", "png"):
             figure.savefig(out / f"friction_budget.{kind}", dpi=150, facecolor="white")
         page = out / "report.html"
-        page.write_text(render_page(TITLE, sections(rows, summary, methods), lead(rows)), encoding="utf-8")
+        page.write_text(
+            render_page(TITLE, sections(rows, summary, methods), lead(rows), summary["warnings"]), encoding="utf-8"
+        )
     except OSError as error:
         raise StictionError(f"the results cannot be written to {out}: {error}; choose another --out") from error
     return page

@@ -4,26 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stiction.formats.life import ENOUGH, Life, Reading, Window
 from stiction.formats.results import write_summary
 from stiction.formats.rows import write_rows
-from stiction.report.page import (
-    COLORS,
-    INK,
-    Section,
-    figure_uri,
-    legend,
-    new_figure,
-    paragraph,
-    picture,
-    render_page,
-    table,
-)
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from stiction.report.page import Section, figure_uri, paragraph, picture, render_page, table
+from stiction.report.wear_figures import draw_ratios, draw_readings
 
 
 def write_wear(
@@ -31,20 +18,26 @@ def write_wear(
 ) -> Path:
     """Write lives.csv, windows.csv, readings.csv, summary.json, figures and report.html into `out`; return the page.
 
-    readings: of all monitors; where there are none, readings.csv is not written. windows: at least one.
+    readings: of all monitors; where there are none, readings.csv is not written. The files have the walks in which
+    friction stayed as well; the figures and the table of robots have those in which it grew.
     """
     for name, rows in (("lives", lives), ("windows", windows), ("readings", readings)):
         (out / f"{name}.csv").unlink(missing_ok=True)
         if rows:
             write_rows(out / f"{name}.csv", rows)
     write_summary(out / "summary.json", summary)
-    ratios = draw_ratios(windows, lives)
+    worn = [row for row in lives if row.steady is None]
+    ratios = draw_ratios([row for row in windows if row.steady is None], worn)
     ratios.savefig(out / "wear.png", dpi=150, facecolor="white")
     settings, end = summary["settings"], summary["settings"]["wear"]["end"]
     sections = [
         Section("Speed while friction grows", (picture(figure_uri(ratios), SPEED),)),
-        Section("Every robot", (table(HEADER, [_cells(row, end) for row in lives]), paragraph(ENDS))),
-        Section("Does the monitor notice?", (*_monitor(out, readings), paragraph(MONITOR))),
+        Section("Every robot", (table(HEADER, [_cells(row, end) for row in worn]), paragraph(ENDS))),
+        Section(
+            "Does the monitor notice?",
+            (*_monitor(out, [row for row in readings if row.steady is None]), paragraph(MONITOR)),
+        ),
+        Section("Where nothing grew", _controls(summary["groups"])),
         Section(
             "What was run",
             (
@@ -54,15 +47,11 @@ def write_wear(
             ),
         ),
     ]
-    explored = summary["exploratory"]
-    warnings = [EXPLORED.format(", ".join(map(str, explored)))] if explored else []
     page = out / "report.html"
     lead = " ".join(answers(summary["groups"], end))
-    page.write_text(render_page("Wear", sections, lead, warnings), encoding="utf-8")
+    page.write_text(render_page("Wear", sections, lead, summary["warnings"]), encoding="utf-8")
     return page
 
-
-EXPLORED = "Exploratory: the virtual robots {} were looked at while virtual robots were made; they are no evidence."
 
 SPEED = (
     f"Speed over the commanded one, means over windows, against the wear in the middle of each; a thin line is a "
@@ -90,6 +79,21 @@ MONITOR = (
     "takes for friction or does not know."
 )
 
+CONTROLS = (
+    "The same robots under the same policies, for as long, with friction that stays. At the wear at which the others "
+    "begin, that is the same walk but for growth: what is noticed there would have been noticed without any. x1 is the "
+    "level itself, which friction that grows only passes. Whatever a monitor notices there, at once or later, is a "
+    "false alarm; in brackets Wilson's 95 % interval over these robots. A life that ends there, or was slow from the "
+    "start, did not end by growth."
+)
+
+CONTROL_HEADER = (
+    *("policy", "level", "friction stays at", "robots", "lives ended"),
+    *("false alarms: unusual reading", "at once", "false alarms: growth told"),
+)
+
+NO_CONTROLS = "No robot walked with friction that stays (--no-control): false alarms are not known."
+
 WHAT = (
     "Virtual robots in {engine}, cell {cell}, with parameters of their own; the friction of {joints} grows by equal "
     "ratios from x{wear[start]:g} to x{wear[end]:g} of its level in {wear[seconds]:g} s and stays there for a window, "
@@ -102,7 +106,7 @@ WHAT = (
 
 def answers(groups: Sequence[dict[str, Any]], last: float) -> list[str]:
     """Return a sentence or two for each policy and level; last: the greatest factor that was tried [1]."""
-    return [f"{_ended(group, last)} {_noticed(group)}" for group in groups]
+    return [" ".join((_ended(group, last), _noticed(group), *_stayed(group))) for group in groups]
 
 
 def _ended(group: dict[str, Any], last: float) -> str:
@@ -144,43 +148,32 @@ def _noticed(group: dict[str, Any]) -> str:
     return f"Of its {group['robots']} monitors, {'; '.join(parts)}.{held}"
 
 
-def draw_ratios(windows: Sequence[Window], lives: Sequence[Life]) -> Figure:
-    """Return the speed ratio over wear, a panel for each level, a colour for each policy."""
-    levels = list(dict.fromkeys(row.friction_level for row in lives))
-    policies = list(dict.fromkeys(row.policy for row in lives))
-    figure, axes = new_figure(len(levels), 1, (8.0, 3.4 * len(levels)))
-    for axis, level in zip(axes, levels, strict=True):
-        axis.axhline(ENOUGH, color=INK, linewidth=0.8, linestyle="--")
-        for color, policy in zip(COLORS * len(policies), policies, strict=False):
-            rows = [row for row in windows if (row.policy, row.friction_level) == (policy, level)]
-            robots = list(dict.fromkeys(row.robot for row in rows))
-            lines = [[row for row in rows if row.robot == robot] for robot in robots]
-            for line in lines:
-                axis.plot(*_points(line), color=color, linewidth=0.7, alpha=0.5)
-            shared = min((len(line) for line in lines), default=0)
-            means = [sum(line[at].ratio for line in lines) / len(lines) for at in range(shared)]
-            axis.plot([row.factor for row in lines[0][:shared]] if lines else [], means, color=color, label=policy)
-        axis.set(xscale="log", xlabel="wear, factor on dry friction", ylabel="speed ratio", title=f"level {level}")
-        _plain(axis)
-        legend(axis)
-    return figure
+def _stayed(group: dict[str, Any]) -> list[str]:
+    """Say what came where friction stayed, a sentence for each wear at which it did."""
+    said = []
+    for one in group["controls"]:
+        alarms = f"; false alarms: an unusual reading for {_alarms(one, 'unusual')}, growth for {_alarms(one, 'grown')}"
+        ended = f"{one['ended']} of {one['robots']} lives ended"
+        said.append(f"Where friction stayed at x{one['steady']:g}, {ended}{alarms if group['monitored'] else ''}.")
+    return said
 
 
-def _points(line: Sequence[Window]) -> tuple[list[float], list[float]]:
-    """Return wear and ratio of a robot's windows."""
-    return [row.factor for row in line], [row.ratio for row in line]
+def _alarms(control: dict[str, Any], name: str) -> str:
+    """Return how many robots set off one signal, with the interval of the share."""
+    low, high = control["interval95"][name]
+    return f"{control['alarms'][name]} of {control['robots']} ({low:.0%} to {high:.0%})"
 
 
-TICKS = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
-"""Factors that are written under an axis, as far as they are on it."""
-
-
-def _plain(axis) -> None:
-    """Write factors as people do."""
-    low, high = axis.get_xlim()
-    ticks = [tick for tick in TICKS if low <= tick <= high]
-    axis.set_xticks(ticks, [f"x{tick:g}" for tick in ticks])
-    axis.set_xticks([], minor=True)
+def _controls(groups: Sequence[dict[str, Any]]) -> tuple:
+    """Return the table of the walks in which friction stayed."""
+    rows = []
+    for group in groups:
+        for one in group["controls"]:
+            alarms = [_alarms(one, "unusual"), str(one["at_once"]["unusual"]), _alarms(one, "grown")]
+            named = [group["policy"], group["friction_level"], f"x{one['steady']:g}"]
+            counts = [str(one["robots"]), str(one["ended"])]
+            rows.append([*named, *counts, *(alarms if group["monitored"] else ["no monitor", "–", "–"])])
+    return (table(CONTROL_HEADER, rows), paragraph(CONTROLS)) if rows else (paragraph(NO_CONTROLS),)
 
 
 def _monitor(out: Path, readings: Sequence[Reading]) -> tuple:
@@ -197,39 +190,6 @@ def _monitor(out: Path, readings: Sequence[Reading]) -> tuple:
         "hollow: it said that the walk is unusual."
     )
     return (picture(figure_uri(figure), caption),)
-
-
-def draw_readings(readings: Sequence[Reading]) -> Figure:
-    """Return estimate and truth over time, a panel for each policy and level, a colour for each robot."""
-    panels = list(dict.fromkeys((row.policy, row.friction_level) for row in readings))
-    figure, axes = new_figure(len(panels), 1, (8.0, 3.4 * len(panels)))
-    for axis, panel in zip(axes, panels, strict=True):
-        rows = [row for row in readings if (row.policy, row.friction_level) == panel]
-        robots = list(dict.fromkeys(row.robot for row in rows))
-        for number, robot in enumerate(robots):
-            color, mine = COLORS[number % len(COLORS)], [row for row in rows if row.robot == robot]
-            axis.plot([row.time for row in mine], [100 * row.true for row in mine], color=color, linewidth=1.0)
-            shift = number / len(robots)
-            for row in mine:
-                if row.estimate is None or row.low is None or row.high is None:
-                    continue
-                value, ends = 100 * row.estimate, [100 * (row.estimate - row.low), 100 * (row.high - row.estimate)]
-                axis.errorbar(
-                    row.time + shift,
-                    value,
-                    [[max(0.0, ends[0])], [max(0.0, ends[1])]],
-                    marker="o",
-                    markersize=4,
-                    color=color,
-                    markerfacecolor="none" if row.unusual else color,
-                    capsize=2,
-                    linewidth=0.8,
-                )
-            axis.plot([], [], color=color, marker="o", label=f"robot {robot}")
-        target = "mean over the joints" if rows[0].target == "level" else rows[0].target
-        axis.set(xlabel="time [s]", ylabel=f"f/τ_max [%], {target}", title=f"{panel[0]}, level {panel[1]}")
-        legend(axis)
-    return figure
 
 
 def _cells(row: Life, last: float) -> list[str]:

@@ -7,8 +7,11 @@ the torque limit in every joint. What is left is how contacts and joints are sol
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,19 +21,17 @@ from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAIN
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import Law
 from stiction.locomotion.config import NoiseCfg
-from stiction.transfer.command import Command
-from stiction.transfer.engines.catalog import make_engine
+from stiction.transfer.engines.catalog import TIMESTEP, make_engine
 from stiction.transfer.engines.checks.rig import Make
-from stiction.transfer.engines.engine import GRAVITY
 from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
-from stiction.transfer.metrics import Metrics, measure
+from stiction.transfer.grid.walk import walk_once
+from stiction.transfer.kept import WALKING, keep
+from stiction.transfer.metrics import Metrics
 from stiction.transfer.robot.data_sheet import DataSheet
-from stiction.transfer.robot.trial import World, walk
+from stiction.transfer.robot.trial import World
 from stiction.transfer.rollout import robot_of
 from stiction.transfer.statistics import ratio_interval, t_interval
-
-TIMESTEP = 0.002
-"""Physics step of the engines [s], that of the conformance suite's bounds."""
+from stiction.transfer.workers import spread
 
 FINE = 0.001
 """Physics step of `FINE_TRAINING` [s]."""
@@ -86,55 +87,73 @@ def check_walks(cfg: EvaluationCfg) -> None:
             raise StictionError(f"command {command.label!r}: expected one that asks for motion, such as vx=0.5")
 
 
-def walk_bundle(
-    bundle: Bundle, found: Sequence[Simulator], cfg: EvaluationCfg, progress: Callable[[str, float], None]
+def walk_bundles(
+    bundles: Sequence[Bundle],
+    found: Sequence[Simulator],
+    cfg: EvaluationCfg,
+    folder: Path,
+    jobs: int,
+    progress: Callable[[str, float], None],
 ) -> list[Walk]:
-    """Let a bundle walk over levels and commands in every simulator, by level, command, simulator.
+    """Let bundles walk over levels and commands in every simulator, by bundle, level, command, simulator.
 
-    cfg: as `stiction evaluate` has it; its noise, law and delay are not used. progress: called with the names of bundle
-    and simulator, and the share of their walks that is done.
+    Args:
+        bundles: each of another name.
+        found: as from `simulators`.
+        cfg: as `stiction evaluate` has it; its noise, law and delay are not used.
+        folder: in which what was walked is kept, a file for every such cell; it exists.
+        jobs: processes at once. They do not change the result.
+        progress: called with `walks` and the share that is done.
 
     Raises:
-        StictionError: the bundle does not fit the robot, or a command asks for no motion.
+        StictionError: a bundle does not fit the robot, a command asks for no motion, or a process was killed.
 
     """
     check_walks(cfg)
-    cells = [(level, command) for level in cfg.friction_levels for command in cfg.parsed_commands]
-    measured: dict[str, list[tuple[Metrics, ...]]] = {}
-    for simulator in found:
-        done = partial(progress, f"{bundle.name}, {simulator.name}")
-        if simulator.make is None:
-            same = replace(cfg, noise=NO_NOISE, action_delay=0.0, friction_law="coulomb")
-            finer = at_step(bundle, _timestep(bundle, simulator))
-            measured[simulator.name] = list(evaluate_bundle(finer, same, progress=done).episodes)
-            continue
-        measured[simulator.name] = []
-        for number, (level, command) in enumerate(cells):
-            timestep = _timestep(bundle, simulator)
-            measured[simulator.name].append(_walks(bundle, simulator.make, timestep, level, command, cfg))
-            done((number + 1) / len(cells))
+    same = replace(cfg, noise=NO_NOISE, action_delay=0.0, friction_law="coulomb")
+    asked = [
+        replace(same, friction_levels=(level,), commands=(command,))
+        for level, command in product(cfg.friction_levels, cfg.commands)
+    ]
+    tasks = [(bundle, simulator, one, folder) for bundle, one, simulator in product(bundles, asked, found)]
+    walked: dict[int, tuple[EpisodeRow, ...]] = {}
+    for number, episodes in spread(walk_cell, tasks, jobs):
+        walked[number] = episodes
+        progress("walks", len(walked) / len(tasks))
+    # The training's simulator is the first one of each cell.
     return [
-        _walk(bundle, simulator, level, command, measured[simulator.name][number], measured[TRAINING][number])
-        for number, (level, command) in enumerate(cells)
-        for simulator in found
+        Walk(_row(timestep_of(bundle, simulator), walked[n], walked[n - n % len(found)]), walked[n])
+        for n, (bundle, simulator, _, _) in enumerate(tasks)
     ]
 
 
-def _walks(
-    bundle: Bundle, make: Make, timestep: float, level: float, command: Command, cfg: EvaluationCfg
-) -> tuple[Metrics, ...]:
-    """Return what each episode of one robot in an engine was worth."""
-    contract = bundle.contract
-    spec, period = robot_of(contract), contract.control_period
-    world = World(make, timestep=timestep, period=period)
-    case, velocity = DataSheet(cfg.seed, Law(), level), np.array(command.velocity)
-    steps, first = round(cfg.seconds / period), round(cfg.settle / period)
-    metrics = []
-    for episode in range(cfg.episodes):
-        trial = walk(bundle, case, world, lambda number, motion: velocity, steps, episode)
-        recording = trial.recording.lasting(steps).of(slice(0, 1), first)
-        metrics.append(measure(recording, command, spec.groups(), spec.mass * GRAVITY))
-    return tuple(metrics)
+def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder: Path) -> tuple[EpisodeRow, ...]:
+    """Return the episodes of a policy in one simulator, from their file if they have walked before.
+
+    asked: one level and one command.
+    """
+    made_from = {"bundle": bundle.digest, "simulator": simulator.name, "asked": asdict(asked)}
+    name = f"{bundle.name}--{simulator.name}--{asked.friction_levels[0]:g}--{asked.commands[0]}".replace(" ", "-")
+
+    def make() -> dict[str, list[dict[str, Any]]]:
+        return {"episodes": [asdict(row) for row in _episodes(bundle, simulator, asked)]}
+
+    kept = keep(folder, name, made_from, (*WALKING, "transfer/engine_walks.py"), make)
+    return tuple(EpisodeRow(**row) for row in kept["episodes"])
+
+
+def _episodes(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg) -> list[EpisodeRow]:
+    """Let a policy walk."""
+    (level,), (command,) = asked.friction_levels, asked.parsed_commands
+    timestep, cell = timestep_of(bundle, simulator), (bundle.name, simulator.name, level, command.label)
+    measured: Sequence[Metrics]
+    if simulator.make is None:
+        (measured,) = evaluate_bundle(at_step(bundle, timestep), asked).episodes
+    else:
+        world = World(simulator.make, timestep=timestep, period=bundle.contract.control_period)
+        case, spec = DataSheet(asked.seed, Law(), level), robot_of(bundle.contract)
+        measured = [walk_once(bundle, case, world, asked, episode, spec) for episode in asked.numbers]
+    return [EpisodeRow(*cell, n, float(one.speed_ratio or 0.0), one.fall_rate > 0) for n, one in enumerate(measured)]
 
 
 def at_step(bundle: Bundle, timestep: float) -> Bundle:
@@ -143,32 +162,25 @@ def at_step(bundle: Bundle, timestep: float) -> Bundle:
     return replace(bundle, contract=replace(bundle.contract, physics_timestep=timestep, decimation=decimation))
 
 
-def _timestep(bundle: Bundle, simulator: Simulator) -> float:
+def timestep_of(bundle: Bundle, simulator: Simulator) -> float:
     """Return the physics step of a policy's walk [s]."""
     return bundle.contract.physics_timestep if simulator.timestep is None else simulator.timestep
 
 
-def _walk(
-    bundle: Bundle,
-    simulator: Simulator,
-    level: float,
-    command: Command,
-    metrics: Sequence[Metrics],
-    trained: Sequence[Metrics],
-) -> Walk:
+def _row(timestep: float, episodes: Sequence[EpisodeRow], trained: Sequence[EpisodeRow]) -> WalkRow:
     """Return what episodes came to, beside those of the training's simulator."""
-    speeds, base = ([float(one.speed_ratio or 0.0) for one in some] for some in (metrics, trained))
-    falls = sum(one.fall_rate > 0 for one in metrics)
+    speeds, base = ([one.speed_ratio for one in some] for some in (episodes, trained))
+    first, falls = episodes[0], sum(one.fell for one in episodes)
     low, high = t_interval(speeds) or (None, None)
     fall_low, fall_high = wilson(falls, len(speeds))
-    other = simulator.name != TRAINING and bool(np.mean(base))
+    other = first.simulator != TRAINING and bool(np.mean(base))
     ratio_low, ratio_high = (ratio_interval(speeds, base) if other else None) or (None, None)
-    row = WalkRow(
-        policy=bundle.name,
-        simulator=simulator.name,
-        timestep=_timestep(bundle, simulator),
-        friction_level=level,
-        command=command.label,
+    return WalkRow(
+        policy=first.policy,
+        simulator=first.simulator,
+        timestep=timestep,
+        friction_level=first.friction_level,
+        command=first.command,
         episodes=len(speeds),
         speed_ratio=float(np.mean(speeds)),
         speed_low=low,
@@ -180,6 +192,3 @@ def _walk(
         to_training_low=ratio_low,
         to_training_high=ratio_high,
     )
-    place = (bundle.name, simulator.name, level, command.label)
-    each = zip(speeds, metrics, strict=True)
-    return Walk(row, tuple(EpisodeRow(*place, n, speed, one.fall_rate > 0) for n, (speed, one) in enumerate(each)))

@@ -40,7 +40,7 @@ MAX_LEVEL = 0.9
 """Highest friction level: above it hardly any torque is left to move the joint [-]. It bounds coefficients too."""
 
 MAX_ROBOT_SECONDS = 400_000.0
-"""Most levels times commands times episodes times seconds: at 50 Hz the recording of these fills some 700 MB [s]."""
+"""Most robots at once times seconds: at 50 Hz the recording of these fills some 700 MB [s]."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +71,8 @@ class EvaluationCfg:
     """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
     terrain: str = "flat"
     """Ground: `flat`, `stairs=0.1`, `slope=0.2`, `rough=0.05`; what is not flat is crossed at one speed forward."""
+    first_episode: int = 0
+    """Number of the first episode: its start and noise are those of its number."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be evaluated."""
@@ -94,11 +96,6 @@ class EvaluationCfg:
             )
         if not 0.0 <= self.action_delay < math.inf:
             raise StictionError(f"action delay {self.action_delay} s; expected a time of 0 s or more")
-        if self.num_robots * self.duration > MAX_ROBOT_SECONDS:
-            raise StictionError(
-                f"{self.num_robots} robots at once for {self.duration:g} s each are more than {MAX_ROBOT_SECONDS:g} "
-                "robot-seconds; give fewer levels, commands or episodes, or shorter ones"
-            )
         seed_streams(self.seed, ["episode"])
 
     @property
@@ -131,6 +128,11 @@ class EvaluationCfg:
             "push_velocity": 0.0,
             "payload": 0.0,
         }
+
+    @property
+    def numbers(self) -> range:
+        """Numbers of the episodes."""
+        return range(self.first_episode, self.first_episode + self.episodes)
 
     @property
     def num_robots(self) -> int:
@@ -187,7 +189,8 @@ def evaluate_bundle(
         progress: called with the share that is done [-].
 
     Raises:
-        StictionError: the bundle does not fit the robot, or the delay is longer than its model holds.
+        StictionError: the bundle does not fit the robot, the delay is longer than its model holds, or there are too
+            many robots at once.
 
     """
     return judge(drive_bundle(bundle, cfg, robot, threads, progress), bundle.contract, bundle.name, cfg)
@@ -230,7 +233,7 @@ def drive_bundle(
     """Drive a bundle over levels and commands and return what its robots did; arguments as in `evaluate_bundle`.
 
     Raises:
-        StictionError: the bundle does not fit the robot, or the delay is longer than its model holds.
+        StictionError: as of `evaluate_bundle`.
 
     """
     policy = load_policy(bundle.contract, bundle.policy, (cfg.num_robots,))
@@ -256,10 +259,15 @@ def drive(
         progress: called with the share that is done [-].
 
     Raises:
-        StictionError: the delay is longer than the robot's model holds.
+        StictionError: the delay is longer than the robot's model holds, or there are too many robots at once.
 
     """
-    streams = seed_streams(cfg.seed, [f"episode {number}" for number in range(cfg.episodes)])
+    if cfg.num_robots * cfg.duration > MAX_ROBOT_SECONDS:
+        raise StictionError(
+            f"{cfg.num_robots} robots at once for {cfg.duration:g} s each are more than {MAX_ROBOT_SECONDS:g} "
+            "robot-seconds; give fewer levels, commands or episodes, or shorter ones"
+        )
+    streams = seed_streams(cfg.seed, [f"episode {number}" for number in cfg.numbers])
     rollout = Rollout(
         contract,
         policy,
@@ -275,7 +283,7 @@ def drive(
     velocity = cfg.robot_commands
     steer: Callable[[Fleet], np.ndarray] = lambda fleet: velocity  # noqa: E731
     if not cfg.course.is_flat:
-        line_up(rollout.fleet, starts(cfg.seed, cfg.episodes))
+        line_up(rollout.fleet, starts(cfg.seed, cfg.numbers.stop)[cfg.first_episode :])
         steer = pilot(velocity[:, 0])
     recording, blown_up = record(rollout, steer, round(cfg.duration / contract.control_period), progress)
     first = round(cfg.settle / contract.control_period)

@@ -15,6 +15,7 @@ from stiction.formats.results import ResultRow
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.run import Progress, walk_grid
 from stiction.transfer.grid.table import rows_of
+from stiction.transfer.robot.seeds import warnings_on
 
 
 def evaluate_all(
@@ -39,6 +40,7 @@ def evaluate_all(
         "engines": list(cfg.engines),
         "terrains": list(cfg.terrains),
         "robots": cfg.used_robots,
+        "warnings": warnings_on(cfg.used_robots),
         "forward": list(cfg.forward),
         "conditions": cfg.base.conditions,
         "robot": robot,

@@ -14,8 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from stiction.formats.climb import wilson
 from stiction.formats.life import ENOUGH, End, Life, Notice, Reading, Window
 from stiction.transfer.statistics import t_interval
+
+SIGNALS = ("unusual", "grown")
+"""What a monitor can notice: fields of `Life`."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +74,16 @@ def first_grown(readings: Sequence[Reading]) -> Reading | None:
 
 
 def notice(seen: Reading | None, readings: Sequence[Reading], ended: Ending) -> Notice:
-    """Say when a reading came: one at once is no notice of wear, for there was none yet."""
+    """Say when a reading came: one at once is no notice of wear, for there was none yet.
+
+    What comes later comes too late where the life had ended before the wear began.
+    """
     if seen is None:
         return "never"
     if seen is readings[0]:
         return "at once"
-    return "before" if ended.time is None or seen.time <= ended.time else "after"
+    late = ended.end == "slow from the start" or (ended.time is not None and seen.time > ended.time)
+    return "after" if late else "before"
 
 
 def life(
@@ -110,13 +118,16 @@ def life(
 def groups(lives: Sequence[Life]) -> list[dict[str, Any]]:
     """Return, for each policy and level, how its robots ended and the geometric mean of the wear at which they did.
 
+    Only walks in which friction grew; those in which it stayed stand beside them, see `control`.
+
     The mean, and its 95 % t-interval over the robots, of the logarithm, is None unless every robot's life ended within
     the wear that was tried: the mean of those that did would be too short. The median is None where the middle one did
     not. The interval speaks of virtual robots that walk with this policy, and not of other trainings.
     """
     found = []
     for (policy, level), same in groupby(lives, key=lambda one: (one.policy, one.friction_level)):
-        rows = list(same)
+        walks = list(same)
+        rows = [row for row in walks if row.steady is None]
         ended = [row.factor for row in rows if row.factor is not None]
         whole = len(ended) == len(rows)
         interval = t_interval([log(factor) for factor in ended]) if whole else None
@@ -133,9 +144,29 @@ def groups(lives: Sequence[Life]) -> list[dict[str, Any]]:
                 "held": float(np.mean(held)) if (held := [row.held for row in rows if row.held is not None]) else None,
                 "unusual": _count(rows, "unusual"),
                 "grown": _count(rows, "grown"),
+                "controls": [
+                    control([row for row in walks if row.steady == steady])
+                    for steady in dict.fromkeys(row.steady for row in walks if row.steady is not None)
+                ],
             }
         )
     return found
+
+
+def control(rows: Sequence[Life]) -> dict[str, Any]:
+    """Return how robots of one policy and level did while their friction stayed the same, and how often it was noticed.
+
+    Whatever a monitor notices there is a false alarm, at once or later. The intervals are Wilson's, over the robots.
+    """
+    alarms = {name: [getattr(row, name) for row in rows if getattr(row, name) != "never"] for name in SIGNALS}
+    return {
+        "steady": rows[0].steady,
+        "robots": len(rows),
+        "ended": sum(row.end != "alive" for row in rows),
+        "alarms": {name: len(came) for name, came in alarms.items()},
+        "at_once": {name: came.count("at once") for name, came in alarms.items()},
+        "interval95": {name: list(wilson(len(came), len(rows))) for name, came in alarms.items()},
+    }
 
 
 def _median(rows: Sequence[Life]) -> float | None:

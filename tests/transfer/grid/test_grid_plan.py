@@ -5,7 +5,7 @@ import pytest
 from stiction.formats.errors import StictionError
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.grid.config import GridCfg, Place, parse_place
-from stiction.transfer.grid.plan import plan, units
+from stiction.transfer.grid.plan import AT_ONCE, plan, units
 
 BASE = EvaluationCfg((0.0, 0.2), ("vx=0.5", "stand"), episodes=2, seconds=3.0)
 
@@ -34,11 +34,36 @@ def test_stairs_are_walked_by_the_commands_that_lead_over_them() -> None:
     assert {walk.command for walk in walks if walk.terrain == "flat"} == {"vx=0.5", "stand"}
 
 
-def test_a_batch_is_one_level_of_a_policy_and_the_slow_engine_begins() -> None:
-    """Two cores would wait for ODE at the end; a unit in the batch has commands times episodes walks."""
-    found = units(plan(["a"], GridCfg(BASE, ("mujoco", "ode"))))
-    assert [len(unit.walks) for unit in found] == [1] * 8 + [4] * 2
-    assert found[0].place == Place("ode")
+def test_a_batch_is_one_cell_of_a_policy_and_the_slow_engine_begins() -> None:
+    """Two cores would wait for ODE at the end; a unit in the batch has the two episodes of a level and command."""
+    cfg = GridCfg(BASE, ("mujoco", "ode"))
+    found = units(plan(["a"], cfg), cfg)
+    assert [len(unit.walks) for unit in found] == [1] * 8 + [2] * 4
+    assert found[0].place == Place("ode") and all(len({walk.cell for walk in unit.walks}) == 1 for unit in found)
+
+
+def test_an_interruption_loses_seconds_of_a_batch_not_all_of_it() -> None:
+    """Of 40 walks of 20 s, 16 make up 320 robot-seconds; stairs at 0.5 m/s last 24.4 s, 13 of them fit."""
+    cfg = GridCfg(EvaluationCfg((0.1,), ("vx=0.5",), episodes=40), terrains=("flat", "stairs=0.1"))
+    found = {unit.walks: unit.walks[0].terrain for unit in units(plan(["a"], cfg), cfg)}
+    sizes = {ground: sorted(len(walks) for walks in found if found[walks] == ground) for ground in cfg.terrains}
+    assert sizes == {"flat": [8, 16, 16], "stairs=0.1": [1, 13, 13, 13]} and AT_ONCE == 320.0
+    for walks in found:
+        assert [walk.episode for walk in walks] == list(range(walks[0].episode, walks[0].episode + len(walks)))
+    assert sum(map(len, found)) == 80
+
+
+def test_single_robots_are_bounded_by_no_memory() -> None:
+    """A thousand episodes of 8000 s at once would be 8 million robot-seconds, one by one they are a long wait."""
+    cfg = GridCfg(EvaluationCfg((0.1,), ("vx=0.5",), episodes=1000, seconds=3600.0), ("mujoco", "physx"))
+    assert {len(unit.walks) for unit in units(plan(["a"], cfg), cfg)} == {1}
+
+
+def test_how_long_a_walk_lasts_is_its_own_commands_affair() -> None:
+    """Beside a slower command a walk over stairs would last longer, and its row be another one."""
+    cfg = GridCfg(EvaluationCfg((0.1,), ("vx=0.5", "vx=0.25")), terrains=("stairs=0.1",))
+    fast, slow = (cfg.asked("stairs=0.1", command).duration for command in ("vx=0.5", "vx=0.25"))
+    assert slow == pytest.approx(2 * fast) and fast == pytest.approx(24.4)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from bundles import make_bundle, make_contract, make_network
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.errors import StictionError
 from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
-from stiction.transfer.grid import run
+from stiction.transfer.grid import ledger, plan, run
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.run import LEDGER, walk_grid
 from stiction.transfer.grid.table import method_means, rows_of
@@ -59,6 +59,44 @@ def test_one_robot_in_its_engine_does_what_it_does_in_the_batch(walked) -> None:
     for walk, metrics in walked[0].items():
         assert abs(metrics.speed_ratio) * 0.5 < 0.03, walk
         assert metrics.fall_rate == 0.0
+
+
+def test_a_batch_in_parts_is_the_batch(still: Bundle, walked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An episode has its own start and noise, whichever part of the batch it walks in; on stairs as well."""
+    monkeypatch.setattr(plan, "AT_ONCE", 1.0)
+    done = walk_grid([still], replace(GRID, engines=("mujoco",)), tmp_path)
+    assert len((tmp_path / LEDGER).read_text().splitlines()) == 4
+    for walk, metrics in done.items():
+        assert metrics.joint_jitter == pytest.approx(walked[0][walk].joint_jitter, rel=1e-3)
+        assert metrics.distance == pytest.approx(walked[0][walk].distance, abs=1e-5)
+    first, second = (done[walk].joint_jitter for walk in list(done)[:2])
+    assert abs(first - second) > 0.01 * first
+    base = EvaluationCfg((0.1,), ("vx=2",), episodes=2, terrain="stairs=0.1")
+    both = evaluate_bundle(still, base).episodes[0]
+    (last,) = evaluate_bundle(still, replace(base, episodes=1, first_episode=1)).episodes[0]
+    assert last.joint_jitter == pytest.approx(both[1].joint_jitter, rel=1e-3) != both[0].joint_jitter
+
+
+def test_other_commands_change_no_walk(still: Bundle, walked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A command more is walked, and nothing else."""
+    seen: list[str] = []
+
+    def stop(bundle: Bundle, unit, *rest):
+        seen.append(unit.walks[0].command)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(run, "walk_unit", stop)
+    with pytest.raises(KeyboardInterrupt):
+        walk_grid([still], replace(GRID, base=replace(BASE, commands=("vx=0.5", "stand"))), walked[1])
+    assert seen == ["stand"]
+
+
+def test_other_code_walks_anew(still: Bundle, walked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What another engine found must not go by the new one's name."""
+    monkeypatch.setattr(run, "walk_unit", lambda *arguments: pytest.fail("walked again"))
+    monkeypatch.setattr(ledger, "made_by", lambda *patterns: {"code": "other"})
+    with pytest.raises(pytest.fail.Exception):
+        walk_grid([still], GRID, walked[1])
 
 
 def test_nothing_is_walked_twice(still: Bundle, walked, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -110,7 +110,7 @@ def test_what_is_there_is_not_made_again(studied, tmp_path: Path, monkeypatch: p
     assert [row.identified for row in again] == pytest.approx([row.identified for row in rows])
     assert is_made(BENCH, tmp_path / BENCH.label)
     assert not is_made(replace(BENCH, cfg=BenchCfg(("shank",), 7.0)), tmp_path / BENCH.label)
-    monkeypatch.setattr(identification, "source_digest", lambda *patterns: "other code")
+    monkeypatch.setattr(identification, "made_by", lambda *patterns: {"code": "other"})
     assert not is_made(BENCH, tmp_path / BENCH.label)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
+from stiction.cli.virtual_robots import RobotSeeds
 from stiction.formats.errors import StictionError
 
 if TYPE_CHECKING:
@@ -32,8 +33,7 @@ class BenchStudy:
 
     engine: Literal["mujoco", "physx", "ode", "ode-webots"] = "physx"
     """Physics engine that the robots are in."""
-    robots: tuple[int, ...] = (1000, 1001, 1002)
-    """Seeds of the virtual robots."""
+    robots: RobotSeeds = (1000, 1001, 1002)
     levels: tuple[str, ...] = ("0.1", "bench+0.02")
     """Their dry friction: fractions of the torque limit, bench (what was measured of each kind of joint), bench+0.02
     (and that coefficient of the load)."""
@@ -74,6 +74,7 @@ def main(arguments: list[str]) -> int:
     from stiction.report.bench import lead, scores, write_bench
     from stiction.transfer.robot.bench import BenchCfg
     from stiction.transfer.robot.bench_study import study_benches
+    from stiction.transfer.robot.seeds import warnings_on
 
     cfg = BenchCfg(seconds=options.seconds)
     benches = benches_of(options, cfg)
@@ -94,10 +95,13 @@ def main(arguments: list[str]) -> int:
         "engine": options.engine,
         "cell": options.cell,
         "failed": failed,
+        "warnings": warnings_on(options.robots),
         "next": steps,
         "scores": scores(rows),
         "lead": lead(rows),
     }
+    for warning in summary["warnings"]:
+        print(f"stiction study bench: {warning}", file=sys.stderr)
     page = write_bench(options.out, rows, steps, summary)
     if options.json:
         print(summary_text(summary), end="")

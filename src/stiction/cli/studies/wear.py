@@ -10,10 +10,14 @@ from typing import Annotated
 
 import tyro
 
+from stiction.cli.virtual_robots import RobotSeeds
+
 DESCRIPTION = """Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
 
 A policy's life is the factor at which its speed falls under 80 % of the command for good, or at which the robot falls.
-A bundle's wear monitor, if it has one, listens to what the policy sees: does it notice before that?
+A bundle's wear monitor, if it has one, listens to what the policy sees: does it notice before that? And would it have
+noticed as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the walks in progress,
+one a core, about a minute each.
 
 Example: stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
 
@@ -28,8 +32,7 @@ class WearStudy:
     """Physics engine: physx, ode, ode-webots, mujoco."""
     levels: tuple[str, ...] = ("0.1",)
     """Levels of dry friction that wear multiplies: fractions of each joint's torque limit, or `bench`."""
-    seeds: tuple[int, ...] = (1000, 1001, 1002, 1003, 1004)
-    """Seeds of the virtual robots. Those of 0 to 7 and 101 were looked at while virtual robots were made."""
+    robots: RobotSeeds = (1000, 1001, 1002, 1003, 1004)
     joint: str | None = None
     """The joint (FL_shank) or the kind of joints (shank) that wears; by default all do. The others stay at x1."""
     cell: str = "all"
@@ -40,16 +43,19 @@ class WearStudy:
     """Wear at the end [1]; in between it grows by equal ratios."""
     seconds: float = 120.0
     """Time from `start` to `end` [s]; a window at `end` follows. In PhysX some 36 s on one core, and so three
-    minutes for the five robots of a policy."""
+    minutes for the five robots of a policy, nine with their controls."""
+    control: bool = True
+    """Let every robot also walk with friction that stays at `start`, and at x1: what a monitor notices there is a false
+    alarm, and a life that ends there did not end by growth."""
     command: str = "vx=0.5"
     """Commanded velocity."""
     window: float = 10.0
     """Time over which the speed is averaged [s]."""
     jobs: int | None = None
-    """Robots at once; by default as many as there are cores."""
+    """Walks at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
     out: Path = Path("stiction-wear")
-    """Directory for lives.csv, windows.csv, readings.csv, summary.json, figures, report.html and a file per robot,
-    which is not done again."""
+    """Directory for lives.csv, windows.csv, readings.csv, summary.json, figures, report.html; and for robots, a file
+    for every walk."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -68,17 +74,18 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
     from stiction.report.wear import answers, write_wear
+    from stiction.transfer.robot.seeds import warnings_on
     from stiction.transfer.robot.wear import Wear
     from stiction.transfer.summary import check_names, describe
     from stiction.transfer.wear_life import groups
-    from stiction.transfer.wear_study import DEVELOPMENT, WearCfg, study_wear
+    from stiction.transfer.wear_study import WearCfg, study_wear
 
     if options.jobs is not None and options.jobs < 1:
         raise StictionError(f"--jobs {options.jobs}: expected at least one")
     joints = () if options.joint is None else (options.joint,)
     wear = Wear(joints, options.start, options.end, options.seconds)
-    chosen = {name: getattr(options, name) for name in ("engine", "levels", "cell", "seeds", "command", "window")}
-    cfg = WearCfg(wear=wear, **chosen)
+    names = ("engine", "levels", "cell", "robots", "command", "window", "control")
+    cfg = WearCfg(wear=wear, **{name: getattr(options, name) for name in names})
     paths = [find_bundle(path) for path in options.bundles]
     bundles = [check_bundle(path).bundle for path in paths]
     check_names([bundle.name for bundle in bundles])
@@ -89,12 +96,14 @@ def main(arguments: list[str]) -> int:
     summary = {
         "command": shlex.join(["stiction", "study", "wear", *arguments]),
         "settings": asdict(cfg),
-        "exploratory": sorted(set(cfg.seeds) & set(DEVELOPMENT)),
+        "warnings": warnings_on(cfg.robots),
         **provenance(),
         "policies": {bundle.name: describe(bundle) | {"monitor": bundle.wear is not None} for bundle in bundles},
         "groups": groups(lives),
         "lives": [asdict(one) for one in lives],
     }
+    for warning in summary["warnings"]:
+        print(f"stiction study wear: {warning}", file=sys.stderr)
     page = write_wear(options.out, lives, windows, readings, summary)
     if options.json:
         print(summary_text(summary), end="")

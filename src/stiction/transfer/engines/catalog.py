@@ -13,6 +13,9 @@ from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.engine import Body, Engine
 from stiction.transfer.engines.ground import Ground, flat
 
+TIMESTEP = 0.002
+"""Physics step at which engines are compared [s]: the bounds of the conformance suite are made for it."""
+
 
 class _Place(NamedTuple):
     """Where an engine is, and what installs what it needs."""
@@ -59,7 +62,7 @@ def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engin
 def what_is_missing(name: str, spec: RobotSpec) -> str | None:
     """Return why a robot cannot be had in an engine here and what to do, in one line; None where it can."""
     try:
-        make_engine(name, Body.nominal(spec), flat(), 0.002)
+        make_engine(name, Body.nominal(spec), flat(), TIMESTEP)
     except StictionError as error:
         return str(error)
     return None

@@ -19,13 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.errors import StictionError
+from stiction.transfer.engines.catalog import TIMESTEP
 from stiction.transfer.engines.checks import contact, flight, joint, repeat, terrain
 from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make, hold, robot
 from stiction.transfer.engines.engine import BlownUp, Body
 from stiction.transfer.engines.ground import flat
-
-TIMESTEP = 0.002
-"""Timestep for which the tolerances are set [s]."""
 
 CHECKS: dict[str, Callable[[Make, float], tuple[Figure, ...]]] = {
     "friction of one joint": joint.friction_of_one_joint,

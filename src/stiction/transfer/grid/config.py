@@ -11,15 +11,13 @@ from stiction.transfer.course import parse_course
 from stiction.transfer.engines.catalog import ENGINES
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.robot.factorial import CELLS, Case, Level, parse_level
+from stiction.transfer.robot.seeds import FIRST_REPORTED, reported
 
 BATCH = "mujoco"
 """The simulator of the training, all its robots at once: what `stiction evaluate` takes where no engine is named."""
 
 ALONE = {"mujoco-alone": "mujoco"} | {name: name for name in ENGINES if name != "mujoco"}
 """Name of an engine with one robot in it, as in results.csv -> its name in the catalogue of engines."""
-
-FIRST_ROBOT = 1000
-"""Seed of the first virtual robot that is reported; smaller ones were looked at while methods were made."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ def parse_place(text: str) -> Place:
     if plus and engine == BATCH:
         raise StictionError(f"engine {text!r}: a virtual robot is alone in its engine; expected mujoco-alone+{cell}")
     if plus:
-        _ = Case(FIRST_ROBOT, cell, Level(0.0)).groups
+        _ = Case(FIRST_REPORTED, cell, Level(0.0)).groups
     return Place(engine, cell if plus else None)
 
 
@@ -67,13 +65,13 @@ class GridCfg:
     """What the policies are put through."""
 
     base: EvaluationCfg = field(default_factory=EvaluationCfg)
-    """Friction levels and law, commands, episodes, seconds, seed. Its terrain is not read."""
+    """Friction levels and law, commands, episodes from 0 on, seconds, seed. Its terrain is not read."""
     engines: tuple[str, ...] = (BATCH,)
     """Engines, as `parse_place` reads them."""
     terrains: tuple[str, ...] = ("flat",)
     """Grounds, as `parse_course` reads them."""
-    robots: tuple[int, ...] = (FIRST_ROBOT, FIRST_ROBOT + 1, FIRST_ROBOT + 2)
-    """Seeds of the virtual robots. They are never those on which anything was tuned."""
+    robots: tuple[int, ...] = reported(3)
+    """Seeds of the virtual robots, see `stiction.transfer.robot.seeds`."""
     robot_levels: tuple[str, ...] = ()
     """Friction of the virtual robots: fractions of the torque limit, `bench`, `bench+0.02`; none: those of `base`."""
     forward: tuple[str, ...] = ()
@@ -145,6 +143,10 @@ class GridCfg:
                 f"terrain {terrain}: none of the commands {given} leads over it; add one such as vx=0.4"
             )
         return replace(self.base, terrain=course.label, commands=commands)
+
+    def asked(self, terrain: str, command: str) -> EvaluationCfg:
+        """Return what is asked under one command alone, by its label; over a course it says how long a walk lasts."""
+        return replace(self.on(terrain), commands=(command,))
 
     def settings(self) -> dict[str, Any]:
         """Return everything that a walk depends on beside its own cell, as plain data."""

@@ -14,18 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from stiction.formats.errors import StictionError
-from stiction.formats.reproducibility import machine, source_digest
+from stiction.formats.reproducibility import made_by
 from stiction.robots.catalog import find_robot
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.plan import Walk
+from stiction.transfer.kept import WALKING
 from stiction.transfer.metrics import Metrics
-
-MEASURING = (
-    *("sim/*.py", "joints/pd.py", "robots/*.py", "deploy/*.py", "formats/observation.py", "locomotion/terrain.py"),
-    *("transfer/engines/*.py", "transfer/robot/*.py", "transfer/grid/walk.py"),
-    *(f"transfer/{name}.py" for name in ("course", "evaluate", "record", "rollout", "metrics")),
-)
-"""Code that decides what a walk is worth."""
 
 
 class Ledger:
@@ -45,12 +39,10 @@ class Ledger:
 
         """
         self._path, self._digests = path, digests
-        common = {"settings": cfg.settings(), "code": source_digest(*MEASURING), "robot": robot}
-        common["packages"] = machine()["packages"]
+        common = {"settings": cfg.settings(), "robot": robot} | made_by(*WALKING)
         if robot is not None:
             common["spec"] = repr(find_robot(robot))
         self._common = json.dumps(common, sort_keys=True)
-        self._durations = {(asked := cfg.on(terrain)).terrain: asked.duration for terrain in cfg.terrains}
         self._found: dict[str, dict[str, Any]] = {}
         self._read()
 
@@ -69,7 +61,7 @@ class Ledger:
 
     def key(self, walk: Walk) -> str:
         """Return what a walk is found by."""
-        cell = json.dumps([asdict(walk), self._digests[walk.policy], self._durations[walk.terrain]], sort_keys=True)
+        cell = json.dumps([asdict(walk), self._digests[walk.policy]], sort_keys=True)
         return hashlib.sha256((self._common + cell).encode()).hexdigest()[:24]
 
     def find(self, walk: Walk) -> Metrics | None:

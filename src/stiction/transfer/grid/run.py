@@ -62,7 +62,7 @@ def walk_grid(
     done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
     tally = _Tally(walks, progress)
     tally.add(list(done))
-    new = [unit for unit in units(walks) if any(walk not in done for walk in unit.walks)]
+    new = [unit for unit in units(walks, cfg) if any(walk not in done for walk in unit.walks)]
     by_name = {bundle.name: bundle for bundle in bundles}
     for unit, metrics in _walked(new, by_name, cfg, robot, jobs):
         ledger.add(unit.walks, metrics)

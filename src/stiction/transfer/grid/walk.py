@@ -8,13 +8,14 @@ from functools import partial
 import numpy as np
 
 from stiction.formats.bundle import Bundle
-from stiction.transfer.command import Command, parse_command
-from stiction.transfer.course import FOOT, Course, parse_course, starts, straight_on
-from stiction.transfer.engines.catalog import make_engine
+from stiction.robots.spec import RobotSpec
+from stiction.transfer.command import Command
+from stiction.transfer.course import FOOT, Course, starts, straight_on
+from stiction.transfer.engines import catalog
 from stiction.transfer.engines.engine import GRAVITY, Motion
 from stiction.transfer.engines.ground import course
 from stiction.transfer.engines.rotation import yaw
-from stiction.transfer.evaluate import evaluate_bundle
+from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.transfer.grid.config import ALONE, GridCfg
 from stiction.transfer.grid.plan import Unit, Walk
 from stiction.transfer.metrics import Metrics, measure
@@ -22,9 +23,6 @@ from stiction.transfer.robot.data_sheet import DataSheet
 from stiction.transfer.robot.factorial import Case, parse_level
 from stiction.transfer.robot.trial import TIMESTEP, Kind, Steer, World, walk
 from stiction.transfer.rollout import robot_of
-
-STEP = 0.002
-"""Physics step of an engine with the data sheet's robot in it [s]: what the engines' conformance is held at."""
 
 
 def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
@@ -38,24 +36,24 @@ def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None
 
 
 def _batch(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None) -> list[Metrics]:
-    """Walk all of a unit at once, in the order of its walks: by command, by episode."""
-    first = unit.walks[0]
-    evaluation = evaluate_bundle(bundle, replace(cfg.on(first.terrain), friction_levels=(float(first.level),)), robot)
-    return [metrics for row in evaluation.episodes for metrics in row]
+    """Walk all episodes of a unit at once."""
+    first, episodes = unit.walks[0], len(unit.walks)
+    asked = cfg.asked(first.terrain, first.command)
+    asked = replace(asked, friction_levels=(float(first.level),), episodes=episodes, first_episode=first.episode)
+    return list(evaluate_bundle(bundle, asked, robot).episodes[0])
 
 
 def _alone(bundle: Bundle, one: Walk, cfg: GridCfg, robot: str | None) -> Metrics:
     """Walk one robot in one engine."""
-    asked, ground = cfg.on(one.terrain), parse_course(one.terrain)
-    spec, period = robot_of(bundle.contract, robot), bundle.contract.control_period
-    command = parse_command(one.command)
-    aside, askew = (0.0, 0.0) if ground.is_flat else starts(asked.seed, asked.episodes)[one.episode].tolist()
+    asked = cfg.asked(one.terrain, one.command)
+    ground = asked.course
+    aside, askew = (0.0, 0.0) if ground.is_flat else starts(asked.seed, one.episode + 1)[-1].tolist()
     world = World(
-        make=partial(make_engine, ALONE[one.place.engine]),
+        make=partial(catalog.make_engine, ALONE[one.place.engine]),
         ground=course(ground.kind, ground.size, asked.seed),
         start=(0.0 if ground.is_flat else -FOOT, aside),
         heading=askew,
-        timestep=STEP if one.robot is None else TIMESTEP,
+        timestep=catalog.TIMESTEP if one.robot is None else TIMESTEP,
         noise=asked.noise if one.robot is None else None,
     )
     case: Kind
@@ -63,12 +61,31 @@ def _alone(bundle: Bundle, one: Walk, cfg: GridCfg, robot: str | None) -> Metric
         case = DataSheet(asked.seed, asked.law, float(one.level))
     else:
         case = Case(one.robot, one.place.cell, parse_level(one.level))
-    steps = round(asked.duration / period)
     friction = None if one.forward is None else np.array(one.forward)
     seed = 0 if one.robot is None else asked.seed
-    trial = walk(bundle, case, world, steer(command, ground), steps, one.episode, None, spec, friction, seed)
+    return walk_once(bundle, case, world, asked, one.episode, robot_of(bundle.contract, robot), friction, seed)
+
+
+def walk_once(
+    bundle: Bundle,
+    case: Kind,
+    world: World,
+    asked: EvaluationCfg,
+    episode: int,
+    spec: RobotSpec,
+    friction: np.ndarray | None = None,
+    seed: int = 0,
+) -> Metrics:
+    """Walk one episode with one robot, and return what it was worth.
+
+    asked: the ground, which `world` has too, one command, times; spec: the robot; other arguments and errors as of
+    `walk`.
+    """
+    (command,), period = asked.parsed_commands, bundle.contract.control_period
+    steps = round(asked.duration / period)
+    trial = walk(bundle, case, world, steer(command, asked.course), steps, episode, None, spec, friction, seed)
     part = trial.recording.lasting(steps).of(slice(0, 1), round(asked.settle / period))
-    return measure(part, command, spec.groups(), spec.mass * GRAVITY, ground)
+    return measure(part, command, spec.groups(), spec.mass * GRAVITY, asked.course)
 
 
 def steer(command: Command, ground: Course) -> Steer:

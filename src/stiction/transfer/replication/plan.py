@@ -10,7 +10,8 @@ from stiction.formats.contract import Contract
 from stiction.formats.results import DIRECTIONS
 from stiction.transfer.command import STAND
 from stiction.transfer.evaluate import EvaluationCfg
-from stiction.transfer.grid.config import BATCH, FIRST_ROBOT, GridCfg
+from stiction.transfer.grid.config import BATCH, GridCfg
+from stiction.transfer.robot.seeds import reported
 from stiction.transfer.ways import way_of
 
 Size = Literal["quick", "full"]
@@ -86,7 +87,7 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     """Return the grids of a preset; `robots`: how many virtual robots, by default 2 (quick) or 8 (full)."""
     quick = size == "quick"
     count = robots or (2 if quick else 8)
-    seeds = tuple(range(FIRST_ROBOT, FIRST_ROBOT + count))
+    seeds = reported(count)
     levels, episodes = (SHORT, 2) if quick else (LEVELS, 8)
     seconds = 8.0 if quick else 10.0
 

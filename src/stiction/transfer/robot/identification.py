@@ -17,7 +17,7 @@ import numpy as np
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import JointsError, JointsFile, load_joints
 from stiction.formats.log import Log
-from stiction.formats.reproducibility import seed_streams, source_digest
+from stiction.formats.reproducibility import made_by, seed_streams
 from stiction.formats.training import write_training
 from stiction.identify.many import identify_log
 from stiction.identify.proposal import propose
@@ -59,7 +59,7 @@ class Bench:
     @property
     def key(self) -> str:
         """What it was made from, as one number: robot, engine, log, code."""
-        text = repr((self.engine, self.case, self.spec, self.cfg, source_digest(*MAKING)))
+        text = repr((self.engine, self.case, self.spec, self.cfg, made_by(*MAKING)))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def robot(self) -> VirtualRobot:
