@@ -36,7 +36,7 @@ class EnginesStudy:
     walks: bool = True
     """Let policies walk. The suite alone takes a minute."""
     policies: tuple[Path, ...] | None = None
-    """Policies: directories or names of shipped bundles; all shipped ones by default."""
+    """Policies: directories or names of shipped bundles; by default the shipped ones for flat ground."""
     friction_levels: tuple[float, ...] = (0.0, 0.2)
     """Dry friction of the walks in every joint, as fractions of its torque limit [-]."""
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
@@ -125,6 +125,8 @@ def _bundles(options: EnginesStudy) -> list:
 
     paths = options.policies if options.policies is not None else tuple(shipped_bundles().values())
     bundles = [check_bundle(find_bundle(path)).bundle for path in paths]
+    if options.policies is None:
+        bundles = [bundle for bundle in bundles if bundle.contract.terrain == "flat"]
     check_names([bundle.name for bundle in bundles])
     return bundles
 
