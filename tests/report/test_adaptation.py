@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from stiction.report.adaptation import lead, write_adaptation
+from stiction.report.adaptation import lead, monitored, write_adaptation
 from stiction.report.adaptation_figures import draw_effects, draw_probes
 
 
@@ -43,9 +43,14 @@ def make_run(told: list[bool], mean: float) -> dict[str, Any]:
 def make_summary() -> dict[str, Any]:
     """A run that tells its level, and one that tells nothing."""
     runs = {"some": make_run([False, True], 0.62), "dumb": make_run([False, False], 0.01)}
+    runs["twin"] = runs["some"]
     pooled = [effect | {"each": [-0.3, -0.3]} for effect in runs["some"]["latents"]["effects"]]
     probes = [probe | {"each": [0.6, 0.64]} for probe in runs["some"]["probes"]]
-    methods = {"direct": {"effects": pooled, "probes": probes}}
+    alone = [effect | {"each": [-0.3]} for effect in pooled]
+    methods = {
+        "direct": {"runs": ["some", "twin"], "effects": pooled, "probes": probes},
+        "none": {"runs": ["dumb"], "effects": alone, "probes": []},
+    }
     return {"command": "stiction study adaptation some dumb", "revision": "abc", "threshold": 0.5} | {
         "runs": runs,
         "methods": methods,
@@ -55,12 +60,18 @@ def make_summary() -> dict[str, Any]:
 def test_the_answer_says_what_is_told_and_what_is_not() -> None:
     """A page must not promise a monitor that there is none of."""
     text = lead(make_summary())
-    assert "some: z* tells each joint's friction with R² 0.62 (0.52 to 0.72)" in text
-    assert "a wear monitor tells the robot's level. dumb" in text
+    assert "direct, 2 seeds: z* tells each joint's friction with R² 0.62 (0.52 to 0.72)" in text
+    assert "a wear monitor tells the robot's level. dumb: z* tells each joint's friction with R² 0.01" in text
     assert text.endswith("; no wear is told.")
-    summary = make_summary()
-    summary["runs"]["some"]["wear"]["told"] = [True, True]
-    assert "a wear monitor tells the friction of 1 of 1 joints and the robot's level" in lead(summary)
+
+
+def test_monitors_of_several_seeds_are_counted() -> None:
+    """Of two runs one tells the joint, both the level; then one tells the level alone."""
+    assert monitored([[True, True], [False, True]]) == (
+        "a wear monitor tells the friction of 0 to 1 of 1 joints and the robot's level"
+    )
+    assert monitored([[False, True], [False, False]]) == "a wear monitor tells in 1 of 2 runs the robot's level"
+    assert monitored([[True, False]]) == "a wear monitor tells the friction of 1 of 1 joints"
 
 
 def test_the_page_holds_every_table(tmp_path: Path) -> None:
@@ -70,7 +81,7 @@ def test_the_page_holds_every_table(tmp_path: Path) -> None:
         "-0.300 (-0.400 to -0.200)",
         "z*, walk, friction shuffled",
         "of another friction level, 20%",
-        "over 2 seeds, t-intervals",
+        "direct, over 2 seeds",
         "± 0.030",
         "stiction study adaptation some dumb",
     ):
@@ -89,3 +100,19 @@ def test_the_figures_show_every_seed_and_no_shuffled_probe() -> None:
     assert [list(line.get_xdata()) for line in bars] == [[0.52, 0.72]] * 4
     lines = draw_effects(methods, {"swapped": "swapped"}).axes[0].lines
     assert [list(line.get_ydata()) for line in lines[:3]] == [[-0.3], [-0.3], [-0.3]]
+
+
+def test_a_history_has_its_row_although_it_is_never_averaged() -> None:
+    """The control for what z* could tell was an empty row: histories are read at one step, not over a walk."""
+    methods = make_summary()["methods"]
+    probes = methods["direct"]["probes"]
+    probes += [probe | {"input": "history 11", "row": "step", "each": [0.4, 0.5]} for probe in probes[:2]]
+    inputs = {"latent": "z*", "history 11": "history, H = 10"}
+    axis = draw_probes(methods, inputs | {"moments": "moments"}, {"joint": "each joint", "robot": "a robot"}).axes[0]
+    assert [text.get_text() for text in axis.get_yticklabels()] == [
+        "z*, whole walk",
+        "history, H = 10, one step",
+        "moments, whole walk",
+    ]
+    dots = [line for line in axis.lines if line.get_marker() == "o" and round(line.get_ydata()[0]) == 1]
+    assert [list(line.get_xdata()) for line in dots] == [[0.4, 0.5]]

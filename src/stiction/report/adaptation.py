@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +22,8 @@ LATENT = {"mean": "frozen at its mean", "swapped": "of another friction level", 
 INPUT = {
     "latent": "z*",
     "explicit": "explicit estimate o_exp*",
-    "frame": "one frame, averaged",
-    "moments": "moments: products of what is in a frame",
+    "frame": "one frame",
+    "moments": "moments of a frame",
     "history 11": "history, H = 10",
     "history 21": "history, H = 20",
     "history 51": "history, H = 50",
@@ -56,7 +56,10 @@ ABOUT_WEAR = (
 )
 
 EACH_LINE = "A thin line is a training seed, a thick one their mean."
-EACH_DOT = "A dot is a training seed, a bar the 95 % t-interval of their mean; whole walks as samples."
+EACH_DOT = (
+    "A dot is a training seed, a bar the 95 % t-interval of their mean. One step: z*, or the frames that it was made "
+    "of, as they come."
+)
 
 
 def percent(values: Sequence[bool]) -> str:
@@ -75,20 +78,40 @@ def find(probes: Sequence[dict[str, Any]], name: str, row: str, per: str) -> dic
 
 
 def lead(summary: dict[str, Any]) -> str:
-    """Return the answer in a few sentences, one for each run."""
+    """Return the answer, a sentence for each training: over its seeds, where it has several."""
     texts = []
-    for name, run in summary["runs"].items():
-        star, moments = (find(run["probes"], kind, "walk", "joint") for kind in ("latent", "moments"))
-        level = find(run["probes"], "latent", "walk", "robot")
-        told = run["wear"]["told"]
-        parts = [f"the friction of {percent(told[:-1])} joints"] * any(told[:-1]) + ["the robot's level"] * told[-1]
-        wear = f"a wear monitor tells {' and '.join(parts)}" if parts else "no wear is told"
-        texts.append(
-            f"{name}: z* tells each joint's friction with R² {star['mean']:.2f} ({span(star['interval95'])}), a robot's"
-            f" level with {level['mean']:.2f} ({span(level['interval95'])}); moments of the same walk tell each joint's"
-            f" with {moments['mean']:.2f} ({span(moments['interval95'])}); {wear}."
-        )
+    for method, found in summary["methods"].items():
+        runs = [summary["runs"][name] for name in found["runs"]]
+        one = len(runs) == 1
+        probes = runs[0]["probes"] if one else found["probes"]  # one run's intervals are over robots
+        told = [run["wear"]["told"] for run in runs]
+        texts.append(_sentence(found["runs"][0] if one else f"{method}, {len(runs)} seeds", probes, told))
     return " ".join(texts)
+
+
+def _sentence(name: str, probes: Sequence[dict[str, Any]], told: Sequence[Sequence[bool]]) -> str:
+    """Return what is told of friction, in words; told: for each run, of each joint and of the level."""
+    star, moments = (find(probes, kind, "walk", "joint") for kind in ("latent", "moments"))
+    level = find(probes, "latent", "walk", "robot")
+    return (
+        f"{name}: z* tells each joint's friction with R² {star['mean']:.2f} ({span(star['interval95'])}), a robot's"
+        f" level with {level['mean']:.2f} ({span(level['interval95'])}); moments of the same walk tell each joint's"
+        f" with {moments['mean']:.2f} ({span(moments['interval95'])}); {monitored(told)}."
+    )
+
+
+def monitored(told: Sequence[Sequence[bool]]) -> str:
+    """Return what wear monitors tell, in words; told: as of `_sentence`."""
+    joints, levels = [sum(one[:-1]) for one in told], [one[-1] for one in told]
+    if not any(joints) and not any(levels):
+        return "no wear is told"
+    low, high, of = min(joints), max(joints), len(told[0]) - 1
+    parts = []
+    if high:
+        parts.append(f"the friction of {low if low == high else f'{low} to {high}'} of {of} joints")
+    if any(levels):
+        parts.append("the robot's level" if all(levels) else f"in {percent(levels)} runs the robot's level")
+    return f"a wear monitor tells {' and '.join(parts)}"
 
 
 def write_adaptation(out: Path, rows: Sequence[ResultRow], summary: dict[str, Any]) -> Path:
@@ -115,18 +138,16 @@ def write_adaptation(out: Path, rows: Sequence[ResultRow], summary: dict[str, An
 def sections(summary: dict[str, Any], effects: Figure, probes: Figure) -> list[Section]:
     """Return the page's parts, with the figures of `adaptation_figures`."""
     runs = summary["runs"]
-    seeds = [
-        fold(f"{method}: over {len(found['effects'][0]['each'])} seeds, t-intervals", pooled(found))
-        for method, found in summary["methods"].items()
-        if len(found["effects"][0]["each"]) > 1
-    ]
+    effects_tables = {name: effects_table(name, run["latents"]["effects"]) for name, run in runs.items()}
+    probes_tables = {name: probes_table(name, run["probes"]) for name, run in runs.items()}
+    wear_tables = {name: wear_table(name, run["wear"]) for name, run in runs.items()}
     return [
         Section(
             "Latents taken away and swapped",
             (
                 paragraph(ABOUT_LATENTS),
                 picture(figure_uri(effects), EACH_LINE),
-                *(effects_table(name, run["latents"]["effects"]) for name, run in runs.items()),
+                *over_runs(summary["methods"], effects_tables, lambda name, m: effects_table(name, m["effects"])),
             ),
         ),
         Section(
@@ -134,24 +155,37 @@ def sections(summary: dict[str, Any], effects: Figure, probes: Figure) -> list[S
             (
                 paragraph(ABOUT_PROBES),
                 picture(figure_uri(probes), EACH_DOT),
-                *(probes_table(name, run["probes"]) for name, run in runs.items()),
+                *over_runs(summary["methods"], probes_tables, lambda name, m: probes_table(name, m["probes"])),
             ),
         ),
         Section(
             "Can it watch for wear?",
-            (
-                paragraph(ABOUT_WEAR.format(summary["threshold"])),
-                *(wear_table(name, run["wear"]) for name, run in runs.items()),
-            ),
+            (paragraph(ABOUT_WEAR.format(summary["threshold"])), *_or_folded("every run", list(wear_tables.values()))),
         ),
-        *([Section("Over seeds", tuple(seeds))] if seeds else []),
         Section("How it was made", (paragraph(summary["command"]), paragraph(f"revision {summary['revision']}"))),
     ]
 
 
-def pooled(found: dict[str, Any]) -> list[Markup]:
-    """Return the tables of one method."""
-    return [effects_table("all seeds", found["effects"]), probes_table("all seeds", found["probes"])]
+def over_runs(
+    methods: dict[str, Any], tables: dict[str, Markup], pooled: Callable[[str, dict[str, Any]], Markup]
+) -> list[Markup]:
+    """Return a training's table over its seeds where it has several, and those of its runs folded.
+
+    methods: training -> what its runs have together; tables: run -> its table; pooled: makes the table over seeds.
+    """
+    found: list[Markup] = []
+    for method, one in methods.items():
+        own = [tables[name] for name in one["runs"]]
+        if len(own) > 1:
+            found += [pooled(f"{method}, over {len(own)} seeds", one), fold(f"{method}: every run", own)]
+        else:
+            found += own
+    return found
+
+
+def _or_folded(title: str, tables: list[Markup]) -> list[Markup]:
+    """Return few tables as they are, and many behind a fold."""
+    return tables if len(tables) <= 2 else [*tables[:1], fold(title, tables[1:])]
 
 
 def effects_table(name: str, effects: Sequence[dict[str, Any]]) -> Markup:

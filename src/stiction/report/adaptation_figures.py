@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+ROWS = {"step": "one step", "walk": "whole walk"}
+"""What a probe of the figure reads at once -> its words."""
+
 LOWEST = -0.2
 """Left end of the axis of R² [-]: what is below is drawn there, it tells nothing either."""
 
@@ -21,23 +24,26 @@ def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[s
     A dot is a seed, a bar the t-interval of their mean where there are several.
 
     Args:
-        methods: training -> `probes`, as in the summary; all of them are of whole walks here.
+        methods: training -> `probes`, as in the summary; those of a step and of whole walks are drawn.
         inputs: input -> its words, in the order from top to bottom.
         targets: `joint` and `robot` -> what a panel is called.
 
     """
-    figure, axes = new_figure(1, len(targets), size=(4.6 * len(targets) + 1.6, 0.42 * len(inputs) + 1.6))
-    heights = {name: height for height, name in enumerate(inputs)}
+    probes = {method: [p for p in found["probes"] if not p["shuffled"]] for method, found in methods.items()}
+    there = {(probe["input"], probe["row"]) for found in probes.values() for probe in found}
+    shown = [(name, row) for name in inputs for row in ROWS if (name, row) in there]
+    figure, axes = new_figure(1, len(targets), size=(4.6 * len(targets) + 1.6, 0.42 * len(shown) + 1.6))
+    heights = {key: height for height, key in enumerate(shown)}
     for axis, (per, title) in zip(axes, targets.items(), strict=True):
-        for index, (method, found) in enumerate(methods.items()):
+        for index, (method, found) in enumerate(probes.items()):
             shift = 0.12 * (index - (len(methods) - 1) / 2)
-            kind = ("walk", per, False)
-            for probe in (p for p in found["probes"] if (p["row"], p["per"], p["shuffled"]) == kind):
-                height = heights[probe["input"]]
+            for probe in (p for p in found if p["per"] == per and (p["input"], p["row"]) in heights):
+                height = heights[probe["input"], probe["row"]]
                 _mark(axis, probe, height + shift, COLORS[index % len(COLORS)], "" if height else method)
         axis.axvline(0.0, color=INK, linewidth=0.8)
-        axis.set(title=title, xlabel="R² on unseen robots", xlim=(LOWEST, 1.02), ylim=(len(inputs) - 0.5, -0.5))
-        axis.set_yticks(range(len(inputs)), list(inputs.values()) if axis is axes[0] else [""] * len(inputs))
+        axis.set(title=title, xlabel="R² on unseen robots", xlim=(LOWEST, 1.02), ylim=(len(shown) - 0.5, -0.5))
+        words = [f"{inputs[name]}, {ROWS[row]}" for name, row in shown]
+        axis.set_yticks(range(len(shown)), words if axis is axes[0] else [""] * len(shown))
     legend(axes[0])
     return figure
 
@@ -67,6 +73,9 @@ def draw_effects(methods: dict[str, Any], latents: dict[str, str]) -> Figure:
             axis.plot(levels, [p["difference"] for p in points], color=colour, marker="o", markersize=4, label=words)
         axis.axhline(0.0, color=INK, linewidth=0.8)
         axis.set(title=method, xlabel="friction, % of torque limit")
+    ends = [end for axis in axes for end in axis.get_ylim()]
+    for axis in axes:
+        axis.set_ylim(min(ends), max(ends))  # the trainings are to be compared
     axes[0].set_ylabel("change of the speed ratio")
     legend(axes[0])
     return figure

@@ -52,7 +52,10 @@ def test_budget_is_the_same_unless_it_is_the_question() -> None:
     quick = PRESETS["quick"]
     for name, cfg in CONFIGURED.items():
         factor = 3 if name == "coulomb20-direct-long" else 1
-        assert cfg.env_steps == factor * quick.env_steps, name
+        student = 3 if name == "coulomb20-deception-student240" else factor
+        assert cfg.teacher.iterations == factor * quick.teacher.iterations, name
+        assert cfg.student.iterations == student * quick.student.iterations, name
+        assert (cfg.num_envs, cfg.teacher.steps) == (quick.num_envs, quick.teacher.steps), name
 
 
 def test_what_is_varied_is_what_the_purpose_says() -> None:

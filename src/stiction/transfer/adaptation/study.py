@@ -74,7 +74,8 @@ def study(
     methods = {}
     for method, members in seeds.items():
         same = [parts[index] for index in members]
-        methods[method] = {"effects": over_seeds([part["latents"] for part in same]), "probes": pooled_probes(same)}
+        effects, names = over_seeds([part["latents"] for part in same]), [part["name"] for part in same]
+        methods[method] = {"runs": names, "effects": effects, "probes": pooled_probes(same)}
     return {
         "config": asdict(cfg),
         "threshold": TOLD,

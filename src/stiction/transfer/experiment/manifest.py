@@ -1,14 +1,15 @@
 """Every run of the experiment, with the reason for it. Data; what is computed from it stands elsewhere.
 
-All conditions have the preset `quick`, without its clips: the same budget, no early stop. They differ from
-`stiction train --preset quick --video-every 0` in the options that stand here and in nothing else.
+All conditions have the preset `quick`, without its clips: the same budget, no early stop. Two ask what three times as
+much would do. They differ from `stiction train --preset quick --video-every 0` in the options that stand here and in
+nothing else.
 
 The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
 kp · action scale · σ = 100 N m/rad · 0.25 rad · 0.8 = 20 N m, one standard deviation, against 5 N m (hip, thigh) and
 9 N m (shank) of friction at level 0.2: by default they break away. So both sides of that are tried: `strong` with
 σ = 1.6 (40 N m, four to eight times the friction; PPO, whose entropy bonus stays as it is, has 1.47 after 60
-iterations), and `weak` with σ = 0.15 (3.75 N m, less than the friction of every
-joint), beside `weak` without friction, to tell weak exploration itself from friction that filters it.
+iterations), and `weak` with σ = 0.15 (3.75 N m, less than the friction of every joint), beside `weak` without friction,
+to tell weak exploration itself from friction that filters it.
 """
 
 from __future__ import annotations
@@ -118,6 +119,10 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb(
         *("direct-long", "2", "three times the budget: slow, or stuck?", "direct"),
         *("--teacher.iterations", "1050", "--student.iterations", "240"),
+    ),
+    _coulomb(
+        *("deception-student240", "2", "three times the student's budget: does it overshoot less?", "deception"),
+        *("--student.iterations", "240"),
     ),
     _coulomb("direct-strong", "2", "first actions of 40 N m (σ)", "direct", "--network.initial-std", "1.6"),
     _coulomb("direct-weak", "2", "first actions of 3.75 N m (σ)", "direct", "--network.initial-std", "0.15"),
