@@ -57,9 +57,12 @@ format: $(READY)
 	$(BIN)/ruff check --fix src tests
 	$(BIN)/ruff format src tests
 
-# A build of torch for one kind of machine is named like 2.13.0+cpu; the lock holds for all.
+# A build of torch for one kind of machine is named like 2.13.0+cpu; the lock holds for all, but for packages that some
+# machines have no wheel of, as in pyproject.toml.
 lock: $(READY)
-	$(PIP) freeze --all --exclude-editable --exclude pip | sed 's/+.*//' > requirements.lock
+	$(PIP) freeze --all --exclude-editable --exclude pip | sed -e 's/+.*//' \
+		-e "s/^dartpy==.*/&; sys_platform == 'linux'/" \
+		-e "s/^sapien==.*/&; sys_platform != 'linux' or platform_machine == 'x86_64'/" > requirements.lock
 	@touch $(READY)
 
 clean:
@@ -69,7 +72,7 @@ clean:
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and '$(PYTHON) is Python ' + sys.version.split()[0] \
 		+ '; stiction needs 3.11 or newer: make PYTHON=python3.12')"
-	@echo "installing into $(VENV) (some 1.5 GB; only the first time, or when requirements.lock changes)"
+	@echo "installing into $(VENV) (some 2.6 GB; only the first time, or when requirements.lock changes)"
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) install $(TORCH_FLAGS) "$$(grep '^torch==' requirements.lock)"
 	$(PIP) install -r requirements.lock

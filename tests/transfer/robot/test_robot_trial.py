@@ -40,19 +40,20 @@ def standing(tmp_path_factory: pytest.TempPathFactory):
     return read_bundle(make_bundle(tmp_path_factory.mktemp("b") / "still", contract, make_network(contract, gain=1e-3)))
 
 
-def trial(bundle, cell: str, level: str, **options):
+def trial(bundle, cell: str, level: str, steps: int = STEPS, **options):
     """Walk for half a second."""
-    return walk(bundle, Case(4, cell, parse_level(level)), World(MujocoEngine), forward, STEPS, **options)
+    return walk(bundle, Case(4, cell, parse_level(level)), World(MujocoEngine), forward, steps, **options)
 
 
 def test_a_robot_stands_in_every_cell_and_is_judged_like_any_other(standing) -> None:
     """The recording has the shapes that the metrics take, and says what the robot really did."""
     for cell, level in (("nominal", "0"), ("all", "bench+0.02")):
-        recording = trial(standing, cell, level).recording
-        assert recording.velocity.shape == (STEPS, 1, 3) and recording.contact.shape == (STEPS, 1, 6)
+        recording = trial(standing, cell, level, steps=100).recording
+        assert recording.velocity.shape == (100, 1, 3) and recording.contact.shape == (100, 1, 6)
         assert recording.upright.all() and recording.contact[-1].sum() >= 3
         metrics = measure(recording, parse_command("vx=0.5"), SPEC.groups(), 1.0)
-        assert metrics.fall_rate == 0.0 and abs(metrics.speed_ratio) < 0.2
+        # It is put down in a pose that is not quite the standing one, and moves by 4 cm in the first half second.
+        assert metrics.fall_rate == 0.0 and abs(metrics.speed_ratio) < 0.1
     assert trial(standing, "nominal", "0").recording.friction.max() == 0.0
 
 
