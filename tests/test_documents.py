@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 from packaging.requirements import Requirement
-from packaging.version import Version
 
 from stiction.cli.main import VERBS
 
@@ -20,30 +19,27 @@ PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 DOCUMENTS = sorted(CHECKOUT.glob("*.md"))
 COMMANDS = re.findall(r"^stiction (\w+)(.*)$", (CHECKOUT / "README.md").read_text(), re.MULTILINE)
 
-UNLOCKED = {"engines"}
-"""Extras that the lock leaves out: nothing but a skipped test needs sapien, which brings eleven packages."""
 
-
-def locked() -> dict[str, Version]:
-    """Return name -> version of the lock file, whose every line must be a plain name==version."""
+def locked() -> dict[str, Requirement]:
+    """Return name -> line of the lock file, each a plain name==version, or one with a marker behind it."""
     lines = (CHECKOUT / "requirements.lock").read_text().splitlines()
-    matches = [re.fullmatch(r"([A-Za-z0-9._-]+)==([0-9][0-9a-z.]*)", line) for line in lines]
-    wrong = [line for line, match in zip(lines, matches, strict=True) if match is None]
-    assert not wrong, f"not plain name==version: {wrong}"
-    return {match.group(1).lower().replace("_", "-"): Version(match.group(2)) for match in matches if match}
+    wrong = [line for line in lines if not re.fullmatch(r"[A-Za-z0-9._-]+==[0-9][0-9a-z.]*(; .+)?", line)]
+    assert not wrong, f"not name==version: {wrong}"
+    requirements = map(Requirement, lines)
+    return {requirement.name.lower().replace("_", "-"): requirement for requirement in requirements}
 
 
 def test_the_lock_fits_the_requirements_and_holds_no_cuda() -> None:
     """If this failed, a fresh install would differ from what was tested, or download gigabytes that nobody uses."""
-    versions = locked()
-    extras = {name: texts for name, texts in PROJECT["optional-dependencies"].items() if name not in UNLOCKED}
-    for text in sum(extras.values(), PROJECT["dependencies"]):
+    lines = locked()
+    for text in sum(PROJECT["optional-dependencies"].values(), PROJECT["dependencies"]):
         requirement = Requirement(text)
         if requirement.name != "stiction":
-            assert versions[requirement.name] in requirement.specifier, (
-                f"{text}, but {versions[requirement.name]} is locked"
-            )
-    assert not [name for name in versions if name.startswith(("nvidia", "cuda", "triton"))]
+            line = lines[requirement.name]
+            version = str(line.specifier).removeprefix("==")
+            assert requirement.specifier.contains(version), f"{text}, but {version} is locked"
+            assert str(line.marker) == str(requirement.marker), f"{text}, but the lock has {line}"
+    assert not [name for name in lines if name.startswith(("nvidia", "cuda", "triton"))]
 
 
 def test_every_requirement_has_both_bounds() -> None:
