@@ -40,13 +40,13 @@ def print_rows(rows: Sequence[ResultRow]) -> None:
     for policy in dict.fromkeys(row.policy for row in rows):
         console.print(policy, style="bold", soft_wrap=True, highlight=False, markup=False)
         table = Table()
-        places = [(row.engine, row.terrain) for row in rows]
-        where = ["engine", "ground"] if len(set(places)) > 1 else []
+        named = {"engine": [row.engine for row in rows], "ground": [row.terrain for row in rows]}
+        where = [name for name, values in named.items() if len(set(values)) > 1]
         for name in (*where, "friction", "command", "speed ratio", "error", "falls", "jitter", "tripod"):
             table.add_column(name, justify="left" if name in ("command", *where) else "right", overflow="fold")
-        for row, place in zip(rows, places, strict=True):
+        for index, row in enumerate(rows):
             if row.policy == policy:
-                table.add_row(*(place if where else ()), *_cells(row))
+                table.add_row(*(named[name][index] for name in where), *_cells(row))
         console.print(table)
 
 
