@@ -62,6 +62,11 @@ def conventional(contract: Contract) -> bool:
     return everyone(contract) and way_of(contract) == "none"
 
 
+def told_apart(contract: Contract) -> bool:
+    """Take the policies with which the causes on the virtual robot are told apart."""
+    return everyone(contract) and way_of(contract) in ("none", "deception")
+
+
 def climbers(contract: Contract) -> bool:
     """Take the policies that were trained on ground that is not flat."""
     return contract.terrain != "flat"
@@ -88,7 +93,7 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     quick = size == "quick"
     count = robots or (2 if quick else 8)
     seeds = reported(count)
-    levels, episodes = (SHORT, 2) if quick else (LEVELS, 8)
+    levels, episodes = (SHORT, 2) if quick else (LEVELS, 4)
     seconds = 8.0 if quick else 10.0
 
     def base(
@@ -112,9 +117,18 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
             *("robot", "On the virtual robot", everyone),
             GridCfg(
                 base((0.0,), (*DIRECTIONS, STAND), 1),
-                (NOMINAL, FRICTION, REST, ROBOT),
+                (REST, ROBOT),
                 robots=seeds,
                 robot_levels=robot_levels,
+            ),
+        ),
+        Part(
+            *("causes", "On the virtual robot: friction alone, and neither friction nor the rest", told_apart),
+            GridCfg(
+                base((0.0,), DIRECTIONS, 1),
+                (NOMINAL, FRICTION),
+                robots=seeds,
+                robot_levels=("0.1", "0.2") if quick else ("0.05", "0.1", "0.2", "0.3"),
             ),
         ),
         Part(
@@ -123,14 +137,14 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
                 base((0.0,), DIRECTIONS, 1),
                 (ROBOT,),
                 robots=seeds,
-                robot_levels=("0.1", "0.2") if quick else ("0.1", "0.2", "0.3", "bench", "bench+0.02"),
+                robot_levels=("0.1", "0.2") if quick else ("0.1", "0.2", "0.3"),
             ),
             forward=True,
         ),
         Part(
             *("stairs", "Stairs, up, landing and down", climbers),
             GridCfg(
-                base((0.0, 0.2), (OVER,), 3 if quick else 20),
+                base((0.0, 0.2), (OVER,), 3 if quick else 10),
                 (BATCH, *OTHERS[:2], ROBOT),
                 heights,
                 robots=seeds,
