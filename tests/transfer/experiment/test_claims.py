@@ -118,3 +118,15 @@ def test_weak_exploration_that_never_learns_says_nothing_of_friction() -> None:
     ]
     assert outcomes(Evidence(Table.of(rows), {}))["V4"] == "does not"
     assert outcomes(Evidence(Table.of(rows[:-6]), {}))["V4"] == "not tested"
+
+
+def test_one_weakness_at_which_friction_filters_suffices() -> None:
+    """The weaker one learns nothing with or without friction; the stronger of the two walks where there is none."""
+    rows = [
+        *condition_rows("coulomb20-direct-strong", {0.2: WALKS}),
+        *condition_rows("coulomb20-direct-weak", {0.2: STANDS}),
+        *condition_rows("coulomb20-none-weak", {0.0: (-0.05, -0.04, -0.06)}),
+        *condition_rows("coulomb20-direct-mid", {0.2: STANDS}),
+        *condition_rows("coulomb20-none-mid", {0.0: WALKS}),
+    ]
+    assert outcomes(Evidence(Table.of(rows), {}))["V4"] == "reproduces"

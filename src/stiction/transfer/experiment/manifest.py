@@ -9,7 +9,8 @@ kp · action scale · σ = 100 N m/rad · 0.25 rad · 0.8 = 20 N m, one standard
 9 N m (shank) of friction at level 0.2: by default they break away. So both sides of that are tried: `strong` with
 σ = 1.6 (40 N m, four to eight times the friction; PPO, whose entropy bonus stays as it is, has 1.47 after 60
 iterations), and `weak` with σ = 0.15 (3.75 N m, less than the friction of every joint), beside `weak` without friction,
-to tell weak exploration itself from friction that filters it.
+to tell weak exploration itself from friction that filters it. Both `weak` stood still, so there is `mid`, σ = 0.3
+(7.5 N m, between the friction of hip and shank), with and without friction.
 """
 
 from __future__ import annotations
@@ -127,6 +128,8 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb("direct-strong", "2", "first actions of 40 N m (σ)", "direct", "--network.initial-std", "1.6"),
     _coulomb("direct-weak", "2", "first actions of 3.75 N m (σ)", "direct", "--network.initial-std", "0.15"),
     _coulomb("none-weak", "2", "the same, without friction", "none", "--network.initial-std", "0.15"),
+    _coulomb("direct-mid", "2", "first actions of 7.5 N m (σ)", "direct", "--network.initial-std", "0.3"),
+    _coulomb("none-mid", "2", "the same, without friction", "none", "--network.initial-std", "0.3"),
     _coulomb("narrow", "3", "the mean of deception, no easy robots", "direct", "--task.friction.range", "0.48", "0.72"),
     _coulomb("mean-kept", "3", "easy robots, mean kept: 0 to 2", "deception", "--task.friction.range", "0", "2"),
     _coulomb(
