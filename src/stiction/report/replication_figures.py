@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from stiction.formats.friction import has_coefficient, level_axis, level_number
 from stiction.formats.replication import FEWEST_LEVELS, BudgetPoint, Onset
 from stiction.formats.results import FOLLOWS
-from stiction.report.page import COLORS, INK, legend, new_figure
+from stiction.report.page import COLORS, INK, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,13 +46,16 @@ def draw_budget(points: Sequence[BudgetPoint], ways: Sequence[str], band: float)
             own = sorted((p for p in some if p.method == way), key=lambda p: p.friction_level)
             if own:
                 _draw_way(axis, own, color_of(way, ways), style_of(way, ways))
-        axis.set(title=engine, xlabel=level_axis(law), ylim=(-0.4, 1.6))
+        axis.set(title=engine, xlabel=level_axis(law), ylim=(-0.2, 1.9))
         if not has_coefficient(law):
             _dead_band(axis, band)
     for axis in axes[len(shown) :]:
         axis.set_visible(False)
     axes[0].set_ylabel("speed reached / commanded")
-    legend(axes[0])
+    lines = {line.get_label(): line for axis in axes for line in axis.get_legend_handles_labels()[0]}
+    drawn = [way for way in ways if way in lines]
+    handles = [lines[way] for way in drawn]
+    figure.legend(handles, drawn, loc="outside lower center", ncols=5, fontsize=8, labelcolor=INK, frameon=False)
     return figure
 
 
