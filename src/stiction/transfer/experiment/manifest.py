@@ -1,7 +1,7 @@
 """Every run of the experiment, with the reason for it. Data; what is computed from it stands elsewhere.
 
-All conditions have the preset `quick`, without its clips: the same budget, no early stop. Two ask what three times as
-much would do. They differ from `stiction train --preset quick --video-every 0` in the options that stand here and in
+All conditions have the preset `quick`, without its clips: the same budget, no early stop. Three ask what three times
+as much would do. They differ from `stiction train --preset quick --video-every 0` in the options that stand here and in
 nothing else.
 
 The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
@@ -119,6 +119,10 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb("compensation", "2", "the nominal friction added to the command", "compensation"),
     _coulomb(
         *("direct-long", "2", "three times the budget: slow, or stuck?", "direct"),
+        *("--teacher.iterations", "1050", "--student.iterations", "240"),
+    ),
+    _coulomb(
+        *("deception-long", "2", "the same for the wide range", "deception"),
         *("--teacher.iterations", "1050", "--student.iterations", "240"),
     ),
     _coulomb(
