@@ -91,71 +91,91 @@ class Part:
 def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     """Return the grids of a preset; `robots`: how many virtual robots, by default 2 (quick) or 8 (full)."""
     quick = size == "quick"
-    count = robots or (2 if quick else 8)
-    seeds = reported(count)
+    seeds = reported(robots or (2 if quick else 8))
+    return (*_engines(quick), *_robot(quick, seeds), _stairs(quick, seeds), *_units(quick))
+
+
+def _engines(quick: bool) -> tuple[Part, ...]:
     levels, episodes = (SHORT, 2) if quick else (LEVELS, 4)
     seconds = 8.0 if quick else 10.0
-
-    def base(
-        levels: tuple[float, ...], commands: tuple[str, ...], episodes: int, law: str = "coulomb"
-    ) -> EvaluationCfg:
-        return EvaluationCfg(levels, commands, episodes, seconds, friction_law=law)
-
-    others = OTHERS[:2] if quick else ("mujoco-alone", *OTHERS)
-    robot_levels = ROBOT_LEVELS if not quick else ("0.01", "0.1", "0.2", "0.3", "bench", "bench+0.02")
-    heights = ("stairs=0.08",) if quick else ("stairs=0.06", "stairs=0.08", "stairs=0.1")
     return (
-        Part("training", "In the simulator of the training", everyone, GridCfg(base(levels, ALL, 8), (BATCH,))),
+        Part(
+            "training",
+            "In the simulator of the training",
+            everyone,
+            GridCfg(EvaluationCfg(levels, ALL, 8, seconds), (BATCH,)),
+        ),
         Part(
             "engines",
             "Sim2Sim: other engines",
             everyone,
-            GridCfg(base(levels, DIRECTIONS, episodes), others),
+            GridCfg(
+                EvaluationCfg(levels, DIRECTIONS, episodes, seconds),
+                OTHERS[:2] if quick else ("mujoco-alone", *OTHERS),
+            ),
             forward=True,
         ),
+    )
+
+
+def _robot(quick: bool, seeds: tuple[int, ...]) -> tuple[Part, ...]:
+    def grid(
+        commands: tuple[str, ...], cells: tuple[str, ...], short: tuple[str, ...], long: tuple[str, ...]
+    ) -> GridCfg:
+        base = EvaluationCfg((0.0,), commands, 1, 8.0 if quick else 10.0)
+        return GridCfg(base, cells, robots=seeds, robot_levels=short if quick else long)
+
+    told = ("0.1", "0.2")
+    return (
         Part(
-            *("robot", "On the virtual robot", everyone),
-            GridCfg(
-                base((0.0,), (*DIRECTIONS, STAND), 1),
+            "robot",
+            "On the virtual robot",
+            everyone,
+            grid(
+                (*DIRECTIONS, STAND),
                 (REST, ROBOT),
-                robots=seeds,
-                robot_levels=robot_levels,
+                ("0.01", "0.1", "0.2", "0.3", "bench", "bench+0.02"),
+                ROBOT_LEVELS,
             ),
         ),
         Part(
-            *("causes", "On the virtual robot: friction alone, and neither friction nor the rest", told_apart),
-            GridCfg(
-                base((0.0,), DIRECTIONS, 1),
-                (NOMINAL, FRICTION),
-                robots=seeds,
-                robot_levels=("0.1", "0.2") if quick else ("0.05", "0.1", "0.2", "0.3"),
-            ),
+            "causes",
+            "On the virtual robot: friction alone, and neither friction nor the rest",
+            told_apart,
+            grid(DIRECTIONS, (NOMINAL, FRICTION), told, ("0.05", *told, "0.3")),
         ),
         Part(
-            *("forward", "What a user would try: the virtual robot's identified friction, fed forward", conventional),
-            GridCfg(
-                base((0.0,), DIRECTIONS, 1),
-                (ROBOT,),
-                robots=seeds,
-                robot_levels=("0.1", "0.2") if quick else ("0.1", "0.2", "0.3"),
-            ),
+            "forward",
+            "What a user would try: the virtual robot's identified friction, fed forward",
+            conventional,
+            grid(DIRECTIONS, (ROBOT,), told, (*told, "0.3")),
             forward=True,
         ),
+    )
+
+
+def _stairs(quick: bool, seeds: tuple[int, ...]) -> Part:
+    return Part(
+        "stairs",
+        "Stairs, up, landing and down",
+        climbers,
+        GridCfg(
+            EvaluationCfg((0.0, 0.2), (OVER,), 3 if quick else 10, 8.0 if quick else 10.0),
+            (BATCH, *OTHERS[:2], ROBOT),
+            ("stairs=0.08",) if quick else ("stairs=0.06", "stairs=0.08", "stairs=0.1"),
+            robots=seeds,
+            robot_levels=("0", "0.2") if quick else ("0", "0.1", "0.2"),
+        ),
+    )
+
+
+def _units(quick: bool) -> tuple[Part, ...]:
+    return tuple(
         Part(
-            *("stairs", "Stairs, up, landing and down", climbers),
-            GridCfg(
-                base((0.0, 0.2), (OVER,), 3 if quick else 10),
-                (BATCH, *OTHERS[:2], ROBOT),
-                heights,
-                robots=seeds,
-                robot_levels=("0", "0.2") if quick else ("0", "0.1", "0.2"),
-            ),
-        ),
-        *(
-            Part(
-                *(law, f"Friction as a coefficient of the {words}", compared),
-                GridCfg(base(COEFFICIENTS, DIRECTIONS, 8, law), (BATCH,)),
-            )
-            for law, words in (("load", "joint's load"), ("effort", "motor's torque"))
-        ),
+            law,
+            f"Friction as a coefficient of the {words}",
+            compared,
+            GridCfg(EvaluationCfg(COEFFICIENTS, DIRECTIONS, 8, 8.0 if quick else 10.0, friction_law=law), (BATCH,)),
+        )
+        for law, words in (("load", "joint's load"), ("effort", "motor's torque"))
     )
