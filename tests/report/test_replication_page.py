@@ -52,7 +52,7 @@ RESULT = Replication(
     budget=[BudgetPoint("none", "physx", "coulomb", lv, 1, 1 - lv, None, None, f"{1 - lv}") for lv in (0.0, 0.1, 0.2)],
     onsets=[onset("none", "physx", 0.12), onset("none", "ode", 0.08)],
     verdicts=[Verdict("E1", "a <sentence>", "a criterion", "not tested", "none 0.90 (one seed)")],
-    behind=[Behind("E1", "none", "physx", "coulomb", 0.1, "flat", "vx=0.5", "speed_ratio", "0 1", "0.8 1")],
+    behind=[Behind("none", "physx", "coulomb", 0.1, "flat", "vx=0.5", "E1", "speed_ratio", "0 1", "0.8 1")],
     ways={"none": "without friction"},
     summary={
         "command": "stiction replicate",

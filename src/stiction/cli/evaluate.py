@@ -10,8 +10,8 @@ from typing import Annotated, Literal
 
 import tyro
 
+from stiction.cli.jobs import jobs_of
 from stiction.cli.virtual_robots import RobotSeeds
-from stiction.formats.errors import StictionError
 
 
 @dataclass(frozen=True)
@@ -75,11 +75,6 @@ class EvaluateCfg:
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
-    def __post_init__(self) -> None:
-        """Refuse no work at once."""
-        if self.jobs is not None and self.jobs < 1:
-            raise StictionError(f"--jobs {self.jobs}: expected at least 1")
-
 
 def main(arguments: list[str]) -> int:
     """Check and evaluate the bundles, write the results, print them."""
@@ -87,6 +82,7 @@ def main(arguments: list[str]) -> int:
     if not cfg.bundles:
         print("stiction evaluate: no bundle given; `stiction evaluate --help` shows the usage", file=sys.stderr)
         return 2
+    jobs = jobs_of(cfg.jobs)
     from stiction.cli.terminal import print_rows, work_progress
     from stiction.deploy.check import check_bundle
     from stiction.formats.folder import make_folder
@@ -121,7 +117,7 @@ def main(arguments: list[str]) -> int:
         make_folder(cfg.log, "--log")
     bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
     with work_progress() as progress:
-        rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, cfg.jobs or num_threads(), progress)
+        rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
         if record is not None and cfg.log is not None:
             summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
     for warning in summary["warnings"]:

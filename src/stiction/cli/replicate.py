@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
+from stiction.cli.jobs import jobs_of
 from stiction.formats.errors import StictionError
 
 if TYPE_CHECKING:
@@ -64,21 +65,19 @@ class ReplicateCfg:
     """Print the verdicts as JSON on standard output, and nothing else."""
 
     def __post_init__(self) -> None:
-        """Refuse no work at once."""
-        for name in ("jobs", "num_robots"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                raise StictionError(f"--{name.replace('_', '-')} {value}: expected at least 1")
+        """Refuse no robots."""
+        if self.num_robots is not None and self.num_robots < 1:
+            raise StictionError(f"--num-robots {self.num_robots}: expected at least 1")
 
 
 def main(arguments: list[str]) -> int:
     """Walk the comparison, judge it, write the page."""
     cfg = tyro.cli(ReplicateCfg, args=arguments, prog="stiction replicate", description=DESCRIPTION)
+    jobs = jobs_of(cfg.jobs)
     import json
 
     from stiction.cli.terminal import work_progress
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads
     from stiction.report.replication import lead, warnings, write_replication
     from stiction.robots.catalog import find_robot
     from stiction.transfer.replication.plan import parts_of
@@ -91,7 +90,6 @@ def main(arguments: list[str]) -> int:
     asked = cfg.parts or names
     check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
     make_folder(cfg.out)
-    jobs = cfg.jobs or num_threads()
     with work_progress() as progress:
         found = find_policies(cfg, jobs, progress)
         if isinstance(found, int):

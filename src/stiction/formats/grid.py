@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class MethodMean:
-    """The speed ratio of one way of training in one cell of a grid, over its training seeds."""
+class MethodCell:
+    """Which way of training, in which cell of a grid."""
 
     method: str
     """Way of training with friction."""
@@ -16,11 +16,17 @@ class MethodMean:
     friction_law: str
     """Law of the friction."""
     friction_level: float
-    """Friction [-]."""
+    """Friction over the torque limit, or a coefficient [-]."""
     terrain: str
     """Ground."""
     command: str
     """Commanded velocity."""
+
+
+@dataclass(frozen=True)
+class MethodMean(MethodCell):
+    """The speed ratio of one way of training in one cell, over its training seeds."""
+
     seeds: int
     """Training seeds: samples."""
     speed_ratio: float

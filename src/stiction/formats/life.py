@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-ENOUGH = 0.8
+from stiction.formats.results import FOLLOWS
+
+ENOUGH = FOLLOWS[0]
 """Share of the commanded speed under which a policy's life ends."""
 
 End = Literal["slow", "fell", "alive", "slow from the start"]

@@ -10,6 +10,7 @@ from typing import Any
 
 from stiction.formats.errors import StictionError
 from stiction.formats.experiment import Verdict
+from stiction.formats.grid import MethodCell
 from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
 
@@ -24,21 +25,9 @@ BOTH = "both"
 
 
 @dataclass(frozen=True)
-class Sample:
-    """One column of one way of training in one cell, over its training seeds; a row of methods.csv."""
+class Sample(MethodCell):
+    """One column in one cell, over training seeds; a row of methods.csv. The command may be `BOTH`."""
 
-    method: str
-    """Way of training."""
-    engine: str
-    """Engine, and what of a virtual robot is real in it."""
-    friction_law: str
-    """Law of the friction."""
-    friction_level: float
-    """Friction over the torque limit, or a coefficient [-]."""
-    terrain: str
-    """Ground."""
-    command: str
-    """Commanded velocity, or `BOTH`."""
     column: str
     """A column of results.csv; `crossed`, the share of walks that crossed their course; `speed_error`, |speed ratio -
     1|, of virtual robots the mean over robots."""
@@ -61,23 +50,11 @@ class Sample:
 
 
 @dataclass(frozen=True)
-class Behind:
+class Behind(MethodCell):
     """What a criterion read of one column in one cell; a row of evidence.csv, with the seeds as in methods.csv."""
 
     claim: str
     """Sentence that was judged by it."""
-    method: str
-    """Way of training."""
-    engine: str
-    """Engine, and what of a virtual robot is real in it."""
-    friction_law: str
-    """Law of the friction."""
-    friction_level: float
-    """Friction over the torque limit, or a coefficient [-]."""
-    terrain: str
-    """Ground."""
-    command: str
-    """Commanded velocity."""
     column: str
     """As in `Sample`."""
     seeds: str

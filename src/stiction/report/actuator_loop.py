@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from stiction.formats.results import FOLLOWS
 from stiction.report.page import (
+    COLORS,
     Section,
     bullets,
     figure_uri,
@@ -218,7 +219,7 @@ def draw(rows: Sequence[Row]) -> Figure:
     figure, axes = new_figure(1, max(1, len(commands)), size=(4.8 * max(1, len(commands)), 3.4))
     places = unique([{"place": _place(row)} for row in rows], "place")
     for axis, command in zip(axes, commands, strict=False):
-        axis.axhspan(*FOLLOWS, color="#4c9f70", alpha=0.12, linewidth=0)
+        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
         for policy in unique(rows, "policy"):
             points = [row for row in rows if (row["policy"], row["command"]) == (policy, command)]
             at = [places.index(_place(row)) for row in points]

@@ -37,7 +37,7 @@ def _names(axis: Axes) -> None:
 
 def _band(axis: Axes) -> None:
     """Shade the speeds that count as following, and mark standing still."""
-    axis.axhspan(*FOLLOWS, color="#4c9f70", alpha=0.12, linewidth=0)
+    axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
     axis.axhline(0.0, color=INK, linewidth=0.8)
 
 
@@ -117,7 +117,7 @@ def draw_conditions(experiment: Experiment, conditions: Sequence[str]) -> Figure
     figure, axes = new_figure(1, 2, size=(9.6, 0.9 + 0.32 * max(3, len(conditions))))
     nominal = {condition.name: condition.nominal for condition in experiment.conditions}
     for axis, title in zip(axes, ("without friction", "at the nominal friction"), strict=True):
-        axis.axvspan(*FOLLOWS, color="#4c9f70", alpha=0.12, linewidth=0)
+        axis.axvspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
         axis.axvline(0.0, color=INK, linewidth=0.8)
         for line, condition in enumerate(conditions):
             level = 0.0 if axis is axes[0] else nominal[condition]

@@ -33,9 +33,6 @@ from stiction.transfer.rollout import Driver, Rollout, friction_at, robot_of
 ENGINE = "mujoco"
 """Where robots walk here, as it stands in results.csv."""
 
-EXTRA = ("group_share", "moving_share", "mean_friction", "crossed")
-"""Fields of `Metrics` that summary.json has beside the columns of results.csv."""
-
 MAX_LEVEL = 0.9
 """Highest friction level: above it hardly any torque is left to move the joint [-]. It bounds coefficients too."""
 
@@ -165,11 +162,8 @@ class Evaluation:
     """Simulations that became unstable; each counts as a fall."""
 
     def details(self) -> list[dict[str, Any]]:
-        """Return the rows as plain data, with what results.csv has no column for (`EXTRA`)."""
-        return [
-            asdict(row) | {name: getattr(metrics, name) for name in EXTRA}
-            for row, metrics in zip(self.rows, self.metrics, strict=True)
-        ]
+        """Return the rows as plain data, with what results.csv has no column for."""
+        return [asdict(row) | metrics.beside for row, metrics in zip(self.rows, self.metrics, strict=True)]
 
 
 def evaluate_bundle(
@@ -309,14 +303,6 @@ def _row(
         friction_level=level,
         terrain=cfg.course.label,
         command=command.label,
-        speed_ratio=metrics.speed_ratio,
-        tracking_error=metrics.tracking_error,
-        fall_rate=metrics.fall_rate,
-        distance=metrics.distance,
-        steps_climbed=metrics.steps_climbed,
-        cost_of_transport=metrics.cost_of_transport,
-        joint_jitter=metrics.joint_jitter,
-        tripod_share=metrics.tripod_share,
-        flight_share=metrics.flight_share,
         episodes=cfg.episodes,
+        **metrics.columns,
     )

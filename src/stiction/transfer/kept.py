@@ -20,7 +20,17 @@ WALKING = (
     *("locomotion/terrain.py", "transfer/engines/*.py", "transfer/robot/*.py", "transfer/grid/walk.py"),
     *(f"transfer/{name}.py" for name in ("command", "course", "evaluate", "record", "rollout", "metrics")),
 )
-"""Code that decides what a walk is worth."""
+"""Code that decides what a walk of a bundle is worth."""
+
+RUN_WALKING = (
+    *("sim/*.py", "joints/pd.py", "robots/*.py", "rma/models.py"),
+    *(f"locomotion/{name}.py" for name in ("observations", "privileged")),
+    *(
+        f"transfer/{name}.py"
+        for name in ("run_evaluation", "evaluate", "record", "rollout", "course", "metrics", "teacher", "twin")
+    ),
+)
+"""The same of the teacher and the student of a run, both in the simulator of the training."""
 
 
 def keep(

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from stiction.formats.results import COLUMNS
 from stiction.transfer.command import Command
 from stiction.transfer.course import FLAT, Course
 
@@ -90,6 +91,16 @@ class Metrics:
     """Mean number of stairs passed, up and down; None where there are none."""
     crossed: float | None = None
     """Share of episodes in which the robot crossed its course; None on flat ground."""
+
+    @property
+    def columns(self) -> dict[str, Any]:
+        """What stands in results.csv: column -> value."""
+        return {name: value for name, value in vars(self).items() if name in COLUMNS}
+
+    @property
+    def beside(self) -> dict[str, Any]:
+        """What results.csv has no column for, and summary.json has."""
+        return {name: value for name, value in vars(self).items() if name not in COLUMNS}
 
 
 def measure(

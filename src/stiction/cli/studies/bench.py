@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import tyro
 
+from stiction.cli.jobs import jobs_of
 from stiction.cli.virtual_robots import RobotSeeds
 from stiction.formats.errors import StictionError
 
@@ -53,8 +54,6 @@ class BenchStudy:
 
     def __post_init__(self) -> None:
         """Refuse no work, and the same work twice, at once."""
-        if self.jobs is not None and self.jobs < 1:
-            raise StictionError(f"--jobs {self.jobs}: expected at least 1")
         for name in ("robots", "levels"):
             given = getattr(self, name)
             if not given or len(set(given)) < len(given):
@@ -64,12 +63,13 @@ class BenchStudy:
 def main(arguments: list[str]) -> int:
     """Run the study; return 1 if a robot could not be identified."""
     options = tyro.cli(BenchStudy, args=arguments, prog="stiction study bench", description=DESCRIPTION)
+    jobs = jobs_of(options.jobs)
     import time
     from dataclasses import asdict
 
     from stiction.cli.terminal import work_progress
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads, provenance
+    from stiction.formats.reproducibility import provenance
     from stiction.formats.results import summary_text
     from stiction.report.bench import lead, scores, write_bench
     from stiction.transfer.robot.bench import BenchCfg
@@ -81,7 +81,7 @@ def main(arguments: list[str]) -> int:
     make_folder(options.out)
     start = time.perf_counter()
     with work_progress() as progress:
-        rows, failed = study_benches(benches, options.out, options.jobs or num_threads(), progress)
+        rows, failed = study_benches(benches, options.out, jobs, progress)
     for label, reason in failed.items():
         print(f"stiction study bench: {label}: {reason}", file=sys.stderr)
     if not rows:

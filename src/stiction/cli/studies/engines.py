@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import tyro
 
+from stiction.cli.jobs import jobs_of
+
 if TYPE_CHECKING:
     from stiction.formats.engines import FigureRow
     from stiction.report.engines import EnginesResult
@@ -63,9 +65,8 @@ def main(arguments: list[str]) -> int:
     from functools import partial
 
     from stiction.cli.terminal import work_progress
-    from stiction.formats.errors import StictionError
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads, provenance
+    from stiction.formats.reproducibility import provenance
     from stiction.formats.results import summary_text
     from stiction.report.engines import EnginesResult, as_summary, write_engines
     from stiction.transfer.engine_walks import check_walks, simulators, walk_bundles
@@ -73,8 +74,7 @@ def main(arguments: list[str]) -> int:
     from stiction.transfer.evaluate import EvaluationCfg
     from stiction.transfer.summary import describe
 
-    if options.jobs is not None and options.jobs < 1:
-        raise StictionError(f"--jobs {options.jobs}: expected at least one")
+    jobs = jobs_of(options.jobs)
     start = time.perf_counter()
     cfg = EvaluationCfg(options.friction_levels, options.commands, options.episodes, options.seconds, seed=options.seed)
     check_timesteps(options.timesteps)
@@ -93,7 +93,6 @@ def main(arguments: list[str]) -> int:
         motions = traces(engines.here, options.timesteps[0])
         if bundles:
             make_folder(options.out / "walks")
-            jobs = options.jobs or num_threads()
             walked = walk_bundles(bundles, simulators(engines.here), cfg, options.out / "walks", jobs, progress)
     episodes = tuple(episode for walk in walked for episode in walk.episodes)
     result = EnginesResult(

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import tyro
 
+from stiction.cli.jobs import jobs_of
 from stiction.formats.errors import StictionError
 
 if TYPE_CHECKING:
@@ -50,11 +51,6 @@ class FrictionStudy:
     json: bool = False
     """Print the verdicts as JSON on standard output, and nothing else."""
 
-    def __post_init__(self) -> None:
-        """Refuse no work at once."""
-        if self.jobs is not None and self.jobs < 1:
-            raise StictionError(f"--jobs {self.jobs}: expected at least 1")
-
 
 def places_of(options: FrictionStudy) -> list[Place]:
     """Return the runs of the chosen parts with their configurations and folders."""
@@ -69,10 +65,10 @@ def places_of(options: FrictionStudy) -> list[Place]:
 def main(arguments: list[str]) -> int:
     """Run the study; return 1 if a run could not be trained or evaluated."""
     options = tyro.cli(FrictionStudy, args=arguments, prog="stiction study friction", description=DESCRIPTION)
+    jobs = jobs_of(options.jobs)
     from stiction.cli.interruption import stop_requests
     from stiction.cli.terminal import work_progress
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads
     from stiction.report.experiment import lead, write_experiment
     from stiction.transfer.experiment.assemble import assemble, ship
     from stiction.transfer.experiment.evaluation import BASE, evaluate_tasks, tasks_for
@@ -89,7 +85,7 @@ def main(arguments: list[str]) -> int:
             "with --runs"
         )
     make_folder(options.out)
-    jobs, failed = options.jobs or num_threads(), {}
+    failed: dict[str, str] = {}
     with work_progress() as progress:
         if options.train:
             with stop_requests(say, "an iteration of each run") as asked:

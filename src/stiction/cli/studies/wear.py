@@ -10,6 +10,7 @@ from typing import Annotated
 
 import tyro
 
+from stiction.cli.jobs import jobs_of
 from stiction.cli.virtual_robots import RobotSeeds
 
 DESCRIPTION = """Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
@@ -68,9 +69,8 @@ def main(arguments: list[str]) -> int:
         return 2
     from stiction.cli.terminal import work_progress
     from stiction.deploy.check import check_bundle
-    from stiction.formats.errors import StictionError
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads, provenance
+    from stiction.formats.reproducibility import provenance
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
     from stiction.report.wear import answers, write_wear
@@ -80,8 +80,7 @@ def main(arguments: list[str]) -> int:
     from stiction.transfer.wear_life import groups
     from stiction.transfer.wear_study import WearCfg, study_wear
 
-    if options.jobs is not None and options.jobs < 1:
-        raise StictionError(f"--jobs {options.jobs}: expected at least one")
+    jobs = jobs_of(options.jobs)
     joints = () if options.joint is None else (options.joint,)
     wear = Wear(joints, options.start, options.end, options.seconds)
     names = ("engine", "levels", "cell", "robots", "command", "window", "control")
@@ -91,7 +90,6 @@ def main(arguments: list[str]) -> int:
     check_names([bundle.name for bundle in bundles])
     make_folder(options.out / "robots")
     with work_progress() as progress:
-        jobs = options.jobs or num_threads()
         lives, windows, readings = study_wear(bundles, paths, cfg, options.out / "robots", jobs, progress)
     summary = {
         "command": shlex.join(["stiction", "study", "wear", *arguments]),

@@ -13,7 +13,7 @@ import numpy as np
 from stiction.deploy.wear import Moments
 from stiction.formats.configuration import to_plain
 from stiction.formats.errors import StictionError
-from stiction.formats.reproducibility import provenance
+from stiction.formats.reproducibility import made_by, provenance
 from stiction.rma.checkpoint import write_json
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, identified_values
@@ -24,6 +24,7 @@ from stiction.transfer.adaptation.monitor import TOLD, fit_monitor
 from stiction.transfer.adaptation.probes import probe_walk
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.export import contract_of
+from stiction.transfer.kept import RUN_WALKING
 from stiction.transfer.statistics import t_interval
 from stiction.transfer.summary import check_names
 
@@ -32,6 +33,10 @@ Progress = Callable[[str, float], None]
 
 FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
 """Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
+
+
+PROBING = (*RUN_WALKING, "locomotion/*.py", "deploy/wear.py", "transfer/adaptation/*.py")
+"""Code that decides what a run's part is."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,7 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
     directory, name = RunDirectory(run), run.resolve().name
     header, train = directory.header(), directory.config()
     student = directory.student_digest()
-    key = json.loads(json.dumps({"config": asdict(cfg), "student": student}))
+    key = json.loads(json.dumps({"config": asdict(cfg), "student": student} | made_by(*PROBING)))
     file = out / f"{name}.json"
     if file.is_file() and (done := json.loads(file.read_text()))["key"] == key:
         progress(name, 1.0)

@@ -21,9 +21,10 @@ import numpy as np
 from stiction.formats.errors import StictionError
 from stiction.transfer.engines.catalog import TIMESTEP
 from stiction.transfer.engines.checks import contact, flight, joint, repeat, terrain
-from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make, hold, robot
+from stiction.transfer.engines.checks.rig import Figure, Make, hold, robot
 from stiction.transfer.engines.engine import BlownUp, Body
 from stiction.transfer.engines.ground import flat
+from stiction.transfer.engines.rotation import UPRIGHT
 
 CHECKS: dict[str, Callable[[Make, float], tuple[Figure, ...]]] = {
     "friction of one joint": joint.friction_of_one_joint,

@@ -6,6 +6,9 @@ import math
 
 import numpy as np
 
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+"""Orientation of a base that is not turned: it looks along x."""
+
 
 def matrix(quaternion: np.ndarray) -> np.ndarray:
     """Return the rotation matrix of a unit quaternion, shape (3, 3): its columns are the frame's axes in the world."""

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import has_coefficient
-from stiction.formats.reproducibility import source_digest
+from stiction.formats.reproducibility import made_by
 from stiction.formats.results import DIRECTIONS, ResultRow, read_results, write_results
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.checkpoint import latest_checkpoint
@@ -23,6 +19,8 @@ from stiction.rma.config import TrainCfg
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.experiment.manifest import LEVEL
 from stiction.transfer.experiment.places import Place
+from stiction.transfer.kept import RUN_WALKING
+from stiction.transfer.workers import spread
 
 Who = Literal["teacher", "student"]
 
@@ -75,22 +73,6 @@ def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
     )
 
 
-MEASURING = (
-    *("sim/*.py", "joints/pd.py", "robots/*.py", "rma/models.py"),
-    *(f"locomotion/{name}.py" for name in ("observations", "privileged")),
-    *(
-        f"transfer/{name}.py"
-        for name in ("run_evaluation", "evaluate", "record", "rollout", "course", "metrics", "teacher", "twin")
-    ),
-)
-"""Code that decides what an evaluation measures; where it changes, what was kept before does not count."""
-
-
-def code_digest() -> str:
-    """Return the SHA-256 of that code."""
-    return source_digest(*MEASURING)
-
-
 @dataclass(frozen=True)
 class Task:
     """One policy to evaluate."""
@@ -119,8 +101,7 @@ class Task:
         if checkpoint is None:
             raise StictionError(f"{self.path} has no {self.who}; finish it with `stiction train --resume {self.path}`")
         digest = hashlib.sha256(checkpoint.read_bytes())
-        digest.update(json.dumps(asdict(self.settings), sort_keys=True).encode())
-        digest.update(code_digest().encode())
+        digest.update(json.dumps(asdict(self.settings) | made_by(*RUN_WALKING), sort_keys=True).encode())
         return self.cache / f"{self.who}-{digest.hexdigest()[:16]}.csv"
 
 
@@ -165,32 +146,26 @@ def _rounded(row: ResultRow) -> ResultRow:
 def evaluate_tasks(
     tasks: Sequence[Task], jobs: int, progress: Callable[[str, float], None] = lambda name, share: None
 ) -> tuple[list[ResultRow], dict[str, str]]:
-    """Evaluate policies, `jobs` at once; return the rows in the order of the tasks, and policy -> why it has none."""
+    """Evaluate policies, `jobs` at once; return the rows in the order of the tasks, and policy -> why it has none.
+
+    Raises `StictionError` where a process was killed; what is evaluated by then is kept.
+    """
     found: dict[str, list[ResultRow]] = {}
     failed: dict[str, str] = {}
-
-    def collect(task: Task, rows: Callable[[], list[ResultRow]]) -> None:
-        try:
-            found[task.name] = rows()
-        except StictionError as error:
-            failed[task.name] = str(error)
-        except BrokenProcessPool:
-            failed[task.name] = "a process that evaluates was killed, perhaps for want of memory; give fewer --jobs"
-        progress("evaluation", (len(found) + len(failed)) / len(tasks))
-
-    new = [task for task in tasks if not task.file.exists()]
-    for task in [task for task in tasks if task not in new]:
-        collect(task, partial(evaluate_task, task))
-    if jobs == 1:
-        for task in new:
-            collect(task, partial(evaluate_task, task))
-    elif new:
-        # Forked children would share torch's and the simulator's threads with this process.
-        pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
-        try:
-            waiting: dict[Future, Task] = {pool.submit(evaluate_task, task): task for task in new}
-            for future in as_completed(waiting):
-                collect(waiting[future], future.result)
-        finally:
-            pool.shutdown(cancel_futures=True)
+    kept = [task for task in tasks if task.file.exists()]
+    new = [task for task in tasks if task not in kept]
+    for some, processes in ((kept, 1), (new, jobs)):
+        for number, rows in spread(_rows_or_reason, [(task,) for task in some], processes):
+            if isinstance(rows, str):
+                failed[some[number].name] = rows
+            else:
+                found[some[number].name] = rows
+            progress("evaluation", (len(found) + len(failed)) / len(tasks))
     return [row for task in tasks for row in found.get(task.name, [])], failed
+
+
+def _rows_or_reason(task: Task) -> list[ResultRow] | str:
+    try:
+        return evaluate_task(task)
+    except StictionError as error:
+        return str(error)

@@ -13,7 +13,6 @@ from stiction.formats.climb import wilson
 from stiction.formats.grid import MethodMean
 from stiction.formats.results import ResultRow
 from stiction.robots.spec import RobotSpec
-from stiction.transfer.evaluate import EXTRA
 from stiction.transfer.grid.plan import Walk
 from stiction.transfer.metrics import Metrics, combine
 from stiction.transfer.robot.factorial import parse_level
@@ -47,19 +46,11 @@ def rows_of(
             friction_level=number(first, contract.array("torque_limit"), robot_of(contract, robot)),
             terrain=first.terrain,
             command=first.command,
-            speed_ratio=metrics.speed_ratio,
-            tracking_error=metrics.tracking_error,
-            fall_rate=metrics.fall_rate,
-            distance=metrics.distance,
-            steps_climbed=metrics.steps_climbed,
-            cost_of_transport=metrics.cost_of_transport,
-            joint_jitter=metrics.joint_jitter,
-            tripod_share=metrics.tripod_share,
-            flight_share=metrics.flight_share,
             episodes=len(walks),
+            **metrics.columns,
         )
         rows.append(row)
-        details.append(asdict(row) | {name: getattr(metrics, name) for name in EXTRA} | _beside(walks, done))
+        details.append(asdict(row) | metrics.beside | _beside(walks, done))
     return rows, details
 
 

@@ -229,5 +229,5 @@ def judge_all(evidence: Evidence, claims: Iterable[Claim] = CLAIMS) -> tuple[lis
         own = evidence.afresh()
         finding: Finding = claim.judge(own)
         verdicts.append(Verdict(claim.id, claim.sentence, claim.criterion, finding.outcome, finding.evidence))
-        behind += [Behind(claim.id, *cell, column, *each_seed(points)) for (cell, column), points in own.reads.items()]
+        behind += [Behind(*cell, claim.id, column, *each_seed(points)) for (cell, column), points in own.reads.items()]
     return verdicts, behind

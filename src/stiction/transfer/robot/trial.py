@@ -16,7 +16,7 @@ from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.engine import BlownUp, Body, Engine, Motion
 from stiction.transfer.engines.ground import Ground, flat
 from stiction.transfer.engines.joint_physics import JointFriction
-from stiction.transfer.engines.rotation import about
+from stiction.transfer.engines.rotation import UPRIGHT, about
 from stiction.transfer.metrics import Recording
 from stiction.transfer.robot.draw import draw
 from stiction.transfer.robot.hidden import Hidden
@@ -29,9 +29,6 @@ from stiction.transfer.rollout import INITIAL_ANGLE, robot_of
 
 TIMESTEP = 0.001
 """Physics step of virtual robots [s]: motor controllers run at 1 kHz and more."""
-
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-"""Orientation of a base that looks along x."""
 
 Make = Callable[[Body, Ground, float], Engine]
 """Makes an engine: body, ground, timestep [s]."""

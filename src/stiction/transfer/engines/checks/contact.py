@@ -9,11 +9,11 @@ from functools import cache
 
 import numpy as np
 
-from stiction.transfer.engines.checks.rig import UPRIGHT, Act, Figure, Make, hold, record, robot, still
+from stiction.transfer.engines.checks.rig import Act, Figure, Make, hold, record, robot, still
 from stiction.transfer.engines.engine import Body, Motion
 from stiction.transfer.engines.ground import flat
 from stiction.transfer.engines.mujoco_engine import MujocoEngine
-from stiction.transfer.engines.rotation import about, angle_between
+from stiction.transfer.engines.rotation import UPRIGHT, about, angle_between
 
 FINE = 5e-4
 """Timestep of the reference [s]."""

@@ -11,11 +11,11 @@ from functools import cache
 import numpy as np
 
 from stiction.robots.links import Link, links
-from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make, record, robot, still
+from stiction.transfer.engines.checks.rig import Figure, Make, record, robot, still
 from stiction.transfer.engines.engine import GRAVITY, Body, Motion
 from stiction.transfer.engines.ground import flat
 from stiction.transfer.engines.mujoco_engine import MujocoEngine
-from stiction.transfer.engines.rotation import angle_between, into_frame
+from stiction.transfer.engines.rotation import UPRIGHT, angle_between, into_frame
 
 FINE = 1e-4
 """Timestep of the reference [s]."""

@@ -6,9 +6,10 @@ from dataclasses import fields
 
 import numpy as np
 
-from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make, hold, record, robot
+from stiction.transfer.engines.checks.rig import Figure, Make, hold, record, robot
 from stiction.transfer.engines.engine import Body, Engine, Motion
 from stiction.transfer.engines.ground import course
+from stiction.transfer.engines.rotation import UPRIGHT
 
 STEPS = 200
 """Steps that are compared."""

@@ -21,9 +21,6 @@ Act = Callable[[int, Motion], tuple[np.ndarray, np.ndarray]]
 HELD = 1e4
 """Bound of friction of a joint that is to stay where it is [N m]."""
 
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-"""Orientation of a base that is not turned."""
-
 
 @dataclass(frozen=True)
 class Figure:

@@ -11,10 +11,10 @@ import numpy as np
 
 from stiction.robots.links import SHANK_RADIUS, links
 from stiction.sim.terrain import LANDING, RAMP
-from stiction.transfer.engines.checks.rig import HELD, UPRIGHT, Figure, Make, record, robot, still
+from stiction.transfer.engines.checks.rig import HELD, Figure, Make, record, robot, still
 from stiction.transfer.engines.engine import GRAVITY, Body, Motion
 from stiction.transfer.engines.ground import Ground, course, sampled
-from stiction.transfer.engines.rotation import about, angle_between, into_frame
+from stiction.transfer.engines.rotation import UPRIGHT, about, angle_between, into_frame
 
 STEP, ANGLE, CELL = 0.1, 0.2, 0.1
 """Height of a stair [m], angle of the slope [rad], cell of the height field [m]."""
