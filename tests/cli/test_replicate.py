@@ -60,13 +60,16 @@ def test_help_says_what_gives_verdicts(capsys: pytest.CaptureFixture) -> None:
         (["--jobs", "0"], "at least 1"),
         (["--num-robots", "0"], "--num-robots 0: expected at least 1"),
         ([*LOAD, "--out", "{bundle}/card.md"], "--out"),
+        ([*LOAD, "--policies", "{begun}"], "expected a folder that `stiction train` made"),
     ],
 )
 def test_bad_input_is_one_line(
     bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture, arguments: list[str], message: str
 ) -> None:
     """Status 1, what came, what was expected."""
-    given = [argument.replace("{bundle}", str(bundle)) for argument in arguments]
+    begun = tmp_path / "begun"
+    (begun / "checkpoints").mkdir(parents=True)
+    given = [argument.replace("{bundle}", str(bundle)).replace("{begun}", str(begun)) for argument in arguments]
     assert main(["replicate", "--no-clips", "--out", str(tmp_path / "out"), *given]) == 1
     captured = capsys.readouterr()
     assert message in captured.err

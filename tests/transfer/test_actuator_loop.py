@@ -18,7 +18,7 @@ from stiction.formats.shipped import find_bundle
 from stiction.formats.walk import read_walk
 from stiction.report.actuator_loop import findings
 from stiction.transfer.loop_config import RUNS, VARIANTS, LoopCfg
-from stiction.transfer.virtual_robot import plan_logs, virtual_robots
+from stiction.transfer.loop_robots import loop_robots, plan_logs
 
 TINY = [
     *("--num-envs", "2", "--teacher.iterations", "1", "--teacher.steps", "2", "--teacher.mini-batches", "2"),
@@ -38,9 +38,9 @@ def test_every_data_set_has_as_many_runs() -> None:
 
 def test_robots_are_drawn_from_the_seed(contract) -> None:
     """robot-0 is nominal but for its friction; the others are the same for one seed, within what is said of them."""
-    first, *others = virtual_robots(0.2, 0)
+    first, *others = loop_robots(0.2, 0)
     assert (first.level, first.joints(contract)) == (0.2, contract)
-    assert virtual_robots(0.2, 0) == (first, *others) != virtual_robots(0.2, 1) and len(others) == 3
+    assert loop_robots(0.2, 0) == (first, *others) != loop_robots(0.2, 1) and len(others) == 3
     for robot in others:
         assert 0.1 <= robot.level <= 0.3 and min(robot.strength, robot.damping, robot.armature) >= 0.8
         assert robot.joints(contract).kp[0] == pytest.approx(robot.strength * contract.kp[0])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
 import shlex
-import shutil
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +15,10 @@ from stiction.cli.jobs import jobs_of
 from stiction.formats.errors import StictionError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from stiction.formats.bundle import Bundle
+    from stiction.transfer.experiment.manifest import Run
 
 DESCRIPTION = """The paper's comparison as one command, resumable: conventional, Actuator Net and friction-aware
 training, the paper's other ways, and what a user would try; in other physics engines, on a virtual robot with joints of
@@ -130,12 +131,14 @@ def exported(path: Path, out: Path) -> Path:
     if not (path / "checkpoints").is_dir():
         return path
     from stiction.formats.folder import make_folder
+    from stiction.formats.reproducibility import made_by
+    from stiction.rma.run import RunDirectory
     from stiction.transfer.export import export_run
 
-    folder = out / "bundles" / path.resolve().name
-    newest = max(file.stat().st_mtime for file in (path / "checkpoints").iterdir())
-    if folder.exists() and folder.stat().st_mtime < newest:
-        shutil.rmtree(folder)
+    run = RunDirectory(path)
+    run.check_finished("student")
+    made_from = repr((run.student_digest(), made_by("transfer/export.py", "transfer/golden.py", "formats/contract.py")))
+    folder = out / "bundles" / hashlib.sha256(made_from.encode()).hexdigest()[:12] / path.resolve().name
     if not folder.exists():
         make_folder(folder.parent)
         export_run(path, folder)
@@ -143,36 +146,37 @@ def exported(path: Path, out: Path) -> Path:
 
 
 def train_all(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], None]) -> list[Path] | int:
-    """Train everything that is missing; return the folders of runs and bundles, or the exit status if asked to stop.
-
-    The first run is that of f0 of the Actuator Net's loop.
-    """
+    """Train everything that is missing; return the folders of the runs, or the exit status if asked to stop."""
     from stiction.cli.interruption import stop_requests
     from stiction.cli.train import parse
     from stiction.transfer.experiment.places import Place
     from stiction.transfer.experiment.training import train_missing
-    from stiction.transfer.replication.runs import comparison_runs
+    from stiction.transfer.replication.runs import actuator_runs, comparison_runs
 
-    runs = comparison_runs(known_joints(cfg, jobs, progress))
-    places = [Place(run, parse([*run.arguments]).config, cfg.runs / run.name) for run in runs]
-    with stop_requests(say, "an iteration of each run") as asked:
-        failed = train_missing(places, jobs, progress, asked=asked)
-    if asked():
-        return asked.status
-    if failed:
-        name, reason = next(iter(failed.items()))
-        raise StictionError(f"{name}: {reason}")
-    return [*(place.path for place in places), close_loop(cfg, places[0].path, progress)]
+    folders: list[Path] = []
+
+    def trained(runs: Sequence[Run]) -> int:
+        places = [Place(run, parse([*run.arguments]).config, cfg.runs / run.name) for run in runs]
+        folders.extend(place.path for place in places)
+        with stop_requests(say, "an iteration of each run") as asked:
+            failed = train_missing(places, jobs, progress, asked=asked)
+        if not asked() and failed:
+            name, reason = next(iter(failed.items()))
+            raise StictionError(f"{name}: {reason}")
+        return asked.status if asked() else 0
+
+    status = trained(comparison_runs(known_joints(cfg.runs.resolve(), jobs, progress)))
+    return status or trained(actuator_runs(known_net(cfg.runs.resolve(), folders[0], jobs, progress))) or folders
 
 
-def known_joints(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], None]) -> Path:
+def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
     """Return the `joints.json` of the robot that training knows, identified on its bench where it is not there yet."""
     from stiction.robots.catalog import find_robot
     from stiction.transfer.replication.runs import known_bench
     from stiction.transfer.robot.identification import JOINTS, is_made, make_bench
 
     bench = known_bench(find_robot(ROBOT))
-    folder = cfg.runs / "bench" / bench.label
+    folder = runs / "bench" / f"{bench.label}--{bench.key[:8]}"
     if not is_made(bench, folder):
         progress("bench", 0.0)
         make_bench(bench, folder, jobs)
@@ -180,18 +184,21 @@ def known_joints(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], 
     return folder / JOINTS
 
 
-def close_loop(cfg: ReplicateCfg, conventional: Path, progress: Callable[[str, float], None]) -> Path:
-    """Run the paper's loop with an Actuator Net, backward walking only; return the folder of its policy f1.
+def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
+    """Return the folder of the Actuator Net of that robot, fitted to its walks where it is not there yet.
 
-    conventional: the run of f0.
+    conventional: the run of f0, which walks.
     """
-    from stiction.transfer.actuator_loop import ActuatorLoop
-    from stiction.transfer.loop_config import LoopCfg
+    from stiction.deploy.check import check_bundle
+    from stiction.robots.catalog import find_robot
+    from stiction.transfer.replication.net import make_net
+    from stiction.transfer.replication.runs import walked_net
 
-    study, variant = cfg.runs / "actuator-study", "backward"
-    loop = LoopCfg(policy=exported(conventional, cfg.out), variants=(variant,))
-    ActuatorLoop(study, loop, "stiction replicate --preset full", progress).run()
-    return study / "bundles" / f"f1-{variant}"
+    policy = check_bundle(exported(conventional, runs)).bundle
+    walked = walked_net(find_robot(ROBOT), policy)
+    folder = runs / "nets" / f"{walked.label}--{walked.key[:8]}"
+    make_net(walked, folder, "stiction replicate --preset full", jobs, progress)
+    return folder
 
 
 def render(bundles: list[Bundle], folders: dict[str, Path], out: Path) -> dict[str, Path]:

@@ -37,8 +37,8 @@ from stiction.rma.runner import train
 from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.transfer.export import export_run
 from stiction.transfer.loop_config import LoopCfg
+from stiction.transfer.loop_robots import check_seconds, loop_robots, record_logs, spread
 from stiction.transfer.summary import describe
-from stiction.transfer.virtual_robot import check_seconds, record_logs, spread, virtual_robots
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the share of it that is done."""
@@ -99,7 +99,7 @@ class ActuatorLoop:
             policies[f"f1-{name}"] = self._second_policy(name)
         evaluated = {name: self._evaluate(name, bundle) for name, bundle in policies.items()}
         return {
-            "robots": spread(virtual_robots(self.cfg.level, self.cfg.train.seed)),
+            "robots": spread(loop_robots(self.cfg.level, self.cfg.train.seed)),
             "nets": nets,
             "cross": self._cross(logs),
             "policies": {name: describe(bundle) for name, bundle in policies.items()},
@@ -182,7 +182,7 @@ class ActuatorLoop:
         """Return a policy's rows on every virtual robot, and on the study's own without friction."""
         file = self.out / "evaluation" / f"{name}.json"
         if not file.exists():
-            robots, rows = virtual_robots(self.cfg.level, self.cfg.train.seed), []
+            robots, rows = loop_robots(self.cfg.level, self.cfg.train.seed), []
             for index, robot in enumerate(robots):
                 levels = (0.0, robot.level) if index == 0 else (robot.level,)
                 found = evaluate_bundle(

@@ -7,7 +7,8 @@ from stiction.formats.contract import Contract
 WAYS = {
     "none": "conventional randomisation, without friction",
     "none+forward": "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
-    "actuator": "Actuator Net: trained through a net of the robot's own joints",
+    "actuator": "Actuator Net: without friction, through a net of the torque that the motors of a robot of this kind "
+    "logged while `none` walked backward",
     "deception": "friction-aware: friction from none to 1.2 of the nominal one",
     "identified": "friction-aware, around each joint's friction as identified on the bench of a robot of the same kind",
     "direct": "friction within 0.8 to 1.2 of the nominal one",

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from stiction.formats.bundle import Bundle
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.experiment.manifest import Condition, Run, runs_of
+from stiction.transfer.replication.net import WalkedNet
 from stiction.transfer.robot.factorial import Case, parse_level
 from stiction.transfer.robot.identification import Bench
 
@@ -27,7 +29,7 @@ OWN = (
         for method in ("none", "deception")
     ),
 )
-"""Conditions that no other experiment has. The Actuator Net's policy comes out of `stiction study actuator`."""
+"""Conditions that no other experiment has."""
 
 KNOWN = Case(0, "all", parse_level("0.2"))
 """The virtual robot whose bench says what the way `identified` trains with. It is of the kind of the reported ones and
@@ -40,6 +42,18 @@ TAKEN = ("none", "direct", "deception", "finetune", "iterative", "compensation")
 def known_bench(spec: RobotSpec) -> Bench:
     """Return the bench of the robot that training knows; spec: its data sheet."""
     return Bench("physx", KNOWN, spec)
+
+
+def walked_net(spec: RobotSpec, policy: Bundle) -> WalkedNet:
+    """Return the Actuator Net of the robot that training knows; spec: its data sheet; policy: f0, which walks on it."""
+    return WalkedNet("physx", KNOWN, spec, policy)
+
+
+def actuator_runs(net: Path) -> list[Run]:
+    """Return the runs of f1, trained as f0 was but for its motors; net: folder of the Actuator Net."""
+    options = ("--method", "none", "--friction-level", "0.2", "--actuator", str(net))
+    what = "conventional, an Actuator Net of the robot's walk in place of the PD law"
+    return list(Condition("coulomb20-actuator", "comparison", what, options).runs)
 
 
 def comparison_runs(joints: Path) -> list[Run]:

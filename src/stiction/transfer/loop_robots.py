@@ -1,4 +1,7 @@
-"""Robots whose joints are not those of the training simulation: they play the real ones. MuJoCo, no torch."""
+"""Robots of the loop with an Actuator Net, which play the real one: the training's simulator, joints of their own.
+
+The virtual robot of the comparison, in another engine and with all that real joints have, is `transfer/robot`.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +27,7 @@ FRICTION_FACTORS = (0.5, 1.5)
 
 
 @dataclass(frozen=True)
-class VirtualRobot:
+class LoopRobot:
     """One robot, by what its joints are beside the nominal ones; the policy and the log know nothing of it."""
 
     name: str
@@ -53,21 +56,21 @@ class VirtualRobot:
         )
 
 
-def virtual_robots(level: float, seed: int) -> tuple[VirtualRobot, ...]:
+def loop_robots(level: float, seed: int) -> tuple[LoopRobot, ...]:
     """Return the study's robot, nominal but for its friction, and `DRAWN` others."""
-    robots = [VirtualRobot("robot-0", level)]
+    robots = [LoopRobot("robot-0", level)]
     for number, generator in enumerate(seed_streams(seed, [f"robot {k + 1}" for k in range(DRAWN)]).values(), 1):
         strength, damping, armature = generator.uniform(*FACTORS, 3)
         share = generator.uniform(*FRICTION_FACTORS)
-        robots.append(VirtualRobot(f"robot-{number}", round(level * share, 4), strength, damping, armature))
+        robots.append(LoopRobot(f"robot-{number}", round(level * share, 4), strength, damping, armature))
     return tuple(robots)
 
 
-def plan_logs(variant: str, cfg: LoopCfg) -> list[tuple[VirtualRobot, tuple[str, ...], int]]:
+def plan_logs(variant: str, cfg: LoopCfg) -> list[tuple[LoopRobot, tuple[str, ...], int]]:
     """Return who walks for a data set: robot, commands, and runs of each command."""
-    robots = virtual_robots(cfg.level, cfg.train.seed)
+    robots = loop_robots(cfg.level, cfg.train.seed)
     commands = EVERYWHERE if variant == "everywhere" else BACKWARD
-    walking: Sequence[VirtualRobot] = robots[1:] if variant == "three-robots" else robots[:1]
+    walking: Sequence[LoopRobot] = robots[1:] if variant == "three-robots" else robots[:1]
     return [(robot, commands, RUNS * cfg.repeats // (len(commands) * len(walking))) for robot in walking]
 
 
@@ -107,7 +110,7 @@ def _part(progress: Callable[[float], None], index: int, parts: int, share: floa
     progress((index + share) / parts)
 
 
-def spread(robots: Sequence[VirtualRobot]) -> list[dict[str, float | str]]:
+def spread(robots: Sequence[LoopRobot]) -> list[dict[str, float | str]]:
     """Return the robots as plain data, rounded for people."""
     return [{key: round(v, 4) if isinstance(v, float) else v for key, v in vars(robot).items()} for robot in robots]
 
