@@ -80,6 +80,7 @@ def test_the_next_step_is_one_that_training_takes(out: Path, capsys: pytest.Capt
     [
         (["--robots", "5", "5"], "each once"),
         (["--levels", "2"], "up to 0.9"),
+        (["--levels", "0.1", "0.10"], "each once"),
         (["--cell", "wings"], "'wings' is unknown"),
         (["--seconds", "1"], "expected 4 to 600 s"),
         (["--jobs", "0"], "at least 1"),

@@ -114,6 +114,37 @@ def test_what_is_there_is_not_made_again(studied, tmp_path: Path, monkeypatch: p
     assert not is_made(BENCH, tmp_path / BENCH.label)
 
 
+def test_other_robots_in_one_folder_keep_their_rows(studied, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second command with a robot more would delete what the first one found."""
+    out, rows = studied
+    copytree(out, tmp_path, dirs_exist_ok=True)
+    other = replace(BENCH, case=replace(BENCH.case, seed=4))
+    monkeypatch.setattr(bench_study, "judge_bench", lambda bench, *rest: [replace(rows[0], robot=bench.label, seed=4)])
+    again, failed = study_benches([other], tmp_path)
+    assert ([row.robot for row in again], failed) == ([other.label], {})
+    table = read_rows(tmp_path / "bench.csv", IdentifiedFriction)
+    assert [row.robot for row in table] == [BENCH.label] * 6 + [other.label]
+    assert [row.identified for row in table[:6]] == pytest.approx([row.identified for row in rows])
+
+
+def test_a_bench_that_tells_nothing_says_so_in_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Raised, it would end what the robot was put on its bench for; a folder that cannot be written still is."""
+
+    def refuse(log, workers: int) -> None:
+        raise StictionError("it hardly moves")
+
+    monkeypatch.setattr(identification, "identify_log", refuse)
+    make_bench(BENCH, tmp_path / "robot")
+    assert is_made(BENCH, tmp_path / "robot")
+    records = load_joints(tmp_path / "robot" / "joints.json").joints
+    assert tuple(records) == SHANKS and {one.coulomb_friction for one in records.values()} == {None}
+    with pytest.raises(StictionError, match=r"null .* it hardly moves"):
+        identified_friction(tmp_path / "robot" / "joints.json", SHANKS)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StictionError, match="cannot be written"):
+        make_bench(BENCH, tmp_path / "file")
+
+
 def test_an_identification_alone_keeps_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Evaluations need joints.json of many robots, and not five megabytes of each."""
     refused = {name: JointRecord(warnings=("not identified: hidden",)) for name in reversed(SHANKS)}

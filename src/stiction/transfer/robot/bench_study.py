@@ -7,6 +7,7 @@ with such a robot would have: `bench.npz` and its sidecar, `joints.json`, `train
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -113,7 +114,8 @@ def study_benches(
 
     Args:
         benches: of different robots.
-        out: folder of the results; it exists. `bench.csv` there grows robot by robot.
+        out: folder of the results; it exists. `bench.csv` there grows robot by robot, and keeps what it has of robots
+            that are not among `benches`.
         jobs: processes at once. They do not change the result.
         progress: called with `benches` and the share that is done.
 
@@ -126,9 +128,11 @@ def study_benches(
             raise StictionError(why)
     table = out / TABLE
     kept = read_rows(table, IdentifiedFriction) if table.exists() else []
-    rows = {bench.label: [row for row in kept if row.robot == bench.label] for bench in benches}
+    rows: dict[str, list[IdentifiedFriction]] = {}
+    for row in kept:
+        rows.setdefault(row.robot, []).append(row)
     failed: dict[str, str] = {}
-    new = [bench for bench in benches if not (rows[bench.label] and is_made(bench, out / bench.label))]
+    new = [bench for bench in benches if not (rows.get(bench.label) and is_made(bench, out / bench.label))]
     workers = max(1, jobs // max(1, len(new)))
     tasks = [(bench, out / bench.label, workers) for bench in new]
     for left, (number, found) in zip(reversed(range(len(new))), spread(judge_bench, tasks, jobs), strict=True):
@@ -137,7 +141,7 @@ def study_benches(
             rows[label], failed[label] = [], found
         else:
             rows[label] = found
-            _write(table, [row for bench in benches for row in rows[bench.label]])
+            _write(table, list(chain.from_iterable(rows.values())))
         progress("benches", 1.0 - left / len(benches))
     # From the file, whose numbers have nine digits: the same command again says the same.
     done = read_rows(table, IdentifiedFriction) if table.exists() else []

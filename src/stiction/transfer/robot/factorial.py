@@ -94,6 +94,19 @@ def parse_level(text: str) -> Level:
     return Level(share, load)
 
 
+def parse_levels(texts: Sequence[str]) -> tuple[Level, ...]:
+    """Return the levels that texts name, each once however it is written: 0.1 and 0.10 are one.
+
+    Raises:
+        StictionError: one is none, one is there twice, or there is none at all.
+
+    """
+    levels = tuple(map(parse_level, texts))
+    if not levels or len({level.label for level in levels}) < len(levels):
+        raise StictionError(f"friction levels {' '.join(texts) or 'none'}: expected at least one, each once")
+    return levels
+
+
 @dataclass(frozen=True)
 class Case:
     """One robot of the experiment."""
@@ -138,7 +151,7 @@ def factorial(seeds: Sequence[int], levels: Sequence[str] = LEVELS, cells: Seque
     Cells without friction have level 0 alone; cells with friction and no other difference leave it out where a cell
     without friction is among `cells`, for there they are the same robot.
     """
-    parsed = [parse_level(text) for text in levels]
+    parsed = parse_levels(levels)
     cases = []
     for seed in seeds:
         for cell in cells:
