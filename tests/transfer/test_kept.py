@@ -10,7 +10,13 @@ import pytest
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import PACKAGE
 from stiction.transfer import kept
-from stiction.transfer.kept import WALKING, keep
+from stiction.transfer.kept import RUN_WALKING, WALKING, keep
+from stiction.transfer.robot.identification import MAKING
+from stiction.transfer.wear_study import WEARING
+from test_house import BY_NAME, NAMES, all_imports
+
+BY_FILE = {name: path for path, name in NAMES.items()}
+"""Path below the package -> module."""
 
 
 def made(folder: Path, value: float, made_from: dict[str, Any] | None = None) -> dict[str, Any]:
@@ -50,6 +56,61 @@ def test_a_file_that_is_none_is_said_in_one_line(tmp_path: Path) -> None:
         made(tmp_path, 1.0)
 
 
-def test_every_part_of_the_walking_code_is_there() -> None:
+READING = {f"formats/{name}.py" for name in ("actuator", "bundle", "errors", "golden", "results", "sidecar", "tables")}
+"""Code that reads and refuses files, whose content is in every key, or names columns."""
+
+WIRING = {"locomotion/config.py", "transfer/grid/plan.py"}
+"""Configuration, whose values are in every key: noise, what a walk is."""
+
+TRAINING = {
+    *(f"locomotion/{name}.py" for name in ("commands", "device", "env", "gait", "randomization", "rewards")),
+    *(f"rma/{name}.py" for name in ("board", "checkpoint", "config", "figures", "health", "phase", "run", "stop")),
+    *("formats/configuration.py", "formats/metrics.py", "joints/actuator.py"),
+    *("transfer/card.py", "transfer/golden.py", "deploy/check.py", "deploy/onnx_file.py", "deploy/policy.py"),
+}
+"""Code that trained and exports, which the modules around a run's policies import: weights and settings are in keys."""
+
+BENCHED = {
+    *("formats/observation.py", "formats/parquet.py", "formats/contract.py", "locomotion/friction.py"),
+    *("locomotion/terrain.py", "sim/fleet.py", "sim/native.py", "sim/protocol.py", "sim/terrain.py"),
+    *("deploy/observation.py", "deploy/onnx_file.py", "deploy/policy.py"),
+    *("transfer/command.py", "transfer/course.py", "transfer/metrics.py", "transfer/rollout.py"),
+}
+"""Code of walks: the robot on its stand shares modules with the one that walks, and goes nowhere."""
+
+WEAR = {"formats/wear.py", "deploy/wear.py"}
+"""The monitor, which only listens."""
+
+
+def imported(start: str) -> set[str]:
+    """Return every module of the package that a module leads to, itself included, at the top of modules or inside."""
+    seen, waiting = {BY_FILE[start]}, [BY_FILE[start]]
+    while waiting:
+        path = waiting.pop()
+        names = {name for name, _ in all_imports(path)}
+        names |= {name.rpartition(".")[0] for name in names}
+        new = {BY_NAME[name] for name in names if name in BY_NAME} - seen
+        seen |= new
+        waiting += new
+    return {NAMES[path] for path in seen if path.name != "__init__.py"}
+
+
+@pytest.mark.parametrize(
+    ("start", "code", "known"),
+    [
+        ("transfer/grid/walk.py", WALKING, READING | WIRING | WEAR | {"locomotion/friction.py", "transfer/ways.py"}),
+        ("transfer/wear_seen.py", WEARING, READING | WIRING | {"locomotion/friction.py"}),
+        ("transfer/run_evaluation.py", RUN_WALKING, READING | WIRING | TRAINING | WEAR),
+        ("transfer/robot/identification.py", MAKING, READING | WIRING | BENCHED | WEAR),
+    ],
+)
+def test_code_that_decides_is_in_the_key(start: str, code: tuple[str, ...], known: set[str]) -> None:
+    """A change of the random streams, or of how gains are read, would pass for the old results."""
+    counted = {file.relative_to(PACKAGE).as_posix() for pattern in code for file in PACKAGE.glob(pattern)}
+    assert sorted(imported(start) - counted - known) == []
+
+
+@pytest.mark.parametrize("code", [WALKING, RUN_WALKING, WEARING, MAKING])
+def test_every_part_of_the_walking_code_is_there(code: tuple[str, ...]) -> None:
     """A file that was renamed would no longer count, and nobody would see it."""
-    assert [pattern for pattern in WALKING if not list(PACKAGE.glob(pattern))] == []
+    assert [pattern for pattern in code if not list(PACKAGE.glob(pattern))] == []

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from stiction.formats.life import Life, Reading, Window
-from stiction.transfer.wear_life import Ending, control, ending, first_grown, groups, life, notice, ratios
+from stiction.transfer.wear_life import Ending, control, ending, first_grown, groups, life, notice
+from stiction.transfer.wear_seen import ratios
 
 WALK = {"policy": "p", "friction_level": "0.1", "robot": 1000, "steady": None}
 WHAT = WALK | {"method": "none", "engine": "physx", "command": "vx=0.5"}

@@ -11,12 +11,13 @@ import pytest
 from bundles import make_wear
 from stiction.formats.bundle import Bundle, read_bundle, write_bundle
 from stiction.formats.errors import StictionError
+from stiction.formats.life import Window
 from stiction.formats.shipped import shipped_bundles
 from stiction.robots.catalog import find_robot
 from stiction.transfer import kept, wear_study
 from stiction.transfer.robot.draw import draw
 from stiction.transfer.robot.wear import Wear
-from stiction.transfer.wear_study import WearCfg, study_wear
+from stiction.transfer.wear_study import WearCfg, Worn, judge, study_wear
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -97,7 +98,34 @@ def test_one_joint_wears_and_is_watched(tmp_path: Path) -> None:
     assert (reading.estimate, reading.low, reading.high, reading.unusual) == (None, None, None, True)
     assert (row.unusual, row.grown, row.held) == ("at once", "never", None)
     part = json.loads(next((tmp_path / "robots").iterdir()).read_text())
-    assert part["life"]["robot"] == 3 and part["readings"][0]["target"] == "ML_shank"
+    assert sorted(part) == ["fell", "readings", "windows"] and part["readings"][0]["target"] == "ML_shank"
+
+
+def test_what_a_walk_means_is_judged_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where lives are judged otherwise, kept walks would go on under the old judgement; the fall is what was seen."""
+    seen = {
+        "windows": [{"time": 3.0, "factor": 0.2, "ratio": 1.0}],
+        "readings": [],
+        "fell": 3.5,
+    }
+    monkeypatch.setattr(wear_study, "_wear_out", lambda worn, bundle: seen)
+    (tmp_path / "robots").mkdir()
+    path = shipped_bundles()["saturn_lite-flat-none-0.2"]
+    (row,), windows, _ = study_wear([WALKER], [path], ALONE, tmp_path / "robots", 1, silent)
+    assert (row.end, row.time, row.factor) == ("fell", 3.5, pytest.approx(0.1 * 30 ** (3.5 / 6)))
+    assert windows == [Window(row.policy, "0.3", 3, None, 3.0, 0.2, 1.0)]
+    monkeypatch.setattr(wear_study, "_wear_out", lambda *rest: pytest.fail("walked again"))
+    monkeypatch.setattr("stiction.transfer.wear_life.ENOUGH", 1.1)
+    (row,), *_ = study_wear([WALKER], [path], ALONE, tmp_path / "robots", 1, silent)
+    assert row.end == "slow from the start"
+
+
+def test_a_life_has_the_way_of_its_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Policies of the Actuator Net, of one point or of identified friction would go by the name of another way."""
+    worn = Worn(tmp_path, "0.3", 3, None, ALONE, tmp_path)
+    contract = replace(WALKER.contract, method="direct", friction_range=(0.2, 0.2))
+    row, *_ = judge(worn, replace(WALKER, contract=contract), {"windows": [], "readings": [], "fell": None})
+    assert row.method == "point"
 
 
 def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
@@ -113,6 +141,7 @@ def test_what_fails_in_another_process_is_said_here(tmp_path: Path) -> None:
         ({"command": "stand"}, "asks for motion"),
         ({"levels": ()}, "at least one"),
         ({"robots": (3, 3)}, "each once"),
+        ({"levels": ("0.1", "0.10")}, "each once"),
         ({"levels": ("0",)}, "level 0 cannot wear"),
         ({"levels": ("heavy",)}, "friction level 'heavy'"),
         ({"cell": "rest"}, "has no friction"),

@@ -21,7 +21,7 @@ from stiction.formats.engines import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAIN
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import Law
 from stiction.locomotion.config import NoiseCfg
-from stiction.transfer.engines.catalog import TIMESTEP, make_engine
+from stiction.transfer.engines.catalog import TIMESTEP, binaries, make_engine
 from stiction.transfer.engines.checks.rig import Make
 from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.transfer.grid.walk import walk_once
@@ -132,7 +132,8 @@ def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder
 
     asked: one level and one command.
     """
-    made_from = {"bundle": bundle.digest, "simulator": simulator.name, "asked": asdict(asked)}
+    made_from: dict[str, Any] = {"bundle": bundle.digest, "simulator": simulator.name, "asked": asdict(asked)}
+    made_from["binaries"] = binaries(simulator.name)
     name = f"{bundle.name}--{simulator.name}--{asked.friction_levels[0]:g}--{asked.commands[0]}".replace(" ", "-")
 
     def make() -> dict[str, list[dict[str, Any]]]:

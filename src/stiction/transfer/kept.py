@@ -15,20 +15,23 @@ from typing import Any
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import made_by
 
-WALKING = (
-    *("sim/*.py", "joints/pd.py", "robots/*.py", "deploy/*.py", "formats/observation.py", "formats/friction.py"),
-    *("locomotion/terrain.py", "transfer/engines/*.py", "transfer/robot/*.py", "transfer/grid/walk.py"),
+FLEET = (
+    *("sim/*.py", "joints/pd.py", "robots/*.py", "locomotion/terrain.py"),
+    *(f"formats/{name}.py" for name in ("contract", "friction", "observation", "reproducibility")),
     *(f"transfer/{name}.py" for name in ("command", "course", "evaluate", "record", "rollout", "metrics")),
 )
-"""Code that decides what a walk of a bundle is worth."""
+"""Code that decides what robots do under a contract in the simulator of the training, whoever drives them."""
+
+WALKING = (
+    *(*FLEET, "deploy/*.py", "transfer/engines/*.py", "transfer/robot/*.py"),
+    *("transfer/grid/config.py", "transfer/grid/walk.py"),
+)
+"""Code that decides what a walk of a bundle is worth; of an engine `binaries` come beside it."""
 
 RUN_WALKING = (
-    *("sim/*.py", "joints/pd.py", "robots/*.py", "rma/models.py"),
-    *(f"locomotion/{name}.py" for name in ("observations", "privileged")),
-    *(
-        f"transfer/{name}.py"
-        for name in ("run_evaluation", "evaluate", "record", "rollout", "course", "metrics", "teacher", "twin")
-    ),
+    *(*FLEET, "deploy/observation.py", "rma/models.py", "rma/runner.py"),
+    *(f"locomotion/{name}.py" for name in ("friction", "observations", "privileged")),
+    *(f"transfer/{name}.py" for name in ("export", "latents", "run_evaluation", "teacher", "twin", "ways")),
 )
 """The same of the teacher and the student of a run, both in the simulator of the training."""
 

@@ -31,18 +31,6 @@ class Ending:
     time: float | None = None
 
 
-def ratios(speed: np.ndarray, period: float, settle: float, window: float, every: float) -> list[tuple[float, float]]:
-    """Return the end [s] and the mean of every window that fits, the first beginning at `settle`.
-
-    speed: over the commanded one, one entry a control step [-]; period: of control [s]; window: its length [s]; every:
-    time from one window to the next [s].
-    """
-    begin, width, stride = (round(time / period) for time in (settle, window, every))
-    total = np.concatenate([[0.0], np.cumsum(speed)])
-    ends = range(begin + width, len(speed) + 1, stride)
-    return [(end * period, float(total[end] - total[end - width]) / width) for end in ends]
-
-
 def ending(windows: Sequence[Window], fell: tuple[float, float] | None) -> Ending:
     """Return how a life ended.
 

@@ -18,26 +18,27 @@ from typing import Any
 import numpy as np
 
 from stiction.deploy.check import check_bundle
-from stiction.deploy.wear import WearEstimate, WearMonitor
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.formats.life import Life, Reading, Window
-from stiction.formats.wear import LEVEL
-from stiction.robots.spec import RobotSpec
-from stiction.transfer.command import Command, parse_command
-from stiction.transfer.engines.catalog import make_engine
+from stiction.transfer.command import parse_command
+from stiction.transfer.engines.catalog import binaries, make_engine
 from stiction.transfer.kept import WALKING, keep
-from stiction.transfer.robot.draw import draw
-from stiction.transfer.robot.factorial import Case, parse_level
+from stiction.transfer.robot.factorial import Case, parse_level, parse_levels
 from stiction.transfer.robot.seeds import reported
-from stiction.transfer.robot.trial import Trial, World, walk
+from stiction.transfer.robot.trial import World, walk
 from stiction.transfer.robot.wear import Wear
 from stiction.transfer.rollout import robot_of
-from stiction.transfer.wear_life import life, ratios
+from stiction.transfer.ways import way_of
+from stiction.transfer.wear_life import life
+from stiction.transfer.wear_seen import listen, speeds
 from stiction.transfer.workers import spread
 
-JUDGING = ("transfer/wear_study.py", "transfer/wear_life.py", "transfer/statistics.py")
-"""Code that decides, beside `WALKING`, what becomes of a robot."""
+WEARING = (*WALKING, "formats/wear.py", "transfer/wear_study.py", "transfer/wear_seen.py")
+"""Code that decides what is seen of a robot that wears out; what that means for its life is judged anew every time."""
+
+Judged = tuple[Life, list[Window], list[Reading]]
+"""What became of a robot, and what was seen of it."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +71,11 @@ class WearCfg:
         """Refuse what has no speed, no robot or no window."""
         if parse_command(self.command).direction is None:
             raise StictionError(f"wear under the command {self.command!r}: expected one that asks for motion, vx=0.5")
-        for name in ("levels", "robots"):
-            given = getattr(self, name)
-            if not given or len(set(given)) < len(given):
-                raise StictionError(f"{name} {given}: expected at least one, each once")
-        for level, seed in product(self.levels, self.robots):
-            Case(seed, self.cell, parse_level(level))
-            if parse_level(level).is_none:
+        if not self.robots or len(set(self.robots)) < len(self.robots):
+            raise StictionError(f"robots {self.robots}: expected at least one, each once")
+        for level in parse_levels(self.levels):
+            Case(self.robots[0], self.cell, level)
+            if level.is_none:
                 raise StictionError("friction level 0 cannot wear: expected levels above it")
         if not (self.settle >= 0 and self.every >= 0.1 and 0.1 <= self.window <= self.wear.seconds - self.settle):
             raise StictionError(
@@ -126,7 +125,7 @@ class Worn:
     def made_from(self, digest: str) -> dict[str, Any]:
         """Return everything that the walk depends on beside the code; digest: of the bundle."""
         cfg = asdict(replace(self.cfg, levels=(self.level,), robots=(self.seed,), wear=self.wear, control=False))
-        return {"bundle": digest, "steady": self.steady, "config": cfg}
+        return {"bundle": digest, "steady": self.steady, "config": cfg, "binaries": binaries(self.cfg.engine)}
 
 
 def study_wear(
@@ -155,26 +154,37 @@ def study_wear(
         cfg.wear.worn(robot_of(bundle.contract).joint_names)
     walks = product(paths, cfg.levels, (None, *cfg.steady), cfg.robots)
     todo = [Worn(path, level, seed, steady, cfg, out) for path, level, steady, seed in walks]
-    done: dict[int, dict[str, Any]] = {}
+    done: dict[int, Judged] = {}
     progress("walks", 0.0)
     for number, part in spread(wear_out, [(worn,) for worn in todo], jobs):
         done[number] = part
         progress("walks", len(done) / len(todo))
     parts = [done[number] for number in range(len(todo))]
-    windows = [Window(**row) for part in parts for row in part["windows"]]
-    readings = [Reading(**row) for part in parts for row in part["readings"]]
-    return [Life(**part["life"]) for part in parts], windows, readings
+    windows = [row for part in parts for row in part[1]]
+    return [part[0] for part in parts], windows, [row for part in parts for row in part[2]]
 
 
-def wear_out(worn: Worn) -> dict[str, Any]:
-    """Do a walk, unless its file is there; return `life`, `windows` and `readings` as plain data."""
+def wear_out(worn: Worn) -> Judged:
+    """Do a walk, unless its file is there, and judge it. The file has what was seen, and not what that means."""
     bundle = check_bundle(worn.bundle).bundle
-    code = (*WALKING, *JUDGING)
-    return keep(worn.out, worn.name, worn.made_from(bundle.digest), code, lambda: _wear_out(worn, bundle))
+    seen = keep(worn.out, worn.name, worn.made_from(bundle.digest), WEARING, lambda: _wear_out(worn, bundle))
+    return judge(worn, bundle, seen)
+
+
+def judge(worn: Worn, bundle: Bundle, seen: dict[str, Any]) -> Judged:
+    """Return what became of a robot; seen: its `windows`, `readings`, and when it `fell`, as of `_wear_out`."""
+    named: dict[str, Any] = {"policy": bundle.name, "friction_level": worn.level, "robot": worn.seed}
+    named |= {"steady": worn.steady}
+    windows = [Window(**named, **row) for row in seen["windows"]]
+    readings = [Reading(**named, **row) for row in seen["readings"]]
+    fell = None if seen["fell"] is None else (seen["fell"], worn.wear.factor(seen["fell"]))
+    command = parse_command(worn.cfg.command).label
+    what = named | {"method": way_of(bundle.contract), "engine": worn.cfg.engine, "command": command}
+    return life(what, windows, readings, fell, bundle.wear is not None), windows, readings
 
 
 def _wear_out(worn: Worn, bundle: Bundle) -> dict[str, Any]:
-    """Let one robot walk, and judge it."""
+    """Let one robot walk; return `windows`, see `speeds`, `readings`, see `listen`, and `fell`: when [s], or None."""
     cfg, command, wear = worn.cfg, parse_command(worn.cfg.command), worn.wear
     period, spec = bundle.contract.control_period, robot_of(bundle.contract)
     steps = round((wear.seconds + cfg.window) / period)
@@ -182,65 +192,9 @@ def _wear_out(worn: Worn, bundle: Bundle) -> dict[str, Any]:
     velocity = np.array(command.velocity)
     world = World(partial(make_engine, cfg.engine))
     trial = walk(bundle, case, world, lambda step, motion: velocity, steps, wear=wear)
-    named: dict[str, Any] = {"policy": bundle.name, "friction_level": worn.level, "robot": worn.seed}
-    named |= {"steady": worn.steady}
-    windows = [Window(**named, **seen) for seen in speeds(trial, command, wear, cfg)]
-    readings = [Reading(**named, **seen) for seen in listen(trial, bundle, spec, case, wear, cfg.settle)]
-    lasted = len(trial.recording.upright) * period
-    fell = None if trial.recording.upright[-1, 0] else (lasted, wear.factor(lasted))
-    what = named | {"method": bundle.contract.method, "engine": cfg.engine, "command": command.label}
-    row = life(what, windows, readings, fell, bundle.wear is not None)
+    upright = trial.recording.upright
     return {
-        "life": asdict(row),
-        "windows": [asdict(one) for one in windows],
-        "readings": [asdict(one) for one in readings],
+        "windows": speeds(trial, command, wear, cfg.settle, cfg.window, cfg.every),
+        "readings": listen(trial, bundle, spec, case, wear, cfg.settle),
+        "fell": None if upright[-1, 0] else len(upright) * period,
     }
-
-
-def speeds(trial: Trial, command: Command, wear: Wear, cfg: WearCfg) -> list[dict[str, Any]]:
-    """Return `time`, `factor` and `ratio` of every window of a walk; cfg: when there are windows."""
-    recording, direction = trial.recording, np.asarray(command.direction)
-    along = (recording.velocity[:, 0] @ direction) * recording.upright[:, 0] / command.speed
-    return [
-        {"time": time, "factor": wear.factor(time - cfg.window / 2), "ratio": ratio}
-        for time, ratio in ratios(along, recording.period, cfg.settle, cfg.window, cfg.every)
-    ]
-
-
-def listen(
-    trial: Trial, bundle: Bundle, spec: RobotSpec, case: Case, wear: Wear, settle: float
-) -> list[dict[str, Any]]:
-    """Return what the bundle's monitor says of what the policy saw after `settle` [s]; nothing without one.
-
-    The target is the joint that wears, or the level where several do. The truth is the referee's to know.
-    """
-    if bundle.wear is None:
-        return []
-    period, worn = bundle.contract.control_period, wear.worn(spec.joint_names)
-    share = case.robot(draw(spec, case.seed)).friction.share
-    own = case.level.coulomb(spec) * share / spec.joint_values("torque_limit")
-    one = int(np.argmax(worn)) if worn.sum() == 1 else None
-    target = LEVEL if one is None else spec.joint_names[one]
-    monitor, first, said = WearMonitor(bundle.contract, bundle.wear), round(settle / period), []
-    for steps, turn in enumerate(trial.turns[first:], first + 1):
-        estimate = monitor.step(turn.policy.observation)
-        if estimate is None:
-            continue
-        time = steps * period
-        factor = wear.factor(time - bundle.wear.window * period / 2)
-        true = own * np.where(worn, factor, 1.0)
-        true = float(true.mean() if one is None else true[one])
-        told = {name: value if np.isfinite(value) else None for name, value in numbers(estimate, one).items()}
-        said.append(
-            {"target": target, "time": time, "factor": factor, "true": true} | told | {"unusual": estimate.unusual}
-        )
-    return said
-
-
-def numbers(estimate: WearEstimate, joint: int | None) -> dict[str, float]:
-    """Return the estimate of one joint, by its number, or of the level, with the ends of its interval."""
-    if joint is None:
-        low, high = estimate.level_interval95
-        return {"estimate": estimate.level, "low": low, "high": high}
-    low, high = estimate.interval95[:, joint].tolist()
-    return {"estimate": float(estimate.friction[joint]), "low": low, "high": high}

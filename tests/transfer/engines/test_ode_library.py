@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import subprocess
 import sys
+from ctypes.util import find_library
 from importlib import metadata
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import pytest
 
 from stiction.formats.errors import StictionError
 from stiction.transfer.engines import ode_functions, ode_library
+from stiction.transfer.engines.catalog import binaries
 from stiction.transfer.engines.ode_library import taken_messages
 
 
@@ -47,6 +50,40 @@ def test_the_wheel_is_looked_into(monkeypatch: pytest.MonkeyPatch) -> None:
     files = [File("dartpy.libs/libode-07a.so.8.2.0"), File("dartpy.libs/libassimp-5.so.6"), File("dartpy/libodex.py")]
     monkeypatch.setattr(metadata, "files", lambda name: files if name == "dartpy" else None)
     assert list(ode_library.candidates()) == [*ode_library.SYSTEM_NAMES, "/site/dartpy.libs/libode-07a.so.8.2.0"]
+
+
+def test_another_build_has_another_digest(
+    library: ctypes.CDLL, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Walks are known by it: what one library walked would go by the name of another."""
+    file = ode_library.file_of(library.dWorldStep)
+    assert "libode" in file.name
+    assert ode_library.library_digest() == hashlib.sha256(file.read_bytes()).hexdigest()
+    other = tmp_path / "libode.so"
+    other.write_bytes(file.read_bytes() + b"0")
+    monkeypatch.setattr(ode_library, "file_of", lambda function: other)
+    assert ode_library.library_digest.__wrapped__() not in (None, ode_library.library_digest())
+
+
+def test_the_file_of_a_function_is_where_the_loader_found_it() -> None:
+    """The system's loader is asked, not a list of folders: the mathematics come from the C library's own file."""
+    name = find_library("m")
+    assert name is not None
+    file = ode_library.file_of(ctypes.CDLL(name).cos)
+    assert file.is_file() and file.name.startswith("libm")
+    with pytest.raises(StictionError, match="not known to the system's loader"):
+        ode_library.file_of(ctypes.c_void_p(1))
+
+
+def test_without_ode_there_is_no_digest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What ODE walked is then not found, and engines that are packages have none at all."""
+
+    def absent() -> None:
+        raise StictionError("no ODE")
+
+    monkeypatch.setattr(ode_library, "ode_library", absent)
+    monkeypatch.setattr(ode_library, "library_digest", ode_library.library_digest.__wrapped__)
+    assert [binaries(name) for name in ("ode", "ode-webots", "physx")] == [{"libode": None}, {"libode": None}, {}]
 
 
 def test_what_is_not_ode_is_not_taken_for_it() -> None:

@@ -59,6 +59,18 @@ def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engin
         ) from error
 
 
+def binaries(name: str) -> dict[str, str | None]:
+    """Return what an engine loads that is part of no package: name -> SHA-256, None where it is not installed.
+
+    What was walked is known by it, beside the code and the versions of packages.
+    """
+    if not name.startswith("ode"):
+        return {}
+    from stiction.transfer.engines.ode_library import library_digest
+
+    return {"libode": library_digest()}
+
+
 def what_is_missing(name: str, spec: RobotSpec) -> str | None:
     """Return why a robot cannot be had in an engine here and what to do, in one line; None where it can."""
     try:

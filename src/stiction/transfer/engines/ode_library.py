@@ -8,11 +8,15 @@ or LGPL, by choice.
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import math
+import os
 import sys
 from collections.abc import Callable, Iterator
 from functools import cache
 from importlib import metadata
+from pathlib import Path
+from typing import Any
 
 from stiction.formats.errors import StictionError
 from stiction.transfer.engines import ode_functions as c
@@ -52,6 +56,44 @@ def ode_library() -> ctypes.CDLL:
     raise StictionError(
         f"the engine 'ode' needs ODE 0.16 in double precision; get it with {REMEDY}; tried: {'; '.join(failures)}"
     )
+
+
+@cache
+def library_digest() -> str | None:
+    """Return the SHA-256 of the file that ODE is loaded from: two builds of one version may round otherwise.
+
+    None where there is no ODE that can be used.
+    """
+    try:
+        function = ode_library().dInitODE2
+    except StictionError:
+        return None
+    return hashlib.sha256(file_of(function).read_bytes()).hexdigest()
+
+
+class _Place(ctypes.Structure):
+    """`Dl_info` of the C library: where an address comes from."""
+
+    _fields_ = (
+        ("file", ctypes.c_char_p),
+        ("base", ctypes.c_void_p),
+        ("symbol", ctypes.c_char_p),
+        ("address", ctypes.c_void_p),
+    )
+
+
+def file_of(function: Any) -> Path:
+    """Return the file that a function of a loaded library comes from, as the system's loader found it.
+
+    Raises:
+        StictionError: the loader does not know it.
+
+    """
+    dladdr, place = ctypes.CDLL(None).dladdr, _Place()
+    dladdr.argtypes = [ctypes.c_void_p, ctypes.POINTER(_Place)]
+    if not dladdr(ctypes.cast(function, ctypes.c_void_p), ctypes.byref(place)) or not place.file:
+        raise StictionError(f"the file of {function} is not known to the system's loader; is the library still there?")
+    return Path(os.fsdecode(place.file))
 
 
 def candidates() -> Iterator[str]:

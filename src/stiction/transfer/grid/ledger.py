@@ -1,7 +1,7 @@
 """The walks that are done, one line of JSON each, written as they end: an interrupted grid goes on where it was.
 
-A line is found again by everything that its walk depends on: the bundle's digest, the cell, the settings, and the code
-that measures. What has changed since is walked anew; old lines stay, and are not read.
+A line is found again by everything that its walk depends on: the bundle's digest, the cell, the settings, the code
+that measures, and the engine. What has changed since is walked anew; old lines stay, and are not read.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ from typing import Any
 from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import made_by
 from stiction.robots.catalog import find_robot
-from stiction.transfer.grid.config import GridCfg
+from stiction.transfer.engines.catalog import binaries
+from stiction.transfer.grid.config import ALONE, BATCH, GridCfg
 from stiction.transfer.grid.plan import Walk
 from stiction.transfer.kept import WALKING
 from stiction.transfer.metrics import Metrics
@@ -44,15 +45,17 @@ class Ledger:
             common["spec"] = repr(find_robot(robot))
         self._common = json.dumps(common, sort_keys=True)
         self._found: dict[str, dict[str, Any]] = {}
+        self._torn = False
         self._read()
 
     def _read(self) -> None:
-        """Read every whole line; one that an interruption cut off is none."""
+        """Read every whole line; one that an interruption cut off is none, and what comes next begins behind it."""
         try:
-            lines = self._path.read_text(encoding="utf-8").splitlines() if self._path.exists() else []
+            text = self._path.read_text(encoding="utf-8") if self._path.exists() else ""
         except (OSError, UnicodeDecodeError) as error:
             raise StictionError(f"{self._path} cannot be read: {error}; move it away, or give another --out") from error
-        for line in lines:
+        self._torn = bool(text) and not text.endswith("\n")
+        for line in text.splitlines():
             try:
                 entry = json.loads(line)
                 self._found[entry["key"]] = entry["metrics"]
@@ -61,7 +64,8 @@ class Ledger:
 
     def key(self, walk: Walk) -> str:
         """Return what a walk is found by."""
-        cell = json.dumps([asdict(walk), self._digests[walk.policy]], sort_keys=True)
+        engine = binaries(ALONE.get(walk.place.engine, BATCH))
+        cell = json.dumps([asdict(walk), self._digests[walk.policy], engine], sort_keys=True)
         return hashlib.sha256((self._common + cell).encode()).hexdigest()[:24]
 
     def find(self, walk: Walk) -> Metrics | None:
@@ -86,8 +90,9 @@ class Ledger:
             lines.append(json.dumps({"key": key, "walk": asdict(walk), "metrics": plain}, allow_nan=False))
         try:
             with self._path.open("a", encoding="utf-8") as file:
-                file.write("".join(line + "\n" for line in lines))
+                file.write("\n" * self._torn + "".join(line + "\n" for line in lines))
                 file.flush()
                 os.fsync(file.fileno())
+            self._torn = False
         except OSError as error:
             raise StictionError(f"{self._path} cannot be written: {error}; give another --out") from error

@@ -15,14 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from stiction.formats.errors import StictionError
-from stiction.formats.joints import JointsError, JointsFile, load_joints
+from stiction.formats.joints import JointRecord, JointsError, JointsFile, load_joints
 from stiction.formats.log import Log
 from stiction.formats.reproducibility import made_by, seed_streams
 from stiction.formats.training import write_training
-from stiction.identify.many import identify_log
+from stiction.identify.many import REFUSED, identify_log
 from stiction.identify.proposal import propose
 from stiction.robots.spec import RobotSpec
-from stiction.transfer.engines.catalog import make_engine
+from stiction.transfer.engines.catalog import binaries, make_engine
 from stiction.transfer.robot.bench import BenchCfg, bench_log
 from stiction.transfer.robot.factorial import Case
 from stiction.transfer.robot.trial import World
@@ -32,8 +32,9 @@ JOINTS, TRAINING, MADE = "joints.json", "training.json", "made.json"
 """Files of the folder."""
 
 MAKING = (
-    *("identify/**/*.py", "joints/*.py", "robots/*.py", "sim/friction.py"),
+    *("identify/*.py", "identify/excite/motion.py", "joints/*.py", "robots/*.py", "sim/friction.py"),
     *("transfer/engines/*.py", "transfer/robot/*.py"),
+    *(f"formats/{name}.py" for name in ("fit", "friction", "joints", "log", "reproducibility", "sidecar", "training")),
 )
 """Code that decides what a bench finds."""
 
@@ -59,7 +60,7 @@ class Bench:
     @property
     def key(self) -> str:
         """What it was made from, as one number: robot, engine, log, code."""
-        text = repr((self.engine, self.case, self.spec, self.cfg, made_by(*MAKING)))
+        text = repr((self.engine, self.case, self.spec, self.cfg, made_by(*MAKING), binaries(self.engine)))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def robot(self) -> VirtualRobot:
@@ -79,8 +80,20 @@ def is_made(bench: Bench, folder: Path) -> bool:
 
 
 def make_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
-    """Put a robot on its bench and identify it; arguments and errors as of `write_identified`."""
-    write_identified(bench, bench_log(bench.robot().plug, bench.spec, bench.cfg), folder, workers)
+    """Put a robot on its bench and identify it; arguments as of `write_identified`.
+
+    Where no joint can be identified, that is what is found: every record is empty and its warning says why.
+
+    Raises:
+        StictionError: the folder cannot be written.
+
+    """
+    log = bench_log(bench.robot().plug, bench.spec, bench.cfg)
+    try:
+        joints = identified(log, workers)
+    except StictionError as error:
+        joints = JointsFile({name: JointRecord(warnings=(f"{REFUSED}no joint was; {error}",)) for name in log.joints})
+    _write(bench, joints, folder)
 
 
 def write_identified(bench: Bench, log: Log, folder: Path, workers: int = 1) -> JointsFile:
@@ -96,9 +109,20 @@ def write_identified(bench: Bench, log: Log, folder: Path, workers: int = 1) -> 
         StictionError: no joint can be identified, or the folder cannot be written.
 
     """
+    joints = identified(log, workers)
+    _write(bench, joints, folder)
+    return joints
+
+
+def identified(log: Log, workers: int = 1) -> JointsFile:
+    """Return what is found in a bench log; raise `StictionError` where no joint can be identified."""
     found, refused = identify_log(log, workers=workers)
     records = {name: result.record for name, result in found.items()} | refused
-    joints = JointsFile({name: records[name] for name in log.joints})
+    return JointsFile({name: records[name] for name in log.joints})
+
+
+def _write(bench: Bench, joints: JointsFile, folder: Path) -> None:
+    """Write what was found on a bench, what it was made from last; raise `StictionError` where that cannot be done."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         joints.write(folder / JOINTS)
@@ -106,7 +130,6 @@ def write_identified(bench: Bench, log: Log, folder: Path, workers: int = 1) -> 
         (folder / MADE).write_text(json.dumps({"label": bench.label, "key": bench.key}) + "\n", encoding="utf-8")
     except OSError as error:
         raise StictionError(f"{folder} cannot be written: {error}; choose another --out") from error
-    return joints
 
 
 def identified_friction(joints: JointsFile | Path, joint_names: tuple[str, ...]) -> np.ndarray:
