@@ -55,7 +55,8 @@ class ResultRow:
     cost_of_transport: float | None
     """Mechanical energy over weight times displacement [-]; None where the robot does not get away."""
     joint_jitter: float
-    """Root mean square joint acceleration [rad/s²]."""
+    """Root mean square, over joints and steps, of the change of joint velocity over one control period, divided by that
+    period [rad/s²]. Motion faster than half the control rate aliases: a joint that swings once a period shows none."""
     tripod_share: float | None
     """Share of moving steps in which the feet on the ground are exactly one contact group [-]; None without any."""
     flight_share: float | None

@@ -29,6 +29,7 @@ from stiction.transfer.course import Course, line_up, parse_course, pilot, start
 from stiction.transfer.metrics import Metrics, Recording, measure
 from stiction.transfer.record import record
 from stiction.transfer.rollout import Driver, Rollout, friction_at, robot_of
+from stiction.transfer.ways import way_of
 
 ENGINE = "mujoco"
 """Where robots walk here, as it stands in results.csv."""
@@ -296,7 +297,7 @@ def _row(
     """Return one row of results.csv."""
     return ResultRow(
         policy=name,
-        method=contract.method,
+        method=way_of(contract),
         seed=contract.seed,
         engine=ENGINE,
         friction_law=cfg.friction_law,

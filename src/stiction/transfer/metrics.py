@@ -43,7 +43,8 @@ class Recording:
     power: np.ndarray
     """Sum over joints of |torque * joint velocity| [W], shape (T, N)."""
     square_acceleration: np.ndarray
-    """Mean over joints of the squared joint acceleration [rad²/s⁴], shape (T, N)."""
+    """Mean over joints of the squared change of joint velocity since the last step over `period` [rad²/s⁴], shape
+    (T, N)."""
     upright: np.ndarray
     """False from the step of a fall on, bool, shape (T, N)."""
     friction: np.ndarray | None = None
@@ -215,7 +216,11 @@ def cost_of_transport(recording: Recording, distance: float, weight: float) -> f
 
 
 def joint_jitter(recording: Recording) -> float:
-    """Return the root mean square joint acceleration of robots that have not fallen [rad/s²]; 0 where all have."""
+    """Return the root mean square joint acceleration of robots that have not fallen [rad/s²]; 0 where all have.
+
+    The acceleration is the change of joint velocity over one control period, divided by it: motion faster than half the
+    control rate aliases.
+    """
     if not recording.upright.any():
         return 0.0
     return float(np.sqrt(recording.square_acceleration[recording.upright].mean()))
