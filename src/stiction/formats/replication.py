@@ -128,6 +128,8 @@ class PartRecord:
     """The same with intervals of the rates, as in summary.json."""
     kept: str = ""
     """Of a part that was not asked for: what of it was there from before."""
+    warnings: Sequence[str] = ()
+    """What could not be walked, and why: sentences."""
 
 
 @dataclass(frozen=True)

@@ -170,6 +170,7 @@ def warnings(result: Replication) -> list[str]:
     kept = [f"{part.title} ({part.kept})" for part in result.parts if part.kept]
     if kept:
         found.append(f"Not walked by this command: {'; '.join(kept)}.")
+    found += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
     missing = [way for way in ("none", "actuator", "deception") if way not in result.ways]
     if missing:
         found.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from stiction.formats.contract import Contract
@@ -148,7 +148,7 @@ def _robot(quick: bool, seeds: tuple[int, ...]) -> tuple[Part, ...]:
             "forward",
             "What a user would try: the virtual robot's identified friction, fed forward",
             conventional,
-            grid(DIRECTIONS, (ROBOT,), told, (*told, "0.3")),
+            replace(grid(DIRECTIONS, (ROBOT,), told, (*told, "0.3")), forward_only=True),
             forward=True,
         ),
     )

@@ -13,9 +13,9 @@ from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
 from stiction.formats.replication import PartRecord, read_part
 from stiction.transfer.grid.config import GridCfg
-from stiction.transfer.grid.forward import bench_of, forwarded
+from stiction.transfer.grid.forward import bench_of, forwarded, not_told
 from stiction.transfer.grid.ledger import Ledger
-from stiction.transfer.grid.plan import Walk, plan
+from stiction.transfer.grid.plan import Walk, plan, plan_forward
 from stiction.transfer.grid.run import BENCHES, LEDGER, walk_grid
 from stiction.transfer.grid.table import rows_of
 from stiction.transfer.metrics import Metrics
@@ -38,7 +38,8 @@ def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progr
     make_folder(out)
     grid = _grid(part, bundles)
     done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
-    return PartRecord(part.name, part.title, *rows_of(done, bundles))
+    left_out = not_told(bundles, grid, out / BENCHES)
+    return PartRecord(part.name, part.title, *rows_of(done, bundles), warnings=left_out)
 
 
 def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
@@ -54,7 +55,8 @@ def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | 
     done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
     rows, details = rows_of(_whole(walks, done), bundles)
     kept = f"not asked for: {len(rows)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
-    return PartRecord(part.name, part.title, rows, details, kept) if rows else None
+    left_out = not_told(bundles, grid, out / BENCHES)
+    return PartRecord(part.name, part.title, rows, details, kept, left_out) if rows else None
 
 
 def check_nothing_lost(part: Part, kept: PartRecord | None, report: Path) -> None:
@@ -90,8 +92,7 @@ def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
     """Return every walk of a grid; those with friction fed forward only where every robot was on its bench."""
     specs = {bundle.name: robot_of(bundle.contract) for bundle in bundles}
     walks = plan(list(specs), grid)
-    candidates = [walk for walk in plan(grid.forward, grid) if not walk.place.is_batch]
-    benches = [bench for walk in candidates if (bench := bench_of(walk, specs[walk.policy])) is not None]
+    benches = [bench for walk in plan_forward(grid) if (bench := bench_of(walk, specs[walk.policy])) is not None]
     if all(is_made(bench, out / BENCHES / bench.label) for bench in benches):
         walks += forwarded(bundles, grid, out / BENCHES)
     return walks
