@@ -69,9 +69,9 @@ class EvaluateCfg:
     """Torque in the log: `motor_side`, what the motor gave (what `stiction identify` needs), or `output_side`, what
     reached the link, dry and viscous friction of the joint taken off."""
     out: Path = Path("stiction-evaluation")
-    """Directory for results.csv, methods.csv (means over training seeds), summary.json, friction_budget.svg and .png,
-    and report.html; for walks.jsonl, by which an interrupted command goes on where it was; and for bench, what was
-    identified for --forward."""
+    """Directory for results.csv, methods.csv (means over the seeds of one training), summary.json, friction_budget.svg
+    and .png, and report.html; for walks.jsonl, by which an interrupted command goes on where it was; and for bench,
+    what was identified for --forward."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -123,7 +123,7 @@ def main(arguments: list[str]) -> int:
     for warning in summary["warnings"]:
         print(f"stiction evaluate: {warning}", file=sys.stderr)
     summary = {"command": shlex.join(["stiction", "evaluate", *arguments])} | summary
-    write_evaluation(cfg.out, rows, summary, method_means(rows))
+    write_evaluation(cfg.out, rows, summary, method_means(rows, bundles))
     if cfg.json:
         print(summary_text(summary), end="")
     else:

@@ -10,7 +10,7 @@ class MethodCell:
     """Which way of training, in which cell of a grid."""
 
     method: str
-    """Way of training with friction."""
+    """Way of training with friction; in brackets what else tells one training from another."""
     engine: str
     """Engine, and what of a virtual robot is real in it."""
     friction_law: str

@@ -28,7 +28,11 @@ DEFINITIONS = (
     ("speed ratio", "mean speed along the command over the commanded speed; after a fall the speed counts as zero"),
     ("error", "mean distance of velocity and command, over windows of 1 s, in m/s (in rad/s for a pure turn)"),
     ("falls", "share of episodes with a fall; a simulation that became unstable counts as one"),
-    ("jitter", "root mean square joint acceleration, from velocities at the control rate, in rad/s²"),
+    (
+        "jitter",
+        "root mean square change of joint velocity over a control period, divided by it, in rad/s²; of motion faster "
+        "than half the control rate it sees what aliasing leaves",
+    ),
     ("cost of transport", "mechanical energy over weight times distance; a dash where the robot does not get away"),
     (
         "tripod",
@@ -59,6 +63,9 @@ FED_FORWARD = (
     "sheet, and on a virtual robot what was identified from the log of that robot's own bench."
 )
 """What a policy with friction fed forward is."""
+
+INTERVALS = "In brackets: Wilson's 95 % intervals, over episodes; over robots where those are virtual."
+"""What stands behind a rate."""
 
 FIXED = {
     "action_delay": "action delay {:g} s",
@@ -194,7 +201,7 @@ def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] =
                 line.insert(-1, _number(detail.get("crossed"), ".0%") + _interval(detail.get("crossed_interval")))
         if over:
             header[-1:-1] = ["steps passed", "crossed"]
-    return table(header, cells, "In brackets: Wilson's 95 % intervals over episodes." if details else "")
+    return table(header, cells, INTERVALS if details else "")
 
 
 def definitions_table() -> Markup:

@@ -13,7 +13,8 @@ from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import provenance
 from stiction.formats.results import ResultRow
 from stiction.transfer.grid.config import GridCfg
-from stiction.transfer.grid.run import Progress, walk_grid
+from stiction.transfer.grid.forward import not_told
+from stiction.transfer.grid.run import BENCHES, Progress, walk_grid
 from stiction.transfer.grid.table import rows_of
 from stiction.transfer.robot.seeds import warnings_on
 
@@ -40,7 +41,7 @@ def evaluate_all(
         "engines": list(cfg.engines),
         "terrains": list(cfg.terrains),
         "robots": cfg.used_robots,
-        "warnings": warnings_on(cfg.used_robots),
+        "warnings": [*warnings_on(cfg.used_robots), *not_told(bundles, cfg, out / BENCHES, robot)],
         "forward": list(cfg.forward),
         "conditions": cfg.base.conditions,
         "robot": robot,

@@ -11,17 +11,18 @@ import pytest
 from bundles import make_bundle, make_contract, make_network
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.errors import StictionError
-from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.robots.catalog import find_robot
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.grid import forward
 from stiction.transfer.grid.config import GridCfg
-from stiction.transfer.grid.forward import forwarded
+from stiction.transfer.grid.forward import forwarded, not_told
 from stiction.transfer.grid.ledger import Ledger
 from stiction.transfer.grid.run import walk_grid
 from stiction.transfer.grid.table import rows_of
 from stiction.transfer.robot.draw import draw
 from stiction.transfer.robot.identification import Bench
+from stiction.transfer.summary import evaluate_all
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -80,6 +81,46 @@ def test_a_virtual_robot_gets_what_its_own_bench_found_and_is_put_there_once(
     truth = 0.1 * SPEC.joint_values("torque_limit") * draw(SPEC, 3).friction.share
     assert not np.isclose(truth, walks[0].forward, rtol=1e-3).any()
     assert forwarded([still], cfg, tmp_path) == walks and len(benches) == 2
+
+
+@pytest.fixture
+def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
+    """Let the bench of robot 4 tell nothing of one joint."""
+    make = forward.make_bench
+
+    def make_some(bench: Bench, folder: Path, workers: int) -> None:
+        make(bench, folder, workers)
+        if bench.case.seed == 4:
+            joints = dict(load_joints(folder / "joints.json").joints)
+            joints["ML_hip"] = JointRecord(warnings=("not identified: it hardly moves",))
+            JointsFile(joints).write(folder / "joints.json")
+
+    monkeypatch.setattr(forward, "make_bench", make_some)
+
+
+def test_a_robot_that_cannot_be_identified_is_left_out_and_named(still: Bundle, tmp_path: Path, hidden: None) -> None:
+    """One joint of one robot would end hours of walks on all others; without a word the mean would be of fewer."""
+    cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
+    assert not_told([still], cfg, tmp_path) == []
+    assert {walk.robot for walk in forwarded([still], cfg, tmp_path)} == {3}
+    (warning,) = not_told([still], cfg, tmp_path)
+    assert warning.startswith("Friction is not fed forward on saturn_lite--mujoco--all--0.1--4, its walks are left out")
+    assert "'ML_hip' is null" in warning and warning.endswith("it hardly moves")
+    (tmp_path / "saturn_lite--mujoco--all--0.1--4" / "joints.json").write_text("half")
+    with pytest.raises(StictionError, match=r"joints\.json"):
+        forwarded([still], cfg, tmp_path)
+
+
+def test_the_rest_of_the_grid_goes_on_and_the_summary_says_what_is_missing(
+    still: Bundle, tmp_path: Path, hidden: None
+) -> None:
+    """Who reads the row of two robots beside that of one has to know."""
+    cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
+    rows, summary = evaluate_all([still], cfg, tmp_path)
+    assert [(row.policy, row.episodes) for row in rows] == [("still", 2), ("still+forward", 1)]
+    exploratory, left_out = summary["warnings"]
+    assert "Exploratory" in exploratory and "--4, its walks are left out" in left_out
+    assert [list(row["robots"]) for row in summary["rows"]] == [["3", "4"], ["3"]]
 
 
 def test_the_ledger_knows_a_walk_by_what_was_fed_forward(still: Bundle, tmp_path: Path) -> None:

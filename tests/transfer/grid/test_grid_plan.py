@@ -1,11 +1,13 @@
 """Which walks a grid consists of, and what it refuses."""
 
+from dataclasses import replace
+
 import pytest
 
 from stiction.formats.errors import StictionError
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.grid.config import GridCfg, Place, parse_place
-from stiction.transfer.grid.plan import AT_ONCE, plan, units
+from stiction.transfer.grid.plan import AT_ONCE, plan, plan_forward, units
 
 BASE = EvaluationCfg((0.0, 0.2), ("vx=0.5", "stand"), episodes=2, seconds=3.0)
 
@@ -66,6 +68,17 @@ def test_how_long_a_walk_lasts_is_its_own_commands_affair() -> None:
     assert slow == pytest.approx(2 * fast) and fast == pytest.approx(24.4)
 
 
+def test_a_grid_of_what_is_fed_forward_alone_leaves_the_plain_walks_to_another() -> None:
+    """A part of the comparison would walk again, for hours, what the part before it has; other policies walk plain."""
+    cfg = GridCfg(BASE, ("mujoco", "physx"), forward=("a",))
+    assert {walk.policy for walk in plan(["a", "b"], cfg)} == {"a", "b"}
+    only = replace(cfg, forward_only=True)
+    assert {walk.policy for walk in plan(["a", "b"], only)} == {"b"}
+    assert plan_forward(only) == plan_forward(cfg)
+    assert {(walk.policy, walk.place.engine) for walk in plan_forward(only)} == {("a", "physx")}
+    assert len(plan_forward(only)) == 2 * 2 * 2
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -88,6 +101,7 @@ def test_a_place_that_is_none_is_refused(text: str, message: str) -> None:
         ({"engines": ("physx", "physx")}, "each once"),
         ({"robots": (1, 1)}, "each once"),
         ({"robot_levels": ("2",)}, "up to 0.9"),
+        ({"robot_levels": ("0.1", "0.10")}, "each once"),
         ({"terrains": ("stairs=1",)}, "expected flat"),
         ({"terrains": ("stairs=0.1",), "base": EvaluationCfg((0.0,), ("stand",))}, "leads over it"),
         ({"engines": ("physx",), "base": EvaluationCfg(action_delay=0.01)}, "action delay"),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,6 +14,7 @@ from stiction.transfer.grid import ledger, plan, run
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.run import LEDGER, walk_grid
 from stiction.transfer.grid.table import method_means, rows_of
+from stiction.transfer.metrics import Metrics
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -122,6 +124,31 @@ def test_an_interrupted_grid_goes_on(still: Bundle, walked, tmp_path: Path, monk
     assert 0 < sum(count) <= len(walked[0]) - 3 + 1
 
 
+def test_a_line_that_was_cut_off_eats_no_walk(
+    still: Bundle, walked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A walk that is done after an interruption in the middle of a line would be walked at every start, for ever."""
+    lines = (walked[1] / LEDGER).read_text().splitlines(keepends=True)
+    (tmp_path / LEDGER).write_text("".join(lines[:-1]) + lines[-1][:40])
+    assert walk_grid([still], GRID, tmp_path) == walked[0]
+    assert lines[-1][:40] in (tmp_path / LEDGER).read_text().splitlines()
+    monkeypatch.setattr(run, "walk_unit", lambda *arguments: pytest.fail("walked again"))
+    assert walk_grid([still], GRID, tmp_path) == walked[0]
+
+
+def test_another_library_of_ode_walks_anew(still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is no package, so no version would tell; other engines' walks stand."""
+    found = [walk for walk in plan.plan(["still"], replace(GRID, engines=("ode", *ENGINES))) if walk.episode == 0]
+
+    def keys(digest: str) -> list[str]:
+        monkeypatch.setattr("stiction.transfer.engines.ode_library.library_digest", lambda: digest)
+        kept = ledger.Ledger(tmp_path / LEDGER, GRID, {"still": still.digest})
+        return [kept.key(walk) for walk in found]
+
+    same = [one == other for one, other in zip(keys("a"), keys("b"), strict=True)]
+    assert same == [walk.place.engine != "ode" for walk in found]
+
+
 def test_processes_do_not_change_the_result(still: Bundle, walked, tmp_path: Path) -> None:
     """Two cores, the same numbers."""
     assert walk_grid([still], GRID, tmp_path, jobs=2) == walked[0]
@@ -151,8 +178,72 @@ def test_what_is_not_installed_is_said_before_anything_walks(still: Bundle, tmp_
 def test_a_seed_is_one_sample(still: Bundle, walked) -> None:
     """Means over seeds 0.8 and 1.0: 0.9 ± 12.706 · 0.1; one seed has no interval."""
     row = rows_of(walked[0], [still])[0][0]
+    bundles = [named(still, f"p{seed}", seed=seed) for seed in (0, 1)]
     rows = [replace(row, policy=f"p{seed}", seed=seed, speed_ratio=0.8 + 0.2 * seed) for seed in (0, 1)]
-    (mean,) = method_means(rows)
-    assert (mean.seeds, mean.speed_ratio, mean.each) == (2, pytest.approx(0.9), "0.8 1")
+    (mean,) = method_means(rows, bundles)
+    assert (mean.method, mean.seeds, mean.speed_ratio, mean.each) == ("none", 2, pytest.approx(0.9), "0.8 1")
     assert (mean.low, mean.high) == (pytest.approx(0.9 - 1.2706, abs=1e-3), pytest.approx(0.9 + 1.2706, abs=1e-3))
-    assert method_means(rows[:1])[0].low is None
+    assert method_means(rows[:1], bundles)[0].low is None
+
+
+def named(bundle: Bundle, name: str, **changes: Any) -> Bundle:
+    """Return the bundle by another name, with another contract."""
+    return replace(bundle, name=name, contract=make_contract(**changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"terrain": "stairs"}, ("flat", "stairs")),
+        ({"robot": "go1"}, ("saturn_lite", "go1")),
+        (
+            {"friction_law": "stribeck", "stribeck": (1.5, 0.1), "terrain": "stairs"},
+            ("flat, coulomb", "stairs, stribeck"),
+        ),
+        ({"friction_level": 0.25}, ("0.2", "0.25")),
+        ({"friction_range": (0.0, 0.5)}, ("range 0 to 0.24", "range 0 to 0.5")),
+    ],
+)
+def test_policies_of_different_trainings_are_no_seeds_of_each_other(
+    still: Bundle, walked, changes: dict, words: tuple[str, str]
+) -> None:
+    """A policy for stairs and one for flat ground would have one mean, and a t-interval over what they differ in."""
+    row = rows_of(walked[0], [still])[0][0]
+    bundles = [named(still, "a"), named(still, "b", seed=1, **changes)]
+    rows = [
+        replace(row, policy=name, method=f"none{fed}", seed=seed, speed_ratio=float(seed))
+        for fed in ("", "+forward")
+        for seed, name in enumerate((f"a{fed}", f"b{fed}"))
+    ]
+    means = method_means(rows, bundles)
+    assert [mean.method for mean in means] == [f"none{fed} ({word})" for fed in ("", "+forward") for word in words]
+    assert [(mean.seeds, mean.speed_ratio) for mean in means] == [(1, 0.0), (1, 1.0)] * 2
+
+
+def test_two_policies_of_one_seed_stand_alone(still: Bundle, walked) -> None:
+    """Two checkpoints of one run are not two trainings, and which of them is the sample nobody can say."""
+    row = rows_of(walked[0], [still])[0][0]
+    bundles = [named(still, name, seed=seed) for name, seed in (("a", 0), ("b", 0), ("c", 1))]
+    rows = [replace(row, policy=one.name, seed=one.contract.seed, speed_ratio=0.5) for one in bundles]
+    assert [(mean.method, mean.seeds) for mean in method_means(rows, bundles)] == [
+        (f"none ({name})", 1) for name in "abc"
+    ]
+
+
+def test_a_virtual_robot_is_one_sample_of_a_rate(still: Bundle) -> None:
+    """Of three robots one falls in both walks and one in one of two: 1.5 of 3, as wide as three robots are."""
+    cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4, 5), robot_levels=("0.1",))
+    fell = {3: (1.0, 1.0), 4: (0.0, 1.0), 5: (0.0, 0.0)}
+    worth = Metrics(0.9, 0.1, 0.0, 4.0, 1.0, 50.0, 0.8, 0.0, (0.4, 0.4), 1.0)
+    done = {
+        walk: replace(worth, fall_rate=fell[walk.robot][walk.episode], crossed=1.0 - fell[walk.robot][walk.episode])
+        for walk in plan.plan(["still"], cfg)
+    }
+    (detail,) = rows_of(done, [still])[1]
+    # Wilson by hand, p = 1/2, n = 3: 1/2 -+ z/(1 + z^2/n) sqrt(1/(4 n) + z^2/(4 n^2)) = 1/2 -+ z/(2 sqrt(n + z^2)).
+    half = 1.959964 / (2 * (3 + 1.959964**2) ** 0.5)
+    assert detail["fall_rate"] == 0.5
+    assert detail["fall_interval"] == pytest.approx((0.5 - half, 0.5 + half))
+    assert detail["crossed_interval"] == pytest.approx((0.5 - half, 0.5 + half))
+    assert list(detail["robots"]) == ["3", "4", "5"]
+    assert (detail["robot_fall_rates"], detail["robot_crossed"]) == ([1.0, 0.5, 0.0], [0.0, 0.5, 1.0])

@@ -10,7 +10,7 @@ from stiction.formats.friction import has_coefficient
 from stiction.transfer.course import parse_course
 from stiction.transfer.engines.catalog import ENGINES
 from stiction.transfer.evaluate import EvaluationCfg
-from stiction.transfer.robot.factorial import CELLS, Case, Level, parse_level
+from stiction.transfer.robot.factorial import CELLS, Case, Level, parse_levels
 from stiction.transfer.robot.seeds import FIRST_REPORTED, reported
 
 BATCH = "mujoco"
@@ -77,6 +77,8 @@ class GridCfg:
     forward: tuple[str, ...] = ()
     """Policies that also walk with friction fed forward in the joint controllers, see `stiction.transfer.grid.forward`:
     names of bundles."""
+    forward_only: bool = False
+    """Whether the policies of `forward` walk in that way alone: their walks without are in another grid."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be walked."""
@@ -84,8 +86,7 @@ class GridCfg:
             given = getattr(self, name)
             if len(set(given)) < len(given) or not (given or name in ("robot_levels", "forward")):
                 raise StictionError(f"{name.replace('_', ' ')} {list(given)}: expected at least one, each once")
-        for text in self.levels_of_robots:
-            parse_level(text)
+        parse_levels(self.levels_of_robots)
         for terrain in self.terrains:
             self.on(terrain)
         alone = [place.label for place in self.places if not place.is_batch]

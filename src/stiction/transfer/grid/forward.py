@@ -13,9 +13,10 @@ from pathlib import Path
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
+from stiction.formats.joints import JointsError, load_joints
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.grid.config import ALONE, GridCfg
-from stiction.transfer.grid.plan import Walk, plan
+from stiction.transfer.grid.plan import Walk, plan_forward
 from stiction.transfer.robot.factorial import Case, parse_level
 from stiction.transfer.robot.identification import JOINTS, Bench, identified_friction, is_made, make_bench
 from stiction.transfer.rollout import robot_of
@@ -35,11 +36,13 @@ def forwarded(
 ) -> list[Walk]:
     """Return the walks of `cfg.forward`, each with its friction; those in the batch are left out.
 
+    So are those on a robot whose friction its bench does not tell, in some joint: `not_told` says why.
+
     Virtual robots that have not been on their bench yet are put there first; `out` is the folder of what is identified,
     one folder a robot. Other arguments as of `walk_grid`.
 
     Raises:
-        StictionError: no bundle has such a name, one compensates friction itself, or a joint cannot be identified.
+        StictionError: no bundle has such a name, one compensates friction itself, or a file cannot be read or written.
 
     """
     by_name = {bundle.name: bundle for bundle in bundles}
@@ -49,8 +52,7 @@ def forwarded(
         if by_name[name].contract.compensation is not None:
             raise StictionError(f"{name} compensates friction in its targets; it cannot be fed forward once more")
     specs = {name: robot_of(by_name[name].contract, robot) for name in cfg.forward}
-    walks = [walk for walk in plan(cfg.forward, cfg) if not walk.place.is_batch]
-    benches = {walk: bench_of(walk, specs[walk.policy]) for walk in walks}
+    benches = {walk: bench_of(walk, specs[walk.policy]) for walk in plan_forward(cfg)}
     missing = {
         bench.label: bench for bench in benches.values() if bench is not None and not is_made(bench, out / bench.label)
     }
@@ -58,14 +60,38 @@ def forwarded(
     tasks = [(bench, out / label, workers) for label, bench in missing.items()]
     for count, _ in enumerate(spread(make_bench, tasks, jobs), 1):
         progress(BENCH_WORK, count / len(missing))
-    found: dict[str, tuple[float, ...]] = {}
-    for bench in benches.values():
-        if bench is not None and bench.label not in found:
-            file = out / bench.label / JOINTS
-            found[bench.label] = tuple(identified_friction(file, bench.spec.joint_names).tolist())
-    return [
-        replace(walk, forward=law_friction(walk, specs[walk.policy]) if bench is None else found[bench.label])
+    found = {bench.label: told(bench, out) for bench in benches.values() if bench is not None}
+    friction = {
+        walk: law_friction(walk, specs[walk.policy]) if bench is None else found[bench.label]
         for walk, bench in benches.items()
+    }
+    return [replace(walk, forward=known) for walk, known in friction.items() if not isinstance(known, str)]
+
+
+def told(bench: Bench, out: Path) -> tuple[float, ...] | str:
+    """Return the friction of every joint as a bench found it [N m]; or why not, where it does not tell one.
+
+    out: as of `forwarded`. Raises `StictionError` where the file cannot be read.
+    """
+    joints = load_joints(out / bench.label / JOINTS)
+    try:
+        return tuple(identified_friction(joints, bench.spec.joint_names).tolist())
+    except JointsError as error:
+        return str(error)
+
+
+def not_told(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None) -> list[str]:
+    """Return a sentence for every robot on which no friction is fed forward, because its bench does not tell it.
+
+    Robots that were not on their bench yet are left out. Arguments and errors as of `forwarded`.
+    """
+    specs = {bundle.name: robot_of(bundle.contract, robot) for bundle in bundles if bundle.name in cfg.forward}
+    benches = [bench for walk in plan_forward(cfg) if (bench := bench_of(walk, specs[walk.policy])) is not None]
+    made = {bench.label: bench for bench in benches if is_made(bench, out / bench.label)}
+    return [
+        f"Friction is not fed forward on {label}, its walks are left out: {why}"
+        for label, bench in made.items()
+        if isinstance(why := told(bench, out), str)
     ]
 
 

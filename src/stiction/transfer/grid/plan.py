@@ -64,10 +64,20 @@ class Walk:
 
 
 def plan(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:
-    """Return every walk of the grid, those of one row beside each other.
+    """Return every walk of the grid without friction fed forward, those of one row beside each other.
 
     Episodes of a virtual robot are spread over the robots: every robot walks `episodes` of them.
     """
+    return _walks([name for name in policies if not (cfg.forward_only and name in cfg.forward)], cfg)
+
+
+def plan_forward(cfg: GridCfg) -> list[Walk]:
+    """Return every walk that is to be walked with friction fed forward, still without it; none is in the batch."""
+    return [walk for walk in _walks(cfg.forward, cfg) if not walk.place.is_batch]
+
+
+def _walks(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:
+    """Return every combination once."""
     walks = []
     for policy in policies:
         for place in cfg.places:

@@ -10,10 +10,11 @@ import numpy as np
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.climb import wilson
+from stiction.formats.contract import Contract
 from stiction.formats.grid import MethodMean
 from stiction.formats.results import ResultRow
 from stiction.robots.spec import RobotSpec
-from stiction.transfer.grid.plan import Walk
+from stiction.transfer.grid.plan import FORWARD, Walk
 from stiction.transfer.metrics import Metrics, combine
 from stiction.transfer.robot.factorial import parse_level
 from stiction.transfer.rollout import robot_of
@@ -26,8 +27,9 @@ def rows_of(
 ) -> tuple[list[ResultRow], list[dict[str, Any]]]:
     """Return a row per cell, in the order of the walks, and the same rows as plain data with intervals of the rates.
 
-    Intervals there are Wilson's, over episodes: of `fall_rate`, and of `crossed` over a course. A row of virtual robots
-    also has each robot's speed ratio.
+    Intervals there are Wilson's, of `fall_rate`, and of `crossed` over a course: over episodes; over virtual robots
+    where those walk, for one that falls falls again. A row of those also has, of each robot, its speed ratio, by its
+    seed, and in the same order `robot_fall_rates` and `robot_crossed`.
     """
     contracts = {bundle.name: bundle.contract for bundle in bundles}
     cells: dict[tuple[str, ...], list[Walk]] = {}
@@ -69,39 +71,73 @@ def number(walk: Walk, torque_limit: np.ndarray, spec: RobotSpec) -> float:
 
 
 def _beside(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, Any]:
-    """Return what a row has in summary.json alone: Wilson's intervals, and the speed ratio of each virtual robot."""
-    episodes = [done[walk] for walk in walks]
-    beside: dict[str, Any] = {"fall_interval": wilson(round(sum(one.fall_rate for one in episodes)), len(episodes))}
-    over = [one.crossed for one in episodes if one.crossed is not None]
-    beside["crossed_interval"] = wilson(round(sum(over)), len(over)) if over else None
-    robots = [walk.robot for walk in walks if walk.robot is not None]
-    if robots:
-        beside["robots"] = {
-            str(robot): combine([done[walk] for walk in walks if walk.robot == robot]).speed_ratio
-            for robot in dict.fromkeys(robots)
-        }
+    """Return what a row has in summary.json alone: Wilson's intervals, and what each virtual robot did."""
+    robots = dict.fromkeys(walk.robot for walk in walks if walk.robot is not None)
+    each = {robot: combine([done[walk] for walk in walks if walk.robot == robot]) for robot in robots}
+    samples = list(each.values()) or [done[walk] for walk in walks]
+    crossed = [one.crossed for one in samples if one.crossed is not None]
+    beside: dict[str, Any] = {
+        "fall_interval": wilson(sum(one.fall_rate for one in samples), len(samples)),
+        "crossed_interval": wilson(sum(crossed), len(crossed)) if crossed else None,
+    }
+    if each:
+        beside["robots"] = {str(robot): one.speed_ratio for robot, one in each.items()}
+        beside["robot_fall_rates"] = [one.fall_rate for one in samples]
+        beside["robot_crossed"] = crossed or None
     return beside
+
+
+def sample_names(contracts: Mapping[str, Contract]) -> dict[str, str]:
+    """Return what stands behind the way of each policy so that only samples of one thing have one name.
+
+    Those are policies of one way, for one robot, trained on one ground with one law, level and range of friction, each
+    with another seed. Where a way has several such groups, what they differ in is named: `deception (stairs)`. Where
+    one seed is there twice, nobody can say which policy is the sample: each of that group stands alone, by its name.
+
+    contracts: by name of the policy.
+    """
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, contract in contracts.items():
+        groups.setdefault(_sample_of(contract), []).append(name)
+    behind = {}
+    for group, names in groups.items():
+        values = zip(*(other for other in groups if other[0] == group[0]), strict=True)
+        told = [mine for mine, all_of_way in zip(group, values, strict=True) if len(set(all_of_way)) > 1]
+        twice = len({contracts[name].seed for name in names}) < len(names)
+        for name in names:
+            words = [name] if twice else told
+            behind[name] = f" ({', '.join(words)})" if words else ""
+    return behind
+
+
+def _sample_of(contract: Contract) -> tuple[str, ...]:
+    """Return what two policies share that are samples of one thing, in words; the way comes first."""
+    low, high = contract.friction_range
+    trained = contract.robot, contract.terrain, contract.friction_law, f"{contract.friction_level:g}"
+    return way_of(contract), *trained, f"range {low:g} to {high:g}"
 
 
 _MethodCell = tuple[str, str, str, str, str, str]
 """Method, engine, law, level, terrain, command."""
 
 
-def method_means(rows: Sequence[ResultRow]) -> list[MethodMean]:
+def method_means(rows: Sequence[ResultRow], bundles: Sequence[Bundle]) -> list[MethodMean]:
     """Return the mean speed ratio of every way of training over its training seeds, with each seed's and an interval.
 
-    A seed is one sample, however many episodes it walked; two policies of one seed count as one, their mean.
+    A seed is one sample, however many episodes it walked. What counts as one way, and its name: see `sample_names`.
+    bundles: those that walked.
     """
-    cells: dict[_MethodCell, dict[int, list[float]]] = {}
+    names = sample_names({bundle.name: bundle.contract for bundle in bundles})
+    cells: dict[_MethodCell, list[float]] = {}
     numbers: dict[_MethodCell, float] = {}
     for row in rows:
         if row.speed_ratio is not None:
-            cell = row.method, row.engine, row.friction_law, f"{row.friction_level:g}", row.terrain, row.command
+            way = row.method + names[row.policy if row.policy in names else row.policy.removesuffix(FORWARD)]
+            cell = way, row.engine, row.friction_law, f"{row.friction_level:g}", row.terrain, row.command
             numbers[cell] = row.friction_level
-            cells.setdefault(cell, {}).setdefault(row.seed, []).append(row.speed_ratio)
+            cells.setdefault(cell, []).append(row.speed_ratio)
     means = []
-    for cell, seeds in cells.items():
-        points = [float(np.mean(values)) for values in seeds.values()]
+    for cell, points in cells.items():
         low, high = t_interval(points) or (None, None)
         method, engine, law, _, terrain, command = cell
         mean, each = float(np.mean(points)), " ".join(f"{point:.4g}" for point in points)
