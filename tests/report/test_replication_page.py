@@ -6,12 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 from stiction.formats.experiment import Verdict
-from stiction.formats.replication import BOTH, Behind, BudgetPoint, Onset, PartRecord, Replication, Sample
+from stiction.formats.replication import BOTH, FED, Behind, BudgetPoint, Onset, PartRecord, Replication, Sample
 from stiction.formats.results import ResultRow, read_results
 from stiction.formats.rows import read_rows
 from stiction.report.replication import lead, warnings, write_replication
 from stiction.report.replication_methods import friction_text, place_sheets, stairs_sheet
-from stiction.report.replication_tables import FED, forward_sheet, needs_sheet
+from stiction.report.replication_tables import forward_sheet, needs_sheet
 
 ROWS = [
     ResultRow("p", "none", 0, "physx", "coulomb", level, "flat", command, 1.0 - level, 0.1, 0.0, 4.0, None, 1.0, *rest)

@@ -17,6 +17,12 @@ from stiction.formats.rows import write_rows
 SUMMARY = "summary.json"
 """Name of the file that has all rows."""
 
+FORWARD = "+forward"
+"""Behind the names of policy and method: with friction fed forward in the joint controllers."""
+
+FED = f"none{FORWARD}"
+"""The conventional policy with friction fed forward."""
+
 FEWEST_LEVELS = 3
 """Levels without which there is no curve."""
 
@@ -42,7 +48,8 @@ class Sample(MethodCell):
     high: float | None
     """Upper end."""
     trials: int | None
-    """Of a rate, independent trials: walks, or pairs of policy and virtual robot; else None."""
+    """Of a rate, its trials: walks, or pairs of policy and virtual robot; else None. Such pairs are not independent:
+    all policies walk on the same robots. A verdict takes the robots as a sample beside them."""
     trials_low: float | None
     """Lower end of Wilson's 95 % interval over them."""
     trials_high: float | None
@@ -101,15 +108,15 @@ class Onset:
     """Training seeds."""
     level: float | None
     """Level at which the slower direction falls under it, mean over the seeds [-]: 0 where it is under from the start,
-    None where every seed stays above at every tested level. A seed that does counts with the highest of them."""
+    None where every seed stays above at every level it was tested at. A seed that does counts with its highest."""
     low: float | None
     """Lower end of its 95 % t-interval; None for one seed, and where a seed stays above."""
     high: float | None
     """Upper end."""
     tested: float
-    """Highest level that was tested [-]."""
+    """Highest level at which every seed was tested [-]."""
     each: str
-    """Every seed's, separated by blanks; `>x` where it stays above up to the highest level x."""
+    """Every seed's, separated by blanks; `>x` where it stays above up to x, the highest it was tested at."""
     dead_band: float | None
     """The level as f/kp of the shank [rad]; None where there is no level, or it is a coefficient."""
 
@@ -173,19 +180,19 @@ class Replication:
         write_summary(out / SUMMARY, self.summary | {"ways": self.ways, "verdicts": verdicts, "parts": parts})
 
 
-def read_part(path: Path, name: str) -> list[dict[str, Any]]:
-    """Return the rows of one part in a summary.json that `Replication.write` wrote; none where there is no such file.
+def read_parts(path: Path) -> dict[str, list[dict[str, Any]]]:
+    """Return the rows of every part in a summary.json that `Replication.write` wrote; none where there is no such file.
 
     Raises:
         StictionError: the file cannot be read, or is no summary of a comparison.
 
     """
     if not path.exists():
-        return []
+        return {}
     try:
         parts = json.loads(path.read_text(encoding="utf-8"))["parts"]
-        return list(parts[name]["rows"]) if name in parts else []
-    except (OSError, ValueError, TypeError, KeyError) as error:
+        return {name: list(part["rows"]) for name, part in parts.items()}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
         raise StictionError(
             f"{path} is no summary of `stiction replicate` ({error!r}); move it away, or give another --out"
         ) from error

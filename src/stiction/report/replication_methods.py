@@ -38,7 +38,7 @@ NOTE = (
     "Mean ± 95 % t-interval over training seeds; one seed has none. Forward to turn: speed reached over commanded. "
     "Falls to tripod: forward and backward together. Jitter: root mean square joint acceleration. In brackets behind a "
     "share of walks: Wilson's 95 % interval over trials, which are walks, and of virtual robots pairs of policy and "
-    "robot. Every seed's number is in methods.csv."
+    "robot: all policies share the robots, so it is too narrow for other robots. Every seed's number is in methods.csv."
 )
 """What a reader of these tables must know."""
 

@@ -6,15 +6,12 @@ from collections.abc import Sequence
 
 from stiction.formats.experiment import Verdict
 from stiction.formats.friction import has_coefficient, level_text
-from stiction.formats.replication import Behind, BudgetPoint, Onset
+from stiction.formats.replication import FED, Behind, BudgetPoint, Onset
 from stiction.report.replication_methods import friction_text
 from stiction.report.sheet import Sheet
 
 NEEDS = (0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Friction over the torque limit for which it is said which training follows."""
-
-FED = "none+forward"
-"""The conventional policy with friction fed forward."""
 
 COUNTERPARTS = (
     ("Fig. 1, the robot on stairs", "clips of `stiction study stairs`; the table of stairs on this page"),
@@ -41,7 +38,8 @@ def verdict_sheet(verdicts: Sequence[Verdict]) -> Sheet:
         "interval straddles the criterion. A rate (falls, crossings) also has Wilson's interval, over trials, and is "
         "decided where both agree: the one knows how trainings differ, the other how many walks there were. A trial is "
         "a walk; of virtual robots it is a pair of policy and robot, since the walks of one robot are not independent. "
-        "One seed carries no verdict: `not tested`, with its number. Each sentence "
+        "All policies walk on the same virtual robots: there, rates and speeds have one more interval with the robots "
+        "as the sample, which must agree. One seed carries no verdict: `not tested`, with its number. Each sentence "
         "is judged by itself; their number is not corrected for. E: the paper's comparison; V: its section on training "
         "with friction; T: what it concludes from its motors; X: explanations for what it saw."
     )

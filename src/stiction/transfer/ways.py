@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from stiction.formats.contract import Contract
+from stiction.formats.replication import FED
 
 WAYS = {
     "none": "conventional randomisation, without friction",
-    "none+forward": "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
+    FED: "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
     "actuator": "Actuator Net: without friction, through a net of the torque that the motors of a robot of this kind "
     "logged while `none` walked backward",
     "deception": "friction-aware: friction from none to 1.2 of the nominal one",

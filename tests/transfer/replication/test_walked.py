@@ -12,12 +12,13 @@ from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.ledger import Ledger
 from stiction.transfer.grid.plan import plan
+from stiction.transfer.grid.table import rows_of
 from stiction.transfer.metrics import Metrics
 from stiction.transfer.replication.evidence import Evidence
 from stiction.transfer.replication.plan import Part, climbers, everyone
 from stiction.transfer.replication.run import replicate
 from stiction.transfer.replication.samples import samples
-from stiction.transfer.replication.walked import kept_part, walk_part
+from stiction.transfer.replication.walked import kept_part, planned_rows, rows_in, walk_part
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -80,8 +81,9 @@ def test_a_part_alone_does_not_replace_the_others(
     assert again.samples == samples(Evidence.of(again.parts[0].details))
     monkeypatch.undo()
     more = replace(FLAT, base=replace(FLAT.base, episodes=3))
+    other = replace(SECOND, grid=replace(FLAT, base=replace(FLAT.base, friction_levels=(0.2,))))
     with pytest.raises(StictionError, match=r"2 rows of the part 'first' .* add first to --parts"):
-        replicate([still], (replace(FIRST, grid=more), SECOND), tmp_path, asked=["second"])
+        replicate([still], (replace(FIRST, grid=more), other), tmp_path, asked=["second"])
 
 
 def test_no_robot_is_put_on_its_bench_for_a_part_that_is_not_asked_for(
@@ -110,3 +112,35 @@ def test_what_is_no_report_is_not_replaced(still: Bundle, tmp_path: Path) -> Non
     (tmp_path / "summary.json").write_text("[]")
     with pytest.raises(StictionError, match="is no summary of `stiction replicate`"):
         replicate([still], (FIRST, SECOND), tmp_path, asked=["second"])
+
+
+def test_a_report_is_not_replaced_by_less(still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another preset, or fewer policies, in the folder of a full comparison would leave its verdicts without rows."""
+    replicate([still], (FIRST, SECOND), tmp_path).write(tmp_path)
+    no_walk(monkeypatch)
+    levels, episodes = (
+        replace(FIRST, grid=replace(FLAT, base=replace(FLAT.base, **change)))
+        for change in ({"friction_levels": (0.0,)}, {"episodes": 1})
+    )
+    stairs = replace(FIRST, takes=climbers)
+    renamed = replace(still, name="other")
+    for bundle, parts, lost in (
+        (still, (levels,), 1),
+        (still, (episodes,), 2),
+        (renamed, (FIRST,), 2),
+        (still, (stairs, replace(SECOND, grid=levels.grid)), 1),
+    ):
+        with pytest.raises(StictionError, match=rf"has {lost} rows of the part 'first' .*; give another --out"):
+            replicate([bundle], parts, tmp_path)
+    assert len(replicate([still], (stairs, SECOND), tmp_path).parts) == 1  # the same rows, in the other part
+
+
+def test_rows_are_planned_as_they_will_be_written(still: Bundle, tmp_path: Path) -> None:
+    """A planned row with another key would count as lost, or lost rows as planned."""
+    levels = ("0.1", "bench", "bench+0.02")
+    grid = replace(FLAT, engines=("mujoco", "mujoco-alone+all"), robots=(1000, 1001), robot_levels=levels)
+    part = replace(FIRST, grid=grid)
+    walks = plan([still.name], grid)
+    assert planned_rows(part, [still]) == rows_in(rows_of(dict.fromkeys(walks, METRICS), [still])[1])
+    fed = [key for key in planned_rows(replace(part, forward=True), [still]) if key[0] == "still+forward"]
+    assert {key[2] for key in fed} == {"real", "real-bench", "real-bench+load0.02"}

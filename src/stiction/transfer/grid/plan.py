@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from stiction.formats.friction import Law
+from stiction.formats.replication import FORWARD
 from stiction.transfer.grid.config import GridCfg, Place
 from stiction.transfer.robot.factorial import factorial
 
 REAL = "real"
 """Law of a virtual robot's friction in results.csv: Stribeck's, different in every joint."""
-
-FORWARD = "+forward"
-"""Behind the names of policy and method: with friction fed forward in the joint controllers."""
 
 COST = {"mujoco": 0.05, "mujoco-alone": 1.0, "physx": 2.0, "ode-webots": 4.0, "ode": 6.0}
 """Time that a walk takes in each engine, in some unit: the long ones go first, so that no core waits at the end."""

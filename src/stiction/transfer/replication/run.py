@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.formats.bundle import Bundle
+from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.replication import SUMMARY, PartRecord, Replication
 from stiction.formats.reproducibility import provenance
@@ -20,7 +21,15 @@ from stiction.transfer.replication.claims import judge_all
 from stiction.transfer.replication.evidence import Evidence
 from stiction.transfer.replication.plan import Part
 from stiction.transfer.replication.samples import samples
-from stiction.transfer.replication.walked import Progress, check_nothing_lost, kept_part, key_of, walk_part
+from stiction.transfer.replication.walked import (
+    Progress,
+    check_nothing_lost,
+    kept_part,
+    key_of,
+    planned_rows,
+    rows_in,
+    walk_part,
+)
 from stiction.transfer.rollout import robot_of
 from stiction.transfer.summary import check_names, describe
 from stiction.transfer.ways import WAYS, way_of
@@ -47,8 +56,8 @@ def replicate(
         asked: names of the parts to walk, by default all; of the others what was walked before in `out` is judged too.
 
     Raises:
-        StictionError: two bundles have one name, they are of several robots, none fits a part, as `walk_grid`, or as
-            `check_nothing_lost`.
+        StictionError: two bundles have one name, they are of several robots, none fits a part, as `walk_grid`, as
+            `check_ways`, or as `check_nothing_lost`.
 
     """
     check_names([bundle.name for bundle in bundles])
@@ -96,8 +105,9 @@ def _records(
         raise StictionError("no policy fits any part of the comparison; give policies for flat ground or for stairs")
     others = [part for part in parts if part.name not in asked]
     found = {part.name: kept_part(part, takes[part.name], out / part.name) for part in others}
-    for part in others:
-        check_nothing_lost(part, found[part.name], out / SUMMARY)
+    planned = {part.name: planned_rows(part, takes[part.name]) for part in parts if part.name in asked}
+    kept = {name: rows_in(record.details) for name, record in found.items() if record is not None}
+    check_nothing_lost([(planned | kept).get(part.name, {}) for part in parts], out / SUMMARY, asked)
     for part in parts:
         if part.name in asked and takes[part.name]:
             found[part.name] = walk_part(part, takes[part.name], out / part.name, jobs, progress)
@@ -121,17 +131,34 @@ def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
 
 
 def check_ways(bundles: Sequence[Bundle]) -> None:
-    """Raise `StictionError` where two policies of one way have one training seed: they would count as one sample."""
-    seen: dict[tuple[str, str, int], str] = {}
+    """Raise `StictionError` where policies of one way are no seeds of one training: they would count as its samples.
+
+    On flat ground and over stairs apart, they must be of one robot, ground and friction, and of a seed each.
+    """
+    groups: dict[tuple[str, bool], list[Bundle]] = {}
     for bundle in bundles:
-        key = way_of(bundle.contract), bundle.contract.terrain, bundle.contract.seed
-        if key in seen:
-            way, terrain, seed = key
-            raise StictionError(
-                f"{seen[key]} and {bundle.name} are both of the way {way!r}, for {terrain}, seed {seed}; expected one "
-                "policy a way and seed"
-            )
-        seen[key] = bundle.name
+        groups.setdefault((way_of(bundle.contract), bundle.contract.terrain == "flat"), []).append(bundle)
+    for (way, _), own in groups.items():
+        first, seeds = own[0], {own[0].contract.seed: own[0].name}
+        for other in own[1:]:
+            if (one := _trained(first.contract)) != (two := _trained(other.contract)):
+                raise StictionError(
+                    f"{first.name} and {other.name} are both of the way {way!r}, trained as {one} and as {two}; "
+                    "expected seeds of one training: leave one of them out"
+                )
+            if (seed := other.contract.seed) in seeds:
+                raise StictionError(
+                    f"{seeds[seed]} and {other.name} are both of the way {way!r}, for {other.contract.terrain}, seed "
+                    f"{seed}; expected one policy a way and seed"
+                )
+            seeds[seed] = other.name
+
+
+def _trained(contract: Contract) -> str:
+    """Return what the seeds of one training share: robot, ground, friction and the range of it."""
+    low, high = contract.friction_range
+    friction = f"{contract.friction_law} friction {contract.friction_level:.6g} from {low:.6g} to {high:.6g}"
+    return f"{contract.robot} on {contract.terrain} with {friction}"
 
 
 def check_engines(parts: Sequence[Part], spec: RobotSpec) -> None:

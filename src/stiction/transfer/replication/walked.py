@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from stiction.formats.bundle import Bundle
+from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
-from stiction.formats.replication import PartRecord, read_part
+from stiction.formats.replication import PartRecord, read_parts
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.forward import bench_of, forwarded, not_told
 from stiction.transfer.grid.ledger import Ledger
 from stiction.transfer.grid.plan import Walk, plan, plan_forward
 from stiction.transfer.grid.run import BENCHES, LEDGER, walk_grid
-from stiction.transfer.grid.table import rows_of
+from stiction.transfer.grid.table import number, real_law, rows_of
 from stiction.transfer.metrics import Metrics
 from stiction.transfer.replication.plan import Part, conventional
 from stiction.transfer.robot.identification import is_made
@@ -25,6 +26,9 @@ from stiction.transfer.rollout import robot_of
 
 Progress = Callable[[str, float], None]
 """Called with part and engine, and the share of its walks that is done."""
+
+Key = tuple[Any, ...]
+"""The values of `KEY`."""
 
 KEY = ("policy", "engine", "friction_law", "friction_level", "terrain", "command")
 """Columns by which a row is known."""
@@ -59,26 +63,58 @@ def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | 
     return PartRecord(part.name, part.title, rows, details, kept, left_out) if rows else None
 
 
-def check_nothing_lost(part: Part, kept: PartRecord | None, report: Path) -> None:
-    """Raise `StictionError` where a report has rows, or more walks in a row, of a part that is not walked anew.
+def check_nothing_lost(now: Iterable[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
+    """Raise `StictionError` where a report has rows, or more walks in a row, that would not be written in their place.
 
-    They are of another preset, of other policies or robots, or were measured by other code. kept: what would take their
-    place. report: the report's summary.json.
+    They are of another preset, of other policies or robots, or of a part that is not walked anew and was measured by
+    other code.
+
+    Args:
+        now: row -> walks that will be in it, of every part in their order; the first part that has a row counts.
+        report: the report's summary.json.
+        asked: names of the parts that are walked anew.
+
     """
-    before = read_part(report, part.name)
-    now = {} if kept is None else {key_of(row): row["episodes"] for row in kept.details}
-    lost = sum(row["episodes"] > now.get(key_of(row), 0) for row in before)
-    if lost:
-        raise StictionError(
-            f"{report.parent}: the report there has {lost} rows of the part {part.name!r} that this preset, these "
-            f"policies and this code do not have, and would be replaced; add {part.name} to --parts, or give another "
-            "--out"
-        )
+    walks: dict[Key, int] = {}
+    for rows in now:
+        walks = {**rows, **walks}
+    for name, before in read_parts(report).items():
+        if lost := sum(row["episodes"] > walks.get(key_of(row), 0) for row in before):
+            add = "" if name in asked else f"add {name} to --parts, or "
+            raise StictionError(
+                f"{report.parent}: the report there has {lost} rows of the part {name!r} that this preset, these "
+                f"policies and this code do not have, and would be replaced; {add}give another --out"
+            )
 
 
-def key_of(row: Mapping[str, Any]) -> tuple[Any, ...]:
+def planned_rows(part: Part, bundles: Sequence[Bundle]) -> dict[Key, int]:
+    """Return the rows that walking a part comes to, and how many walks are in each. Arguments as of `walk_part`."""
+    if not bundles:
+        return {}
+    grid = _grid(part, bundles)
+    fed = [replace(walk, forward=()) for walk in plan(grid.forward, grid) if not walk.place.is_batch]
+    walks = [*plan([bundle.name for bundle in bundles], grid), *fed]
+    counts = Counter(walk.cell for walk in walks)
+    cells = {walk.cell: walk for walk in walks}
+    contracts = {bundle.name: bundle.contract for bundle in bundles}
+    return {row_key(walk, contracts[walk.policy]): counts[cell] for cell, walk in cells.items()}
+
+
+def rows_in(details: Iterable[Mapping[str, Any]]) -> dict[Key, int]:
+    """Return rows of summary.json, and how many walks are in each."""
+    return {key_of(row): row["episodes"] for row in details}
+
+
+def key_of(row: Mapping[str, Any]) -> Key:
     """Return by what a row of summary.json is known: one of every policy in every cell."""
     return tuple(row[name] for name in KEY)
+
+
+def row_key(walk: Walk, contract: Contract) -> Key:
+    """Return the same of the row that a walk will be in. contract: its policy's."""
+    law = walk.law if walk.robot is None else real_law(walk)
+    level = number(walk, contract.array("torque_limit"), robot_of(contract))
+    return walk.name, walk.place.label, law, level, walk.terrain, walk.command
 
 
 def _grid(part: Part, bundles: Sequence[Bundle]) -> GridCfg:
