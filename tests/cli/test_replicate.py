@@ -30,7 +30,7 @@ def test_a_part_is_walked_judged_and_gone_on_with(
         told = {row["id"]: row["evidence"] for row in csv.DictReader(file)}
     assert "(one seed)" in told["X1"]
     with (tmp_path / "evidence.csv").open() as file:
-        behind = [row for row in csv.DictReader(file) if row["claim"] == "X1"]
+        behind = [row for row in csv.DictReader(file) if (row["claim"], row["column"]) == ("X1", "speed_ratio")]
     by_command = {row.command: row.speed_ratio for row in rows if row.friction_level == 0.442}
     assert {row["command"]: float(row["each"]) for row in behind} == pytest.approx(by_command, rel=1e-5)
     monkeypatch.setattr("stiction.transfer.grid.run.walk_unit", lambda *rest: pytest.fail("walked again"))

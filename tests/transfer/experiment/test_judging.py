@@ -87,7 +87,12 @@ def test_nothing_walked_has_no_rate() -> None:
         ([(0.1, HOLDS), (0.2, FAILS), (0.3, HOLDS)], "undecided", "it holds at 0.1 and not"),
         ([(0.1, FAILS), (0.2, OPEN)], "undecided", "at 0.1"),
         ([(0.1, NONE), (0.2, NONE)], "not tested", "at 0.1: nothing"),
-        ([(0.1, NONE), (0.2, HOLDS)], "reproduces", "at 0.2"),
+        (
+            [(0.1, NONE), (0.2, HOLDS), (0.3, NONE)],
+            "reproduces",
+            "at 0.2: yes; that is not each level: not tested at 0.1, 0.3",
+        ),
+        ([(0.1, NONE), (0.2, FAILS), (0.3, HOLDS)], "only above x", "x = 0.2; "),
         ([], "not tested", ""),
     ],
 )

@@ -73,3 +73,13 @@ def test_a_curve_has_a_point_for_every_level() -> None:
     assert [(point.friction_level, point.seeds) for point in points] == [(0.0, 2), (0.1, 2)]
     assert points[0].ratio == pytest.approx(0.95)
     assert points[0].each == "1 0.9"
+
+
+def test_a_seed_that_stays_above_ends_where_it_was_tested_itself() -> None:
+    """One was walked up to 0.2 and one up to 0.3: 0.2 and 0.3, not twice 0.3; all of them were tested up to 0.2."""
+    rows = curve("none", 0, dict.fromkeys((0.0, 0.1, 0.2), 1.1))
+    rows += curve("none", 1, dict.fromkeys((0.0, 0.1, 0.2, 0.3), 1.1))
+    rows += curve("none", 2, {0.0: 1.1, 0.1: 1.1, 0.2: 0.7})
+    (onset,) = onsets(Evidence.of(rows), SPEC)
+    assert (onset.each, onset.tested) == (">0.2 >0.3 0.15", 0.2)
+    assert onset.level == pytest.approx((0.2 + 0.3 + 0.15) / 3)

@@ -2,12 +2,14 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from stiction.transfer.experiment.judging import Finding
 from stiction.transfer.replication import criteria, explanations
 from stiction.transfer.replication.claims import CLAIMS, judge_all
 from stiction.transfer.replication.evidence import Evidence, Row, Spot
+from stiction.transfer.replication.frictions import together_over_axes
 from stiction.transfer.replication.plan import ROBOT
 
 SEEDS = (0, 1, 2)
@@ -44,15 +46,15 @@ REAL = [Spot(ROBOT, level, "real") for level in (0.1, 0.2)]
 def test_the_slower_direction_is_that_of_each_seed() -> None:
     """The mean of two directions would hide a robot that walks one way only."""
     evidence = Evidence.of(rows("none", PHYSX, 0.9, 0.5))
-    assert list(evidence.slower("none", PHYSX).values()) == pytest.approx([0.49, 0.50, 0.51])
-    assert list(evidence.faster("none", PHYSX).values()) == pytest.approx([0.89, 0.90, 0.91])
-    assert evidence.error("none", PHYSX)[1] == pytest.approx((0.1 + 0.5) / 2)
+    assert list(evidence.slower("none", PHYSX).seeds.values()) == pytest.approx([0.49, 0.50, 0.51])
+    assert list(evidence.faster("none", PHYSX).seeds.values()) == pytest.approx([0.89, 0.90, 0.91])
+    assert evidence.error("none", PHYSX).seeds[1] == pytest.approx((0.1 + 0.5) / 2)
 
 
 def test_two_policies_of_one_seed_are_one_sample() -> None:
     """Their mean: 0.6 of 0.5 and 0.7."""
     both = rows("none", PHYSX, 0.5, seeds=(1,)) + rows("none", PHYSX, 0.7, seeds=(1,))
-    assert Evidence.of(both).points("none", PHYSX, "vx=0.5", "speed_ratio") == {1: pytest.approx(0.6)}
+    assert Evidence.of(both).points("none", PHYSX, "vx=0.5", "speed_ratio").seeds == {1: pytest.approx(0.6)}
 
 
 def test_all_other_engines_must_agree() -> None:
@@ -107,11 +109,11 @@ def test_falls_are_counted_in_the_direction_that_the_sentence_names() -> None:
 
 
 def test_stable_is_both_ways_and_upright() -> None:
-    """One direction at 1.3, or a fall in ten, is not stable."""
+    """One direction at 1.4, or a fall in two, is not stable."""
     stable = criteria.walks_stably("deception")
     assert judged(stable, *(rows("deception", spot, 1.0) for spot in REAL)).outcome == "reproduces"
     assert judged(stable, *(rows("deception", spot, 1.0, 1.4) for spot in REAL)).outcome == "does not"
-    assert judged(stable, *(rows("deception", spot, 1.0, fall_rate=0.2) for spot in REAL)).outcome == "does not"
+    assert judged(stable, *(rows("deception", spot, 1.0, fall_rate=0.5) for spot in REAL)).outcome == "does not"
 
 
 def test_friction_is_the_cause_where_it_costs_more_than_the_rest() -> None:
@@ -187,7 +189,7 @@ def test_the_same_policies_are_compared_one_by_one() -> None:
 def test_a_robot_that_is_too_fast_does_not_make_up_for_one_that_is_too_slow() -> None:
     """0.5 and 1.5 have a mean of 1 and a deviation of a half."""
     found = [row | {"robots": {"1000": 0.5, "1001": 1.5}} for row in rows("none", REAL[0], 1.0, seeds=(1,))]
-    assert Evidence.of(found).error("none", REAL[0]) == {1: 0.5}
+    assert Evidence.of(found).error("none", REAL[0]).seeds == {1: 0.5}
 
 
 def test_who_falls_over_does_not_stand() -> None:
@@ -213,12 +215,12 @@ def walked_by(way: str, spot: Spot, rate: float, episodes: int, robots: int = 0)
 
 
 def test_seeds_that_agree_are_no_certainty() -> None:
-    """No fall in 3 walks of 8: a t-interval of no width, and Wilson's goes up to 0.138; 3 of 12 end at 0.096."""
+    """No fall in 3 times 2 walks: a t-interval of no width, and Wilson's goes up to 0.390; that of 9 ends at 0.299."""
     stable = criteria.walks_stably("deception")
-    few, enough = ([walked_by("deception", spot, 0.0, episodes) for spot in REAL] for episodes in (8, 12))
+    few, enough = ([walked_by("deception", spot, 0.0, episodes) for spot in REAL] for episodes in (2, 3))
     found = judged(stable, *few)
     assert found.outcome == "undecided"
-    assert "0.00 [0.00, 0.00] (0.00, 0.00, 0.00), 24 trials [0.00, 0.14]" in found.evidence
+    assert "0.00 [0.00, 0.00] (0.00, 0.00, 0.00), 6 trials [0.00, 0.39]" in found.evidence
     assert judged(stable, *enough).outcome == "reproduces"
 
 
@@ -234,10 +236,10 @@ def test_many_walks_do_not_make_up_for_seeds_that_differ() -> None:
 
 
 def test_walks_of_one_virtual_robot_are_one_trial() -> None:
-    """Three policies on four robots are 12 trials, however often each of them walks: up to 0.24 may fall."""
+    """Three policies on four robots are 12 trials, however often each walks: up to 0.24 may fall; four robots."""
     parts = [walked_by("deception", spot, 0.0, 400, robots=4) for spot in REAL]
     rate = Evidence.of(row for part in parts for row in part).rate("deception", REAL[0], ("vx=0.5",), "fall_rate")
-    assert (rate.trials, rate.successes) == (12, 0.0)
+    assert (rate.trials, rate.successes, rate.robots) == (12, 0.0, 4)
     assert rate.interval == (pytest.approx(0.0, abs=1e-9), pytest.approx(0.2425, abs=1e-4))
     both = Evidence.of(parts[0]).rate("deception", REAL[0], ("vx=0.5", "vx=-0.5"), "fall_rate")
     assert both.trials == 12
@@ -268,7 +270,7 @@ def test_unsteady_is_jitter_or_falls() -> None:
     calm = [rows("deception", spot, 1.0) for spot in REAL]
     for columns, outcome in (
         ({"joint_jitter": 100.0}, "reproduces"),
-        ({"fall_rate": 0.3}, "reproduces"),
+        ({"fall_rate": 0.45}, "reproduces"),
         ({}, "does not"),
     ):
         parts = [rows("actuator", spot, 0.8, **columns) for spot in REAL]
@@ -299,3 +301,115 @@ def test_the_rows_behind_a_verdict_are_named() -> None:
     backward = next(row for row in own if (row.command, row.column) == ("vx=-0.5", "speed_ratio"))
     assert (backward.seeds, backward.each) == ("0 1 2", "-0.11 -0.1 -0.09")
     assert not [row for row in behind if row.claim == "X1"]
+
+
+def test_who_falls_is_not_stationary() -> None:
+    """After a fall the speed counts as zero: a policy that falls in every walk would remain stationary."""
+    for rate, outcome in ((0.0, "reproduces"), (0.95, "does not"), (0.5, "undecided")):
+        falling = [rows("direct", spot, 0.0, fall_rate=rate) for spot in REAL]
+        assert judged(criteria.stationary("direct"), *falling).outcome == outcome
+        frozen = rows("none", Spot("mujoco", 0.442, "load"), 0.0, fall_rate=rate)
+        assert judged(explanations.frozen_by("load"), frozen).outcome == outcome
+
+
+def test_jitter_is_compared_while_both_walk() -> None:
+    """A robot that lies has no jitter and one that stands hardly any: any walk would be a multiple of it."""
+    for lame in ({"fall_rate": 1.0, "joint_jitter": 0.0}, {"joint_jitter": 2.0}):
+        none = rows("none", PHYSX, 0.05, **lame)
+        found = judged(criteria.jitters_elsewhere, none, rows("deception", PHYSX, 1.0))
+        assert (found.outcome, "none stands or falls with seed 0 1 2" in found.evidence) == ("not tested", True)
+        found = judged(criteria.jitters_elsewhere, rows("none", PHYSX, 1.0), rows("deception", PHYSX, 0.05, **lame))
+        assert found.outcome == "not tested"
+
+
+def test_a_seed_that_lies_is_left_out_of_jitter() -> None:
+    """Two seeds at 160 against 100, and a third that fell at once, with an acceleration of zero."""
+    none = rows("none", PHYSX, 1.0, joint_jitter=100.0)
+    lying = rows("deception", PHYSX, 0.0, seeds=(2,), joint_jitter=0.0, fall_rate=1.0)
+    found = judged(
+        criteria.jitters_elsewhere, none, rows("deception", PHYSX, 1.0, seeds=(0, 1), joint_jitter=160.0), lying
+    )
+    assert (found.outcome, "deception stands or falls with seed 2" in found.evidence) == ("reproduces", True)
+
+
+def on_robots(way: str, spot: Spot, *ratios: float, less: float = 0.0) -> list[Row]:
+    """Return rows in which three seeds have the same speed ratios on robots; backward is slower by `less`."""
+    found = rows(way, spot, float(np.mean(ratios)), float(np.mean(ratios)) - less)
+    for row in found:
+        own = less if row["command"] == "vx=-0.5" else 0.0
+        row["robots"] = {str(1000 + number): ratio - own for number, ratio in enumerate(ratios)}
+    return found
+
+
+def test_seeds_on_the_same_robots_do_not_speak_of_other_robots() -> None:
+    """Speeds of 0.9, 0.9 and 0.3 on three robots: over seeds 0.70 ± 0.02, over robots 0.7 ± 4.303 · 0.2."""
+    walks = criteria.walks("none", "vx=0.5")
+    found = judged(walks, *(on_robots("none", spot, 0.9, 0.9, 0.3) for spot in REAL))
+    assert (found.outcome, "3 robots [-0.16, 1.56]" in found.evidence) == ("undecided", True)
+    assert judged(walks, *(on_robots("none", spot, 0.9, 0.9, 0.8) for spot in REAL)).outcome == "reproduces"
+    assert judged(walks, *(on_robots("none", spot, 0.9) for spot in REAL)).outcome == "not tested"  # one robot
+
+
+def test_ways_are_compared_robot_by_robot() -> None:
+    """Both suffer on the third robot: 0.2 better on each is better; better by 0.5 on one of them is not."""
+    better = criteria.better_on_the_robot("deception", "none")
+    spot = REAL[0]
+    none = on_robots("none", spot, 0.7, 0.7, 0.1)
+    assert judged(better, none, on_robots("deception", spot, 0.9, 0.9, 0.3)).outcome == "reproduces"
+    assert judged(better, none, on_robots("deception", spot, 0.7, 0.7, 0.6)).outcome == "undecided"
+
+
+def test_the_slower_direction_is_the_policys_on_every_robot() -> None:
+    """Backward, 0.2 slower: so the mean over robots is that over seeds."""
+    measured = Evidence.of(on_robots("none", REAL[0], 0.9, 0.5, less=0.2)).slower("none", REAL[0])
+    assert measured.robots == {1000: pytest.approx(0.7), 1001: pytest.approx(0.3)}
+    assert np.mean(list(measured.seeds.values())) == pytest.approx(0.5)
+
+
+def test_falls_on_few_robots_are_no_rate_of_robots() -> None:
+    """No fall of any of three policies: on eight robots the rate is under a third, on seven up to 0.354."""
+    stable = criteria.walks_stably("deception")
+    for robots, outcome in ((7, "undecided"), (8, "reproduces")):
+        parts = [on_robots("deception", spot, *np.linspace(0.99, 1.01, robots)) for spot in REAL]
+        assert judged(stable, *parts).outcome == outcome
+
+
+BENCH, LOADED = (Spot(ROBOT, 0.0107, f"real-bench{load}") for load in ("", "+load0.1"))
+
+
+def test_the_bench_and_its_load_are_frictions_of_the_robot() -> None:
+    """A policy that walks at 10 and 20 % and not with a share of the load does not walk at each level."""
+    walks = criteria.walks("none", "vx=0.5")
+    real = [rows("none", spot, 0.9) for spot in REAL]
+    found = judged(walks, *real, rows("none", BENCH, 0.95), rows("none", LOADED, 0.9))
+    assert found.outcome == "reproduces"
+    assert "at the bench's value, 0.0107: reproduces, none, vx=0.5 0.95" in found.evidence
+    assert "load beside the bench's value: reproduces, at 0.1" in found.evidence
+    assert judged(walks, *real, rows("none", LOADED, 0.1)).outcome == "undecided"
+    assert judged(walks, *real, rows("none", BENCH, 0.1)).outcome == "only above x"
+    assert judged(walks, rows("none", BENCH, 0.95)).outcome == "reproduces"
+
+
+def test_a_limit_on_one_axis_is_one_of_the_sentence() -> None:
+    """It holds above 10 % of the torque limit, and at each share of the load; two limits of two kinds contradict."""
+    above, up_to, holds, fails = (
+        Finding(outcome, "") for outcome in ("only above x", "only up to x", "reproduces", "does not")
+    )
+    for findings, outcome in (
+        ((above, holds), "only above x"),
+        ((above, above), "only above x"),
+        ((fails, fails), "does not"),
+        ((above, holds, fails), "undecided"),
+        ((above, up_to), "undecided"),
+        ((holds, Finding("undecided", "")), "undecided"),
+        ((holds, Finding("not tested", "")), "reproduces"),
+    ):
+        assert together_over_axes(findings).outcome == outcome
+
+
+def test_friction_is_the_cause_at_the_bench_too() -> None:
+    """From 1.0: the bench's friction leaves all of it, and everything else 0.9."""
+    rest, bench = rows("none", Spot("physx+rest", 0.0), 0.9), Spot("physx+friction", 0.0107, "real-bench")
+    friction = rows("none", Spot("physx+friction", 0.2, "real"), 0.5)
+    found = judged(explanations.friction_is_the_cause, rest, friction, rows("none", bench, 1.0))
+    assert (found.outcome, found.evidence[:10]) == ("only above x", "x = 0.0107")

@@ -3,10 +3,13 @@
 An interval wholly on one side of the criterion decides; one that straddles it does not, and the outcome says so. A
 single seed carries no verdict, whatever it shows: its number is given.
 
-A rate, such as the share of walks that end in a fall, has two intervals, and is decided where both are on the same
+A rate, such as the share of walks that end in a fall, has a second interval, and is decided where both are on the same
 side. The t-interval of the seeds' rates knows how much the outcome of a training varies, but not how many walks there
 were: where every seed has the same rate, it shrinks to a point. Wilson's interval of all walks together knows their
 number, but not the seeds.
+
+Neither knows how robots differ: every seed walks on the same virtual robots. Where they do, what is measured also has
+an interval with the robots as the sample, and is decided where that one agrees.
 """
 
 from __future__ import annotations
@@ -20,6 +23,9 @@ from stiction.formats.climb import wilson
 from stiction.formats.experiment import Outcome
 from stiction.transfer.experiment.table import Points
 from stiction.transfer.statistics import Interval, difference_interval, t_interval
+
+ABOVE_ZERO = float(np.nextafter(0.0, 1.0))
+"""Least difference that is one: two samples that are the same do not differ."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,9 @@ class Rate:
     successes: float
     """How often it happened in all of them; with clusters of walks, their mean shares added up."""
     trials: int
-    """Independent trials: walks, or clusters of walks that are not independent of each other."""
+    """Walks, or clusters of walks that are not independent of each other: pairs of policy and virtual robot."""
+    robots: int = 0
+    """Virtual robots, which the policies share; 0: those walks are on the robot of the data sheet."""
 
     @property
     def share(self) -> float:
@@ -52,6 +60,11 @@ class Rate:
     def interval(self) -> Interval:
         """Wilson's 95 % interval of that share."""
         return wilson(self.successes, self.trials)
+
+    @property
+    def robots_interval(self) -> Interval | None:
+        """Wilson's 95 % interval of that share with a robot as a trial, whichever policy walked; None without them."""
+        return wilson(self.share * self.robots, self.robots) if self.robots else None
 
 
 def side(interval: Interval, low: float, high: float) -> Outcome:
@@ -85,14 +98,23 @@ def within(label: str, points: Points, low: float, high: float) -> Finding:
 
 
 def rate_within(label: str, rate: Rate, low: float, high: float) -> Finding:
-    """Judge that a rate lies within [low, high]: over the seeds, and over all trials."""
-    over_seeds = within(label, rate.points, low, high)
+    """Judge that a rate lies within [low, high]: over the seeds, over all trials, and over virtual robots."""
+    found = within(label, rate.points, low, high)
     if not rate.trials:
-        return over_seeds
-    ends = rate.interval
-    evidence = f"{over_seeds.evidence}, {rate.trials} trials [{ends[0]:.2f}, {ends[1]:.2f}]"
-    agree = over_seeds.outcome in ("not tested", side(ends, low, high))
-    return Finding(over_seeds.outcome if agree else "undecided", evidence)
+        return found
+    found = confirmed(found, f"{rate.trials} trials", rate.interval, low, high)
+    ends = rate.robots_interval
+    return found if ends is None else confirmed(found, f"{rate.robots} robots", ends, low, high)
+
+
+def confirmed(found: Finding, sample: str, interval: Interval, low: float, high: float) -> Finding:
+    """Return a finding that another interval was held against: undecided where that one does not agree.
+
+    sample: what the other interval is over, for the evidence.
+    """
+    agree = found.outcome in ("not tested", side(interval, low, high))
+    evidence = f"{found.evidence}, {sample} [{interval[0]:.2f}, {interval[1]:.2f}]"
+    return Finding(found.outcome if agree else "undecided", evidence)
 
 
 def larger(first: tuple[str, Points], second: tuple[str, Points]) -> Finding:
@@ -101,9 +123,8 @@ def larger(first: tuple[str, Points], second: tuple[str, Points]) -> Finding:
     interval = difference_interval(list(first[1].values()), list(second[1].values()))
     if interval is None:
         return Finding("not tested", evidence)
-    above_zero = float(np.nextafter(0.0, 1.0))  # two samples that are the same do not differ
     text = f"{evidence}; difference [{interval[0]:.2f}, {interval[1]:.2f}]"
-    return Finding(side(interval, above_zero, np.inf), text)
+    return Finding(side(interval, ABOVE_ZERO, np.inf), text)
 
 
 def larger_paired(first: tuple[str, Points], second: tuple[str, Points]) -> Finding:
@@ -113,9 +134,8 @@ def larger_paired(first: tuple[str, Points], second: tuple[str, Points]) -> Find
     interval = t_interval([first[1][seed] - second[1][seed] for seed in seeds])
     if interval is None:
         return Finding("not tested", evidence)
-    above_zero = float(np.nextafter(0.0, 1.0))
     text = f"{evidence}; difference, policy by policy, [{interval[0]:.2f}, {interval[1]:.2f}]"
-    return Finding(side(interval, above_zero, np.inf), text)
+    return Finding(side(interval, ABOVE_ZERO, np.inf), text)
 
 
 def all_of(*findings: Finding) -> Finding:
@@ -145,6 +165,7 @@ def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
 
     `findings`: level -> whether the sentence holds there, from low to high. Above x: x is the highest level at which it
     was not shown to hold. Up to x: the highest at which it holds, and the next one refutes it. Otherwise undecided.
+    Levels that could not be tested do not count, and the evidence names them.
     """
     above = [(level, finding) for level, finding in findings if level > 0]
     tested = [(level, finding) for level, finding in above if finding.outcome != "not tested"]
@@ -152,6 +173,8 @@ def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
         return Finding("not tested", "; ".join(f"at {level:g}: {finding.evidence}" for level, finding in above))
     holds = [finding.outcome == "reproduces" for _, finding in tested]
     at = "; ".join(f"at {level:g}: {finding.evidence}" for level, finding in _telling(tested, holds))
+    if left := [f"{level:g}" for level, finding in above if finding.outcome == "not tested"]:
+        at = f"{at}; that is not each level: not tested at {', '.join(left)}"
     if all(holds):
         return Finding("reproduces", at)
     if not any(holds):

@@ -7,10 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from stiction.formats.friction import has_coefficient
-from stiction.formats.replication import FEWEST_LEVELS, BudgetPoint, Onset
+from stiction.formats.replication import FEWEST_LEVELS, FORWARD, BudgetPoint, Onset
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.experiment.onset import onset_level
-from stiction.transfer.grid.plan import FORWARD
 from stiction.transfer.replication.evidence import Evidence, Spot
 from stiction.transfer.replication.plan import FRICTION, NOMINAL, REST, ROBOT
 from stiction.transfer.statistics import t_interval
@@ -21,7 +20,7 @@ def budget(evidence: Evidence) -> list[BudgetPoint]:
     found = []
     for way, engine, law in _curves(evidence):
         for level in evidence.levels(way, engine, law):
-            points = list(evidence.slower(way, Spot(engine, level, law)).values())
+            points = list(evidence.slower(way, Spot(engine, level, law)).seeds.values())
             if points:
                 low, high = t_interval(points) or (None, None)
                 each = " ".join(f"{point:.4g}" for point in points)
@@ -34,24 +33,23 @@ def onsets(evidence: Evidence, spec: RobotSpec) -> list[Onset]:
     """Return where every way falls under 80 % of the command. `spec`: the robot, for the dead band of its shank.
 
     The onset is found for each seed and then averaged: a mean of curves has another one. A seed that stays above counts
-    with the highest level that was tested, which is less than the truth; there is no interval then. A virtual robot
-    without friction is the cell that has everything else; without friction nothing is fed forward.
+    with the highest level that it was tested at itself, which is less than the truth; there is no interval then. A
+    virtual robot without friction is the cell that has everything else; without friction nothing is fed forward.
     """
     found = []
     for way, engine, law in _curves(evidence):
-        curves = _by_seed(evidence, way, engine, law)
-        tested = max((level for levels, _ in curves.values() for level in levels), default=0.0)
-        each = [onset_level(*curve) for curve in curves.values() if len(curve[0]) >= FEWEST_LEVELS]
-        if not each:
+        curves = [curve for curve in _by_seed(evidence, way, engine, law).values() if len(curve[0]) >= FEWEST_LEVELS]
+        if not curves:
             continue
+        each, last = [onset_level(*curve) for curve in curves], [levels[-1] for levels, _ in curves]
         above = [level is None for level in each]
-        ends = [tested if level is None else level for level in each]
+        ends = [end if level is None else level for level, end in zip(each, last, strict=True)]
         level = None if all(above) else float(np.mean(ends))
         low, high = (None if any(above) else t_interval(ends)) or (None, None)
-        words = " ".join(f">{tested:g}" if one is None else f"{one:.3g}" for one in each)
+        words = " ".join(f">{end:g}" if one is None else f"{one:.3g}" for one, end in zip(each, last, strict=True))
         unit = spec.shank.torque_limit / spec.shank.stiffness
         band = None if level is None or has_coefficient(law) else level * unit
-        found.append(Onset(way, engine, law, len(each), level, low, high, tested, words, band))
+        found.append(Onset(way, engine, law, len(each), level, low, high, min(last), words, band))
     return found
 
 
@@ -71,9 +69,9 @@ def _by_seed(evidence: Evidence, way: str, engine: str, law: str) -> dict[int, t
         spots = [Spot(BARE[engine], 0.0), *spots]
     curves: dict[int, tuple[list[float], list[float]]] = {}
     for spot in spots:
-        ratios_of = evidence.slower(way, spot) or (
-            evidence.slower(way.removesuffix(FORWARD), spot) if spot.level == 0.0 else {}
-        )
+        ratios_of = evidence.slower(way, spot).seeds
+        if not ratios_of and spot.level == 0.0:
+            ratios_of = evidence.slower(way.removesuffix(FORWARD), spot).seeds
         for seed, ratio in ratios_of.items():
             levels, ratios = curves.setdefault(seed, ([], []))
             levels.append(spot.level)

@@ -10,17 +10,13 @@ from stiction.formats.climb import ENOUGH
 from stiction.formats.results import DIRECTIONS, FOLLOWS
 from stiction.transfer.command import STAND
 from stiction.transfer.experiment.criteria import JITTER, STATIONARY
-from stiction.transfer.experiment.judging import (
-    Finding,
-    all_of,
-    any_of,
-    larger,
-    over_levels,
-    rate_within,
-    within,
-)
+from stiction.transfer.experiment.judging import Finding, all_of, any_of, rate_within
+from stiction.transfer.experiment.judging import larger as larger_over_seeds
+from stiction.transfer.experiment.table import Points
 from stiction.transfer.grid.plan import REAL
+from stiction.transfer.replication.agreement import larger, within
 from stiction.transfer.replication.evidence import Evidence, Spot
+from stiction.transfer.replication.frictions import over_frictions
 from stiction.transfer.replication.plan import OTHERS, OVER, ROBOT
 
 Judge = Callable[[Evidence], Finding]
@@ -32,9 +28,9 @@ MOVES = 0.1
 HALF, JUMPING = 0.5, 0.05
 """Share of the command that counts as walking, and of walks that fall as failing; of steps in the air as jumping."""
 
-STABLE = 0.1
-"""Share of walks that may fall of a robot that is stable: no fall in 40 walks, five seeds on eight robots, shows that
-the rate is under it. To show a rate under 5 % takes 73."""
+STABLE = 1 / 3
+"""Share of walks that may fall of a robot that is stable. No fall on eight robots shows that the rate over robots is
+under it (Wilson: 0.324), however many policies walked on them; to show a rate under 10 % takes 35 robots."""
 
 
 def elsewhere(e: Evidence, way: str, level: float = 0.0) -> list[Spot]:
@@ -43,11 +39,8 @@ def elsewhere(e: Evidence, way: str, level: float = 0.0) -> list[Spot]:
 
 
 def on_robot(e: Evidence, way: str, judge: Callable[[Spot], Finding]) -> Finding:
-    """Judge at every level of the virtual robot's friction."""
-    levels = e.levels(way, ROBOT, REAL)
-    if not levels:
-        return Finding("not tested", f"{way} was not walked on the virtual robot")
-    return over_levels([(level, judge(Spot(ROBOT, level, REAL))) for level in levels])
+    """Judge at every friction of the virtual robot."""
+    return over_frictions(e, way, ROBOT, judge)
 
 
 def everywhere(e: Evidence, way: str, judge: Callable[[Spot], Finding], level: float = 0.0) -> Finding:
@@ -100,6 +93,11 @@ def _falls(e: Evidence, way: str, spot: Spot, commands: Sequence[str], low: floa
     return [rate_within(label.format(vx), e.rate(way, spot, (vx,), "fall_rate"), low, high) for vx in commands]
 
 
+def upright(e: Evidence, way: str, spot: Spot) -> list[Finding]:
+    """Judge that a way does not fall in most of its walks, in each direction: who lies does not stand still."""
+    return _falls(e, way, spot, DIRECTIONS, -np.inf, HALF)
+
+
 def _unsteady(e: Evidence, way: str, than: str, spot: Spot, commands: Sequence[str]) -> Finding:
     """Judge that a way jitters beside another one, or is no stable one by its falls."""
     return any_of(_jitter(e, way, than, spot, commands), *_falls(e, way, spot, commands, STABLE, np.inf))
@@ -120,10 +118,29 @@ def jitters_on_the_robot(way: str, than: str) -> Judge:
 
 
 def _jitter(e: Evidence, way: str, than: str, spot: Spot, commands: Sequence[str] = DIRECTIONS) -> Finding:
-    """Judge that the joints' accelerations of one way are above `JITTER` times those of another."""
-    first, second = (e.worst(name, spot, "joint_jitter", commands) for name in (way, than))
+    """Judge that the joints' accelerations of one way are above `JITTER` times those of another, while both walk.
+
+    Joints of a robot that stands hardly accelerate, and of one that lies they are not measured: of each way only the
+    seeds count that reach at least `HALF` of every command and fall in less than `HALF` of its walks. They are not
+    known of each virtual robot.
+    """
+    (first, halted), (second, others) = (_jitter_of_walking(e, name, spot, commands) for name in (way, than))
     allowed = {seed: JITTER * value for seed, value in second.items()}
-    return larger((f"{way} [rad/s²]", first), (f"{JITTER:g} x {than}", allowed))
+    found = larger_over_seeds((f"{way} [rad/s²]", first), (f"{JITTER:g} x {than}", allowed))
+    reasons = [
+        f"{name} stands or falls with seed {' '.join(map(str, seeds))}, which does not count"
+        for name, seeds in ((way, halted), (than, others))
+        if seeds
+    ]
+    return Finding(found.outcome, "; ".join([found.evidence, *reasons]))
+
+
+def _jitter_of_walking(e: Evidence, way: str, spot: Spot, commands: Sequence[str]) -> tuple[Points, list[int]]:
+    """Return the largest joint acceleration over commands of the seeds that walk upright, and the seeds that do not."""
+    jitter = e.worst(way, spot, "joint_jitter", commands).seeds
+    speed, falls = e.slower(way, spot, commands).seeds, e.worst(way, spot, "fall_rate", commands).seeds
+    walking = {seed: value for seed, value in jitter.items() if speed.get(seed, 0.0) >= HALF > falls.get(seed, 1.0)}
+    return walking, [seed for seed in jitter if seed not in walking]
 
 
 def jumps_elsewhere(e: Evidence) -> Finding:
@@ -208,8 +225,14 @@ def better_on_the_robot(way: str, than: str) -> Judge:
 
 
 def stationary(way: str) -> Judge:
-    """A way hardly moves in either direction on the virtual robot."""
-    return lambda e: on_robot(e, way, lambda s: within(way, e.faster(way, s), -np.inf, STATIONARY))
+    """A way hardly moves in either direction on the virtual robot, and stays upright."""
+    return lambda e: on_robot(e, way, lambda spot: stands(e, way, spot))
+
+
+def stands(e: Evidence, way: str, spot: Spot) -> Finding:
+    """Judge that a way hardly moves in either direction, and is not one that falls: after a fall its speed is zero."""
+    still = within(f"{way}, faster direction", e.faster(way, spot), -np.inf, STATIONARY)
+    return all_of(still, *upright(e, way, spot))
 
 
 def fails(way: str) -> Judge:

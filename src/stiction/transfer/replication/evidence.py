@@ -15,6 +15,8 @@ import numpy as np
 from stiction.formats.results import DIRECTIONS
 from stiction.transfer.experiment.judging import Rate
 from stiction.transfer.experiment.table import Points
+from stiction.transfer.grid.plan import REAL
+from stiction.transfer.replication.agreement import Measured
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,10 @@ Cell = tuple[str, str, str, float, str, str]
 ERROR = "speed_error"
 """A column that is computed: |speed ratio - 1|. Of virtual robots it is the mean over robots: one that is too fast does
 not make up for one that is too slow."""
+
+
+Weigh = Callable[[Sequence[float]], Sequence[float]]
+"""What each of a policy's values, one a command, counts."""
 
 
 @dataclass(frozen=True)
@@ -73,20 +79,23 @@ class Evidence:
             self.reads[cell, column] = found
         return found
 
-    def points(self, way: str, spot: Spot, command: str, column: str, terrain: str = "flat") -> Points:
-        """Return one column of every training seed; empty where nothing was walked."""
-        return self.column(_cell(way, spot, command, terrain), column)
+    def points(self, way: str, spot: Spot, command: str, column: str) -> Measured:
+        """Return one column on flat ground; empty where nothing was walked."""
+        return self._over(way, spot, (command,), column, _evenly)
 
     def rate(self, way: str, spot: Spot, commands: Sequence[str], column: str, terrain: str = "flat") -> Rate:
         """Return how often something happened, of the seeds that walked all the commands, each command alike.
 
         A trial is a walk of the robot of the data sheet. Walks of one virtual robot are not independent of each other,
-        whichever their command: a robot is one trial a policy, and its share of them counts.
+        whichever their command: a robot is one trial a policy, and its share of them counts. Nor are those trials
+        independent, since the policies share the robots: the rate says how many of them there are.
         """
-        points = self._over(way, spot, commands, column, lambda values: float(np.mean(values)), terrain)
+        points = self._over(way, spot, commands, column, _evenly, terrain).seeds
         cells = [self.cells[_cell(way, spot, command, terrain)] for command in commands if points]
-        trials = {seed: _trials([row for cell in cells for row in cell[seed]]) for seed in points}
-        return Rate(points, sum(points[seed] * trials[seed] for seed in points), sum(trials.values()))
+        rows = {seed: [row for cell in cells for row in cell[seed]] for seed in points}
+        trials = {seed: _trials(own) for seed, own in rows.items()}
+        robots = _robots([row for own in rows.values() for row in own])
+        return Rate(points, sum(points[seed] * trials[seed] for seed in points), sum(trials.values()), len(robots))
 
     def ways(self) -> list[str]:
         """Return the ways of training that were walked, in the order of the rows."""
@@ -99,35 +108,62 @@ class Evidence:
             {level for *first, level, terrain, _ in self.cells if tuple(first) == asked and terrain == "flat"}
         )
 
-    def slower(self, way: str, spot: Spot) -> Points:
+    def frictions(self, way: str, engine: str) -> list[Spot]:
+        """Return every friction of virtual robots at which a way was walked on flat ground: shares of the torque limit,
+        what the bench measured, and either with a share of the load.
+        """
+        laws = {law: None for w, at, law, *_ in self.cells if (w, at) == (way, engine) and law.startswith(REAL)}
+        return [Spot(engine, level, law) for law in laws for level in self.levels(way, engine, law)]
+
+    def slower(self, way: str, spot: Spot, commands: Sequence[str] = DIRECTIONS) -> Measured:
         """Return the speed ratio of the slower direction of every seed."""
-        return self._over(way, spot, DIRECTIONS, "speed_ratio", min)
+        return self._over(way, spot, commands, "speed_ratio", _least)
 
-    def faster(self, way: str, spot: Spot) -> Points:
+    def faster(self, way: str, spot: Spot) -> Measured:
         """Return the speed ratio of the faster direction of every seed: a robot that stands still has none."""
-        return self._over(way, spot, DIRECTIONS, "speed_ratio", max)
+        return self._over(way, spot, DIRECTIONS, "speed_ratio", _most)
 
-    def error(self, way: str, spot: Spot) -> Points:
+    def error(self, way: str, spot: Spot) -> Measured:
         """Return the mean of |speed ratio - 1| over both directions, of every seed."""
-        return self._over(way, spot, DIRECTIONS, ERROR, lambda values: float(np.mean(values)))
+        return self._over(way, spot, DIRECTIONS, ERROR, _evenly)
 
-    def worst(self, way: str, spot: Spot, column: str, commands: Sequence[str] = DIRECTIONS) -> Points:
+    def worst(self, way: str, spot: Spot, column: str, commands: Sequence[str] = DIRECTIONS) -> Measured:
         """Return the largest of a column's values over some commands, of every seed."""
-        return self._over(way, spot, commands, column, max)
+        return self._over(way, spot, commands, column, _most)
 
     def _over(
-        self,
-        way: str,
-        spot: Spot,
-        commands: Sequence[str],
-        column: str,
-        choose: Callable[[Sequence[float]], float],
-        terrain: str = "flat",
-    ) -> Points:
-        """Return what `choose` makes of a column over some commands, of every seed that has all of them."""
-        columns = [self.points(way, spot, command, column, terrain) for command in commands]
-        seeds = sorted(set.intersection(*map(set, columns)))
-        return {seed: choose([column[seed] for column in columns]) for seed in seeds}
+        self, way: str, spot: Spot, commands: Sequence[str], column: str, weigh: Weigh, terrain: str = "flat"
+    ) -> Measured:
+        """Return a column over some commands, of every seed that has all of them, and of every virtual robot.
+
+        Which direction is a policy's slower one is said by its mean over robots, and is the same one for each of them:
+        so the mean over robots is that over seeds.
+        """
+        cells = [_cell(way, spot, command, terrain) for command in commands]
+        columns = [self.column(cell, column) for cell in cells]
+        seeds: Points = {}
+        robots: dict[int, list[float]] = {}
+        for seed in sorted(set.intersection(*map(set, columns))):
+            weights = weigh([known[seed] for known in columns])
+            seeds[seed] = sum(w * known[seed] for w, known in zip(weights, columns, strict=True))
+            for robot, values in _each_robot([self.cells[cell][seed] for cell in cells], column).items():
+                robots.setdefault(robot, []).append(sum(w * value for w, value in zip(weights, values, strict=True)))
+        return Measured(seeds, {robot: float(np.mean(values)) for robot, values in robots.items()})
+
+
+def _evenly(values: Sequence[float]) -> Sequence[float]:
+    """Weigh every value alike."""
+    return [1.0 / len(values)] * len(values)
+
+
+def _least(values: Sequence[float]) -> Sequence[float]:
+    """Take the least value alone."""
+    return [float(index == int(np.argmin(values))) for index in range(len(values))]
+
+
+def _most(values: Sequence[float]) -> Sequence[float]:
+    """Take the largest value alone."""
+    return _least([-value for value in values])
 
 
 def _cell(way: str, spot: Spot, command: str, terrain: str) -> Cell:
@@ -145,7 +181,29 @@ def _value(row: Row, column: str) -> float | None:
     return float(np.mean(deviations)) if deviations else None
 
 
+def _each_robot(cells: Sequence[Sequence[Row]], column: str) -> dict[int, list[float]]:
+    """Return a column's value in each cell of every virtual robot that has one in all; speed alone is known of each.
+
+    cells: the rows of one seed in each of them.
+    """
+    if column not in ("speed_ratio", ERROR):
+        return {}
+    found = []
+    for rows in cells:
+        ratios: dict[int, list[float]] = {}
+        for robot, ratio in ((robot, ratio) for row in rows for robot, ratio in row.get("robots", {}).items()):
+            if ratio is not None:
+                ratios.setdefault(int(robot), []).append(abs(ratio - 1.0) if column == ERROR else ratio)
+        found.append(ratios)
+    whole = sorted(set.intersection(*map(set, found)))
+    return {robot: [float(np.mean(ratios[robot])) for ratios in found] for robot in whole}
+
+
+def _robots(rows: Sequence[Row]) -> set[str]:
+    """Return the virtual robots of rows; none where they are of the robot of the data sheet."""
+    return {robot for row in rows for robot in row.get("robots", ())}
+
+
 def _trials(rows: Sequence[Row]) -> int:
-    """Return the independent trials behind rows of one seed: virtual robots, or episodes."""
-    robots = {robot for row in rows for robot in row.get("robots", ())}
-    return len(robots) or sum(row["episodes"] for row in rows)
+    """Return the trials behind rows of one seed: virtual robots, or episodes."""
+    return len(_robots(rows)) or sum(row["episodes"] for row in rows)

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from stiction.formats.results import FOLLOWS
-from stiction.transfer.experiment.criteria import STATIONARY
-from stiction.transfer.experiment.judging import Finding, all_of, larger_paired, over_levels, within
+from stiction.transfer.experiment.judging import Finding, all_of, over_levels
 from stiction.transfer.experiment.table import Points
 from stiction.transfer.grid.config import BATCH
 from stiction.transfer.grid.plan import REAL
-from stiction.transfer.replication.criteria import Judge, everywhere
+from stiction.transfer.replication.agreement import Measured, larger_paired, within
+from stiction.transfer.replication.criteria import Judge, everywhere, stands
 from stiction.transfer.replication.evidence import Evidence, Spot
+from stiction.transfer.replication.frictions import BENCHED, LOADED, over_frictions
 from stiction.transfer.replication.plan import FRICTION, PAPER, REST, ROBOT
 
 NOTICEABLE = 0.1
@@ -40,18 +41,18 @@ def loses_at_each_level(way: str, engine: str) -> Judge:
 
 def _lost(e: Evidence, way: str, spot: Spot) -> Finding:
     """Judge what a way lost of its speed ratio between no friction and a spot."""
-    lost = _less(e.slower(way, replace(spot, level=0.0)), e.slower(way, spot))
-    return within(f"{way}, speed ratio lost", lost, NOTICEABLE, np.inf)
+    lost = _less(e.slower(way, replace(spot, level=0.0)).seeds, e.slower(way, spot).seeds)
+    return within(f"{way}, speed ratio lost", Measured(lost), NOTICEABLE, np.inf)
 
 
 def friction_is_the_cause(e: Evidence) -> Finding:
     """Friction alone leaves the conventional policy slower than all other differences alone, policy by policy."""
     rest = e.slower("none", Spot(REST, 0.0))
-    found = []
-    for level in e.levels("none", FRICTION, REAL):
-        friction = e.slower("none", Spot(FRICTION, level, REAL))
-        found.append((level, larger_paired(("all but friction", rest), ("friction alone", friction))))
-    return over_levels(found) if found else Finding("not tested", "none was not walked with friction alone")
+
+    def at(spot: Spot) -> Finding:
+        return larger_paired(("all but friction", rest), ("friction alone", e.slower("none", spot)))
+
+    return over_frictions(e, "none", FRICTION, at)
 
 
 def _less(first: Points, second: Points) -> Points:
@@ -66,14 +67,14 @@ def lower_is_better(e: Evidence) -> Finding:
 
 
 def frozen_by(law: str) -> Judge:
-    """The paper's number as a coefficient stops a policy that never met friction."""
-    return lambda e: within("none, faster direction", e.faster("none", Spot(BATCH, PAPER, law)), -np.inf, STATIONARY)
+    """The paper's number as a coefficient stops a policy that never met friction: it stands, and does not lie."""
+    return lambda e: stands(e, "none", Spot(BATCH, PAPER, law))
 
 
 def load_above_bench(e: Evidence) -> Finding:
     """The bench's friction does not trouble the conventional policy, a share of the load does."""
     levels = {law: level for w, at, law, level, *_ in e.cells if (w, at) == ("none", ROBOT) and law.startswith(REAL)}
-    asked: Sequence[tuple[str, bool]] = ((f"{REAL}-bench", True), (f"{REAL}-bench+load0.1", False))
+    asked: Sequence[tuple[str, bool]] = ((BENCHED, True), (f"{BENCHED}{LOADED}0.1", False))
     if any(law not in levels for law, _ in asked):
         return Finding("not tested", "the virtual robot was not walked at the bench's friction with 0.1 of the load")
     return all_of(*(_follows_or_not(e, Spot(ROBOT, levels[law], law), follows) for law, follows in asked))
