@@ -1,16 +1,17 @@
 """The policies of the comparison: one a way of training and seed, no ablation among them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from bundles import make_bundle, make_contract
-from stiction.formats.bundle import read_bundle
+from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.errors import StictionError
 from stiction.robots.catalog import find_robot
 from stiction.transfer.replication.plan import parts_of
 from stiction.transfer.replication.run import check_ways
-from stiction.transfer.replication.runs import comparison_runs, known_bench
+from stiction.transfer.replication.runs import actuator_runs, comparison_runs, known_bench
 from stiction.transfer.ways import way_of
 
 
@@ -20,6 +21,18 @@ def test_a_way_has_one_run_a_seed() -> None:
     assert len(set(names)) == len(names)
     assert not [name for name in names if "long" in name or "weak" in name or "strong" in name]
     assert names[0] == "coulomb20-none-s0"
+
+
+def test_every_way_has_seeds_enough_for_a_verdict() -> None:
+    """One seed carries none; seed by seed, so that a comparison that is cut short has the same seeds of every way."""
+    runs = comparison_runs(Path("joints.json"))
+    assert {run.seed for run in actuator_runs(Path("net"))} == {0, 1, 2}
+    seeds: dict[str, set[int]] = {run.condition.name: set() for run in runs}
+    for run in runs:
+        seeds[run.condition.name].add(run.seed)
+    assert all(own >= {0, 1, 2} for own in seeds.values())
+    assert [run.seed for run in runs] == sorted(run.seed for run in runs)
+    assert {"coulomb20-none-s4", "coulomb20-iterative-s2", "stairs-deception-s2"} <= {run.name for run in runs}
 
 
 def test_training_knows_a_robot_by_its_bench_and_none_that_is_reported() -> None:
@@ -45,3 +58,25 @@ def test_two_policies_of_one_way_and_seed_are_refused(tmp_path: Path) -> None:
     check_ways([first, other])
     with pytest.raises(StictionError, match="a and b are both of the way 'none'"):
         check_ways([first, other, same])
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"friction_law": "load", "friction": (0.2,) * 18}, "load friction 0.2 from 0 to 0.24"),
+        ({"friction_level": 0.1}, "coulomb friction 0.1"),
+        ({"friction_range": (0.0, 0.4)}, "from 0 to 0.4"),
+        ({"terrain": "rough"}, "on rough"),
+    ],
+)
+def test_policies_of_two_trainings_are_no_seeds_of_one(tmp_path: Path, change: dict, told: str) -> None:
+    """What differs between them would be taken for what differs between seeds; stairs are a group of their own."""
+    plain = read_bundle(make_bundle(tmp_path / "plain", make_contract()))
+
+    def like(name: str, **fields: object) -> Bundle:
+        return replace(plain, name=name, contract=make_contract(**fields))
+
+    first, second = like("first", terrain="stairs"), like("second", **({"terrain": "stairs", "seed": 1} | change))
+    check_ways([plain, first, like("third", terrain="stairs", seed=1)])
+    with pytest.raises(StictionError, match=f"first and second are both of the way 'none'.*{told}"):
+        check_ways([plain, first, second])

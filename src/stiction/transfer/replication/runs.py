@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from stiction.formats.bundle import Bundle
 from stiction.robots.spec import RobotSpec
-from stiction.transfer.experiment.manifest import Condition, Run, runs_of
+from stiction.transfer.experiment.manifest import MANIFEST, Condition, Run
 from stiction.transfer.replication.net import WalkedNet
 from stiction.transfer.robot.factorial import Case, parse_level
 from stiction.transfer.robot.identification import Bench
 
 STAIRS = ("--friction-level", "0.2", "--teacher.iterations", "1000", "--student.iterations", "200")
 """Options of both trainings on stairs."""
+
+SEEDS = (0, 1, 2)
+"""Training seeds that every way has at least: a criterion takes two, and its interval over two is 3.6 times as wide."""
+
+LOOP_SEEDS = SEEDS
+"""Training seeds of the Actuator Net's policies, on flat ground alone."""
 
 OWN = (
     Condition(
@@ -49,24 +56,32 @@ def walked_net(spec: RobotSpec, policy: Bundle) -> WalkedNet:
     return WalkedNet("physx", KNOWN, spec, policy)
 
 
-def actuator_runs(net: Path) -> list[Run]:
+def actuator_runs(net: Path, seeds: tuple[int, ...] = LOOP_SEEDS) -> list[Run]:
     """Return the runs of f1, trained as f0 was but for its motors; net: folder of the Actuator Net."""
     options = ("--method", "none", "--friction-level", "0.2", "--actuator", str(net))
     what = "conventional, an Actuator Net of the robot's walk in place of the PD law"
-    return list(Condition("coulomb20-actuator", "comparison", what, options).runs)
+    return list(Condition("coulomb20-actuator", "comparison", what, options, seeds).runs)
 
 
 def comparison_runs(joints: Path) -> list[Run]:
-    """Return every run: those of the experiment, conventional training first, then the comparison's own.
+    """Return every run: those of the experiment, conventional training first, then the comparison's own; seed by seed.
+
+    So a comparison that is cut short has the same seeds of every way. Runs have the names of the experiment's, so that
+    finished ones count; where the experiment has more seeds of a way than `SEEDS`, it has those here too.
 
     joints: the `joints.json` of `known_bench`.
     """
-    names = [f"coulomb20-{name}" for name in TAKEN]
-    taken = [run for run in runs_of(("1", "2")) if run.condition.name in names]
+    known = {condition.name: condition for condition in MANIFEST}
     identified = Condition(
         "coulomb20-identified",
         "comparison",
         "each joint's friction as it was identified, from zero up to 1.2 of it",
         ("--method", "deception", "--joints", str(joints)),
     )
-    return [*taken, *(run for condition in (*OWN, identified) for run in condition.runs)]
+    conditions = (*(known[f"coulomb20-{name}"] for name in TAKEN), *OWN, identified)
+    runs = [
+        run
+        for condition in conditions
+        for run in replace(condition, seeds=tuple(sorted({*SEEDS, *condition.seeds}))).runs
+    ]
+    return sorted(runs, key=lambda run: run.seed)
