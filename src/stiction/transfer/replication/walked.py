@@ -92,7 +92,7 @@ def planned_rows(part: Part, bundles: Sequence[Bundle]) -> dict[Key, int]:
     if not bundles:
         return {}
     grid = _grid(part, bundles)
-    fed = [replace(walk, forward=()) for walk in plan(grid.forward, grid) if not walk.place.is_batch]
+    fed = [replace(walk, forward=()) for walk in plan_forward(grid)]
     walks = [*plan([bundle.name for bundle in bundles], grid), *fed]
     counts = Counter(walk.cell for walk in walks)
     cells = {walk.cell: walk for walk in walks}
