@@ -26,8 +26,8 @@ its own, on flat ground and stairs. Each sentence of the paper gets a verdict wi
 
 quick: the shipped policies, some 30 minutes on two cores. They have one training seed a way: numbers, no verdicts. A
 verdict takes several training seeds of every way that a sentence compares: give bundles or runs of each seed with
---policies, or --preset full, which trains what is missing first (days on two cores). Stop it at any time: the same
-command goes on."""
+--policies, or --preset full, which trains what is missing first (days on two cores): three seeds or more of every way
+on flat ground, and of two ways over stairs. Stop it at any time: the same command goes on."""
 
 CLIPS = ("none", "direct", "deception")
 """Ways of training that are shown side by side."""
@@ -51,17 +51,18 @@ class ReplicateCfg:
     runs: Path = Path("runs")
     """Folder of the training runs of the preset `full`, as `stiction study friction` has it."""
     parts: tuple[str, ...] = ()
-    """Parts to walk: training, engines, robot, causes, forward, stairs, load, effort; by default all. Of the others,
-    what --out has from before is judged too; where preset, policies or code are others, that is refused."""
+    """Parts to walk: training, engines, robot, causes, forward, stairs, stairs-robot, load, effort; by default all. Of
+    the others, what --out has from before is judged too; where preset, policies or code are others, that is refused."""
     num_robots: int | None = None
-    """How many virtual robots, seeds from 1000; by default 2 (quick) or 8 (full)."""
+    """How many virtual robots, seeds from 1000; by default 2 (quick) or 8 (full), over stairs 16."""
     jobs: int | None = None
     """Walks, or trainings, at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
     clips: bool = True
     """Render clips of three methods side by side."""
-    out: Path = Path("stiction-replication")
-    """Folder of results.csv, methods.csv, budget.csv, onsets.csv, verdicts.csv, evidence.csv, summary.json, tables.md,
-    figures, clips, report.html, and a folder for each part, by which an interrupted command goes on."""
+    out: Path | None = None
+    """By default stiction-replication-quick, or -full. Folder of results.csv, methods.csv, budget.csv, onsets.csv,
+    verdicts.csv, evidence.csv, summary.json, tables.md, figures, clips, report.html, and a folder for each part, by
+    which an interrupted command goes on."""
     json: bool = False
     """Print the verdicts as JSON on standard output, and nothing else."""
 
@@ -90,17 +91,18 @@ def main(arguments: list[str]) -> int:
         raise StictionError(f"part {unknown[0]!r} is none of the comparison's; expected some of {', '.join(names)}")
     asked = cfg.parts or names
     check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
-    make_folder(cfg.out)
+    out = cfg.out or Path(f"stiction-replication-{cfg.preset}")
+    make_folder(out)
     with work_progress() as progress:
-        found = find_policies(cfg, jobs, progress)
+        found = find_policies(cfg, out, jobs, progress)
         if isinstance(found, int):
             return found
         bundles, folders = found
         command = shlex.join(["stiction", "replicate", *arguments])
         made = {"command": command, "preset": cfg.preset}
-        result = replicate(bundles, parts, cfg.out, jobs, progress, made, asked)
-    clips = render(bundles, folders, cfg.out) if cfg.clips else {}
-    page = write_replication(cfg.out, result, clips)
+        result = replicate(bundles, parts, out, jobs, progress, made, asked)
+    clips = render(bundles, folders, out) if cfg.clips else {}
+    page = write_replication(out, result, clips)
     if cfg.json:
         print(json.dumps({verdict.id: verdict.outcome for verdict in result.verdicts}))
     else:
@@ -109,7 +111,7 @@ def main(arguments: list[str]) -> int:
 
 
 def find_policies(
-    cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], None]
+    cfg: ReplicateCfg, out: Path, jobs: int, progress: Callable[[str, float], None]
 ) -> tuple[list[Bundle], dict[str, Path]] | int:
     """Return the checked policies and the folder of each; or the exit status of a training that was asked to stop."""
     from stiction.deploy.check import check_bundle
@@ -121,7 +123,7 @@ def find_policies(
         if isinstance(trained, int):
             return trained
         given = trained
-    folders = [exported(path, cfg.out) for path in given]
+    folders = [exported(path, out) for path in given]
     bundles = [check_bundle(folder).bundle for folder in folders]
     return bundles, {bundle.name: folder for bundle, folder in zip(bundles, folders, strict=True)}
 
@@ -151,7 +153,7 @@ def train_all(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], Non
     from stiction.cli.train import parse
     from stiction.transfer.experiment.places import Place
     from stiction.transfer.experiment.training import train_missing
-    from stiction.transfer.replication.runs import actuator_runs, comparison_runs
+    from stiction.transfer.replication.runs import LOOP_SEEDS, actuator_run, comparison_runs, first_policy
 
     folders: list[Path] = []
 
@@ -165,8 +167,11 @@ def train_all(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], Non
             raise StictionError(f"{name}: {reason}")
         return asked.status if asked() else 0
 
-    status = trained(comparison_runs(known_joints(cfg.runs.resolve(), jobs, progress)))
-    return status or trained(actuator_runs(known_net(cfg.runs.resolve(), folders[0], jobs, progress))) or folders
+    runs = cfg.runs.resolve()
+    if status := trained(comparison_runs(known_joints(runs, jobs, progress))):
+        return status
+    nets = [known_net(runs, runs / first_policy(seed), jobs, progress) for seed in LOOP_SEEDS]
+    return trained([actuator_run(*of) for of in zip(nets, LOOP_SEEDS, strict=True)]) or folders
 
 
 def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:

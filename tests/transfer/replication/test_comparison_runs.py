@@ -11,7 +11,7 @@ from stiction.formats.errors import StictionError
 from stiction.robots.catalog import find_robot
 from stiction.transfer.replication.plan import parts_of
 from stiction.transfer.replication.run import check_ways
-from stiction.transfer.replication.runs import actuator_runs, comparison_runs, known_bench
+from stiction.transfer.replication.runs import LOOP_SEEDS, actuator_run, comparison_runs, first_policy, known_bench
 from stiction.transfer.ways import way_of
 
 
@@ -26,13 +26,21 @@ def test_a_way_has_one_run_a_seed() -> None:
 def test_every_way_has_seeds_enough_for_a_verdict() -> None:
     """One seed carries none; seed by seed, so that a comparison that is cut short has the same seeds of every way."""
     runs = comparison_runs(Path("joints.json"))
-    assert {run.seed for run in actuator_runs(Path("net"))} == {0, 1, 2}
+    assert LOOP_SEEDS == (0, 1, 2)
     seeds: dict[str, set[int]] = {run.condition.name: set() for run in runs}
     for run in runs:
         seeds[run.condition.name].add(run.seed)
     assert all(own >= {0, 1, 2} for own in seeds.values())
     assert [run.seed for run in runs] == sorted(run.seed for run in runs)
     assert {"coulomb20-none-s4", "coulomb20-iterative-s2", "stairs-deception-s2"} <= {run.name for run in runs}
+
+
+def test_the_second_policy_of_the_loop_is_trained_as_the_first_was() -> None:
+    """Another seed or preset would be a difference that the net is not to blame for."""
+    runs = {run.name: run for run in comparison_runs(Path("joints.json"))}
+    for seed in LOOP_SEEDS:
+        second, first = actuator_run(Path("net"), seed), runs[first_policy(seed)]
+        assert set(second.arguments) - set(first.arguments) == {"--actuator", "net"}
 
 
 def test_training_knows_a_robot_by_its_bench_and_none_that_is_reported() -> None:

@@ -18,7 +18,7 @@ from stiction.transfer.replication.criteria import HALF, STABLE
 from stiction.transfer.replication.evidence import Evidence
 from stiction.transfer.replication.plan import Part, Size, conventional, parts_of
 from stiction.transfer.replication.run import check_ways
-from stiction.transfer.replication.runs import SEEDS, actuator_runs, comparison_runs
+from stiction.transfer.replication.runs import LOOP_SEEDS, SEEDS, actuator_run, comparison_runs
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -33,7 +33,7 @@ JOINTS = {"name": "joints.json", "sha256": "0" * 64}
 def bundles(tmp_path_factory: pytest.TempPathFactory) -> list[Bundle]:
     """The policies that the preset `full` trains, and those of the Actuator Net's loop."""
     still = read_bundle(make_bundle(tmp_path_factory.mktemp("b") / "still", make_contract()))
-    runs = [*comparison_runs(Path("joints.json")), *actuator_runs(Path("net"))]
+    runs = [*comparison_runs(Path("joints.json")), *(actuator_run(Path("net"), seed) for seed in LOOP_SEEDS)]
     return [
         replace(still, name=run.name, contract=replace(still.contract, seed=run.seed, **trained_as(run)))
         for run in runs

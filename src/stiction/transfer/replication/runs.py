@@ -56,11 +56,16 @@ def walked_net(spec: RobotSpec, policy: Bundle) -> WalkedNet:
     return WalkedNet("physx", KNOWN, spec, policy)
 
 
-def actuator_runs(net: Path, seeds: tuple[int, ...] = LOOP_SEEDS) -> list[Run]:
-    """Return the runs of f1, trained as f0 was but for its motors; net: folder of the Actuator Net."""
+def first_policy(seed: int) -> str:
+    """Return the name of the run of f0, which walks on the robot that training knows."""
+    return f"coulomb20-none-s{seed}"
+
+
+def actuator_run(net: Path, seed: int) -> Run:
+    """Return the run of f1, trained as f0 of the same seed was but for its motors; net: of the walks of that f0."""
     options = ("--method", "none", "--friction-level", "0.2", "--actuator", str(net))
     what = "conventional, an Actuator Net of the robot's walk in place of the PD law"
-    return list(Condition("coulomb20-actuator", "comparison", what, options, seeds).runs)
+    return Run(Condition("coulomb20-actuator", "comparison", what, options), seed)
 
 
 def comparison_runs(joints: Path) -> list[Run]:
