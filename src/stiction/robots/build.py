@@ -10,7 +10,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from stiction.robots.links import SHANK_RADIUS, foot_position, links
+from stiction.robots.links import SHANK_RADIUS, THIGH_RADIUS, foot_position, links
 from stiction.robots.spec import DELAY_SAMPLES, LegSpec, RobotSpec, box_inertia
 
 FRICTION_D0 = 0.999
@@ -54,7 +54,7 @@ def _add_shapes(
     """Add what is seen and touched of one leg, and its foot's sensor."""
     knee, foot = [0.0, 0.0, -robot.thigh_link.size[2]], foot_position(robot)
     visual = {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "contype": 0, "conaffinity": 0}
-    thigh.add_geom(size=[0.02, 0, 0], fromto=[0, 0, 0, *knee], rgba=[0.25, 0.3, 0.36, 1], **visual)
+    thigh.add_geom(size=[THIGH_RADIUS, 0, 0], fromto=[0, 0, 0, *knee], rgba=[0.25, 0.3, 0.36, 1], **visual)
     visual["contype"] = OBSTACLE
     shank.add_geom(size=[SHANK_RADIUS, 0, 0], fromto=[0, 0, 0, *foot], rgba=[0.55, 0.6, 0.66, 1], **visual)
     shank.add_geom(

@@ -11,8 +11,8 @@ import numpy as np
 
 from stiction.robots.spec import LegSpec, RobotSpec, box_inertia
 
-SHANK_RADIUS = 0.013
-"""Radius of the capsule with which a shank catches on an edge [m]."""
+THIGH_RADIUS, SHANK_RADIUS = 0.02, 0.013
+"""Radii of the capsules [m]. A thigh's is there to be seen; a shank catches with its own on an edge."""
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ import numpy as np
 
 from stiction.formats.errors import StictionError
 
-JOINTS_PER_LEG = 3
-"""Hip abduction, thigh, shank."""
+JOINT_KINDS = ("hip", "thigh", "shank")
+"""The joints of a leg, from the trunk down: abduction, flexion, knee. Fields of `RobotSpec` have these names."""
 
+JOINTS_PER_LEG = len(JOINT_KINDS)
 
 DELAY_SAMPLES = 8
 """Room for delayed controls in every robot's model, in physics steps."""
@@ -111,7 +112,7 @@ class RobotSpec:
             raise StictionError(f"robot {self.name!r}: legs {names}; at least two legs with different names are needed")
         if {leg.group for leg in self.legs} != {0, 1}:
             raise StictionError(f"robot {self.name!r}: every leg is in contact group 0 or 1, and neither may be empty")
-        for kind, joint in zip(("hip", "thigh", "shank"), (self.hip, self.thigh, self.shank), strict=True):
+        for kind, joint in zip(JOINT_KINDS, (self.hip, self.thigh, self.shank), strict=True):
             if not joint.lower < joint.standing < joint.upper:
                 raise StictionError(
                     f"robot {self.name!r}: the {kind}'s standing angle {joint.standing} is outside its limits "
@@ -123,7 +124,7 @@ class RobotSpec:
     @property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints, leg by leg: `FL_hip`, `FL_thigh`, `FL_shank`, ..."""
-        return tuple(f"{leg.name}_{kind}" for leg in self.legs for kind in ("hip", "thigh", "shank"))
+        return tuple(f"{leg.name}_{kind}" for leg in self.legs for kind in JOINT_KINDS)
 
     @property
     def num_joints(self) -> int:

@@ -19,9 +19,7 @@ from stiction.joints.pd import PDGains
 from stiction.joints.sampled import Sampling, growth, simulate_sampled
 from stiction.joints.simulate import Joint, Trajectory, simulate
 from stiction.robots.catalog import find_robot
-from stiction.robots.spec import JointSpec
-
-KINDS = ("hip", "thigh", "shank")
+from stiction.robots.spec import JOINT_KINDS, JointSpec
 
 
 @dataclass(frozen=True)
@@ -61,8 +59,8 @@ class DampingCfg:
 
     def __post_init__(self) -> None:
         """Refuse a joint that robots do not have, and times that no motion fits into."""
-        if self.joint not in KINDS:
-            raise StictionError(f"joint {self.joint!r}: expected one of {', '.join(KINDS)}")
+        if self.joint not in JOINT_KINDS:
+            raise StictionError(f"joint {self.joint!r}: expected one of {', '.join(JOINT_KINDS)}")
         if not (0 < self.step <= self.hold <= self.seconds / 10 and self.draws >= 2 and 0 <= self.spread < 1):
             raise StictionError(
                 f"steps of {self.step} s, targets held {self.hold} s, {self.seconds} s in all, {self.draws} draws of "

@@ -18,9 +18,9 @@ from stiction.identify.walking.leg import Trunk
 from stiction.identify.walking.motion import WalkMotion
 from stiction.identify.walking.phases import feet_down, hann_weights
 from stiction.identify.walking.setup import WalkSetup
-from stiction.identify.walking.stance import BODY, FRICTION, KINDS, StanceRows, stance_rows
+from stiction.identify.walking.stance import BODY, FRICTION, StanceRows, stance_rows
 from stiction.identify.walking.swing import FEWEST_SWINGS, SwingRows
-from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
+from stiction.robots.spec import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
 
 BLOCK = 0.5
 """Length of a block [s], one or two steps of a walk."""
@@ -82,7 +82,7 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[Swin
         )
     limit = np.array(log.header.torque_limit)
     bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
-    vague = np.tile(VAGUE, len(KINDS))
+    vague = np.tile(VAGUE, len(JOINT_KINDS))
     late = [setup.timing_error * motion.period]
     prior = np.concatenate([vague, setup.torque_zero_error * limit, late, bounds]) / 2
     try:
@@ -108,7 +108,7 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[Swin
     laws, refused = _laws(fit)
     carried = {kind: _carried(kind, log, motion, spec, setup, fit) for kind in laws}
     resting = regressor[-len(stance.target) :]
-    partial = {kind: tuple(size * part for part in _partial(resting, fit, KINDS.index(kind))) for kind in laws}
+    partial = {kind: tuple(size * part for part in _partial(resting, fit, JOINT_KINDS.index(kind))) for kind in laws}
     return LoadFit("", laws, refused, carried, body, fit.condition, len(stance.target), partial)
 
 
@@ -178,7 +178,7 @@ def _residual_size(regressor: np.ndarray, target: np.ndarray) -> float:
 def _laws(fit: BlockFit) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]]:
     """Return what is known of each kind, and why not of the others."""
     laws, refused = {}, {}
-    for number, kind in enumerate(KINDS):
+    for number, kind in enumerate(JOINT_KINDS):
         law = {name: fit.estimate(len(FRICTION) * number + index) for index, name in enumerate(FRICTION)}
         load = law["load_coefficient"]
         half = float(np.hypot((load.interval95[1] - load.interval95[0]) / 2, LAW_ERROR * load.value))
@@ -198,7 +198,7 @@ def _carried(
     kind: str, log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup, fit: BlockFit
 ) -> tuple[float, Estimate]:
     """Return the mean |τ| of a kind's joints while their feet are down [N m], and the dry friction at it [N m]."""
-    number = KINDS.index(kind)
+    number = JOINT_KINDS.index(kind)
     torque = float(np.abs(motion.torque[:, number::JOINTS_PER_LEG])[feet_down(log, motion, spec, setup)].mean())
     weights, first = np.zeros(len(fit.values)), len(FRICTION) * number
     weights[first + FRICTION.index("coulomb_friction")] = 1.0

@@ -18,10 +18,9 @@ from stiction.identify.walking.load import LoadFit, fit_load
 from stiction.identify.walking.motion import WalkMotion, walk_motion
 from stiction.identify.walking.phases import feet_down
 from stiction.identify.walking.setup import WalkSetup
-from stiction.identify.walking.stance import KINDS
 from stiction.identify.walking.swing import PARAMETERS, SwingFit, SwingRows, fit_swing, swing_rows
 from stiction.joints.friction import dead_band, friction_ratio
-from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
+from stiction.robots.spec import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
 
 GAIT_SHOWN = 4.0
 """Length of the gait that the page draws [s]."""
@@ -63,7 +62,7 @@ def identify_walk(log: WalkLog, spec: RobotSpec, setup: WalkSetup | None = None)
     for number, fit in enumerate(own):
         if fit.fit is not None:
             chosen[spec.joint_names[number]] = fit
-    for kind, first in zip(KINDS, range(JOINTS_PER_LEG), strict=True):
+    for first, kind in enumerate(JOINT_KINDS):
         if any(own[number].fit is None for number in range(first, len(own), JOINTS_PER_LEG)):
             chosen[kind] = fit_swing(rows[first::JOINTS_PER_LEG], limits[first], motion.period, setup)
     if all(fit.fit is None for fit in chosen.values()):
@@ -77,7 +76,7 @@ def identify_walk(log: WalkLog, spec: RobotSpec, setup: WalkSetup | None = None)
 
 def _number(name: str, spec: RobotSpec) -> int:
     """Return the number of a joint, or of the first one of a kind."""
-    return KINDS.index(name) if name in KINDS else spec.joint_names.index(name)
+    return JOINT_KINDS.index(name) if name in JOINT_KINDS else spec.joint_names.index(name)
 
 
 def standing_inertia(spec: RobotSpec) -> np.ndarray:
@@ -102,7 +101,7 @@ def _record(
     The inertia is that of a leg in the air: rotor, and links in the standing pose, whoever uses it takes those off.
     Where no torque was logged, the motor's strength is unknown: newton metres are null, the ratios stay.
     """
-    kind, limit, kp = KINDS[number % JOINTS_PER_LEG], header.torque_limit[number], header.kp[number]
+    kind, limit, kp = JOINT_KINDS[number % JOINTS_PER_LEG], header.torque_limit[number], header.kp[number]
     settings: dict[str, Any] = {
         "test_condition": "in_air",
         "torque_source": (header.torque_source or "motor_side") if motion.measured_torque else None,
@@ -169,7 +168,7 @@ def _warnings(
     found = []
     if swing.fit is None:
         found.append(f"nothing is known: {swing.refusal}")
-    elif name in KINDS:
+    elif name in JOINT_KINDS:
         silent = [joint for joint, fit in zip(spec.joint_names, own, strict=True) if fit.fit is None]
         alike = ", ".join(joint for joint in silent if joint.endswith(f"_{name}"))
         found.append(f"swings of all {name}s together, as if alike, for those whose own do not tell: {alike}")
@@ -194,7 +193,7 @@ def _warnings(
         )
     if log.foot_contact is None:
         found.append("foot contact was not logged: feet clear of the lowest one are taken to swing, as on flat ground")
-    refusal = load.refusal or load.refused.get(KINDS[_number(name, spec) % JOINTS_PER_LEG], "")
+    refusal = load.refusal or load.refused.get(JOINT_KINDS[_number(name, spec) % JOINTS_PER_LEG], "")
     if refusal:
         found.append(f"friction under load is not known: {refusal}")
     return tuple(found)

@@ -31,13 +31,10 @@ from stiction.identify.walking.leg import Trunk, foot_position, leg_effort, poin
 from stiction.identify.walking.motion import WalkMotion
 from stiction.identify.walking.phases import feet_down, grow, hann_weights, slow_samples, smooth
 from stiction.identify.walking.setup import WalkSetup
-from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
-
-KINDS = ("hip", "thigh", "shank")
-"""Joints of one kind share their friction here."""
+from stiction.robots.spec import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
 
 FRICTION = ("armature", "viscous_friction", "coulomb_friction", "load_coefficient")
-"""Parameters of each kind, A, B, b and c."""
+"""Parameters of each kind, A, B, b and c: joints of one kind share their friction here."""
 
 BODY = ("mass", "centre_x", "centre_y", "centre_z", "force_x", "force_y", "force_z")
 """Errors of the whole robot's mass [1], of the trunk's centre of mass [m], and of the specific force [m/s²]."""
@@ -108,7 +105,7 @@ def stance_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk,
     table[:, 3:] /= ARM
     unusable = body.stretched | (still.sum(axis=1) > MOST_STILL)
     rows, sample = _reduce(table, still, unusable, hann_weights(setup.smoothing, motion.period))
-    friction, zero = len(KINDS) * len(FRICTION), len(KINDS) * len(FRICTION) + spec.num_joints
+    friction, zero = len(JOINT_KINDS) * len(FRICTION), len(JOINT_KINDS) * len(FRICTION) + spec.num_joints
     return StanceRows(
         friction=rows[:, :friction],
         zero=rows[:, friction:zero],
@@ -148,7 +145,7 @@ def _friction_columns(motion: WalkMotion, arms: np.ndarray) -> np.ndarray:
     signals = (acceleration, motion.rate, direction, np.abs(motion.torque) * direction)
     columns = [
         np.einsum("tij,tj->ti", arms[:, :, kind::JOINTS_PER_LEG], signal[:, kind::JOINTS_PER_LEG])
-        for kind in range(len(KINDS))
+        for kind in range(len(JOINT_KINDS))
         for signal in signals
     ]
     return np.stack(columns, axis=2)
@@ -180,7 +177,7 @@ def _reduce(
     still: shape (T, J); unusable: samples to leave out, shape (T,). Returns rows, shape (R, columns), and the sample of
     each, shape (R,).
     """
-    first = len(KINDS) * len(FRICTION)
+    first = len(JOINT_KINDS) * len(FRICTION)
     unknown = table[:, :, first : first + still.shape[1]] * still[:, None]
     table = table - unknown @ (np.linalg.pinv(unknown, rcond=1e-9) @ table)
     half = len(weights) // 2

@@ -36,11 +36,8 @@ from stiction.formats.errors import StictionError
 from stiction.formats.log import JointSignals, Log
 from stiction.formats.sidecar import LogSetup
 from stiction.identify.excite.motion import Pattern
-from stiction.robots.spec import RobotSpec
+from stiction.robots.spec import JOINT_KINDS, RobotSpec
 from stiction.transfer.robot.port import JointCommand, Port, Reading
-
-KINDS = ("hip", "thigh", "shank")
-"""In the order in which they are moved."""
 
 SETTLING = 1.0
 """Time that the legs hang at rest before each log [s]."""
@@ -62,7 +59,7 @@ Saturn Lite: the swing is more than twice that."""
 class BenchCfg:
     """How a bench log is made."""
 
-    kinds: tuple[str, ...] = KINDS
+    kinds: tuple[str, ...] = JOINT_KINDS
     """Kinds of joints to log, in this order; one alone after a repair, say."""
     seconds: float = 20.0
     """Length of each kind's log [s]: the motion, twice."""
@@ -73,8 +70,8 @@ class BenchCfg:
 
     def __post_init__(self) -> None:
         """Refuse logs that say nothing."""
-        if not self.kinds or set(self.kinds) - set(KINDS) or len(set(self.kinds)) < len(self.kinds):
-            raise StictionError(f"bench logs of {self.kinds}: expected different ones of {', '.join(KINDS)}")
+        if not self.kinds or set(self.kinds) - set(JOINT_KINDS) or len(set(self.kinds)) < len(self.kinds):
+            raise StictionError(f"bench logs of {self.kinds}: expected different ones of {', '.join(JOINT_KINDS)}")
         if not (4.0 <= self.seconds <= 600.0 and 0.1 <= self.stiffness <= 10.0):
             raise StictionError(
                 f"bench logs of {self.seconds} s at {self.stiffness} times the gains: expected 4 to 600 s, 0.1 to 10"
@@ -98,11 +95,11 @@ def bench_log(port: Port, spec: RobotSpec, cfg: BenchCfg | None = None) -> Log:
     count = round(cfg.seconds / port.period / 2)
     offsets = np.tile(cfg.motion.offsets(count, 1.0 / port.period), 2)
     joints: dict[str, JointSignals] = {}
-    for number in map(KINDS.index, cfg.kinds):
+    for number in map(JOINT_KINDS.index, cfg.kinds):
         path = np.tile(spec.joint_values("standing"), (len(offsets), 1))
-        path[:, number :: len(KINDS)] += offsets[:, None]
+        path[:, number :: len(JOINT_KINDS)] += offsets[:, None]
         readings = _play(port, path, kp, kd)
-        for joint in range(number, spec.num_joints, len(KINDS)):
+        for joint in range(number, spec.num_joints, len(JOINT_KINDS)):
             joints[spec.joint_names[joint]] = JointSignals(
                 position=np.array([reading.sensors.joint_position[joint] for reading in readings[:-1]]),
                 velocity=np.array([reading.sensors.joint_velocity[joint] for reading in readings[:-1]]),
@@ -120,7 +117,7 @@ def bench_setup(spec: RobotSpec, kp: np.ndarray, kd: np.ndarray) -> LogSetup:
     limit = spec.joint_values("torque_limit")
     kinds = {
         kind: LogSetup(kp=float(kp[number]), kd=float(kd[number]), torque_limit=float(limit[number]))
-        for number, kind in enumerate(KINDS)
+        for number, kind in enumerate(JOINT_KINDS)
     }
     return LogSetup(torque_source="motor_side", test_condition="in_air", axis="rotary", joints=kinds)
 

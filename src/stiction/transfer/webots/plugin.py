@@ -22,9 +22,10 @@ from __future__ import annotations
 from importlib import resources
 
 from stiction.formats.contract import Contract
+from stiction.robots.links import links
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.webots.controller import CHANNEL, PLUGIN
-from stiction.transfer.webots.proto import KINDS, link_name, proto_name
+from stiction.transfer.webots.proto import proto_name
 from stiction.transfer.webots.vrml import number
 from stiction.transfer.webots.world import ROBOT
 
@@ -38,14 +39,10 @@ FIXED = (f"{PLUGIN}.c", "Makefile")
 def write_table(spec: RobotSpec, contract: Contract) -> str:
     """Return the text of `joints.h`: Δt [s] and, for every joint, the links before and behind it and I [kg m²]."""
     inertia = dict(zip(spec.joint_names, contract.armature, strict=True))
-    rows = []
-    for leg in spec.legs:
-        parent = ROBOT
-        for kind in KINDS:
-            joint = f"{leg.name}_{kind}"
-            child = f"{ROBOT}.{link_name(joint)}"
-            rows.append(f'  {{"{parent}", "{child}", {number(inertia[joint])}}},\n')
-            parent = child
+    tree, rows = links(spec), []
+    for link in tree:
+        parent = ROBOT if link.parent < 0 else f"{ROBOT}.{tree[link.parent].name}"
+        rows.append(f'  {{"{parent}", "{ROBOT}.{link.name}", {number(inertia[link.joint])}}},\n')
     return (
         f"/* {proto_name(spec.name)}: the joints and the inertia of their rotors, at the joint [kg m^2].\n"
         "   Written by `stiction export --to webots`. NOT RUN in Webots. */\n"

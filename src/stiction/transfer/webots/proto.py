@@ -20,10 +20,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+import numpy as np
 
 from stiction.formats.contract import Contract
-from stiction.robots.spec import JointSpec, LegSpec, LinkSpec, RobotSpec, box_inertia
+from stiction.robots.links import SHANK_RADIUS, THIGH_RADIUS, Link, foot_position, links
+from stiction.robots.spec import JOINT_KINDS, JOINTS_PER_LEG, JointSpec, LegSpec, RobotSpec, box_inertia
 from stiction.transfer.webots.controller import CHANNEL, GPS, GYRO, IMU, RECEIVER, SENSOR
 from stiction.transfer.webots.vrml import HEADER, Is, Node, Value, comment, text, vector, write
 
@@ -33,15 +35,9 @@ EXTERN = "<extern>"
 FARTHEST = 3.1
 """Largest distance of a stop from the standing pose [rad], less than π."""
 
-THIGH_RADIUS, SHANK_RADIUS = 0.02, 0.013
-"""Radii of the capsules [m], as in the MuJoCo model (`stiction.robots.build`). The shank's collides."""
-
 GREY, DARK, LIGHT = (0.82, 0.84, 0.86), (0.25, 0.3, 0.36), (0.55, 0.6, 0.66)
 GROUPS = ((0.9, 0.45, 0.15), (0.15, 0.5, 0.85))
 """Colours: trunk, thigh, shank; feet by contact group."""
-
-KINDS = ("hip", "thigh", "shank")
-"""The joints of a leg, from the trunk down."""
 
 
 def proto_name(robot: str) -> str:
@@ -53,11 +49,6 @@ def proto_name(robot: str) -> str:
 def friction_field(kind: str) -> str:
     """Return the PROTO's field for the dry friction of one kind of joint: `hipFriction`."""
     return f"{kind}Friction"
-
-
-def link_name(joint: str) -> str:
-    """Return the name of the link behind a joint, by which the physics plugin finds it."""
-    return f"{joint}_link"
 
 
 def stops(joint: JointSpec) -> tuple[float, float]:
@@ -76,7 +67,7 @@ def write_proto(spec: RobotSpec, contract: Contract) -> str:
         "rotation": ("SFRotation", "0 0 1 0"),
         "name": ("SFString", text(spec.name)),
         "controller": ("SFString", text(EXTERN)),
-        **{friction_field(kind): ("SFFloat", "0") for kind in KINDS},
+        **{friction_field(kind): ("SFFloat", "0") for kind in JOINT_KINDS},
     }
     fields = "".join(f"  field {kind:<10} {name:<14} {value}\n" for name, (kind, value) in interface.items())
     about = comment(
@@ -98,7 +89,7 @@ def _robot(spec: RobotSpec, damping: dict[str, float]) -> Node:
         Node("GPS", {"name": GPS}),
         Node("Receiver", {"name": RECEIVER, "channel": CHANNEL}),
     ]
-    legs: list[Value] = [_leg(spec, leg, damping) for leg in spec.legs]
+    legs: list[Value] = [_hang(spec, damping, k) for k, link in enumerate(links(spec)) if link.parent < 0]
     return Node(
         "Robot",
         {
@@ -107,70 +98,43 @@ def _robot(spec: RobotSpec, damping: dict[str, float]) -> Node:
             "children": [_shape(box, GREY), *devices, *legs],
             "name": Is("name"),
             "boundingObject": box,
-            "physics": _physics(spec.base, (0.0, 0.0, 0.0)),
+            "physics": _physics(spec.base.mass, np.zeros(3), box_inertia(spec.base.mass, spec.base.size)),
             "controller": Is("controller"),
         },
     )
 
 
-@dataclass(frozen=True)
-class _Link:
-    """A link, and the joint before it."""
-
-    kind: str
-    """Of the joint: `hip`."""
-    spec: LinkSpec
-    """Its mass and size."""
-    anchor: tuple[float, ...]
-    """Where the joint is, in the frame of the link before [m]."""
-    centre: tuple[float, ...]
-    """Its centre of mass, from the joint [m]."""
-    shapes: list[Value]
-    """What there is to see."""
-    bounding: Node | None = None
-    """What collides."""
-
-
-def _links(spec: RobotSpec, leg: LegSpec) -> list[_Link]:
-    """Return the links of a leg, from the foot up."""
-    lateral = leg.side * spec.hip_link.size[1]
-    thigh, shank = spec.thigh_link.size[2], spec.shank_link.size[2]
-    below, middle, above = (0.0, 0.0, -shank), (0.0, 0.0, -shank / 2), (0.0, 0.0, -thigh / 2)
-    foot, bone = Node("Sphere", {"radius": spec.foot_radius, "subdivision": 2}), _capsule(shank, SHANK_RADIUS)
-    seen = [_at(middle, _shape(bone, LIGHT)), _at(below, _shape(foot, GROUPS[leg.group]))]
-    collides = Node("Group", {"children": [_at(below, foot), _at(middle, bone)]})
-    return [
-        _Link("shank", spec.shank_link, (0.0, 0.0, -thigh), middle, [*seen], collides),
-        _Link(
-            "thigh",
-            spec.thigh_link,
-            (0.0, lateral, 0.0),
-            above,
-            [_at(above, _shape(_capsule(thigh, THIGH_RADIUS), DARK))],
-        ),
-        _Link("hip", spec.hip_link, leg.mount, (0.0, lateral / 2, 0.0), []),
-    ]
+def _hang(spec: RobotSpec, damping: dict[str, float], number: int) -> Node:
+    """Return the hinge of link `number` of the robot's tree, with all that hangs on it."""
+    tree = links(spec)
+    link, leg, kind = tree[number], spec.legs[number // JOINTS_PER_LEG], JOINT_KINDS[number % JOINTS_PER_LEG]
+    joint: JointSpec = getattr(spec, kind)
+    shapes, bounding = _shapes(spec, leg, link, kind)
+    axis, anchor = vector(link.axis), vector(link.origin)
+    solid: dict[str, Value] = {
+        "translation": anchor,
+        "rotation": (*axis, joint.standing),
+        "children": [*shapes, *(_hang(spec, damping, k) for k, each in enumerate(tree) if each.parent == number)],
+        "name": link.name,
+    }
+    if bounding is not None:
+        solid["boundingObject"] = bounding
+    solid["physics"] = _physics(link.mass, link.com, link.inertia)
+    parameters: dict[str, Value] = {"axis": axis, "anchor": anchor, "dampingConstant": damping[link.joint]}
+    return _hinge(link.joint, kind, joint, parameters, Node("Solid", solid, define=link.name))
 
 
-def _leg(spec: RobotSpec, leg: LegSpec, damping: dict[str, float]) -> Node:
-    """Return the hinge of a leg's hip, with all that hangs on it."""
-    hanging: list[Node] = []
-    for link in _links(spec, leg):
-        name = f"{leg.name}_{link.kind}"
-        joint: JointSpec = getattr(spec, link.kind)
-        axis = (leg.side, 0.0, 0.0) if link.kind == "hip" else (0.0, 1.0, 0.0)
-        solid: dict[str, Value] = {
-            "translation": link.anchor,
-            "rotation": (*axis, joint.standing),
-            "children": [*link.shapes, *hanging],
-            "name": link_name(name),
-        }
-        if link.bounding is not None:
-            solid["boundingObject"] = link.bounding
-        solid["physics"] = _physics(link.spec, link.centre)
-        parameters: dict[str, Value] = {"axis": axis, "anchor": link.anchor, "dampingConstant": damping[name]}
-        hanging = [_hinge(name, link.kind, joint, parameters, Node("Solid", solid, define=link_name(name)))]
-    return hanging[0]
+def _shapes(spec: RobotSpec, leg: LegSpec, link: Link, kind: str) -> tuple[list[Value], Node | None]:
+    """Return what there is to see of a link, and what of it collides: of a shank its bone and its foot."""
+    middle = vector(link.com)
+    if kind == "thigh":
+        return [_at(middle, _shape(_capsule(spec.thigh_link.size[2], THIGH_RADIUS), DARK))], None
+    if kind == "shank":
+        foot = Node("Sphere", {"radius": spec.foot_radius, "subdivision": 2})
+        bone, below = _capsule(spec.shank_link.size[2], SHANK_RADIUS), vector(foot_position(spec))
+        seen: list[Value] = [_at(middle, _shape(bone, LIGHT)), _at(below, _shape(foot, GROUPS[leg.group]))]
+        return seen, Node("Group", {"children": [_at(below, foot), _at(middle, bone)]})
+    return [], None
 
 
 def _hinge(name: str, kind: str, joint: JointSpec, parameters: Mapping[str, Value], end: Node) -> Node:
@@ -188,12 +152,16 @@ def _hinge(name: str, kind: str, joint: JointSpec, parameters: Mapping[str, Valu
     )
 
 
-def _physics(link: LinkSpec, centre: tuple[float, ...]) -> Node:
-    """Return mass and inertia of a uniform box whose middle is at `centre` of its link's frame [m]."""
-    moments = vector(box_inertia(link.mass, link.size))
+def _physics(mass: float, centre: np.ndarray, inertia: np.ndarray) -> Node:
+    """Return mass [kg] and principal moments [kg m²] about a centre of mass [m] in its link's frame, both (3,)."""
     return Node(
         "Physics",
-        {"density": -1, "mass": link.mass, "centerOfMass": [centre], "inertiaMatrix": [moments, (0.0, 0.0, 0.0)]},
+        {
+            "density": -1,
+            "mass": mass,
+            "centerOfMass": [vector(centre)],
+            "inertiaMatrix": [vector(inertia), (0.0, 0.0, 0.0)],
+        },
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from stiction import __version__
 from stiction.formats.bundle import Bundle
 from stiction.formats.friction import level_text
-from stiction.robots.spec import RobotSpec, box_inertia
+from stiction.robots.spec import JOINT_KINDS, RobotSpec, box_inertia
 from stiction.transfer.webots.controller import PLUGIN
 from stiction.transfer.webots.proto import FARTHEST, friction_field, proto_name, stops
 
@@ -105,7 +105,7 @@ def write_readme(spec: RobotSpec, bundle: Bundle, policy: str, level: float, ste
 def _friction_rows(spec: RobotSpec, levels: Mapping[str, float]) -> str:
     """Return the rows of the table of friction torques [N m]."""
     rows = []
-    for kind in ("hip", "thigh", "shank"):
+    for kind in JOINT_KINDS:
         limit = getattr(spec, kind).torque_limit
         torques = " | ".join(f"{level * limit:g}" for level in levels.values())
         rows.append(f"| `{friction_field(kind)}` | {limit:g} | {torques} |")
@@ -122,7 +122,7 @@ def _share_of_link(spec: RobotSpec, armature: float) -> float:
 def _clipped(spec: RobotSpec) -> str:
     """Say which stops are nearer than the robot's, since Webots sees angles modulo 2π."""
     nearer = []
-    for kind in ("hip", "thigh", "shank"):
+    for kind in JOINT_KINDS:
         joint = getattr(spec, kind)
         if stops(joint) != (joint.lower - joint.standing, joint.upper - joint.standing):
             nearer.append(kind)

@@ -17,10 +17,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from stiction.locomotion.terrain import START
-from stiction.robots.spec import RobotSpec
+from stiction.robots.spec import JOINT_KINDS, RobotSpec
 from stiction.sim.terrain import KINDS, REACH, SLABS, STEEPEST, Terrain
 from stiction.transfer.webots.controller import PLUGIN
-from stiction.transfer.webots.proto import KINDS as JOINT_KINDS
 from stiction.transfer.webots.proto import friction_field, proto_name
 from stiction.transfer.webots.vrml import HEADER, Node, Value, comment, text, vector, write
 
