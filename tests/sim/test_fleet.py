@@ -5,7 +5,8 @@ import pytest
 
 from stiction.formats.errors import StictionError
 from stiction.robots.catalog import find_robot
-from stiction.sim.fleet import Fleet, base_up, rotate_inverse
+from stiction.sim.fall import base_up
+from stiction.sim.fleet import Fleet, rotate_inverse
 
 LEVEL = 0.3
 ROBOTS = ["saturn_lite", "go1"]

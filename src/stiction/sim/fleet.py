@@ -14,23 +14,13 @@ import numpy as np
 from stiction.formats.errors import StictionError
 from stiction.robots.build import build_model
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
+from stiction.sim.fall import tilted, too_low
 from stiction.sim.native import NativeSimulation
 from stiction.sim.protocol import Simulation
 from stiction.sim.terrain import Terrain
 
 BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
-
-FALLEN_TILT = 0.5
-"""A robot has fallen where the base's up axis is more than 60° off vertical: its z component is under this."""
-
-FALLEN_HEIGHT = 0.45
-"""... or where the base is lower than this fraction of its standing height."""
-
-
-def base_up(quaternion: np.ndarray) -> np.ndarray:
-    """Return the z component of the base's up axis in the world, shape (N,). `quaternion`: w, x, y, z, shape (N, 4)."""
-    return 1.0 - 2.0 * (quaternion[:, 1] ** 2 + quaternion[:, 2] ** 2)
 
 
 def rotate_inverse(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
@@ -275,8 +265,8 @@ class Fleet:
 
     def fallen(self) -> np.ndarray:
         """Return whether each robot lies or is about to, shape (N,)."""
-        low = self.base_position[:, 2] - self.ground < FALLEN_HEIGHT * self.spec.standing_height
-        return low | (base_up(self.base_quaternion) < FALLEN_TILT)
+        height = self.base_position[:, 2] - self.ground
+        return tilted(self.base_quaternion) | too_low(height, self.spec.standing_height)
 
     def set_gravity(self, gravity: tuple[float, float, float]) -> None:
         """Set gravity [m/s²] for every robot: off for a bench test, tilted to find a height."""

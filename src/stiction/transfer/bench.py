@@ -32,6 +32,7 @@ from stiction.rma.phase import PhaseRunner, torch_threads
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import multiply_adds, teacher_cfg
 from stiction.sim.native import NativeSimulation
+from stiction.transfer.engines.rotation import UPRIGHT
 
 
 @dataclass(frozen=True)
@@ -138,7 +139,7 @@ def measure_runtime(bundle: Path, steps: int = 3000) -> dict[str, float]:
     spent = []
     for _ in range(steps):
         noise = 0.1 * rng.standard_normal((2, joints))
-        sensors = Sensors(np.array([1.0, 0.0, 0.0, 0.0]), noise[0, :3], noise[0], noise[1])
+        sensors = Sensors(UPRIGHT, noise[0, :3], noise[0], noise[1])
         start = time.perf_counter()
         policy.step(sensors, command)
         spent.append(1e3 * (time.perf_counter() - start))

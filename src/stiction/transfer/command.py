@@ -15,6 +15,9 @@ AXES = ("vx", "vy", "wz")
 STAND = "stand"
 """The command to stand still."""
 
+SETTLE = 2.0
+"""What is not measured at the start of a walk [s]: getting up to speed is not what is asked."""
+
 
 @dataclass(frozen=True)
 class Command:

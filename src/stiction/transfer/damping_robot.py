@@ -18,7 +18,7 @@ from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import seed_streams
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
-from stiction.transfer.command import parse_command
+from stiction.transfer.command import SETTLE, parse_command
 from stiction.transfer.damping import DampingCfg
 from stiction.transfer.rollout import Rollout, friction_at, robot_of
 
@@ -36,10 +36,6 @@ LIFTED = 100.0
 
 FIRST = 1.0
 """How long motions are compared [s]."""
-
-SETTLE = 2.0
-"""What does not count for speed and saturation at the start of a walk [s]."""
-
 
 LONGEST = 60.0
 """Longest walk: every angle is kept [s]."""

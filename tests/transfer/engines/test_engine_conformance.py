@@ -11,12 +11,12 @@ import pytest
 from stiction.formats.errors import StictionError
 from stiction.robots.catalog import find_robot
 from stiction.transfer.engines.catalog import ENGINES, TIMESTEP, make_engine, what_is_missing
-from stiction.transfer.engines.checks.rig import UPRIGHT, Figure, Make
+from stiction.transfer.engines.checks.rig import Figure, Make
 from stiction.transfer.engines.conformance import CHECKS, check_timestep, conformance, steps_per_second
 from stiction.transfer.engines.engine import BlownUp, Body, Motion
 from stiction.transfer.engines.ground import Ground, flat
 from stiction.transfer.engines.mujoco_engine import MujocoEngine
-from stiction.transfer.engines.rotation import matrix
+from stiction.transfer.engines.rotation import UPRIGHT, matrix
 
 
 @pytest.fixture(scope="module", params=ENGINES)

@@ -6,10 +6,11 @@ import numpy as np
 
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
-from stiction.transfer.engines.checks.rig import UPRIGHT, record, still
+from stiction.transfer.engines.checks.rig import record, still
 from stiction.transfer.engines.engine import Body, Motion
 from stiction.transfer.engines.ground import flat
 from stiction.transfer.engines.mujoco_engine import MujocoEngine
+from stiction.transfer.engines.rotation import UPRIGHT
 
 SPEC = find_robot("go1")
 SECONDS = 0.1

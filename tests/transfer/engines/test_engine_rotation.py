@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from stiction.transfer.engines.rotation import about, angle_between, cross_matrix, into_frame, matrix
+from stiction.transfer.engines.rotation import about, angle_between, cross_matrix, into_frame, matrix, yaw
 
 
 def test_a_quarter_turn_about_z() -> None:
@@ -26,3 +27,10 @@ def test_the_angle_between_orientations_knows_no_sign_of_a_quaternion() -> None:
 def test_a_cross_product_is_a_matrix() -> None:
     """X cross y is z."""
     assert (cross_matrix(np.array([1.0, 0.0, 0.0])) @ [0.0, 1.0, 0.0]).tolist() == [0.0, 0.0, 1.0]
+
+
+def test_the_heading_is_the_yaw() -> None:
+    """If this failed, a pilot would correct a heading that the robot does not have: 30° about z, then 10° about y."""
+    turn, pitch = np.radians(30), np.radians(10)
+    cy, sy, cp, sp = np.cos(turn / 2), np.sin(turn / 2), np.cos(pitch / 2), np.sin(pitch / 2)
+    assert yaw(np.array([cy * cp, -sy * sp, cy * sp, sy * cp])) == pytest.approx(turn)

@@ -17,11 +17,11 @@ from stiction.robots.catalog import find_robot
 from stiction.robots.links import foot_position, links
 from stiction.transfer.engines import ode as ode_module
 from stiction.transfer.engines.catalog import what_is_missing
-from stiction.transfer.engines.checks.rig import HELD, UPRIGHT, hold, record, still
+from stiction.transfer.engines.checks.rig import HELD, hold, record, still
 from stiction.transfer.engines.engine import GRAVITY, BlownUp, Body, Motion
 from stiction.transfer.engines.ground import Ground, HeightField, flat
 from stiction.transfer.engines.ode import ACCURATE, WEBOTS, OdeEngine, OdeSettings
-from stiction.transfer.engines.rotation import matrix
+from stiction.transfer.engines.rotation import UPRIGHT, matrix
 
 STEP = 0.002
 SPEC = find_robot("saturn_lite")

@@ -7,7 +7,7 @@ import pytest
 
 from stiction.deploy.observation import Sensors
 from stiction.transfer.command import parse_command
-from stiction.transfer.webots.odometer import Odometer, heading
+from stiction.transfer.webots.odometer import Odometer
 
 
 def test_speed_is_measured_along_the_command_in_the_robots_own_frame() -> None:
@@ -32,10 +32,3 @@ def test_speed_is_measured_along_the_command_in_the_robots_own_frame() -> None:
     assert odometer.speed(parse_command("vx=0.3,vy=0.4")) == pytest.approx(0.6 * 0.5 + 0.8 * 0.2)
     assert odometer.speed(parse_command("wz=1")) == pytest.approx(0.3)
     assert odometer.speed(parse_command("stand")) is None
-
-
-def test_the_heading_is_the_yaw() -> None:
-    """If this failed, a pilot would correct a heading that the robot does not have: 30° about z, then 10° about y."""
-    yaw, pitch = np.radians(30), np.radians(10)
-    cy, sy, cp, sp = np.cos(yaw / 2), np.sin(yaw / 2), np.cos(pitch / 2), np.sin(pitch / 2)
-    assert heading(np.array([cy * cp, -sy * sp, cy * sp, sy * cp])) == pytest.approx(yaw)

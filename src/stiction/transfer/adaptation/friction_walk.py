@@ -16,6 +16,7 @@ from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg, FrictionMethod
 from stiction.rma.config import TrainCfg
 from stiction.rma.models import RMAActor
+from stiction.transfer.command import SETTLE
 
 Per = Literal["joint", "robot"]
 """Friction drawn for each joint by itself, or one level for all joints of a robot."""
@@ -30,7 +31,7 @@ class WalkCfg:
     seconds: float = 22.1
     """Length [s]; commands are drawn anew as in training, every 5 s. Beside what is left out, two windows of the wear
     monitor and the frame before the first of them."""
-    settle: float = 2.0
+    settle: float = SETTLE
     """What is left out at its start [s]."""
     highest: float = 0.24
     """Friction is drawn from 0 to this fraction of the torque limit, uniformly: 1.2 times 0.2, as `deception` draws."""

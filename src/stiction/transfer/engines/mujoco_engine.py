@@ -21,7 +21,7 @@ import numpy as np
 from stiction.robots.build import GROUND, OBSTACLE, build
 from stiction.transfer.engines.engine import GRAVITY, TOUCH, Body, Motion, check_speed
 from stiction.transfer.engines.ground import Ground, HeightField
-from stiction.transfer.engines.rotation import into_frame
+from stiction.transfer.engines.rotation import UPRIGHT, into_frame
 
 # MuJoCo would write every instability to a file in the current folder and to the terminal; `step` raises instead.
 mujoco.set_mju_user_warning(lambda message: None)
@@ -65,7 +65,7 @@ class MujocoEngine:
         if contact_time is not None:
             model.geom_solref[:, 0] = contact_time
         mujoco.mj_setConst(model, self._data)
-        self.reset(body.spec.joint_values("standing"), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest; see `Engine.reset`."""

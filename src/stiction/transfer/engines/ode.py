@@ -21,6 +21,7 @@ from stiction.transfer.engines.ode_check import check_body, check_drive, check_p
 from stiction.transfer.engines.ode_contact import ContactSettings, OdeContacts
 from stiction.transfer.engines.ode_library import ode_library, prepare_thread, taken_messages
 from stiction.transfer.engines.ode_robot import OdeRobot
+from stiction.transfer.engines.rotation import UPRIGHT
 
 ITERATIONS = 100
 """Of the iterative solver, in a step that the exact one gives up. Robots that thrashed about under random torques had 9
@@ -72,7 +73,7 @@ class OdeEngine:
         self._robot = OdeRobot(library, world, body, timestep)
         self._contacts = OdeContacts(library, world, self._robot, body, ground, settings.contact)
         weakref.finalize(self, _destroy, library, world, self._contacts)
-        self.reset(body.spec.joint_values("standing"), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest; see `Engine.reset`.

@@ -20,7 +20,7 @@ from stiction.robots.links import SHANK_RADIUS, foot_position, links
 from stiction.robots.spec import box_inertia
 from stiction.transfer.engines.engine import FASTEST, GRAVITY, TOUCH, Body, Motion, check_speed
 from stiction.transfer.engines.ground import Ground
-from stiction.transfer.engines.rotation import cross_matrix, into_frame
+from stiction.transfer.engines.rotation import UPRIGHT, cross_matrix, into_frame
 
 BRAKE = 1e5
 """Damping of the drive that is dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
@@ -62,7 +62,7 @@ class PhysxEngine:
             raise StictionError(f"ground friction {body.ground_friction}; the engine 'physx' takes 0 to 2")
         self.body, self.ground, self.timestep = body, ground, timestep
         self._lever = cross_matrix(np.array(body.base_com))
-        self.reset(body.spec.joint_values("standing"), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest; see `Engine.reset`."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from stiction.robots.spec import RobotSpec
-from stiction.sim.fleet import FALLEN_HEIGHT, FALLEN_TILT, base_up
+from stiction.sim.fall import tilted, too_low
 from stiction.transfer.engines.engine import Motion
 from stiction.transfer.metrics import Recording
 from stiction.transfer.robot.virtual import Witness
@@ -15,8 +15,7 @@ from stiction.transfer.robot.virtual import Witness
 
 def fallen(motion: Motion, spec: RobotSpec, ground: float) -> bool:
     """Say whether a robot lies or is about to, by the rule of the training (`Fleet.fallen`); ground: under it [m]."""
-    low = motion.base_position[2] - ground < FALLEN_HEIGHT * spec.standing_height
-    return bool(low or base_up(motion.base_quaternion[None])[0] < FALLEN_TILT)
+    return bool(tilted(motion.base_quaternion) or too_low(motion.base_position[2] - ground, spec.standing_height))
 
 
 class Referee:

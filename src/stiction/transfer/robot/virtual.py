@@ -25,6 +25,7 @@ from stiction.deploy.observation import Sensors
 from stiction.formats.errors import StictionError
 from stiction.transfer.engines.engine import Engine, Motion
 from stiction.transfer.engines.joint_physics import JointFriction
+from stiction.transfer.engines.rotation import UPRIGHT
 from stiction.transfer.robot.delay import DelayLine, whole_steps
 from stiction.transfer.robot.gears import Gears
 from stiction.transfer.robot.hidden import Hidden
@@ -132,7 +133,7 @@ class VirtualRobot:
         self.plug = Plug(self._names, period, self._read_last, self._exchange)
         """What drives the robot may have."""
         standing = spec.joint_values("standing")
-        self.place(standing, np.array([0.0, 0.0, spec.standing_height]), np.array([1.0, 0.0, 0.0, 0.0]))
+        self.place(standing, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
 
     def place(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest and limp; see `Engine.reset`."""

@@ -36,8 +36,10 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.locomotion.terrain import TerrainCfg, hold_heading
+from stiction.sim.fall import tilted
 from stiction.transfer.command import parse_command
-from stiction.transfer.webots.odometer import Odometer, heading
+from stiction.transfer.engines.rotation import yaw
+from stiction.transfer.webots.odometer import Odometer
 
 IMU, GYRO, GPS, RECEIVER, SENSOR = "imu", "gyro", "gps", "plugin", "_sensor"
 """Names of the devices; a joint's sensor is called like the joint and `SENSOR`, its motor like the joint."""
@@ -47,9 +49,6 @@ PLUGIN, CHANNEL = "rotor_inertia", 1
 
 PATIENCE = 10
 """Physics steps in which the plugin must have said something."""
-
-FALLEN = 0.5
-"""The robot has fallen where the z component of the trunk's up axis is less: 60° off, as in `stiction evaluate`."""
 
 
 @dataclass(frozen=True)
@@ -191,8 +190,8 @@ def walk(robot: Any, bundle: Bundle, cfg: ControllerCfg) -> str:
         devices.listen(loop.steps)
         sensors = devices.sense()
         if first is None:
-            first = heading(sensors.quaternion)
-        if 1 - 2 * float(sensors.quaternion[1] ** 2 + sensors.quaternion[2] ** 2) < FALLEN:
+            first = yaw(sensors.quaternion)
+        if tilted(sensors.quaternion):
             end = "fell"
             break
         if loop.due:
@@ -202,7 +201,7 @@ def walk(robot: Any, bundle: Bundle, cfg: ControllerCfg) -> str:
                 break
         velocity = np.array(command.velocity)
         if cfg.hold_heading:
-            error = np.array(first - heading(sensors.quaternion))
+            error = np.array(first - yaw(sensors.quaternion))
             velocity[2] += hold_heading(error, TerrainCfg.heading_gain)
         devices.set_torque(loop.torque(sensors, velocity))
     seconds, speed = loop.steps * contract.physics_timestep, odometer.speed(command)

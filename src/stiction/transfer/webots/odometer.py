@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from stiction.deploy.observation import Sensors
-from stiction.transfer.command import Command
-
-SETTLE = 2.0
-"""What is not measured at the start [s], as in `stiction evaluate`: getting up to speed is not what is asked."""
+from stiction.transfer.command import SETTLE, Command
+from stiction.transfer.engines.rotation import yaw
 
 
 class Odometer:
@@ -24,7 +22,8 @@ class Odometer:
         """Note where the robot is, (3,) [m]."""
         if self._last is not None:
             along, across = (place - self._last)[:2] / self._period
-            cosine, sine = np.cos(heading(sensors.quaternion)), np.sin(heading(sensors.quaternion))
+            facing = yaw(sensors.quaternion)
+            cosine, sine = np.cos(facing), np.sin(facing)
             turn = float(sensors.angular_velocity[2])
             self._velocity.append((cosine * along + sine * across, cosine * across - sine * along, turn))
         self._last = place
@@ -35,9 +34,3 @@ class Odometer:
         if command.direction is None or len(self._velocity) <= first:
             return None
         return float((np.array(self._velocity[first:]) @ command.direction).mean())
-
-
-def heading(quaternion: np.ndarray) -> float:
-    """Return the yaw [rad] of an orientation, w x y z."""
-    w, x, y, z = quaternion
-    return float(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
