@@ -204,8 +204,9 @@ def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[R
     """Evaluate the policies from no friction to half more than the nominal level."""
     from stiction.cli.terminal import work_progress
     from stiction.formats.folder import make_folder
+    from stiction.formats.friction import MAX_LEVEL
     from stiction.formats.reproducibility import num_threads
-    from stiction.transfer.evaluate import MAX_LEVEL, EvaluationCfg
+    from stiction.transfer.evaluate import EvaluationCfg
     from stiction.transfer.grid.config import GridCfg
     from stiction.transfer.summary import evaluate_all
 

@@ -22,6 +22,9 @@ LAWS = {
 COEFFICIENT_LAWS = ("load", "effort")
 """Laws whose level is a coefficient; that of the others is a fraction of the torque limit."""
 
+MAX_LEVEL = 0.9
+"""Highest friction level: above it hardly any torque is left to move the joint [-]. It bounds coefficients too."""
+
 
 @dataclass(frozen=True)
 class Law:

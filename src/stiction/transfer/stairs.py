@@ -15,6 +15,7 @@ from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
 from stiction.formats.climb import Climb
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import MAX_LEVEL
 from stiction.formats.reproducibility import seed_streams
 from stiction.locomotion.config import NoiseCfg
 from stiction.locomotion.terrain import LENGTH
@@ -48,8 +49,8 @@ class ClimbCfg:
             raise StictionError(
                 f"step heights {self.step_heights}: expected at least one, in (0, {STEEPEST['stairs']}] m"
             )
-        if not self.friction_levels or not all(0 <= level < 0.9 for level in self.friction_levels):
-            raise StictionError(f"friction levels {self.friction_levels}: expected at least one, in [0, 0.9)")
+        if not self.friction_levels or not all(0 <= level < MAX_LEVEL for level in self.friction_levels):
+            raise StictionError(f"friction levels {self.friction_levels}: expected at least one, in [0, {MAX_LEVEL})")
         for name in ("step_heights", "friction_levels"):
             if len(set(getattr(self, name))) < len(getattr(self, name)):
                 raise StictionError(f"{name} {getattr(self, name)}: one was given twice; give each once")

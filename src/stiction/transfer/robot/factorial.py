@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import MAX_LEVEL
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.joint_physics import JointFriction
 from stiction.transfer.robot.hidden import GROUPS, Hidden
@@ -41,9 +42,6 @@ bears: a planetary gear of 90 %."""
 
 LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3", BENCH, f"{BENCH}+{LOAD:g}")
 """Levels of the comparison: of the torque limit, the paper's 1 % among them, and the bench's."""
-
-HIGHEST = 0.9
-"""Of a level as a fraction of the torque limit, and of a coefficient [-]."""
 
 
 @dataclass(frozen=True)
@@ -86,9 +84,9 @@ def parse_level(text: str) -> Level:
         load = float(coefficient) if plus else 0.0
     except ValueError:
         share, load = math.nan, math.nan
-    if not all(0 <= number <= HIGHEST for number in (share or 0.0, load)):
+    if not all(0 <= number <= MAX_LEVEL for number in (share or 0.0, load)):
         raise StictionError(
-            f"friction level {text!r} of a virtual robot: expected a fraction of the torque limit up to {HIGHEST} or "
+            f"friction level {text!r} of a virtual robot: expected a fraction of the torque limit up to {MAX_LEVEL} or "
             f"{BENCH!r}, with a load coefficient where wanted: 0.1, {BENCH}, {BENCH}+{LOAD:g}"
         )
     return Level(share, load)

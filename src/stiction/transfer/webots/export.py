@@ -20,6 +20,7 @@ from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import Bundle, BundleError, read_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
+from stiction.formats.friction import MAX_LEVEL
 from stiction.robots.spec import RobotSpec
 from stiction.sim.terrain import STEEPEST
 from stiction.transfer.rollout import robot_of
@@ -31,9 +32,6 @@ from stiction.transfer.webots.world import joint_friction, milliseconds, write_w
 
 CONTROLLER = "stiction_policy"
 """Name of the controller's folder and program."""
-
-MAX_LEVEL = 0.9
-"""Highest friction level, as in the evaluation: above it hardly any torque is left to move the joint [-]."""
 
 NOT_RUN = "written and tested short of running; not run in Webots"
 """What everybody is told."""
