@@ -44,9 +44,6 @@ def test_wear_grows_by_equal_ratios_from_the_seals_out_to_three() -> None:
     assert [wear.factor(time) for time in (-5.0, 0.0, 20.0, 60.0, 90.0)] == pytest.approx(
         [SEALS_OUT, SEALS_OUT, 0.3 * 10 ** (1 / 3), 3.0, 3.0]
     )
-    assert wear.factor(wear.time_at(1.0)) == pytest.approx(1.0)
-    assert wear.time_at(1.0) == pytest.approx(60 * np.log10(1 / 0.3))
-    assert (wear.time_at(0.1), wear.time_at(10.0)) == (0.0, 60.0)
 
 
 def test_one_joint_a_kind_or_all_joints_wear() -> None:

@@ -51,10 +51,3 @@ class Wear:
         if unknown := sorted(set(self.joints) - known):
             raise StictionError(f"wear of {unknown[0]!r}: expected some of {', '.join(sorted(known))}")
         return np.array([not self.joints or bool({name, of_kind[name]} & set(self.joints)) for name in joint_names])
-
-    def time_at(self, factor: float) -> float:
-        """Return when a worn joint has a factor [s], within the run: 0 to `seconds`."""
-        if self.start == self.end:
-            return 0.0
-        reached = math.log(factor / self.start) / math.log(self.end / self.start)
-        return self.seconds * min(max(reached, 0.0), 1.0)
