@@ -94,7 +94,10 @@ def compared(first: float, second: float) -> str:
 def findings(summary: dict[str, Any]) -> list[str]:
     """Return sentences that follow from the numbers, on each thing that the paper says of the loop."""
     rows = summary["rows"]
-    policies, commands = unique(rows, "policy"), unique(rows, "command")
+    policies, commands = (
+        list(dict.fromkeys(row["policy"] for row in rows)),
+        list(dict.fromkeys(row["command"] for row in rows)),
+    )
     drawn = [robot["name"] for robot in summary["robots"][1:]]
     said = [f"f0 on robot-0: {_reached(rows, 'f0', commands)}; the paper's walked backward and fell forward."]
     for policy in policies[1:]:
@@ -215,12 +218,12 @@ def _net_of(policy: dict[str, Any]) -> str:
 
 def draw(rows: Sequence[Row]) -> Figure:
     """Draw the speed ratio by robot, a panel for each command, a line for each policy."""
-    commands = unique([row for row in rows if row["speed_ratio"] is not None], "command")
+    commands = list(dict.fromkeys(row["command"] for row in rows if row["speed_ratio"] is not None))
     figure, axes = new_figure(1, max(1, len(commands)), size=(4.8 * max(1, len(commands)), 3.4))
-    places = unique([{"place": _place(row)} for row in rows], "place")
+    places = list(dict.fromkeys(map(_place, rows)))
     for axis, command in zip(axes, commands, strict=False):
         axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
-        for policy in unique(rows, "policy"):
+        for policy in dict.fromkeys(row["policy"] for row in rows):
             points = [row for row in rows if (row["policy"], row["command"]) == (policy, command)]
             at = [places.index(_place(row)) for row in points]
             axis.plot(at, [row["speed_ratio"] for row in points], "o", markersize=5, label=policy)
@@ -235,8 +238,3 @@ def draw(rows: Sequence[Row]) -> Figure:
 def _place(row: Row) -> str:
     """Return where a row was measured."""
     return f"{row['robot']}, {100 * row['friction_level']:.3g} %"
-
-
-def unique(rows: Sequence[Row], name: str) -> list[str]:
-    """Return each value of a column once, in order."""
-    return list(dict.fromkeys(row[name] for row in rows))

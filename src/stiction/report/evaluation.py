@@ -15,7 +15,7 @@ from stiction.formats.friction import LAWS, has_coefficient, level_text
 from stiction.formats.grid import MethodMean
 from stiction.formats.results import FOLLOWS, ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
-from stiction.report.evaluation_figures import DEFAULT, draw_budget, place_of, place_text, places, unique
+from stiction.report.evaluation_figures import DEFAULT, draw_budget, place_of, place_text, places
 from stiction.report.page import Section, figure_uri, paragraph, picture, render_page, table
 
 TITLE = "Speed over joint friction"
@@ -115,7 +115,7 @@ def lead(rows: Sequence[ResultRow]) -> str:
     """Return the answer in a sentence for each policy: up to which level it follows all linear and turn commands."""
     sentences = []
     several = len(places(rows)) > 1
-    for policy in unique(row.policy for row in rows):
+    for policy in dict.fromkeys(row.policy for row in rows):
         for place in places(rows):
             own = [row for row in rows if row.policy == policy and place_of(row) == place]
             if own:

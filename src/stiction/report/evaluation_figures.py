@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from stiction.formats.friction import level_axis, level_number
 from stiction.formats.results import FOLLOWS, ResultRow
@@ -11,8 +11,6 @@ from stiction.report.page import COLORS, INK, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-T = TypeVar("T")
 
 Place = tuple[str, str]
 """Engine and ground of a row."""
@@ -28,7 +26,7 @@ def place_of(row: ResultRow) -> Place:
 
 def places(rows: Sequence[ResultRow]) -> list[Place]:
     """Return every place once."""
-    return unique(map(place_of, rows))
+    return list(dict.fromkeys(map(place_of, rows)))
 
 
 def place_text(place: Place) -> str:
@@ -43,8 +41,8 @@ def draw_budget(rows: Sequence[ResultRow]) -> Figure:
     A column of panels for each command; a row for each place, and for each law there: their levels have other units.
     """
     moving = [row for row in rows if row.speed_ratio is not None]
-    lines = unique((place_of(row), row.friction_law) for row in moving)
-    columns = unique(row.command for row in moving)
+    lines = list(dict.fromkeys((place_of(row), row.friction_law) for row in moving))
+    columns = list(dict.fromkeys(row.command for row in moving))
     width, height = max(1, len(columns)), max(1, len(lines))
     figure, axes = new_figure(height, width, size=(4.6 * width, 3.4 * height))
     for number, axis in enumerate(axes[: len(lines) * len(columns)]):
@@ -53,7 +51,7 @@ def draw_budget(rows: Sequence[ResultRow]) -> Figure:
         axis.set_visible(bool(shown))
         axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
         axis.axhline(0.0, color=INK, linewidth=0.8)
-        for policy in unique(row.policy for row in rows):
+        for policy in dict.fromkeys(row.policy for row in rows):
             points = sorted((row for row in shown if row.policy == policy), key=lambda row: row.friction_level)
             levels = [level_number(law, row.friction_level) for row in points]
             axis.plot(levels, [row.speed_ratio for row in points], marker="o", markersize=4, label=policy)
@@ -64,8 +62,3 @@ def draw_budget(rows: Sequence[ResultRow]) -> Figure:
             axis.set_ylabel("speed reached / commanded")
         legend(axes[0])
     return figure
-
-
-def unique(values: Iterable[T]) -> list[T]:
-    """Return each value once, in the order of first appearance."""
-    return list(dict.fromkeys(values))
