@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.robots.spec import LegSpec, LinkSpec, RobotSpec, box_inertia
+from stiction.robots.links import links
+from stiction.robots.spec import JOINTS_PER_LEG, LegSpec, RobotSpec, box_inertia
 
 
 @dataclass(frozen=True)
@@ -105,22 +106,13 @@ def point_jacobian(spec: RobotSpec, leg: LegSpec, position: np.ndarray, point: n
     return np.moveaxis(columns, 0, -1)
 
 
-def _link_table(spec: RobotSpec, leg: LegSpec) -> tuple[tuple[LinkSpec, np.ndarray], ...]:
-    """Return each link and its centre of mass in its own frame [m]."""
-    return (
-        (spec.hip_link, np.array([0.0, leg.side * spec.hip_link.size[1] / 2, 0.0])),
-        (spec.thigh_link, np.array([0.0, 0.0, -spec.thigh_link.size[2] / 2])),
-        (spec.shank_link, np.array([0.0, 0.0, -spec.shank_link.size[2] / 2])),
-    )
-
-
 def leg_effort(spec: RobotSpec, leg: LegSpec, motion: LegMotion, base: BaseMotion) -> LegEffort:
     """Return torques and wrench that move one leg's links as they move, its foot in the air."""
     frames = _frames(spec, leg, motion.position)
     spin, turning = base.angular_velocity, base.angular_acceleration
     pull, here = base.specific_force, np.zeros_like(base.specific_force)
-    force, moment = [], []
-    for number, (link, centre) in enumerate(_link_table(spec, leg)):
+    force, moment, first = [], [], JOINTS_PER_LEG * spec.legs.index(leg)
+    for number, link in enumerate(links(spec)[first : first + JOINTS_PER_LEG]):
         step = frames.origins[number] - here
         pull = pull + np.cross(turning, step) + np.cross(spin, np.cross(spin, step))
         here = frames.origins[number]
@@ -128,9 +120,9 @@ def leg_effort(spec: RobotSpec, leg: LegSpec, motion: LegMotion, base: BaseMotio
         turning = turning + frames.axes[number] * motion.acceleration[:, number, None] + np.cross(spin, rate)
         spin = spin + rate
         turn = frames.rotations[number]
-        arm = turn @ centre
+        arm = turn @ link.com
         load = link.mass * (pull + np.cross(turning, arm) + np.cross(spin, np.cross(spin, arm)))
-        inertia = turn * box_inertia(link.mass, link.size) @ np.swapaxes(turn, 1, 2)
+        inertia = turn * link.inertia @ np.swapaxes(turn, 1, 2)
         momentum = (inertia @ spin[..., None])[..., 0]
         force.append(load)
         # About the base's origin, so that the wrenches of links add up without shifting them from joint to joint.

@@ -20,7 +20,7 @@ from stiction.robots.links import SHANK_RADIUS, foot_position, links
 from stiction.robots.spec import box_inertia
 from stiction.transfer.engines.engine import FASTEST, GRAVITY, TOUCH, Body, Motion, check_speed
 from stiction.transfer.engines.ground import Ground
-from stiction.transfer.engines.rotation import UPRIGHT, cross_matrix, into_frame
+from stiction.transfer.engines.rotation import UPRIGHT, about, cross_matrix, into_frame
 
 BRAKE = 1e5
 """Damping of the drive that is dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
@@ -230,5 +230,4 @@ def _attach(component: Any, shape: Any, bits: tuple[int, int]) -> None:
 
 def _turn_to(axis: np.ndarray) -> np.ndarray:
     """Return the quaternion that turns the x axis to a unit vector in the plane of x and y."""
-    half = np.arctan2(axis[1], axis[0]) / 2
-    return np.array([np.cos(half), 0.0, 0.0, np.sin(half)])
+    return about(2, np.arctan2(axis[1], axis[0]))

@@ -15,7 +15,7 @@ from stiction.transfer.engines.checks.rig import Figure, Make, record, robot, st
 from stiction.transfer.engines.engine import GRAVITY, Body, Motion
 from stiction.transfer.engines.ground import flat
 from stiction.transfer.engines.mujoco_engine import MujocoEngine
-from stiction.transfer.engines.rotation import UPRIGHT, angle_between, into_frame
+from stiction.transfer.engines.rotation import UPRIGHT, angle_between, into_frame, matrix
 
 FINE = 1e-4
 """Timestep of the reference [s]."""
@@ -157,15 +157,7 @@ def hanging_weight(tree: tuple[Link, ...], angles: np.ndarray) -> tuple[np.ndarr
     frames: list[tuple[np.ndarray, np.ndarray]] = []
     for link, angle in zip(tree, angles, strict=True):
         turn, place = frames[link.parent] if link.parent >= 0 else (np.eye(3), np.zeros(3))
-        x, y, _ = link.axis
-        cosine, sine = np.cos(angle), np.sin(angle)
-        about = np.array(
-            [
-                [cosine + x * x * (1 - cosine), x * y * (1 - cosine), y * sine],
-                [x * y * (1 - cosine), cosine + y * y * (1 - cosine), -x * sine],
-                [-y * sine, x * sine, cosine],
-            ]
-        )
+        about = matrix(np.array([np.cos(angle / 2), *(np.sin(angle / 2) * link.axis)]))
         frames.append((turn @ about, place + turn @ link.origin))
     centres = np.array([place + turn @ link.com for link, (turn, place) in zip(tree, frames, strict=True)])
     force, torque = np.zeros(len(tree)), np.zeros((len(tree), 3))
