@@ -7,6 +7,9 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
+from stiction.formats.errors import StictionError
 from stiction.formats.life import Life, Reading, Window
 from stiction.report.wear import answers, write_wear
 
@@ -130,3 +133,9 @@ def test_a_robot_that_fell_at_once_has_no_window(tmp_path: Path) -> None:
     fallen = replace(LIFE, end="fell", first_ratio=None, last_ratio=None)
     assert "fell" in write_wear(tmp_path, [fallen], [], [], summary()).read_text()
     assert not (tmp_path / "windows.csv").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_one_clear_line(tmp_path: Path) -> None:
+    """If this failed, hours of walks would end in a traceback."""
+    with pytest.raises(StictionError, match=r"cannot be written to .*choose another --out"):
+        write_wear(tmp_path / "gone", [LIFE], [], [], summary())

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from markupsafe import Markup
 
 from stiction.formats.engines import FigureRow, PaceRow, WalkRow
-from stiction.report.engine_words import judge
+from stiction.report.engine_words import CLOSE, judge
 from stiction.report.page import table
 
 
@@ -56,8 +56,8 @@ def walk_table(rows: Sequence[WalkRow]) -> Markup:
 def verdict_table(rows: Sequence[WalkRow]) -> Markup:
     """Return whether speeds are within ±10 %, and falls; the same lines and columns."""
     caption = (
-        "Whether the whole interval is within ±10 % of the commanded speed / of the speed in training's simulator, and "
-        "robots that fell with Wilson's 95 % interval."
+        f"Whether the whole interval is within ±{CLOSE:.0%} of the commanded speed / of the speed in training's "
+        "simulator, and robots that fell with Wilson's 95 % interval."
     )
     return _walk_cells(rows, _verdicts, caption)
 

@@ -14,7 +14,7 @@ from stiction.formats.results import write_summary
 from stiction.formats.rows import write_rows
 from stiction.report.engine_figures import draw_motions, draw_walks
 from stiction.report.engine_tables import figure_table, pace_cells, unit, value, verdict_table, walk_table
-from stiction.report.engine_words import conformance_words, walk_words
+from stiction.report.engine_words import CLOSE, conformance_words, walk_words
 from stiction.report.page import Section, bullets, figure_uri, paragraph, picture, render_page, table
 
 HOW_FIGURES = (
@@ -83,7 +83,7 @@ def as_summary(result: EnginesResult) -> dict[str, Any]:
 def write_engines(out: Path, result: EnginesResult, summary: dict[str, Any]) -> Path:
     """Write conformance.csv, pace.csv, walks.csv, episodes.csv, figures, summary.json and report.html into `out`.
 
-    Returns the path of the page. What there are no rows of is not written.
+    Returns the path of the page. What there are no rows of is not written, and what an earlier study left of it goes.
 
     Raises:
         StictionError: something cannot be written.
@@ -100,8 +100,10 @@ def write_engines(out: Path, result: EnginesResult, summary: dict[str, Any]) -> 
         drawn["walks"] = draw_walks(result.walks, result.episodes)
     try:
         for name, rows in tables.items():
+            (out / f"{name}.csv").unlink(missing_ok=True)
             if rows:
                 write_rows(out / f"{name}.csv", rows)
+        (out / "walks.png").unlink(missing_ok=True)
         for name, figure in drawn.items():
             figure.savefig(out / f"{name}.png", dpi=110, facecolor="white")
         write_summary(out / "summary.json", summary)
@@ -142,7 +144,7 @@ def sections(result: EnginesResult, pictures: dict[str, str], summary: dict[str,
         ),
     ]
     if result.walks:
-        caption = "Bars: means; points: episodes; grey: the commanded speed ±10 %."
+        caption = f"Bars: means; points: episodes; grey: the commanded speed ±{CLOSE:.0%}."
         blocks = (picture(pictures["walks"], caption), bullets(walk_words(result.walks)), paragraph(HOW_WALKS))
         tables = (paragraph(COLUMNS), walk_table(result.walks), verdict_table(result.walks))
         found.append(Section("The same policies in every simulator", (*blocks, *tables)))

@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
+
+from stiction.formats.errors import StictionError
 from stiction.formats.life import ENOUGH, Life, Reading, Window
 from stiction.formats.results import write_summary
 from stiction.formats.rows import write_rows
@@ -20,37 +23,52 @@ def write_wear(
 
     readings: of all monitors; where there are none, readings.csv is not written. The files have the walks in which
     friction stayed as well; the figures and the table of robots have those in which it grew.
+
+    Raises:
+        StictionError: something cannot be written.
+
     """
-    for name, rows in (("lives", lives), ("windows", windows), ("readings", readings)):
-        (out / f"{name}.csv").unlink(missing_ok=True)
-        if rows:
-            write_rows(out / f"{name}.csv", rows)
-    write_summary(out / "summary.json", summary)
     worn = [row for row in lives if row.steady is None]
-    ratios = draw_ratios([row for row in windows if row.steady is None], worn)
-    ratios.savefig(out / "wear.png", dpi=150, facecolor="white")
-    settings, end = summary["settings"], summary["settings"]["wear"]["end"]
-    sections = [
-        Section("Speed while friction grows", (picture(figure_uri(ratios), SPEED),)),
-        Section("Every robot", (table(HEADER, [_cells(row, end) for row in worn]), paragraph(ENDS))),
-        Section(
-            "Does the monitor notice?",
-            (*_monitor(out, [row for row in readings if row.steady is None]), paragraph(MONITOR)),
-        ),
-        Section("Where nothing grew", _controls(summary["groups"])),
-        Section(
-            "What was run",
-            (
-                paragraph(WHAT.format(joints=", ".join(settings["wear"]["joints"]) or "all joints", **settings)),
-                paragraph(f"Command: {summary['command']}"),
-                paragraph(f"Revision {summary['revision']}, on {summary['machine']['cpu']}."),
-            ),
-        ),
-    ]
-    page = out / "report.html"
-    lead = " ".join(answers(summary["groups"], end))
-    page.write_text(render_page("Wear", sections, lead, summary["warnings"]), encoding="utf-8")
+    noticed = [row for row in readings if row.steady is None]
+    try:
+        for name, rows in (("lives", lives), ("windows", windows), ("readings", readings)):
+            (out / f"{name}.csv").unlink(missing_ok=True)
+            if rows:
+                write_rows(out / f"{name}.csv", rows)
+        write_summary(out / "summary.json", summary)
+        ratios = draw_ratios([row for row in windows if row.steady is None], worn)
+        ratios.savefig(out / "wear.png", dpi=150, facecolor="white")
+        page = out / "report.html"
+        parts = sections(picture(figure_uri(ratios), SPEED), worn, _monitor(out, noticed), summary)
+        lead = " ".join(answers(summary["groups"], summary["settings"]["wear"]["end"]))
+        page.write_text(render_page("Wear", parts, lead, summary["warnings"]), encoding="utf-8")
+    except OSError as error:
+        raise StictionError(f"the study cannot be written to {out}: {error}; choose another --out") from error
     return page
+
+
+def sections(
+    ratios: Markup, worn: Sequence[Life], monitor: tuple[Markup, ...], summary: dict[str, Any]
+) -> list[Section]:
+    """Return the sections of the page.
+
+    ratios: the figure of speed; worn: lives with friction that grew; monitor: what monitors said, as blocks.
+    """
+    settings = summary["settings"]
+    joints = ", ".join(settings["wear"]["joints"]) or "all joints"
+    rows = [_cells(row, settings["wear"]["end"]) for row in worn]
+    made = (
+        WHAT.format(joints=joints, **settings),
+        f"Command: {summary['command']}",
+        f"Revision {summary['revision']}, on {summary['machine']['cpu']}.",
+    )
+    return [
+        Section("Speed while friction grows", (ratios,)),
+        Section("Every robot", (table(HEADER, rows), paragraph(ENDS))),
+        Section("Does the monitor notice?", (*monitor, paragraph(MONITOR))),
+        Section("Where nothing grew", _controls(summary["groups"])),
+        Section("What was run", tuple(map(paragraph, made))),
+    ]
 
 
 SPEED = (
@@ -164,7 +182,7 @@ def _alarms(control: dict[str, Any], name: str) -> str:
     return f"{control['alarms'][name]} of {control['robots']} ({low:.0%} to {high:.0%})"
 
 
-def _controls(groups: Sequence[dict[str, Any]]) -> tuple:
+def _controls(groups: Sequence[dict[str, Any]]) -> tuple[Markup, ...]:
     """Return the table of the walks in which friction stayed."""
     rows = []
     for group in groups:
@@ -176,7 +194,7 @@ def _controls(groups: Sequence[dict[str, Any]]) -> tuple:
     return (table(CONTROL_HEADER, rows), paragraph(CONTROLS)) if rows else (paragraph(NO_CONTROLS),)
 
 
-def _monitor(out: Path, readings: Sequence[Reading]) -> tuple:
+def _monitor(out: Path, readings: Sequence[Reading]) -> tuple[Markup, ...]:
     """Return the figure of what monitors said against the truth; a sentence where there is none."""
     (out / "monitor.png").unlink(missing_ok=True)
     if not readings:

@@ -9,6 +9,7 @@ from stiction.formats.life import ENOUGH, Life, Reading, Window
 from stiction.report.page import COLORS, INK, legend, new_figure
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -43,7 +44,7 @@ TICKS = (0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0)
 """Factors that are written under an axis, as far as they are on it."""
 
 
-def _plain(axis) -> None:
+def _plain(axis: Axes) -> None:
     """Write factors as people do."""
     low, high = axis.get_xlim()
     ticks = [tick for tick in TICKS if low <= tick <= high]

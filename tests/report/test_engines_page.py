@@ -1,0 +1,26 @@
+"""The files of the page of engines: what a study leaves, and what it does not leave of the one before."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from stiction.formats.engines import FigureRow, PaceRow, Traces
+from stiction.report.engines import EnginesResult, as_summary, write_engines
+
+LINE = np.array([0.1, 0.2])
+MOTIONS = Traces(LINE, LINE, LINE, {"ode": LINE}, {"ode": LINE}, {"ode": LINE}, LINE)
+FIGURE = FigureRow("ode", 0.002, "terrain", "height", 1e-3, "m", 3e-3, passed=True)
+RESULT = EnginesResult((FIGURE,), (PaceRow("ode", 0.002, 2000.0, 1.0),), MOTIONS, (), (), {})
+
+
+def test_a_study_without_walks_leaves_none_of_an_earlier_one(tmp_path: Path) -> None:
+    """If this failed, walks of other policies would lie beside the summary of a study in which nobody walked."""
+    for name in ("walks.csv", "episodes.csv", "walks.png"):
+        (tmp_path / name).touch()
+    made = {"command": "c", "revision": "r", "seconds": 1.0, "machine": {"cores": 2, "cpu": "p"}, "policies": {}}
+    write_engines(tmp_path, RESULT, made | as_summary(RESULT))
+    assert {file.name for file in tmp_path.iterdir()} == {
+        *("conformance.csv", "pace.csv", "motions.png", "summary.json", "report.html")
+    }
