@@ -10,6 +10,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from stiction.robots.colors import FEET, SHANK, STONES, THIGH, TRUNK
 from stiction.robots.links import SHANK_RADIUS, THIGH_RADIUS, foot_position, links
 from stiction.robots.spec import DELAY_SAMPLES, LegSpec, RobotSpec, box_inertia
 
@@ -54,15 +55,15 @@ def _add_shapes(
     """Add what is seen and touched of one leg, and its foot's sensor."""
     knee, foot = [0.0, 0.0, -robot.thigh_link.size[2]], foot_position(robot)
     visual = {"type": mujoco.mjtGeom.mjGEOM_CAPSULE, "contype": 0, "conaffinity": 0}
-    thigh.add_geom(size=[THIGH_RADIUS, 0, 0], fromto=[0, 0, 0, *knee], rgba=[0.25, 0.3, 0.36, 1], **visual)
+    thigh.add_geom(size=[THIGH_RADIUS, 0, 0], fromto=[0, 0, 0, *knee], rgba=[*THIGH, 1], **visual)
     visual["contype"] = OBSTACLE
-    shank.add_geom(size=[SHANK_RADIUS, 0, 0], fromto=[0, 0, 0, *foot], rgba=[0.55, 0.6, 0.66, 1], **visual)
+    shank.add_geom(size=[SHANK_RADIUS, 0, 0], fromto=[0, 0, 0, *foot], rgba=[*SHANK, 1], **visual)
     shank.add_geom(
         name=f"{leg.name}_foot",
         type=mujoco.mjtGeom.mjGEOM_SPHERE,
         size=[robot.foot_radius, 0, 0],
         pos=foot,
-        rgba=[0.9, 0.45, 0.15, 1] if leg.group == 0 else [0.15, 0.5, 0.85, 1],
+        rgba=[*FEET[leg.group], 1],
         priority=1,
         friction=[1.0, 0.005, 0.0001],
     )
@@ -110,7 +111,7 @@ def build(
         name="base",
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=[extent / 2 for extent in robot.base.size],
-        rgba=[0.82, 0.84, 0.86, 1],
+        rgba=[*TRUNK, 1],
     )
     bodies = _add_links(spec, base, robot)
     for leg, thigh, shank in zip(robot.legs, bodies[1::3], bodies[2::3], strict=True):
@@ -171,7 +172,7 @@ def _add_obstacles(spec: mujoco.MjSpec, half_sizes: np.ndarray) -> None:
             quat=[0.8, 0.0, 0.0, 0.6],
             contype=OBSTACLE,
             conaffinity=GROUND | OBSTACLE,
-            rgba=[0.72, 0.74, 0.70, 1] if number % 2 else [0.80, 0.81, 0.77, 1],
+            rgba=[*STONES[number % 2], 1],
         )
     if len(half_sizes):
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE

@@ -24,6 +24,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stiction.formats.contract import Contract
+from stiction.robots.colors import FEET, SHANK, THIGH, TRUNK
 from stiction.robots.links import SHANK_RADIUS, THIGH_RADIUS, Link, foot_position, links
 from stiction.robots.spec import JOINT_KINDS, JOINTS_PER_LEG, JointSpec, LegSpec, RobotSpec, box_inertia
 from stiction.transfer.webots.controller import CHANNEL, GPS, GYRO, IMU, RECEIVER, SENSOR
@@ -34,10 +35,6 @@ EXTERN = "<extern>"
 
 FARTHEST = 3.1
 """Largest distance of a stop from the standing pose [rad], less than π."""
-
-GREY, DARK, LIGHT = (0.82, 0.84, 0.86), (0.25, 0.3, 0.36), (0.55, 0.6, 0.66)
-GROUPS = ((0.9, 0.45, 0.15), (0.15, 0.5, 0.85))
-"""Colours: trunk, thigh, shank; feet by contact group."""
 
 
 def proto_name(robot: str) -> str:
@@ -95,7 +92,7 @@ def _robot(spec: RobotSpec, damping: dict[str, float]) -> Node:
         {
             "translation": Is("translation"),
             "rotation": Is("rotation"),
-            "children": [_shape(box, GREY), *devices, *legs],
+            "children": [_shape(box, TRUNK), *devices, *legs],
             "name": Is("name"),
             "boundingObject": box,
             "physics": _physics(spec.base.mass, np.zeros(3), box_inertia(spec.base.mass, spec.base.size)),
@@ -128,11 +125,11 @@ def _shapes(spec: RobotSpec, leg: LegSpec, link: Link, kind: str) -> tuple[list[
     """Return what there is to see of a link, and what of it collides: of a shank its bone and its foot."""
     middle = vector(link.com)
     if kind == "thigh":
-        return [_at(middle, _shape(_capsule(spec.thigh_link.size[2], THIGH_RADIUS), DARK))], None
+        return [_at(middle, _shape(_capsule(spec.thigh_link.size[2], THIGH_RADIUS), THIGH))], None
     if kind == "shank":
         foot = Node("Sphere", {"radius": spec.foot_radius, "subdivision": 2})
         bone, below = _capsule(spec.shank_link.size[2], SHANK_RADIUS), vector(foot_position(spec))
-        seen: list[Value] = [_at(middle, _shape(bone, LIGHT)), _at(below, _shape(foot, GROUPS[leg.group]))]
+        seen: list[Value] = [_at(middle, _shape(bone, SHANK)), _at(below, _shape(foot, FEET[leg.group]))]
         return seen, Node("Group", {"children": [_at(below, foot), _at(middle, bone)]})
     return [], None
 

@@ -17,6 +17,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stiction.locomotion.terrain import START
+from stiction.robots.colors import STONES
 from stiction.robots.spec import JOINT_KINDS, RobotSpec
 from stiction.sim.terrain import KINDS, REACH, SLABS, STEEPEST, Terrain
 from stiction.transfer.webots.controller import PLUGIN
@@ -31,9 +32,6 @@ GROUND_FRICTION = 1.0
 
 FLOOR = (60.0, 60.0, 1.0)
 """Extent of the floor [m]; its top is at 0."""
-
-STONE = ((0.80, 0.81, 0.77), (0.72, 0.74, 0.70))
-"""Colours of stairs, by turns."""
 
 
 def joint_friction(spec: RobotSpec, level: float) -> dict[str, float]:
@@ -65,7 +63,7 @@ def write_world(spec: RobotSpec, timestep: float, friction: Mapping[str, float],
     nodes = [_info(spec, timestep), *_scenery(spec, start)]
     if step_height:
         nodes += [
-            _box(f"step {k}", *each, STONE[k % 2]) for k, each in enumerate(zip(*stairs(step_height), strict=True))
+            _box(f"step {k}", *each, STONES[k % 2]) for k, each in enumerate(zip(*stairs(step_height), strict=True))
         ]
     robot: dict[str, Value] = {"translation": (start, 0.0, spec.standing_height), "name": spec.name}
     robot |= {friction_field(kind): torque for kind, torque in friction.items()}
