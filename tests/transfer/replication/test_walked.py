@@ -8,14 +8,16 @@ import pytest
 from bundles import make_bundle, make_contract
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.errors import StictionError
+from stiction.report.replication import warnings
 from stiction.transfer.evaluate import EvaluationCfg
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.ledger import Ledger
-from stiction.transfer.grid.plan import plan
+from stiction.transfer.grid.plan import plan, plan_forward
 from stiction.transfer.grid.table import rows_of
 from stiction.transfer.metrics import Metrics
+from stiction.transfer.replication import walked
 from stiction.transfer.replication.evidence import Evidence
-from stiction.transfer.replication.plan import Part, climbers, everyone
+from stiction.transfer.replication.plan import Part, Size, climbers, everyone, parts_of
 from stiction.transfer.replication.run import replicate
 from stiction.transfer.replication.samples import samples
 from stiction.transfer.replication.walked import kept_part, planned_rows, rows_in, walk_part
@@ -101,6 +103,20 @@ def test_no_robot_is_put_on_its_bench_for_a_part_that_is_not_asked_for(
     assert [(row.method, row.episodes) for row in kept.rows] == [("none", 2)]
 
 
+def test_what_could_not_be_walked_is_said_before_the_numbers(
+    still: Bundle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A robot that is left out would be missing from one way alone, and nobody would see it; kept or walked now."""
+    said = ["Robot 4 is left out"]
+    monkeypatch.setattr(
+        walked, "not_told", lambda bundles, grid, benches: said if benches.parent.name == "first" else []
+    )
+    for asked in (None, ["second"]):
+        result = replicate([still], (FIRST, SECOND), tmp_path, asked=asked)
+        assert [part.warnings for part in result.parts] == [said, []]
+        assert "The first part. Robot 4 is left out" in warnings(result)
+
+
 def test_policies_that_fit_no_part_are_refused(still: Bundle, tmp_path: Path) -> None:
     """A page without a row would look like a comparison."""
     with pytest.raises(StictionError, match="no policy fits any part"):
@@ -146,3 +162,13 @@ def test_rows_are_planned_as_they_will_be_written(still: Bundle, tmp_path: Path)
     assert {key[:3] for key in planned_rows(only, [still])} == {
         ("still+forward", "mujoco-alone+all", law) for law in ("real", "real-bench", "real-bench+load0.02")
     }
+
+
+@pytest.mark.parametrize("size", ["quick", "full"])
+def test_what_is_fed_forward_is_walked_plain_in_another_part(size: Size) -> None:
+    """Walked plain twice it costs hours on a core; walked plain nowhere it has nothing to stand beside."""
+    parts = {part.name: part for part in parts_of(size)}
+    grid = replace(parts["forward"].grid, forward=("a",))
+    beside = set(plan(["a"], parts["robot"].grid))
+    assert plan(["a"], grid) == []
+    assert plan_forward(grid) and set(plan_forward(grid)) <= beside
