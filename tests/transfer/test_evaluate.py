@@ -10,7 +10,7 @@ from bundles import linear_network, make_bundle, make_contract
 from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
-from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.transfer.evaluate import EvaluationCfg, drive_bundle, evaluate_bundle, judge
 from stiction.transfer.walk import RecordCfg, record_walks
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
@@ -35,6 +35,14 @@ def test_a_row_for_every_level_and_command_in_order(checked: Bundle) -> None:
     assert [set(detail) - set(vars(result.rows[0])) for detail in result.details()] == [
         {"group_share", "moving_share", "mean_friction", "crossed"}
     ] * 4
+
+
+def test_a_row_names_the_way_and_not_only_the_method(checked: Bundle) -> None:
+    """Without any range, `direct` is another way of training; tables would compare it with itself."""
+    contract = replace(checked.contract, method="direct", friction_range=(0.2, 0.2))
+    driven = drive_bundle(checked, replace(SHORT, friction_levels=(0.0,), commands=("stand",), episodes=1, seconds=1.5))
+    (row,) = judge(driven, contract, "toy", replace(SHORT, episodes=1)).rows
+    assert row.method == "point"
 
 
 def test_a_law_is_evaluated_whatever_the_policy_was_trained_with(checked: Bundle) -> None:
