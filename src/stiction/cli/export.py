@@ -82,12 +82,18 @@ def _to_webots(cfg: ExportCfg) -> None:
 
     source = _bundle(cfg.source)
     given = {name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None}
-    project = export_webots(source, cfg.out or Path(f"webots-{source.resolve().name}"), WebotsCfg(**given), cfg.robot)
+    project = export_webots(source, cfg.out or Path(f"webots-{_bundle_name(source)}"), WebotsCfg(**given), cfg.robot)
     if cfg.json:
         print(json.dumps(project.summary(), indent=2))
     else:
         print(f"{project.path}: {len(project.files)} files for {project.robot}, digest {project.bundle.digest}")
         print(f"{NOT_RUN}; {project.path / 'README.md'} says how to start it", file=sys.stderr)
+
+
+def _bundle_name(folder: Path) -> str:
+    """Return what a bundle is called: its folder's name, within a run that of the run."""
+    folder = folder.resolve()
+    return folder.parent.name if folder.name == "bundle" else folder.name
 
 
 def _bundle(source: Path) -> Path:

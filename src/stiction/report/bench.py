@@ -78,7 +78,8 @@ def lead(rows: Sequence[IdentifiedFriction]) -> str:
     low, high = wilson(found.held, found.identified)
     said += (
         f"{found.held} of {found.identified} intervals of 95 % hold the friction that a perfect log would show "
-        f"({found.held / found.identified:.0%}, {low:.0%} to {high:.0%})"
+        f"({found.held / found.identified:.0%}, {low:.0%} to {high:.0%} with every "
+        "joint taken as independent, though those of a robot share a log)"
     )
     if found.median_error is not None and found.worst_error is not None:
         said += f", the median error is {found.median_error:.1%} and the worst {found.worst_error:+.1%}"

@@ -14,7 +14,7 @@ from stiction.formats.friction import has_coefficient
 from stiction.formats.replication import Replication
 from stiction.report.page import Section, figure_uri, file_uri, fold, paragraph, picture, render_page, row
 from stiction.report.page import table as page_table
-from stiction.report.replication_figures import draw_budget, draw_needs
+from stiction.report.replication_figures import curves, draw_budget, draw_needs
 from stiction.report.replication_methods import place_sheets, stairs_sheet
 from stiction.report.replication_tables import (
     counterpart_sheet,
@@ -66,7 +66,7 @@ def write_replication(out: Path, result: Replication, clips: Mapping[str, Path])
 def draw_figures(result: Replication) -> dict[str, Figure]:
     """Return the friction budget and who follows up to where."""
     ways = list(dict.fromkeys(point.method for point in result.budget))
-    found = {"budget": draw_budget(result.budget, ways, result.summary["dead_band"])} if result.budget else {}
+    found = {"budget": draw_budget(result.budget, ways, result.summary["dead_band"])} if curves(result.budget) else {}
     torques = [onset for onset in result.onsets if not has_coefficient(onset.friction_law)]
     return found | ({"needs": draw_needs(torques, ways)} if torques else {})
 

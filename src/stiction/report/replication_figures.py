@@ -28,16 +28,21 @@ def style_of(way: str, ways: Sequence[str]) -> str:
     return "-" if list(ways).index(way) < len(COLORS) else "--"
 
 
-def draw_budget(points: Sequence[BudgetPoint], ways: Sequence[str], band: float) -> Figure:
-    """Return speed ratio of the slower direction over friction, a panel for each engine and law.
-
-    band: dead band f/kp of the shank at a friction of the whole torque limit [rad], for the axis on top.
-    """
+def curves(points: Sequence[BudgetPoint]) -> dict[tuple[str, str], list[BudgetPoint]]:
+    """Return the points of each engine and law that have levels enough for a curve."""
     groups: dict[tuple[str, str], list[BudgetPoint]] = {}
     for point in points:
         groups.setdefault((point.engine, point.friction_law), []).append(point)
-    shown = {key: some for key, some in groups.items() if len({p.friction_level for p in some}) >= FEWEST_LEVELS}
-    rows = -(-max(1, len(shown)) // 3)
+    return {key: some for key, some in groups.items() if len({p.friction_level for p in some}) >= FEWEST_LEVELS}
+
+
+def draw_budget(points: Sequence[BudgetPoint], ways: Sequence[str], band: float) -> Figure:
+    """Return speed ratio of the slower direction over friction, a panel for each of `curves`, at least one.
+
+    band: dead band f/kp of the shank at a friction of the whole torque limit [rad], for the axis on top.
+    """
+    shown = curves(points)
+    rows = -(-len(shown) // 3)
     figure, axes = new_figure(rows, 3, size=(12.6, 3.7 * rows))
     for axis, ((engine, law), some) in zip(axes, shown.items(), strict=False):
         axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)

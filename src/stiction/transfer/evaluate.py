@@ -18,13 +18,13 @@ from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
-from stiction.formats.friction import Law, has_coefficient
+from stiction.formats.friction import MAX_LEVEL, Law, has_coefficient
 from stiction.formats.reproducibility import seed_streams
 from stiction.formats.results import ResultRow
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
-from stiction.transfer.command import Command, parse_command
+from stiction.transfer.command import SETTLE, Command, parse_command
 from stiction.transfer.course import Course, line_up, parse_course, pilot, starts
 from stiction.transfer.metrics import Metrics, Recording, measure
 from stiction.transfer.record import record
@@ -33,9 +33,6 @@ from stiction.transfer.ways import way_of
 
 ENGINE = "mujoco"
 """Where robots walk here, as it stands in results.csv."""
-
-MAX_LEVEL = 0.9
-"""Highest friction level: above it hardly any torque is left to move the joint [-]. It bounds coefficients too."""
 
 MAX_ROBOT_SECONDS = 400_000.0
 """Most robots at once times seconds: at 50 Hz the recording of these fills some 700 MB [s]."""
@@ -53,7 +50,7 @@ class EvaluationCfg:
     """Episodes per level and command."""
     seconds: float = 20.0
     """Length of an episode [s]."""
-    settle: float = 2.0
+    settle: float = SETTLE
     """What is not measured at the start of an episode [s]: getting up to speed is not what is asked."""
     seed: int = 0
     """Seed of initial states and sensor noise."""

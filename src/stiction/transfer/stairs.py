@@ -49,8 +49,8 @@ class ClimbCfg:
             raise StictionError(
                 f"step heights {self.step_heights}: expected at least one, in (0, {STEEPEST['stairs']}] m"
             )
-        if not self.friction_levels or not all(0 <= level < MAX_LEVEL for level in self.friction_levels):
-            raise StictionError(f"friction levels {self.friction_levels}: expected at least one, in [0, {MAX_LEVEL})")
+        if not self.friction_levels or not all(0 <= level <= MAX_LEVEL for level in self.friction_levels):
+            raise StictionError(f"friction levels {self.friction_levels}: expected at least one, in [0, {MAX_LEVEL}]")
         for name in ("step_heights", "friction_levels"):
             if len(set(getattr(self, name))) < len(getattr(self, name)):
                 raise StictionError(f"{name} {getattr(self, name)}: one was given twice; give each once")

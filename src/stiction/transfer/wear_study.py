@@ -21,7 +21,7 @@ from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.formats.life import Life, Reading, Window
-from stiction.transfer.command import parse_command
+from stiction.transfer.command import SETTLE, parse_command
 from stiction.transfer.engines.catalog import binaries, make_engine
 from stiction.transfer.kept import WALKING, keep
 from stiction.transfer.robot.factorial import Case, parse_level, parse_levels
@@ -60,7 +60,7 @@ class WearCfg:
     """Whether every robot also walks with friction that stays, see `steady`."""
     command: str = "vx=0.5"
     """What is commanded all the time."""
-    settle: float = 2.0
+    settle: float = SETTLE
     """Time after the start that nothing looks at [s]."""
     window: float = 10.0
     """Time over which the speed is averaged [s]: that of the monitor's window."""
