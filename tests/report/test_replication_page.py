@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from stiction.formats.experiment import Verdict
-from stiction.formats.replication import BOTH, FED, Behind, BudgetPoint, Onset, PartRecord, Replication, Sample
+from stiction.formats.grid import FED
+from stiction.formats.replication import BOTH, Behind, BudgetPoint, Onset, PartRecord, Replication, Sample
 from stiction.formats.results import ResultRow, read_results
 from stiction.formats.rows import read_rows
 from stiction.report.replication import lead, warnings, write_replication

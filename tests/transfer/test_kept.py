@@ -56,8 +56,10 @@ def test_a_file_that_is_none_is_said_in_one_line(tmp_path: Path) -> None:
         made(tmp_path, 1.0)
 
 
-READING = {f"formats/{name}.py" for name in ("actuator", "bundle", "errors", "golden", "results", "sidecar", "tables")}
-"""Code that reads and refuses files, whose content is in every key, or names columns."""
+READING = {
+    f"formats/{name}.py" for name in ("actuator", "bundle", "errors", "golden", "grid", "results", "sidecar", "tables")
+}
+"""Code that reads and refuses files, whose content is in every key, or names columns and ways."""
 
 WIRING = {"locomotion/config.py", "transfer/grid/plan.py"}
 """Configuration, whose values are in every key: noise, what a walk is."""

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+FORWARD = "+forward"
+"""Behind the names of policy and method: with friction fed forward in the joint controllers."""
+
+FED = f"none{FORWARD}"
+"""The conventional policy with friction fed forward."""
+
 
 @dataclass(frozen=True)
 class MethodCell:

@@ -17,12 +17,6 @@ from stiction.formats.rows import write_rows
 SUMMARY = "summary.json"
 """Name of the file that has all rows."""
 
-FORWARD = "+forward"
-"""Behind the names of policy and method: with friction fed forward in the joint controllers."""
-
-FED = f"none{FORWARD}"
-"""The conventional policy with friction fed forward."""
-
 FEWEST_LEVELS = 3
 """Levels without which there is no curve."""
 

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 from stiction.formats.experiment import Verdict
 from stiction.formats.friction import has_coefficient, level_text
-from stiction.formats.replication import FED, Behind, BudgetPoint, Onset
+from stiction.formats.grid import FED
+from stiction.formats.replication import Behind, BudgetPoint, Onset
 from stiction.report.replication_methods import friction_text
 from stiction.report.sheet import Sheet
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from stiction.formats.contract import Contract
-from stiction.formats.replication import FED
+from stiction.formats.grid import FED
 
 WAYS = {
     "none": "conventional randomisation, without friction",

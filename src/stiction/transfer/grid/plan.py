@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from stiction.formats.friction import Law
-from stiction.formats.replication import FORWARD
+from stiction.formats.grid import FORWARD
 from stiction.transfer.grid.config import GridCfg, Place
 from stiction.transfer.robot.factorial import factorial
 

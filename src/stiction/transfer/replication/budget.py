@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from stiction.formats.friction import has_coefficient
-from stiction.formats.replication import FEWEST_LEVELS, FORWARD, BudgetPoint, Onset
+from stiction.formats.grid import FORWARD
+from stiction.formats.replication import FEWEST_LEVELS, BudgetPoint, Onset
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.experiment.onset import onset_level
 from stiction.transfer.replication.evidence import Evidence, Spot

@@ -14,7 +14,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from stiction.formats.experiment import Verdict
-from stiction.formats.replication import FED, Behind
+from stiction.formats.grid import FED
+from stiction.formats.replication import Behind
 from stiction.formats.results import DIRECTIONS
 from stiction.transfer.experiment.judging import Finding
 from stiction.transfer.replication import criteria, explanations

@@ -32,7 +32,7 @@ JOINTS, TRAINING, MADE = "joints.json", "training.json", "made.json"
 """Files of the folder."""
 
 MAKING = (
-    *("identify/*.py", "identify/excite/motion.py", "joints/*.py", "robots/*.py", "sim/friction.py"),
+    *("identify/*.py", "identify/excite/motion.py", "joints/*.py", "robots/*.py", "sim/fall.py", "sim/friction.py"),
     *("transfer/engines/*.py", "transfer/robot/*.py"),
     *(f"formats/{name}.py" for name in ("fit", "friction", "joints", "log", "reproducibility", "sidecar", "training")),
 )
