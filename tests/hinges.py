@@ -55,6 +55,7 @@ class Hinges:
         loads = {"joint_force": self.force, "joint_torque": self.torque}
         self._motion = replace(self._motion, joint_position=moved, joint_velocity=braked, **loads)
 
-    def motion(self) -> Motion:
+    def motion(self, loads: bool = True) -> Motion:
         """Return what the joints do now."""
-        return self._motion
+        none = np.zeros_like(self.force)
+        return self._motion if loads else replace(self._motion, joint_force=none, joint_torque=none)

@@ -128,9 +128,9 @@ class Faulty(MujocoEngine):
         """Advance under something else."""
         super().step(*self._told(torque, friction))
 
-    def motion(self) -> Motion:
+    def motion(self, loads: bool = True) -> Motion:
         """Say something else."""
-        motion = super().motion()
+        motion = super().motion(loads)
         return replace(motion, **self._says(self.body, motion))
 
 

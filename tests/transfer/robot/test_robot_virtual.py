@@ -113,6 +113,19 @@ def test_friction_reaches_the_engine_as_a_bound_and_grows_with_wear() -> None:
     np.testing.assert_allclose([bound[5] for bound in engine.bounds], 4.5)
 
 
+@pytest.mark.parametrize(("load", "watched", "force"), [(0.0, False, 0.0), (0.1, False, 5.0), (0.0, True, 5.0)])
+def test_what_joints_transmit_is_known_to_friction_that_depends_on_it(load: float, watched: bool, force: float) -> None:
+    """Without it friction under load would be none; a referee of a bench may watch it all the same."""
+    hidden = Hidden.perfect(18)
+    engine = Hinges(hidden.body(SPEC), None, 0.001)
+    engine.force[:] = 5.0
+    friction = Case(0, "friction", Level(0.1, load)).friction(hidden, SPEC, 0.001)
+    robot = VirtualRobot(engine, hidden, friction, np.random.default_rng(0), loads=watched)
+    robot.plug.exchange(push(0.0))
+    assert robot.witness().motion.joint_force.tolist() == [force] * 18
+    assert engine.bounds[-1] == pytest.approx(0.1 * SPEC.joint_values("torque_limit") + load * 5.0)
+
+
 def test_the_perfect_robot_senses_exactly_what_is() -> None:
     """The nominal cell must not differ from the data sheet by anything."""
     robot, _ = make()

@@ -119,5 +119,5 @@ class Engine(Protocol):
 
         """
 
-    def motion(self) -> Motion:
-        """Return what the robot does now."""
+    def motion(self, loads: bool = True) -> Motion:
+        """Return what the robot does now; without `loads`, |F| and |T| of its joints are zero: nobody asks for them."""

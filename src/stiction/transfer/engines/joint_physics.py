@@ -58,6 +58,11 @@ class JointFriction:
             return cls(timestep, level, law.static_ratio, law.stribeck_velocity)
         return cls(timestep, **{law.name: level})
 
+    @property
+    def loaded(self) -> bool:
+        """Whether the friction depends on what a joint transmits."""
+        return bool(self._load.any())
+
     def reset(self) -> None:
         """Forget the load of the last step: the robot begins anew."""
         self._last: np.ndarray | None = None

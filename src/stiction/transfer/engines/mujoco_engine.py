@@ -83,10 +83,10 @@ class MujocoEngine:
         mujoco.mj_step(self._model, self._data)
         check_speed(self.name, self._data.qvel)
 
-    def motion(self) -> Motion:
+    def motion(self, loads: bool = True) -> Motion:
         """Return what the robot does now; see `Motion`."""
         data, feet = self._data, self._legs
-        force, torque = np.moveaxis(data.sensordata[feet:].reshape(self._joints, 2, 3), 1, 0)
+        force, torque = self._transmitted() if loads else np.zeros((2, self._joints))
         if self.body.fixed:
             position, quaternion = self._model.body_pos[self._base].copy(), self._model.body_quat[self._base].copy()
             velocity, rate = np.zeros(3), np.zeros(3)
@@ -101,9 +101,14 @@ class MujocoEngine:
             joint_position=data.qpos[-self._joints :].copy(),
             joint_velocity=data.qvel[-self._joints :].copy(),
             foot_contact=data.sensordata[:feet] >= TOUCH,
-            joint_force=np.sqrt(np.square(force).sum(-1)),
-            joint_torque=np.sqrt(np.square(torque).sum(-1)),
+            joint_force=force,
+            joint_torque=torque,
         )
+
+    def _transmitted(self) -> np.ndarray:
+        """Return |F| and |T| of every joint in the last step [N, N m], shape (2, J)."""
+        wrench = np.moveaxis(self._data.sensordata[self._legs :].reshape(self._joints, 2, 3), 1, 0)
+        return np.sqrt(np.square(wrench).sum(-1))
 
 
 def add_field(spec: mujoco.MjSpec, field: HeightField) -> None:

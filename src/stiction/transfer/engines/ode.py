@@ -122,10 +122,10 @@ class OdeEngine:
         if not done:
             raise StictionError("ODE found no memory for a step; free some")
 
-    def motion(self) -> Motion:
+    def motion(self, loads: bool = True) -> Motion:
         """Return what the robot does now; see `Motion`."""
         position, quaternion, velocity, rate = self._robot.base_motion()
-        force, torque = self._robot.transmitted()
+        force, torque = self._robot.transmitted() if loads else np.zeros((2, self.body.spec.num_joints))
         return Motion(
             base_position=position,
             base_quaternion=quaternion,

@@ -22,7 +22,7 @@ from stiction.robots.links import links
 from stiction.robots.spec import box_inertia
 from stiction.transfer.engines import ode_functions as c
 from stiction.transfer.engines.engine import Body
-from stiction.transfer.engines.rotation import into_frame, matrix
+from stiction.transfer.engines.rotation import cross, matrix
 
 STATE = 3 + 4 + 3 + 3
 """Numbers of a body's state."""
@@ -104,9 +104,9 @@ class OdeRobot:
         What ODE moves is the centre of mass.
         """
         centre, quaternion, velocity, turning = self._state[:4]
-        rate = into_frame(quaternion, turning)
-        position = centre - matrix(quaternion) @ self._com
-        return position, quaternion.copy(), into_frame(quaternion, velocity) - np.cross(rate, self._com), rate
+        turn = matrix(quaternion)
+        rate = turning @ turn
+        return centre - turn @ self._com, quaternion.copy(), velocity @ turn - cross(rate, self._com), rate
 
     def transmitted(self) -> tuple[np.ndarray, np.ndarray]:
         """Return |F| [N] and |T| about the centre of mass of the link behind the joint [N m] of the last step, (J,).

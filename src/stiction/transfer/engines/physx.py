@@ -20,7 +20,7 @@ from stiction.robots.links import SHANK_RADIUS, foot_position, links
 from stiction.robots.spec import box_inertia
 from stiction.transfer.engines.engine import FASTEST, GRAVITY, TOUCH, Body, Motion, check_speed
 from stiction.transfer.engines.ground import Ground
-from stiction.transfer.engines.rotation import UPRIGHT, about, cross_matrix, into_frame
+from stiction.transfer.engines.rotation import UPRIGHT, about, cross_matrix, into_frame, matrix
 
 BRAKE = 1e5
 """Damping of the drive that is dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
@@ -177,15 +177,16 @@ class PhysxEngine:
         robot = self._robot
         check_speed(self.name, robot.get_qvel(), robot.get_root_linear_velocity(), robot.get_root_angular_velocity())
 
-    def motion(self) -> Motion:
+    def motion(self, loads: bool = True) -> Motion:
         """Return what the robot does now; see `Motion`."""
         robot = self._robot
         pose = robot.get_root_pose()
         quaternion = np.array(pose.q, float)
-        rate = into_frame(quaternion, robot.get_root_angular_velocity().astype(float))
+        turn = matrix(quaternion)
+        rate = robot.get_root_angular_velocity().astype(float) @ turn
         # What PhysX calls the velocity of a link is that of its centre of mass.
-        velocity = into_frame(quaternion, robot.get_root_linear_velocity().astype(float)) + self._lever @ rate
-        force, torque = self._transmitted()
+        velocity = robot.get_root_linear_velocity().astype(float) @ turn + self._lever @ rate
+        force, torque = self._transmitted() if loads else np.zeros((2, len(self._order)))
         return Motion(
             base_position=np.array(pose.p, float),
             base_quaternion=quaternion,

@@ -22,6 +22,9 @@ ALL = (*DIRECTIONS, "vy=0.3", "wz=0.5", STAND)
 OVER = "vx=0.4"
 """The command over stairs."""
 
+SECONDS = 8.0
+"""Length of a walk on flat ground [s], what it takes to settle included."""
+
 LEVELS = (0.0, 0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Friction over the torque limit; 1 % is the paper's."""
 
@@ -41,7 +44,7 @@ study engines` compares them."""
 ROBOT, NOMINAL, FRICTION, REST = (f"physx+{cell}" for cell in ("all", "nominal", "friction", "rest"))
 """The virtual robot, and the cells by which causes are told apart."""
 
-ROBOT_LEVELS = ("0.01", "0.05", "0.1", "0.2", "0.3", "bench", "bench+0.02", "bench+0.1")
+ROBOT_LEVELS = ("0.01", "0.1", "0.2", "0.3", "bench", "bench+0.02", "bench+0.1")
 """Friction of the virtual robot; `bench` is what the paper measured, without load and with some."""
 
 COMPARED = ("none", "direct", "deception")
@@ -93,25 +96,25 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     """Return the grids of a preset; `robots`: how many virtual robots, by default 2 (quick), or 8, over stairs 16."""
     quick = size == "quick"
     seeds = reported(robots or (2 if quick else 8))
-    return (*_engines(quick), *_robot(quick, seeds), *_stairs(quick, robots), *_units(quick))
+    return (*_engines(quick), *_robot(quick, seeds), *_stairs(quick, robots), *_units())
 
 
 def _engines(quick: bool) -> tuple[Part, ...]:
     # Training seeds are the sample: episodes differ in their first angles alone, and two show whether that matters.
-    levels, episodes, seconds = (SHORT, 2, 8.0) if quick else (LEVELS, 2, 10.0)
+    levels = SHORT if quick else LEVELS
     return (
         Part(
             "training",
             "In the simulator of the training",
             everyone,
-            GridCfg(EvaluationCfg(levels, ALL, 8, seconds), (BATCH,)),
+            GridCfg(EvaluationCfg(levels, ALL, 8, SECONDS), (BATCH,)),
         ),
         Part(
             "engines",
             "Sim2Sim: other engines",
             everyone,
             GridCfg(
-                EvaluationCfg(levels, DIRECTIONS, episodes, seconds),
+                EvaluationCfg(levels, DIRECTIONS, 2, SECONDS),
                 OTHERS if quick else ("mujoco-alone", *OTHERS),
             ),
             forward=True,
@@ -123,7 +126,7 @@ def _robot(quick: bool, seeds: tuple[int, ...]) -> tuple[Part, ...]:
     def grid(
         commands: tuple[str, ...], cells: tuple[str, ...], short: tuple[str, ...], long: tuple[str, ...]
     ) -> GridCfg:
-        base = EvaluationCfg((0.0,), commands, 1, 8.0 if quick else 10.0)
+        base = EvaluationCfg((0.0,), commands, 1, SECONDS)
         return GridCfg(base, cells, robots=seeds, robot_levels=short if quick else long)
 
     told = ("0.1", "0.2")
@@ -165,7 +168,7 @@ def _stairs(quick: bool, robots: int | None) -> tuple[Part, ...]:
     # virtual robots it takes 16 of them, however often each of them crosses.
     heights = ("stairs=0.08",) if quick else ("stairs=0.06", "stairs=0.08", "stairs=0.1")
     seeds = reported(robots or (2 if quick else 16))
-    base = EvaluationCfg((0.0, 0.2), (OVER,), 3 if quick else 6, 8.0 if quick else 10.0)
+    base = EvaluationCfg((0.0, 0.2), (OVER,), 3 if quick else 6, SECONDS)
     return (
         Part("stairs", "Stairs, up, landing and down", climbers, GridCfg(base, (BATCH, *OTHERS), heights)),
         Part(
@@ -183,13 +186,13 @@ def _stairs(quick: bool, robots: int | None) -> tuple[Part, ...]:
     )
 
 
-def _units(quick: bool) -> tuple[Part, ...]:
+def _units() -> tuple[Part, ...]:
     return tuple(
         Part(
             law,
             f"Friction as a coefficient of the {words}",
             compared,
-            GridCfg(EvaluationCfg(COEFFICIENTS, DIRECTIONS, 8, 8.0 if quick else 10.0, friction_law=law), (BATCH,)),
+            GridCfg(EvaluationCfg(COEFFICIENTS, DIRECTIONS, 8, SECONDS, friction_law=law), (BATCH,)),
         )
         for law, words in (("load", "joint's load"), ("effort", "motor's torque"))
     )

@@ -49,6 +49,7 @@ class Gears:
         engine's armature [kg m²]; timestep: of the physics [s].
         """
         self._half, self._inertia, self._timestep = 0.5 * gap, inertia, timestep
+        self._rigid = not gap.any()
         self.reset(np.zeros_like(gap))
 
     def reset(self, position: np.ndarray) -> None:
@@ -66,6 +67,8 @@ class Gears:
 
     def transmit(self, torque: np.ndarray) -> np.ndarray:
         """Return what the engine's joints are to be given in the coming step [N m], under the motors' torques [N m]."""
+        if self._rigid:
+            return torque
         impact = self._inertia * (self.velocity - self._link_velocity) / self._timestep
         stopping = -self._link_velocity / self._timestep
         slowing = self._link_acceleration * self._link_velocity <= 0
@@ -79,6 +82,9 @@ class Gears:
 
         position, velocity: of the engine's joints after it [rad], [rad/s].
         """
+        if self._rigid:
+            self.angle, self.velocity = position.copy(), velocity.copy()
+            return
         step, engaged = self._timestep, self.engaged
         acceleration = torque / self._inertia
         free_angle = self.angle + self.velocity * step + 0.5 * acceleration * step**2

@@ -62,9 +62,9 @@ def within_limits(
     Braking, the voltage that the rotor induces helps, and it has all of it. torque: asked for [N m]; speed: φ' [rad/s];
     limit: largest torque [N m]; no_load_speed: at the present voltage [rad/s].
     """
-    share = np.clip((1.0 - np.abs(speed) / no_load_speed) / (1.0 - knee), 0.0, 1.0)
+    share = np.minimum(np.maximum((1.0 - np.abs(speed) / no_load_speed) / (1.0 - knee), 0.0), 1.0)
     most = np.where(torque * speed > 0, share, 1.0) * limit
-    return np.clip(torque, -most, most)
+    return np.minimum(np.maximum(torque, -most), most)
 
 
 def drawn_power(torque: np.ndarray, speed: np.ndarray, limit: np.ndarray) -> float:

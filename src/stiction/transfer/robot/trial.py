@@ -102,7 +102,7 @@ class World:
         real = case.robot(hidden)
         engine = self.make(real.body(spec, fixed), self.ground, self.timestep)
         friction = case.friction(hidden, spec, self.timestep)
-        return VirtualRobot(engine, real, friction, generator, self.period, wear)
+        return VirtualRobot(engine, real, friction, generator, self.period, wear, loads=fixed)
 
 
 @dataclass(frozen=True)

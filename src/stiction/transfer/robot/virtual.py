@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import reduce
 
 import numpy as np
 
@@ -99,6 +100,7 @@ class VirtualRobot:
         generator: np.random.Generator,
         period: float = PERIOD,
         wear: Wear | None = None,
+        loads: bool = True,
     ) -> None:
         """Build the robot around an engine.
 
@@ -109,6 +111,7 @@ class VirtualRobot:
             generator: of the noise of its sensors.
             period: between two readings [s], whole physics steps.
             wear: how friction changes from when the robot is put in place.
+            loads: whether a witness sees what joints transmit, even where their friction does not depend on it.
 
         Raises:
             StictionError: the period is not made of whole physics steps, or a joint that wears does not exist.
@@ -122,6 +125,7 @@ class VirtualRobot:
         spec = engine.body.spec
         self._engine, self._hidden, self._friction, self._wear = engine, hidden, friction, wear
         self._names, self._limit = spec.joint_names, spec.joint_values("torque_limit")
+        self._loads = loads or friction.loaded
         self._worn = np.zeros(spec.num_joints, bool) if wear is None else wear.worn(self._names)
         self._drive = Drive(hidden.motors, self._limit, engine.timestep)
         self._gears = Gears(hidden.gears, engine.body.armature, engine.timestep)
@@ -138,7 +142,7 @@ class VirtualRobot:
     def place(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest and limp; see `Engine.reset`."""
         self._engine.reset(joint_position, position, quaternion)
-        self._motion, self._tick = self._engine.motion(), 0
+        self._motion, self._tick = self._engine.motion(self._loads), 0
         for part in (self._drive, self._friction, self._imu):
             part.reset()
         self._gears.reset(joint_position)
@@ -182,7 +186,7 @@ class VirtualRobot:
         age = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)
         self._bound = self._friction.bound(self._motion, last, age)
         self._engine.step(self._gears.transmit(self._given), self._bound)  # 4 and 5
-        self._motion, self._tick = self._engine.motion(), self._tick + 1
+        self._motion, self._tick = self._engine.motion(self._loads), self._tick + 1
         self._gears.follow(self._given, self._motion.joint_position, self._motion.joint_velocity)  # 6
         self._encoders.follow(self._gears.angle, self._gears.velocity)
         self._samples.push(self._measure(reported))
@@ -201,7 +205,7 @@ class VirtualRobot:
             motion.base_angular_velocity,
             encoders.angle,
             encoders.velocity,
-            np.mean(self._reported, axis=0),
+            reduce(np.add, self._reported) / len(self._reported),
             motion.foot_contact,
         )
 
