@@ -123,27 +123,39 @@ def find_policies(
         if isinstance(trained, int):
             return trained
         given = trained
-    folders = [exported(path, out) for path in given]
+    folders = export_all(given, out, jobs, progress)
     bundles = [check_bundle(folder).bundle for folder in folders]
     return bundles, {bundle.name: folder for bundle, folder in zip(bundles, folders, strict=True)}
 
 
-def exported(path: Path, out: Path) -> Path:
-    """Return a bundle's folder: the path itself, or of a training run what was exported of it into `out`."""
-    if not (path / "checkpoints").is_dir():
-        return path
+def export_all(given: Sequence[Path], out: Path, jobs: int, progress: Callable[[str, float], None]) -> list[Path]:
+    """Return the folder of each bundle, of a training run what is exported of it into `out`; `jobs` at once."""
+    from stiction.transfer.workers import spread
+
+    folders = list(given)
+    runs = [number for number, path in enumerate(given) if (path / "checkpoints").is_dir()]
+    tasks = [(given[number], out) for number in runs]
+    for done, (task, folder) in enumerate(spread(exported, tasks, jobs), start=1):
+        folders[runs[task]] = folder
+        progress("export", done / len(tasks))
+    return folders
+
+
+def exported(run: Path, out: Path) -> Path:
+    """Return the bundle of a training run, exported into `out` where it is not there yet: that takes some seconds."""
     from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import made_by
     from stiction.rma.run import RunDirectory
     from stiction.transfer.export import export_run
 
-    run = RunDirectory(path)
-    run.check_finished("student")
-    made_from = repr((run.student_digest(), made_by("transfer/export.py", "transfer/golden.py", "formats/contract.py")))
-    folder = out / "bundles" / hashlib.sha256(made_from.encode()).hexdigest()[:12] / path.resolve().name
+    directory = RunDirectory(run)
+    directory.check_finished("student")
+    code = made_by("transfer/export.py", "transfer/golden.py", "formats/contract.py")
+    made_from = repr((directory.student_digest(), code))
+    folder = out / "bundles" / hashlib.sha256(made_from.encode()).hexdigest()[:12] / run.resolve().name
     if not folder.exists():
         make_folder(folder.parent)
-        export_run(path, folder)
+        export_run(run, folder)
     return folder
 
 
