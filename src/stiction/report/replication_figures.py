@@ -42,8 +42,9 @@ def draw_budget(points: Sequence[BudgetPoint], ways: Sequence[str], band: float)
     band: dead band f/kp of the shank at a friction of the whole torque limit [rad], for the axis on top.
     """
     shown = curves(points)
-    rows = -(-len(shown) // 3)
-    figure, axes = new_figure(rows, 3, size=(12.6, 3.7 * rows))
+    columns = min(3, len(shown))
+    rows = -(-len(shown) // columns)
+    figure, axes = new_figure(rows, columns, size=(max(6.3, 4.2 * columns), 3.7 * rows))
     for axis, ((engine, law), some) in zip(axes, shown.items(), strict=False):
         axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
         axis.axhline(0.0, color=INK, linewidth=0.8)
