@@ -157,8 +157,18 @@ def test_friction_beyond_the_torque_limit_is_refused() -> None:
 def test_torque_of_another_joint_is_refused() -> None:
     """Noise in the torque column explains nothing, so nothing is printed."""
     noise = np.random.default_rng(0).standard_normal(10_000)
-    with pytest.raises(StictionError, match=r"all reach zero|must be positive"):
+    with pytest.raises(StictionError, match="excitation too poor"):
         identify_joint(scaled(example_log(), torque=noise))
+
+
+def test_friction_that_drowns_the_inertia_is_an_excitation_too_poor() -> None:
+    """To ask whether the torque's sign is right would send one the wrong way: a joint that sticks shows no inertia."""
+    log = example_log()
+    (signals,) = log.joints.values()
+    noise = np.random.default_rng(0).standard_normal(len(signals.position))
+    friction = 2.0 * np.sign(np.gradient(signals.position))
+    with pytest.raises(StictionError, match=r"excitation too poor: the fitted inertia is .* sticks less"):
+        identify_joint(scaled(log, torque=friction + noise))
 
 
 def test_a_motor_at_its_limit_is_noticed() -> None:

@@ -121,15 +121,21 @@ def _late(run: Run, loop: InLoop) -> float | None:
 def _check_values(run: Run, fit: Fit) -> None:
     """Refuse values that no joint has."""
     found = fit.estimates()
-    if found["inertia"].value <= 0:
+    inertia, (low, high) = found["inertia"].value, found["inertia"].interval95
+    if high <= 0:
         raise StictionError(
-            f"{run.source}: the fitted inertia is {found['inertia'].value:.3g}; it must be positive: is the torque's "
+            f"{run.source}: the fitted inertia is {inertia:.3g}; it must be positive: is the torque's "
             "sign that of the position (--torque-scale -1 turns it round), and its column the right one?"
         )
     if all(found[name].interval95[0] <= 0 for name in ("inertia", "viscous_friction", "coulomb_friction")):
         raise StictionError(
             f"{run.source}: excitation too poor: the intervals of inertia, viscous and dry friction all reach zero; "
             "move further and faster, or check that the torque belongs to this joint"
+        )
+    if inertia <= 0:
+        raise StictionError(
+            f"{run.source}: excitation too poor: the fitted inertia is {inertia:.3g} ({low:.3g} to {high:.3g}), and it "
+            "must be positive; move further and faster, so that the joint sticks less"
         )
     limit = run.setup.torque_limit
     if limit is not None and found["coulomb_friction"].value >= limit:
