@@ -24,7 +24,7 @@ DESCRIPTION = """The paper's comparison as one command, resumable: conventional,
 training, the paper's other ways, and what a user would try; in other physics engines, on a virtual robot with joints of
 its own, on flat ground and stairs. Each sentence of the paper gets a verdict with its numbers.
 
-quick: the shipped policies, some 30 minutes on two cores. They have one training seed a way: numbers, no verdicts. A
+quick: the shipped policies, some ten minutes on two cores. They have one training seed a way: numbers, no verdicts. A
 verdict takes several training seeds of every way that a sentence compares: give bundles or runs of each seed with
 --policies, or --preset full, which trains what is missing first (days on two cores): three seeds or more of every way
 on flat ground, and of two ways over stairs. Stop it at any time: the same command goes on."""
