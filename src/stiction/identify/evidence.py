@@ -24,6 +24,12 @@ SEVERE = 0.10
 MARGIN = 2.0
 """Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
 
+BUDGET = (
+    "Which training follows up to which friction, in other engines and on a virtual robot: the friction budget of "
+    "`stiction replicate`, in results/replication."
+)
+"""Where a robot builder looks next."""
+
 TRAINABLE = 0.8
 """Levels from here on leave the motor too little to walk with; training refuses them."""
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from stiction.formats.joints import Estimate
 from stiction.identify.evidence import (
+    BUDGET,
     FELT,
     FELT_BAND,
     MARGIN,
@@ -145,7 +146,7 @@ def _proposal(level: float, condition: str | None) -> str:
     low, high = (100 * end * level for end in RANGE)
     return (
         f"To cover it, train with --method {METHOD} --friction-level {level:.2f}{margin}: the friction of each robot "
-        f"is then drawn between {low:g} and {high:.3g} % of the torque limit."
+        f"is then drawn between {low:g} and {high:.3g} % of the torque limit. {BUDGET}"
     )
 
 
