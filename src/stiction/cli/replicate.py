@@ -51,8 +51,9 @@ class ReplicateCfg:
     runs: Path = Path("runs")
     """Folder of the training runs of the preset `full`, as `stiction study friction` has it."""
     parts: tuple[str, ...] = ()
-    """Parts to walk: training, engines, robot, causes, forward, stairs, stairs-robot, load, effort; by default all. Of
-    the others, what --out has from before is judged too; where preset, policies or code are others, that is refused."""
+    """Parts to walk: training, engines, robot, standing, causes, forward, stairs, stairs-robot, load, effort; by
+    default all. Of the others, what --out has from before is judged too; where preset, policies or code are others,
+    that is refused."""
     num_robots: int | None = None
     """How many virtual robots, seeds from 1000; by default 2 (quick) or 8 (full), over stairs 16."""
     jobs: int | None = None

@@ -66,6 +66,11 @@ def conventional(contract: Contract) -> bool:
     return everyone(contract) and way_of(contract) == "none"
 
 
+def told_to_stand(contract: Contract) -> bool:
+    """Take the policies of which a sentence says how they stand, and those to hold them against."""
+    return everyone(contract) and way_of(contract) in ("none", "deception", "iterative")
+
+
 def told_apart(contract: Contract) -> bool:
     """Take the policies with which the causes on the virtual robot are told apart."""
     return everyone(contract) and way_of(contract) in ("none", "deception")
@@ -130,17 +135,14 @@ def _robot(quick: bool, seeds: tuple[int, ...]) -> tuple[Part, ...]:
         return GridCfg(base, cells, robots=seeds, robot_levels=short if quick else long)
 
     told = ("0.1", "0.2")
+    short = ("0.01", *told, "0.3", "bench", "bench+0.02")
     return (
+        Part("robot", "On the virtual robot", everyone, grid(DIRECTIONS, (REST, ROBOT), short, ROBOT_LEVELS)),
         Part(
-            "robot",
-            "On the virtual robot",
-            everyone,
-            grid(
-                (*DIRECTIONS, STAND),
-                (REST, ROBOT),
-                ("0.01", "0.1", "0.2", "0.3", "bench", "bench+0.02"),
-                ROBOT_LEVELS,
-            ),
+            "standing",
+            "On the virtual robot, told to stand",
+            told_to_stand,
+            grid((STAND,), (ROBOT,), short, ROBOT_LEVELS),
         ),
         Part(
             "causes",
