@@ -11,7 +11,6 @@ The folder has the logs and the net. `made.json` comes last and says what they w
 from __future__ import annotations
 
 import hashlib
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -20,6 +19,7 @@ from pathlib import Path
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
+from stiction.formats.made import is_made, mark_made
 from stiction.formats.reproducibility import made_by
 from stiction.formats.walk import write_walk
 from stiction.joints.actuator import ActuatorCfg
@@ -35,9 +35,6 @@ from stiction.transfer.robot.trial import World, walk
 from stiction.transfer.robot.walk_log import walk_log
 from stiction.transfer.walk import SHORTEST
 from stiction.transfer.workers import spread
-
-MADE = "made.json"
-"""Name of the file that says that the folder is whole."""
 
 MAKING = (*WALKING, "joints/*.py", "rma/actuator*.py", "transfer/replication/net.py")
 """Code that decides what the net is."""
@@ -94,7 +91,7 @@ def make_net(
     from stiction.rma.actuator import train_actuator, write_trained
     from stiction.rma.actuator_data import read_run
 
-    if _key_in(folder) == walked.key:
+    if is_made(folder, walked.key):
         return
     logs = folder / "logs"
     try:
@@ -111,7 +108,7 @@ def make_net(
             )
         trained = train_actuator(runs, walked.cfg, command, partial(_named, progress))
         write_trained(folder, trained)
-        (folder / MADE).write_text(json.dumps({"label": walked.label, "key": walked.key}) + "\n", encoding="utf-8")
+        mark_made(folder, walked.label, walked.key)
     except OSError as error:
         raise StictionError(f"{folder} cannot be written: {error}; choose another --runs") from error
 
@@ -133,11 +130,3 @@ def log_walk(walked: WalkedNet, command: str, episode: int, logs: Path) -> None:
 
 def _named(progress: Progress, group: str, share: float) -> None:
     progress(f"Actuator Net, {group}", share)
-
-
-def _key_in(folder: Path) -> str | None:
-    try:
-        made = json.loads((folder / MADE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return made.get("key") if isinstance(made, dict) else None

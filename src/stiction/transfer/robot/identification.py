@@ -7,13 +7,13 @@ The folder has `joints.json` and `training.json` as `stiction identify` writes t
 from __future__ import annotations
 
 import hashlib
-import json
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from stiction.formats import made
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import JointRecord, JointsError, JointsFile, load_joints
 from stiction.formats.log import Log
@@ -28,13 +28,16 @@ from stiction.transfer.robot.factorial import Case
 from stiction.transfer.robot.trial import World
 from stiction.transfer.robot.virtual import VirtualRobot
 
-JOINTS, TRAINING, MADE = "joints.json", "training.json", "made.json"
+JOINTS, TRAINING = "joints.json", "training.json"
 """Files of the folder."""
 
 MAKING = (
     *("identify/*.py", "identify/excite/motion.py", "joints/*.py", "robots/*.py", "sim/fall.py", "sim/friction.py"),
     *("transfer/engines/*.py", "transfer/robot/*.py"),
-    *(f"formats/{name}.py" for name in ("fit", "friction", "joints", "log", "reproducibility", "sidecar", "training")),
+    *(
+        f"formats/{name}.py"
+        for name in ("fit", "friction", "joints", "log", "made", "reproducibility", "sidecar", "training")
+    ),
 )
 """Code that decides what a bench finds."""
 
@@ -71,12 +74,7 @@ class Bench:
 
 def is_made(bench: Bench, folder: Path) -> bool:
     """Say whether a folder has all that `make_bench` would make there."""
-    try:
-        made = json.loads((folder / MADE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return False
-    files = all((folder / name).is_file() for name in (JOINTS, TRAINING))
-    return files and isinstance(made, dict) and made.get("key") == bench.key
+    return made.is_made(folder, bench.key) and all((folder / name).is_file() for name in (JOINTS, TRAINING))
 
 
 def make_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
@@ -127,7 +125,7 @@ def _write(bench: Bench, joints: JointsFile, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         joints.write(folder / JOINTS)
         write_training(folder / TRAINING, propose(joints))
-        (folder / MADE).write_text(json.dumps({"label": bench.label, "key": bench.key}) + "\n", encoding="utf-8")
+        made.mark_made(folder, bench.label, bench.key)
     except OSError as error:
         raise StictionError(f"{folder} cannot be written: {error}; choose another --out") from error
 
