@@ -17,6 +17,13 @@ def test_text_is_escaped_everywhere_and_blocks_are_not() -> None:
     assert "<p>&lt;script" in page and '<div class="row">' in page
 
 
+def test_backticks_become_code_and_stay_escaped() -> None:
+    """Sentences are shared with the Markdown tables; between backticks a tag is still text."""
+    assert "<p>try <code>a &lt;b&gt;</code> or ` alone</p>" in paragraph("try `a <b>` or ` alone")
+    page = render_page("t", [], lead="`x`", warnings=["`y`"])
+    assert "<code>x</code>" in page and "<code>y</code>" in page
+
+
 def test_the_page_needs_nothing_from_the_network() -> None:
     """A report is one file that can be sent by mail: no address in it."""
     page = render_page("title", [Section("part", (paragraph("text"),))])

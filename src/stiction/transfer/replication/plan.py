@@ -135,14 +135,13 @@ def _robot(quick: bool, seeds: tuple[int, ...]) -> tuple[Part, ...]:
         return GridCfg(base, cells, robots=seeds, robot_levels=short if quick else long)
 
     told = ("0.1", "0.2")
-    short = ("0.01", *told, "0.3", "bench", "bench+0.02")
     return (
-        Part("robot", "On the virtual robot", everyone, grid(DIRECTIONS, (REST, ROBOT), short, ROBOT_LEVELS)),
+        Part("robot", "On the virtual robot", everyone, grid(DIRECTIONS, (REST, ROBOT), ROBOT_LEVELS, ROBOT_LEVELS)),
         Part(
             "standing",
             "On the virtual robot, told to stand",
             told_to_stand,
-            grid((STAND,), (ROBOT,), short, ROBOT_LEVELS),
+            grid((STAND,), (ROBOT,), ROBOT_LEVELS[:-1], ROBOT_LEVELS),
         ),
         Part(
             "causes",
