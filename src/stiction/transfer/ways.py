@@ -13,7 +13,7 @@ WAYS = {
     "deception": "friction-aware: friction from none to 1.2 of the nominal one",
     "identified": "friction-aware, around each joint's friction as identified on the bench of a robot of the same kind",
     "direct": "friction within 0.8 to 1.2 of the nominal one",
-    "point": "the nominal friction alone, no range",
+    "point": "one value of friction and no range: each joint's as identified on the bench of a robot of the same kind",
     "compensation": "nominal friction added to the command, in training and after",
     "finetune": "trained without friction, then with all of it at once",
     "iterative": "trained without friction, then with more in steps",

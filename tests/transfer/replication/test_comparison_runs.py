@@ -47,9 +47,11 @@ def test_training_knows_a_robot_by_its_bench_and_none_that_is_reported() -> None
     """The reported robots' friction would reach the policies that are judged on them."""
     bench = known_bench(find_robot("saturn_lite"))
     assert all(bench.case.seed not in part.grid.robots for part in parts_of("full"))
-    run = next(run for run in comparison_runs(Path("bench/joints.json")) if run.condition.name.endswith("identified"))
-    assert run.arguments[run.arguments.index("--joints") + 1] == "bench/joints.json"
-    assert "--friction-level" not in run.arguments  # it would override what was identified
+    told = [run for run in comparison_runs(Path("bench/joints.json")) if run.condition.name.startswith("identified")]
+    assert {run.condition.name for run in told} == {"identified-point", "identified-range"}
+    for run in told:
+        assert run.arguments[run.arguments.index("--joints") + 1] == "bench/joints.json"
+        assert "--friction-level" not in run.arguments  # it would override what was identified
 
 
 def test_a_policy_of_identified_joints_is_a_way_of_its_own() -> None:
@@ -57,6 +59,8 @@ def test_a_policy_of_identified_joints_is_a_way_of_its_own() -> None:
     file = {"name": "joints.json", "sha256": "0" * 64}
     contracts = [make_contract(method="deception", joints_file=given) for given in (None, file)]
     assert [way_of(contract) for contract in contracts] == ["deception", "identified"]
+    alone = make_contract(method="direct", joints_file=file, friction_range=(0.2, 0.2))
+    assert way_of(alone) == "point"
 
 
 def test_two_policies_of_one_way_and_seed_are_refused(tmp_path: Path) -> None:

@@ -5,12 +5,11 @@ another. Dry friction is the solver's `frictionloss`, as stiff as in training (`
 may change at every step.
 
 Two things make a policy walk otherwise here than elsewhere, and neither is in the joints. Contacts are as soft as in
-training. A policy trained without friction reached 1.13 of the commanded speed here (backward 0.92), and 0.59 (0.44)
-with friction of 20 % of the torque limits; in PhysX 1.22 (0.90) and 0.67 (0.56), in ODE 1.19 (0.88) and 0.67 (0.55);
-and here, with contacts of 4 ms in place of 20 ms (`geom_solref`), 1.20 (0.90) and 0.67 (0.53). And the fleet has
-its controllers inside, kd taken implicitly: without friction 1.08 (1.02) there at steps of 5 ms, 1.12 (0.97) at 1 ms,
-where this engine comes to 1.13 (0.95). More inertia of kd Δt, which is what that does to one step, does not make up for
-it: 1.16 (0.95) here at 5 ms. `stiction study engines` measures all but the last.
+training. A policy trained without friction reached 1.28 of the commanded speed here (backward 1.02), and 0.33 (0.29)
+with friction of 20 % of the torque limits; in PhysX 1.33 (0.88) and 0.00 (0.23), in ODE 1.29 (0.88) and 0.04 (0.40);
+and here, with contacts of 4 ms in place of 20 ms (`geom_solref`), 1.30 (0.91) and 0.03 (0.30). And the fleet has its
+controllers inside, kd taken implicitly: without friction 1.23 (1.13) there at steps of 5 ms, 1.29 (1.07) at 1 ms, where
+this engine comes to 1.24 (0.96) at 5 ms. `stiction study engines` measures them all; so it did in `results/engines`.
 """
 
 from __future__ import annotations

@@ -21,22 +21,13 @@ SEEDS = (0, 1, 2)
 LOOP_SEEDS = SEEDS
 """Training seeds of the Actuator Net's policies, on flat ground alone."""
 
-OWN = (
+OVER_STAIRS = tuple(
     Condition(
-        "coulomb20-point",
-        "comparison",
-        "the nominal friction alone, no range: what one would try first",
-        ("--method", "direct", "--friction-level", "0.2", "--task.friction.range", "1", "1"),
-    ),
-    *(
-        Condition(
-            *(f"stairs-{method}", "comparison", "stairs, blind"),
-            (*("--terrain", "stairs", "--method", method), *STAIRS),
-        )
-        for method in ("none", "deception")
-    ),
+        *(f"stairs-{method}", "comparison", "stairs, blind"), (*("--terrain", "stairs", "--method", method), *STAIRS)
+    )
+    for method in ("none", "deception")
 )
-"""Conditions that no other experiment has."""
+"""Conditions over stairs."""
 
 KNOWN = Case(0, "all", parse_level("0.2"))
 """The virtual robot whose bench says what the way `identified` trains with. It is of the kind of the reported ones and
@@ -68,6 +59,27 @@ def actuator_run(net: Path, seed: int) -> Run:
     return Run(Condition("coulomb20-actuator", "comparison", what, options), seed)
 
 
+def told_by_the_bench(joints: Path) -> tuple[Condition, Condition]:
+    """Return the conditions of those who train with what a bench said: at each joint's value alone, which is what one
+    would try first, and from none up to 1.2 of it; joints: the `joints.json`.
+    """
+    known = "--joints", str(joints)
+    return (
+        Condition(
+            "identified-point",
+            "comparison",
+            "each joint's friction as it was identified, no range",
+            ("--method", "direct", *known, "--task.friction.range", "1", "1"),
+        ),
+        Condition(
+            "identified-range",
+            "comparison",
+            "each joint's friction as it was identified, from zero up to 1.2 of it",
+            ("--method", "deception", *known),
+        ),
+    )
+
+
 def comparison_runs(joints: Path) -> list[Run]:
     """Return every run: those of the experiment, conventional training first, then the comparison's own; seed by seed.
 
@@ -77,13 +89,7 @@ def comparison_runs(joints: Path) -> list[Run]:
     joints: the `joints.json` of `known_bench`.
     """
     known = {condition.name: condition for condition in MANIFEST}
-    identified = Condition(
-        "coulomb20-identified",
-        "comparison",
-        "each joint's friction as it was identified, from zero up to 1.2 of it",
-        ("--method", "deception", "--joints", str(joints)),
-    )
-    conditions = (*(known[f"coulomb20-{name}"] for name in TAKEN), *OWN, identified)
+    conditions = (*(known[f"coulomb20-{name}"] for name in TAKEN), *OVER_STAIRS, *told_by_the_bench(joints))
     runs = [
         run
         for condition in conditions
