@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
+from stiction.cli.replicate import ReplicateCfg, train_all
+from stiction.formats.errors import StictionError
 from stiction.formats.results import read_results
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
@@ -75,3 +77,32 @@ def test_bad_input_is_one_line(
     assert message in captured.err
     assert captured.err.count("\n") == 1
     assert captured.out == ""
+
+
+def test_a_training_that_fails_stops_nobody(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """One diverged run would cost the days of all others; a net of a policy that is not there cannot be made."""
+    broken = {"stairs-none-s1": "training diverged", "coulomb20-none-s2": "training diverged"}
+    monkeypatch.setattr("stiction.cli.replicate.known_joints", lambda *rest: tmp_path / "joints.json")
+    monkeypatch.setattr("stiction.cli.replicate.known_net", lambda runs, first, *rest: runs / f"net of {first.name}")
+    monkeypatch.setattr(
+        "stiction.transfer.experiment.training.train_missing",
+        lambda places, *rest, **more: {at.run.name: broken[at.run.name] for at in places if at.run.name in broken},
+    )
+    found = train_all(ReplicateCfg("full", runs=tmp_path), 1, lambda *share: None)
+    assert not isinstance(found, int)
+    folders, failed = found
+    assert set(failed) == {*broken, "coulomb20-actuator-s2"}
+    assert failed["coulomb20-actuator-s2"].startswith("coulomb20-none-s2 failed")
+    names = {folder.name for folder in folders}
+    assert {"stairs-none-s0", "coulomb20-actuator-s1", "coulomb20-direct-s2"} <= names
+    assert not names & set(failed)
+    told = capsys.readouterr().err
+    assert all(f"{name} is left out: {reason}" in told for name, reason in failed.items())
+    monkeypatch.setattr(
+        "stiction.transfer.experiment.training.train_missing",
+        lambda places, *rest, **more: {at.run.name: "no room" for at in places},
+    )
+    with pytest.raises(StictionError, match="could be trained"):
+        train_all(ReplicateCfg("full", runs=tmp_path), 1, lambda *share: None)

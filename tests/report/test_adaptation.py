@@ -51,7 +51,7 @@ def make_summary() -> dict[str, Any]:
         "direct": {"runs": ["some", "twin"], "effects": pooled, "probes": probes},
         "none": {"runs": ["dumb"], "effects": alone, "probes": []},
     }
-    return {"command": "stiction study adaptation some dumb", "revision": "abc", "threshold": 0.5} | {
+    return {"command": "stiction study adaptation some dumb", "revision": "abc", "warnings": [], "threshold": 0.5} | {
         "runs": runs,
         "methods": methods,
     }

@@ -19,8 +19,16 @@ def test_a_study_without_walks_leaves_none_of_an_earlier_one(tmp_path: Path) -> 
     """If this failed, walks of other policies would lie beside the summary of a study in which nobody walked."""
     for name in ("walks.csv", "episodes.csv", "walks.png"):
         (tmp_path / name).touch()
-    made = {"command": "c", "revision": "r", "seconds": 1.0, "machine": {"cores": 2, "cpu": "p"}, "policies": {}}
-    write_engines(tmp_path, RESULT, made | as_summary(RESULT))
+    made = {
+        "command": "c",
+        "revision": "r",
+        "warnings": ["The code changed."],
+        "seconds": 1.0,
+        "machine": {"cores": 2, "cpu": "p"},
+        "policies": {},
+    }
+    page = write_engines(tmp_path, RESULT, made | as_summary(RESULT))
+    assert "The code changed." in page.read_text()
     assert {file.name for file in tmp_path.iterdir()} == {
         *("conformance.csv", "pace.csv", "motions.png", "summary.json", "report.html")
     }

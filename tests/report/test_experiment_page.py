@@ -20,6 +20,7 @@ from stiction.transfer.experiment.places import Place
 from synthetic import condition_rows, write_run
 
 METHODS = ("none", "direct", "deception")
+MADE = {"command": "c", "revision": "abc", "machine": {"cpu": "a processor"}, "warnings": []}
 
 
 def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) -> Experiment:
@@ -37,7 +38,7 @@ def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) ->
             ratios = [0.9 + 0.1 * seed for seed in range(seeds)]
             for who in ("student", "teacher"):
                 rows += condition_rows(name, {0.0: ratios, 0.2: [r / 2 for r in ratios]}, who, backward=0.5)
-    return assemble.assemble(places, rows, BASE, {"command": "stiction study friction", "failed": {}})
+    return assemble.assemble(places, rows, BASE, MADE | {"failed": {}})
 
 
 def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
@@ -64,7 +65,7 @@ def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:
     """If this failed, the experiment could not be looked at before its first run ends."""
     out = tmp_path / "out"
     out.mkdir()
-    empty = assemble.assemble([], [], BASE, {"command": "c", "failed": {"coulomb20-none-s0": "it diverged"}})
+    empty = assemble.assemble([], [], BASE, MADE | {"failed": {"coulomb20-none-s0": "it diverged"}})
     assert "coulomb20-none-s0 failed: it diverged" in write_experiment(out, empty).read_text()
     assert lead(empty).startswith("0 of 0 runs are finished.") and "18 not tested" in lead(empty)
     with pytest.raises(StictionError, match="choose another --out"):

@@ -61,6 +61,8 @@ RESULT = Replication(
         "grids": {"engines": {"title": "Sim2Sim"}},
         "policies": {"p": {"way": "none", "seed": 0, "revision": "abc", "digest": "0" * 64, "command": "train"}},
         "revision": "abc",
+        "warnings": ["The code changed."],
+        "failed": {"p-s1": "it diverged"},
         "seconds": 1.0,
         "machine": {"cpu": "a processor"},
     },
@@ -114,6 +116,7 @@ def test_seeds_above_and_below_follow_on_average_only() -> None:
 def test_a_missing_method_and_a_single_seed_are_said() -> None:
     """The paper compares three methods."""
     assert any("actuator, deception" in text for text in warnings(RESULT))
+    assert warnings(RESULT)[:2] == ["The code changed.", "Not trained, and left out: p-s1. it diverged"]
     assert lead(RESULT).startswith("Of 1 sentences and explanations: 1 not tested.")
     stairs = replace(RESULT.samples[0], terrain="stairs=0.1", seeds="0")
     assert any(

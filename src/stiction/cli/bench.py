@@ -64,11 +64,11 @@ def main(arguments: list[str]) -> int:
     from rich.console import Console
 
     from stiction.formats.actuator import read_actuator
-    from stiction.formats.reproducibility import provenance
+    from stiction.formats.origin import Origin
     from stiction.rma.config import PRESETS
     from stiction.transfer.bench import bench_cfg, measure_training
 
-    note = Console(stderr=True, quiet=options.json)
+    note, origin = Console(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")
     cfg = bench_cfg(replace(PRESETS["full"], num_envs=options.num_envs), options.method, options.friction_level)
     friction = replace(cfg.task.friction, law=options.friction_law)
@@ -96,7 +96,7 @@ def main(arguments: list[str]) -> int:
         "policy_step_ms": _policy_step(),
         "identification_seconds": _identification(),
         "command": shlex.join(["stiction", "bench", *arguments]),
-        **provenance(),
+        **origin.provenance,
     }
     if options.json:
         print(json.dumps(summary))
@@ -107,13 +107,15 @@ def main(arguments: list[str]) -> int:
 
 def _measure_ground(options: Bench) -> int:
     """Measure and print the speed of the simulator alone on stairs of boxes and of height fields."""
-    from stiction.formats.reproducibility import num_threads, provenance
+    from stiction.formats.origin import Origin
+    from stiction.formats.reproducibility import num_threads
     from stiction.robots.catalog import find_robot
     from stiction.transfer.bench_ground import measure_grounds
 
+    origin = Origin.now()
     found = measure_grounds(find_robot(options.robot), options.num_envs, options.blocks, num_threads())
     if options.json:
-        print(json.dumps(found | provenance()))
+        print(json.dumps(found | origin.provenance))
         return 0
     for name, ratio in found["over_plane"].items():
         low, high = found["spread"][name]

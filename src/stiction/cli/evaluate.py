@@ -83,7 +83,7 @@ def main(arguments: list[str]) -> int:
         print("stiction evaluate: no bundle given; `stiction evaluate --help` shows the usage", file=sys.stderr)
         return 2
     jobs = jobs_of(cfg.jobs)
-    from stiction.cli.terminal import print_rows, work_progress
+    from stiction.cli.terminal import print_rows, print_warnings, work_progress
     from stiction.deploy.check import check_bundle
     from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import num_threads
@@ -120,8 +120,7 @@ def main(arguments: list[str]) -> int:
         rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
         if record is not None and cfg.log is not None:
             summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
-    for warning in summary["warnings"]:
-        print(f"stiction evaluate: {warning}", file=sys.stderr)
+    print_warnings("evaluate", summary["warnings"])
     summary = {"command": shlex.join(["stiction", "evaluate", *arguments])} | summary
     write_evaluation(cfg.out, rows, summary, method_means(rows, bundles))
     if cfg.json:
@@ -138,5 +137,6 @@ DESCRIPTION = (
     "Drive policy bundles over levels of dry joint friction, velocity commands, grounds and physics engines, on the "
     "robot of the data sheet or on a virtual one with joints of its own, from the bundles alone. A bundle is a "
     "directory, or the name of one that comes with the package. Stop it at any time: the same command goes on. What is "
-    "lost is the walks in progress, one a core; of the engine mujoco a batch, some three seconds of computing."
+    "lost is the walks in progress, one a core; of the engine mujoco a batch, some three seconds of computing; of "
+    "--forward the bench in progress, minutes."
 )

@@ -27,7 +27,9 @@ its own, on flat ground and stairs. Each sentence of the paper gets a verdict wi
 quick: the shipped policies, some ten minutes on two cores. They have one training seed a way: numbers, no verdicts. A
 verdict takes several training seeds of every way that a sentence compares: give bundles or runs of each seed with
 --policies, or --preset full, which trains what is missing first (days on two cores): three seeds or more of every way
-on flat ground, and of two ways over stairs. Stop it at any time: the same command goes on."""
+on flat ground, and of two ways over stairs; none of an Actuator Net over stairs, so that E9 is not tested. A training
+that fails is named and left out, and the exit status is 1. Stop it at any time: the same command goes on; a walk in
+progress, or a bench of some minutes, is begun anew."""
 
 CLIPS = ("none", "direct", "deception")
 """Ways of training that are shown side by side."""
@@ -74,13 +76,15 @@ class ReplicateCfg:
 
 
 def main(arguments: list[str]) -> int:
-    """Walk the comparison, judge it, write the page."""
+    """Walk the comparison, judge it, write the page; return 1 if a run could not be trained."""
     cfg = tyro.cli(ReplicateCfg, args=arguments, prog="stiction replicate", description=DESCRIPTION)
     jobs = jobs_of(cfg.jobs)
     import json
+    from dataclasses import replace
 
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.formats.folder import make_folder
+    from stiction.formats.origin import Origin
     from stiction.report.replication import lead, warnings, write_replication
     from stiction.robots.catalog import find_robot
     from stiction.transfer.replication.plan import parts_of
@@ -94,39 +98,46 @@ def main(arguments: list[str]) -> int:
     check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
     out = cfg.out or Path(f"stiction-replication-{cfg.preset}")
     make_folder(out)
+    origin = Origin.now()
     with work_progress() as progress:
         found = find_policies(cfg, out, jobs, progress)
         if isinstance(found, int):
             return found
-        bundles, folders = found
+        bundles, folders, failed = found
         command = shlex.join(["stiction", "replicate", *arguments])
-        made = {"command": command, "preset": cfg.preset}
+        made = {"command": command, "preset": cfg.preset, "failed": failed, **origin.provenance}
         result = replicate(bundles, parts, out, jobs, progress, made, asked)
+    result = replace(result, summary=result.summary | {"warnings": origin.warnings()})
     clips = render(bundles, folders, out) if cfg.clips else {}
     page = write_replication(out, result, clips)
+    print_warnings("replicate", warnings(result))
     if cfg.json:
         print(json.dumps({verdict.id: verdict.outcome for verdict in result.verdicts}))
     else:
-        print("\n".join([lead(result), *warnings(result), f"report: {page}"]))
-    return 0
+        print(f"{lead(result)}\nreport: {page}")
+    return 1 if failed else 0
 
 
 def find_policies(
     cfg: ReplicateCfg, out: Path, jobs: int, progress: Callable[[str, float], None]
-) -> tuple[list[Bundle], dict[str, Path]] | int:
-    """Return the checked policies and the folder of each; or the exit status of a training that was asked to stop."""
+) -> tuple[list[Bundle], dict[str, Path], dict[str, str]] | int:
+    """Return the checked policies, the folder of each, and why others could not be trained.
+
+    Or the exit status of a training that was asked to stop.
+    """
     from stiction.deploy.check import check_bundle
     from stiction.formats.shipped import find_bundle, shipped_bundles
 
     given = [find_bundle(path) for path in cfg.policies] or list(shipped_bundles().values())
+    failed: dict[str, str] = {}
     if cfg.preset == "full" and not cfg.policies:
         trained = train_all(cfg, jobs, progress)
         if isinstance(trained, int):
             return trained
-        given = trained
+        given, failed = trained
     folders = export_all(given, out, jobs, progress)
     bundles = [check_bundle(folder).bundle for folder in folders]
-    return bundles, {bundle.name: folder for bundle, folder in zip(bundles, folders, strict=True)}
+    return bundles, {bundle.name: folder for bundle, folder in zip(bundles, folders, strict=True)}, failed
 
 
 def export_all(given: Sequence[Path], out: Path, jobs: int, progress: Callable[[str, float], None]) -> list[Path]:
@@ -160,41 +171,69 @@ def exported(run: Path, out: Path) -> Path:
     return folder
 
 
-def train_all(cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], None]) -> list[Path] | int:
-    """Train everything that is missing; return the folders of the runs, or the exit status if asked to stop."""
+def train_all(
+    cfg: ReplicateCfg, jobs: int, progress: Callable[[str, float], None]
+) -> tuple[list[Path], dict[str, str]] | int:
+    """Train everything that is missing; return the folders of the finished runs, and why the others are not finished.
+
+    Or the exit status if asked to stop. A run that fails stops nobody: what is finished is walked.
+
+    Raises:
+        StictionError: no run is finished, or a folder holds another run.
+
+    """
     from stiction.cli.interruption import stop_requests
     from stiction.cli.train import parse
     from stiction.transfer.experiment.places import Place
     from stiction.transfer.experiment.training import train_missing
-    from stiction.transfer.replication.runs import LOOP_SEEDS, actuator_run, comparison_runs, first_policy
+    from stiction.transfer.replication.runs import comparison_runs
 
     folders: list[Path] = []
+    failed: dict[str, str] = {}
 
     def trained(runs: Sequence[Run]) -> int:
         places = [Place(run, parse([*run.arguments]).config, cfg.runs / run.name) for run in runs]
-        folders.extend(place.path for place in places)
         with stop_requests(say, "an iteration of each run") as asked:
-            failed = train_missing(places, jobs, progress, asked=asked)
-        if not asked() and failed:
-            name, reason = next(iter(failed.items()))
-            raise StictionError(f"{name}: {reason}")
+            failed.update(train_missing(places, jobs, progress, asked=asked))
+        folders.extend(place.path for place in places if place.run.name not in failed)
         return asked.status if asked() else 0
 
     runs = cfg.runs.resolve()
     if status := trained(comparison_runs(known_joints(runs, jobs, progress))):
         return status
-    nets = [known_net(runs, runs / first_policy(seed), jobs, progress) for seed in LOOP_SEEDS]
-    return trained([actuator_run(*of) for of in zip(nets, LOOP_SEEDS, strict=True)]) or folders
+    if status := trained(loop_runs(runs, failed, jobs, progress)):
+        return status
+    for name, reason in failed.items():
+        say(f"{name} is left out: {reason}")
+    if not folders:
+        raise StictionError(f"none of the {len(failed)} runs in {cfg.runs} could be trained; the reasons are above")
+    return folders, failed
+
+
+def loop_runs(runs: Path, failed: dict[str, str], jobs: int, progress: Callable[[str, float], None]) -> list[Run]:
+    """Return the runs with an Actuator Net, and add to `failed` why one has no net: its f0 failed, or does not walk."""
+    from stiction.transfer.replication.runs import LOOP_SEEDS, actuator_run, first_policy
+
+    found = []
+    for seed in LOOP_SEEDS:
+        first = first_policy(seed)
+        try:
+            if first in failed:
+                raise StictionError(f"{first} failed, whose walk its Actuator Net is of")
+            found.append(actuator_run(known_net(runs, runs / first, jobs, progress), seed))
+        except StictionError as error:
+            failed[actuator_run(runs, seed).name] = str(error)
+    return found
 
 
 def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
-    """Return the `joints.json` of the robot that training knows, identified on its bench where it is not there yet."""
+    """Return the `joints.json` of the robot that training knows, identified on its bench where that is not done yet."""
     from stiction.robots.catalog import find_robot
     from stiction.transfer.replication.runs import known_bench
     from stiction.transfer.robot.identification import JOINTS, is_made, make_bench
 
     bench = known_bench(find_robot(ROBOT))
-    folder = runs / "bench" / f"{bench.label}--{bench.key[:8]}"
+    folder = runs / "bench" / bench.label
     if not is_made(bench, folder):
         progress("bench", 0.0)
         make_bench(bench, folder, jobs)
@@ -203,7 +242,7 @@ def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) 
 
 
 def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
-    """Return the folder of the Actuator Net of that robot, fitted to its walks where it is not there yet.
+    """Return the folder of the Actuator Net of that robot, fitted to its walks where that is not done yet.
 
     conventional: the run of f0, which walks.
     """
@@ -214,7 +253,7 @@ def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str
 
     policy = check_bundle(exported(conventional, runs)).bundle
     walked = walked_net(find_robot(ROBOT), policy)
-    folder = runs / "nets" / f"{walked.label}--{walked.key[:8]}"
+    folder = runs / "nets" / walked.label
     make_net(walked, folder, "stiction replicate --preset full", jobs, progress)
     return folder
 

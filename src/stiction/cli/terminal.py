@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
@@ -32,6 +33,12 @@ def work_progress() -> Iterator[Callable[[str, float], None]]:
                 console.print(f"{name}: done", soft_wrap=True, highlight=False)
 
         yield report
+
+
+def print_warnings(verb: str, warnings: Sequence[str]) -> None:
+    """Print what a reader must know before the results, a line each, on standard error."""
+    for warning in warnings:
+        print(f"stiction {verb}: {warning}", file=sys.stderr)
 
 
 def print_rows(rows: Sequence[ResultRow]) -> None:

@@ -48,7 +48,9 @@ def write_loop_page(out: Path, summary: dict[str, Any]) -> Path:
         Section("The virtual robots", (paragraph(ROBOTS), robot_table(summary["robots"]))),
         Section("What was run", run_blocks(summary)),
     ]
-    page.write_text(render_page("Actuator Net: f0, log, f_motor, f1", sections, said[0]), encoding="utf-8")
+    page.write_text(
+        render_page("Actuator Net: f0, log, f_motor, f1", sections, said[0], summary["warnings"]), encoding="utf-8"
+    )
     return page
 
 

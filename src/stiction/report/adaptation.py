@@ -121,9 +121,9 @@ def write_adaptation(out: Path, rows: Sequence[ResultRow], summary: dict[str, An
         StictionError: the files cannot be written.
 
     """
-    page = out / "report.html"
+    page, told = out / "report.html", summary["warnings"]
     effects, probes = draw_effects(summary["methods"], LATENT), draw_probes(summary["methods"], INPUT, TARGET)
-    text = render_page("What does adaptation do?", sections(summary, effects, probes), lead(summary))
+    text = render_page("What does adaptation do?", sections(summary, effects, probes), lead(summary), told)
     try:
         effects.savefig(out / "latents.png", dpi=150, facecolor="white")
         probes.savefig(out / "probes.png", dpi=150, facecolor="white")

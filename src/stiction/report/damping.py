@@ -76,7 +76,7 @@ def write_damping(out: Path, result: DampingResult, summary: dict[str, Any]) -> 
         )
         draw_swaps(result.swaps).savefig(out / "damping.png", dpi=130, facecolor="white")
         page = out / "report.html"
-        text = render_page("B and k·kd: one number?", sections(result, summary), lead(result))
+        text = render_page("B and k·kd: one number?", sections(result, summary), lead(result), summary["warnings"])
         page.write_text(text, encoding="utf-8")
     except OSError as error:
         raise StictionError(f"the study cannot be written to {out}: {error}; choose another --out") from error

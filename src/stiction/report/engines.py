@@ -108,8 +108,8 @@ def write_engines(out: Path, result: EnginesResult, summary: dict[str, Any]) -> 
             figure.savefig(out / f"{name}.png", dpi=110, facecolor="white")
         write_summary(out / "summary.json", summary)
         pictures = {name: figure_uri(figure) for name, figure in drawn.items()}
-        page = out / "report.html"
-        text = render_page("Physics engines", sections(result, pictures, summary), lead(result), warnings(result))
+        page, told = out / "report.html", [*summary["warnings"], *warnings(result)]
+        text = render_page("Physics engines", sections(result, pictures, summary), lead(result), told)
         page.write_text(text, encoding="utf-8")
     except OSError as error:
         raise StictionError(f"the study cannot be written to {out}: {error}; choose another --out") from error

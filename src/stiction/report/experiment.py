@@ -138,6 +138,6 @@ def lead(experiment: Experiment) -> str:
 
 
 def warnings(experiment: Experiment) -> list[str]:
-    """Return what is missing."""
+    """Return what a reader must know first: that the code changed meanwhile, and what is missing."""
     failed: Mapping[str, str] = experiment.summary["failed"]
-    return [f"{name} failed: {reason}" for name, reason in failed.items()]
+    return [*experiment.summary["warnings"], *(f"{name} failed: {reason}" for name, reason in failed.items())]

@@ -87,7 +87,8 @@ def write_gait(out: Path, result: GaitResult, summary: dict[str, Any]) -> Path:
         )
         figure.savefig(out / "gait.png", dpi=110, facecolor="white")
         page = out / "report.html"
-        page.write_text(render_page("Gait", sections(result, figure, summary), lead(result)), encoding="utf-8")
+        text = render_page("Gait", sections(result, figure, summary), lead(result), summary["warnings"])
+        page.write_text(text, encoding="utf-8")
     except OSError as error:
         raise StictionError(f"the study cannot be written to {out}: {error}; choose another --out") from error
     return page

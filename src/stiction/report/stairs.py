@@ -35,7 +35,8 @@ def write_stairs(out: Path, rows: Sequence[Climb], summary: dict[str, Any]) -> P
         ),
     ]
     page = out / "report.html"
-    page.write_text(render_page("Stairs", sections, " ".join(answers(rows))), encoding="utf-8")
+    text = render_page("Stairs", sections, " ".join(answers(rows)), summary["warnings"])
+    page.write_text(text, encoding="utf-8")
     return page
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
-from stiction.formats.reproducibility import provenance
+from stiction.formats.origin import Origin
 from stiction.formats.results import ResultRow
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.forward import not_told
@@ -34,19 +34,23 @@ def evaluate_all(
 
     """
     check_names([bundle.name for bundle in bundles])
-    start = time.perf_counter()
+    origin, start = Origin.now(), time.perf_counter()
     rows, details = rows_of(walk_grid(bundles, cfg, out, jobs, robot, progress), bundles, robot)
     summary = {
         "evaluation": asdict(cfg.base),
         "engines": list(cfg.engines),
         "terrains": list(cfg.terrains),
         "robots": cfg.used_robots,
-        "warnings": [*warnings_on(cfg.used_robots), *not_told(bundles, cfg, out / BENCHES, robot)],
+        "warnings": [
+            *origin.warnings(),
+            *warnings_on(cfg.used_robots),
+            *not_told(bundles, cfg, out / BENCHES, robot),
+        ],
         "forward": list(cfg.forward),
         "conditions": cfg.base.conditions,
         "robot": robot,
         "seconds": time.perf_counter() - start,
-        **provenance(),
+        **origin.provenance,
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
         "rows": details,
     }

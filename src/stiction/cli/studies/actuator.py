@@ -34,14 +34,15 @@ def main(arguments: list[str]) -> int:
     """Run the study, write its results and its page."""
     options = tyro.cli(ActuatorStudy, args=arguments, prog="stiction study actuator", description=DESCRIPTION)
 
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.formats.configuration import to_plain
-    from stiction.formats.reproducibility import provenance
+    from stiction.formats.origin import Origin
     from stiction.formats.results import ResultRow, summary_text, write_results, write_summary
     from stiction.report.actuator import write_actuator_page
     from stiction.report.actuator_loop import write_loop_page
     from stiction.transfer.actuator_loop import ActuatorLoop
 
+    origin = Origin.now()
     command = shlex.join(["stiction", "study", "actuator", *arguments])
     with work_progress() as progress:
         found = ActuatorLoop(options.out, options.config, command, progress).run()
@@ -51,9 +52,11 @@ def main(arguments: list[str]) -> int:
         "options": {
             name: to_plain(value) if name in ("net", "train") else value for name, value in vars(config).items()
         },
-        **provenance(),
+        **origin.provenance,
+        "warnings": origin.warnings(),
     } | found
     summary["options"]["policy"] = None if config.policy is None else str(config.policy)
+    print_warnings("study actuator", summary["warnings"])
     rows = [{key: value for key, value in row.items() if key != "robot"} for row in found["rows"]]
     for row, whole in zip(rows, found["rows"], strict=True):
         row["policy"] = f"{row['policy']} on {whole['robot']}"

@@ -43,8 +43,9 @@ def main(arguments: list[str]) -> int:
     if not options.runs:
         print("stiction study adaptation: no run given; --help shows the usage", file=sys.stderr)
         return 2
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.formats.folder import make_folder
+    from stiction.formats.origin import Origin
     from stiction.formats.reproducibility import num_threads
     from stiction.formats.results import ResultRow, summary_text
     from stiction.report.adaptation import lead, write_adaptation
@@ -63,9 +64,12 @@ def main(arguments: list[str]) -> int:
         WalkCfg(robots=options.robots, seconds=options.walk_seconds, seed=options.seed),
     )
     make_folder(options.out)
+    origin = Origin.now()
     with work_progress() as progress:
         summary = study(options.runs, options.out, cfg, num_threads(), progress)
-    summary = {"command": shlex.join(["stiction", "study", "adaptation", *arguments])} | summary
+    made = {"command": shlex.join(["stiction", "study", "adaptation", *arguments]), **origin.provenance}
+    summary = made | {"warnings": origin.warnings()} | summary
+    print_warnings("study adaptation", summary["warnings"])
     rows = [ResultRow(**row) for run in summary["runs"].values() for row in run["latents"]["rows"]]
     page = write_adaptation(options.out, rows, summary)
     if options.json:

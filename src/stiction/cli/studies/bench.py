@@ -25,7 +25,8 @@ what was there.
 
 Each robot has a folder of its own with what a person with that robot would have: bench.npz and bench.json, its log;
 joints.json and training.json, what `stiction identify` makes of it. The truth stands in bench.csv and report.html
-alone. Stop it at any time: the same command goes on with the robots that are missing."""
+alone. Stop it at any time: the same command goes on with the robots that are missing; one in progress, some minutes, is
+begun anew."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +68,9 @@ def main(arguments: list[str]) -> int:
     import time
     from dataclasses import asdict
 
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import provenance
+    from stiction.formats.origin import Origin
     from stiction.formats.results import summary_text
     from stiction.report.bench import lead, scores, write_bench
     from stiction.transfer.robot.bench import BenchCfg
@@ -79,7 +80,7 @@ def main(arguments: list[str]) -> int:
     cfg = BenchCfg(seconds=options.seconds)
     benches = benches_of(options, cfg)
     make_folder(options.out)
-    start = time.perf_counter()
+    origin, start = Origin.now(), time.perf_counter()
     with work_progress() as progress:
         rows, failed = study_benches(benches, options.out, jobs, progress)
     for label, reason in failed.items():
@@ -89,19 +90,18 @@ def main(arguments: list[str]) -> int:
     steps = {bench.label: next_step(options.out / bench.label) for bench in benches if bench.label not in failed}
     summary = {
         "command": shlex.join(["stiction", "study", "bench", *arguments]),
-        **provenance(),
+        **origin.provenance,
         "seconds": time.perf_counter() - start,
         "bench": asdict(cfg),
         "engine": options.engine,
         "cell": options.cell,
         "failed": failed,
-        "warnings": warnings_on(options.robots),
+        "warnings": [*origin.warnings(), *warnings_on(options.robots)],
         "next": steps,
         "scores": scores(rows),
         "lead": lead(rows),
     }
-    for warning in summary["warnings"]:
-        print(f"stiction study bench: {warning}", file=sys.stderr)
+    print_warnings("study bench", summary["warnings"])
     page = write_bench(options.out, rows, steps, summary)
     if options.json:
         print(summary_text(summary), end="")

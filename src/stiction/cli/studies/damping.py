@@ -48,10 +48,11 @@ def main(arguments: list[str]) -> int:
     from dataclasses import asdict
     from functools import partial
 
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.deploy.check import check_bundle
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads, provenance
+    from stiction.formats.origin import Origin
+    from stiction.formats.reproducibility import num_threads
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle, shipped_bundles
     from stiction.report.damping import DampingResult, lead, write_damping
@@ -64,7 +65,7 @@ def main(arguments: list[str]) -> int:
     paths = options.bundles if options.bundles is not None else tuple(shipped_bundles().values())
     bundles = [check_bundle(find_bundle(path)).bundle for path in paths]
     make_folder(options.out)
-    start = time.perf_counter()
+    origin, start = Origin.now(), time.perf_counter()
     swaps = tuple(row for robot in cfg.robots for row in swap_rows(robot, cfg))
     nets = tuple(row for robot in cfg.robots for row in net_rows(robot, cfg))
     draws = tuple(row for robot in cfg.robots for row in draw_rows(robot, cfg))
@@ -77,12 +78,14 @@ def main(arguments: list[str]) -> int:
     result = DampingResult(swaps, nets, draws, tuple(robots))
     summary = {
         "command": shlex.join(["stiction", "study", "damping", *arguments]),
-        **provenance(),
+        **origin.provenance,
+        "warnings": origin.warnings(),
         "seconds": time.perf_counter() - start,
         "study": asdict(cfg),
         "walk": asdict(walk),
         "lead": lead(result),
     }
+    print_warnings("study damping", summary["warnings"])
     page = write_damping(options.out, result, summary)
     if options.json:
         print(summary_text(summary), end="")

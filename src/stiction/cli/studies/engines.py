@@ -64,9 +64,9 @@ def main(arguments: list[str]) -> int:
     import time
     from functools import partial
 
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import provenance
+    from stiction.formats.origin import Origin
     from stiction.formats.results import summary_text
     from stiction.report.engines import EnginesResult, as_summary, write_engines
     from stiction.transfer.engine_walks import check_walks, simulators, walk_bundles
@@ -75,7 +75,7 @@ def main(arguments: list[str]) -> int:
     from stiction.transfer.summary import describe
 
     jobs = jobs_of(options.jobs)
-    start = time.perf_counter()
+    origin, start = Origin.now(), time.perf_counter()
     cfg = EvaluationCfg(options.friction_levels, options.commands, options.episodes, options.seconds, seed=options.seed)
     check_timesteps(options.timesteps)
     check_walks(cfg)
@@ -104,9 +104,11 @@ def main(arguments: list[str]) -> int:
         "evaluation": asdict(cfg),
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
         "seconds": time.perf_counter() - start,
-        **provenance(),
+        **origin.provenance,
+        "warnings": origin.warnings(),
         **as_summary(result),
     }
+    print_warnings("study engines", summary["warnings"])
     page = write_engines(options.out, result, summary)
     if options.json:
         print(summary_text(summary), end="")

@@ -67,8 +67,9 @@ def main(arguments: list[str]) -> int:
     options = tyro.cli(FrictionStudy, args=arguments, prog="stiction study friction", description=DESCRIPTION)
     jobs = jobs_of(options.jobs)
     from stiction.cli.interruption import stop_requests
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.formats.folder import make_folder
+    from stiction.formats.origin import Origin
     from stiction.report.experiment import lead, write_experiment
     from stiction.transfer.experiment.assemble import assemble, ship
     from stiction.transfer.experiment.evaluation import BASE, evaluate_tasks, tasks_for
@@ -85,7 +86,7 @@ def main(arguments: list[str]) -> int:
             "with --runs"
         )
     make_folder(options.out)
-    failed: dict[str, str] = {}
+    origin, failed = Origin.now(), dict[str, str]()
     with work_progress() as progress:
         if options.train:
             with stop_requests(say, "an iteration of each run") as asked:
@@ -97,7 +98,9 @@ def main(arguments: list[str]) -> int:
         rows, unevaluated = evaluate_tasks(tasks_for(finished, base, options.cache), jobs, progress)
     failed |= unevaluated
     command = shlex.join(["stiction", "study", "friction", *arguments])
-    experiment = assemble(places, rows, base, {"command": command, "failed": failed})
+    made = {"command": command, "failed": failed, **origin.provenance, "warnings": origin.warnings()}
+    print_warnings("study friction", made["warnings"])
+    experiment = assemble(places, rows, base, made)
     page = write_experiment(options.out, experiment)
     for name, reason in failed.items():
         say(f"{name}: {reason}")

@@ -60,9 +60,10 @@ def main(arguments: list[str]) -> int:
     from dataclasses import asdict
     from functools import partial
 
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads, provenance
+    from stiction.formats.origin import Origin
+    from stiction.formats.reproducibility import num_threads
     from stiction.formats.results import summary_text
     from stiction.report.gait import GaitResult, lead, write_gait
     from stiction.transfer.evaluate import EvaluationCfg
@@ -79,7 +80,7 @@ def main(arguments: list[str]) -> int:
     variants: tuple[str, ...] = options.variants or tuple(
         trained_variant(bundle.contract.command) for bundle in bundles
     )
-    start, walked = time.perf_counter(), []
+    origin, start, walked = Origin.now(), time.perf_counter(), []
     with work_progress() as progress:
         for bundle, variant in zip(bundles, variants, strict=True):
             walked += walk_gaits(bundle, variant, cfg, options.robot, num_threads(), partial(progress, bundle.name))
@@ -96,10 +97,12 @@ def main(arguments: list[str]) -> int:
         "command": shlex.join(["stiction", "study", "gait", *arguments]),
         "evaluation": asdict(cfg),
         "seconds": time.perf_counter() - start,
-        **provenance(),
+        **origin.provenance,
+        "warnings": origin.warnings(),
         "policies": {bundle.name: describe(bundle) | {"variant": variant} for bundle, variant in named},
         "lead": lead(result),
     }
+    print_warnings("study gait", summary["warnings"])
     page = write_gait(options.out, result, summary)
     if options.json:
         print(summary_text(summary), end="")

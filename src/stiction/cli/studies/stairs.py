@@ -44,10 +44,11 @@ def main(arguments: list[str]) -> int:
     if not cfg.bundles:
         print("stiction study stairs: no bundle given; --help shows the usage", file=sys.stderr)
         return 2
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.deploy.check import check_bundle
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads, provenance
+    from stiction.formats.origin import Origin
+    from stiction.formats.reproducibility import num_threads
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
     from stiction.report.stairs import answers, write_stairs
@@ -58,17 +59,19 @@ def main(arguments: list[str]) -> int:
     bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
     check_names([bundle.name for bundle in bundles])
     make_folder(cfg.out)
-    rows = []
+    origin, rows = Origin.now(), []
     with work_progress() as progress:
         for bundle in bundles:
             rows += climb(bundle, settings, num_threads(), partial(progress, bundle.name))
     summary = {
         "command": shlex.join(["stiction", "study", "stairs", *arguments]),
         "settings": asdict(settings),
-        **provenance(),
+        **origin.provenance,
+        "warnings": origin.warnings(),
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
         "rows": [asdict(row) for row in rows],
     }
+    print_warnings("study stairs", summary["warnings"])
     page = write_stairs(cfg.out, rows, summary)
     if cfg.json:
         print(summary_text(summary), end="")

@@ -18,7 +18,7 @@ DESCRIPTION = """Let policies walk on virtual robots whose friction grows from x
 A policy's life is the factor at which its speed falls under 80 % of the command for good, or at which the robot falls.
 A bundle's wear monitor, if it has one, listens to what the policy sees: does it notice before that? And would it have
 noticed as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the walks in progress,
-one a core, about a minute each.
+one a core, under a minute each in PhysX.
 
 Example: stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
 
@@ -67,10 +67,10 @@ def main(arguments: list[str]) -> int:
     if not options.bundles:
         print("stiction study wear: no bundle given; --help shows the usage", file=sys.stderr)
         return 2
-    from stiction.cli.terminal import work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.deploy.check import check_bundle
     from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import provenance
+    from stiction.formats.origin import Origin
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
     from stiction.report.wear import answers, write_wear
@@ -80,7 +80,7 @@ def main(arguments: list[str]) -> int:
     from stiction.transfer.wear_life import groups
     from stiction.transfer.wear_study import WearCfg, study_wear
 
-    jobs = jobs_of(options.jobs)
+    jobs, origin = jobs_of(options.jobs), Origin.now()
     joints = () if options.joint is None else (options.joint,)
     wear = Wear(joints, options.start, options.end, options.seconds)
     names = ("engine", "levels", "cell", "robots", "command", "window", "control")
@@ -94,14 +94,13 @@ def main(arguments: list[str]) -> int:
     summary = {
         "command": shlex.join(["stiction", "study", "wear", *arguments]),
         "settings": asdict(cfg),
-        "warnings": warnings_on(cfg.robots),
-        **provenance(),
+        "warnings": [*origin.warnings(), *warnings_on(cfg.robots)],
+        **origin.provenance,
         "policies": {bundle.name: describe(bundle) | {"monitor": bundle.wear is not None} for bundle in bundles},
         "groups": groups(lives),
         "lives": [asdict(one) for one in lives],
     }
-    for warning in summary["warnings"]:
-        print(f"stiction study wear: {warning}", file=sys.stderr)
+    print_warnings("study wear", summary["warnings"])
     page = write_wear(options.out, lives, windows, readings, summary)
     if options.json:
         print(summary_text(summary), end="")

@@ -13,7 +13,7 @@ import numpy as np
 from stiction.deploy.wear import Moments
 from stiction.formats.configuration import to_plain
 from stiction.formats.errors import StictionError
-from stiction.formats.reproducibility import made_by, provenance
+from stiction.formats.reproducibility import made_by
 from stiction.rma.checkpoint import write_json
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, identified_values
@@ -84,7 +84,6 @@ def study(
     return {
         "config": asdict(cfg),
         "threshold": TOLD,
-        **provenance(),
         "methods": methods,
         "runs": {part["name"]: part for part in parts},
     }

@@ -11,7 +11,6 @@ from typing import Any
 from stiction.formats.errors import StictionError
 from stiction.formats.experiment import ConditionRecord, CurvePoint, Experiment, RunRecord
 from stiction.formats.metrics import read_metrics
-from stiction.formats.reproducibility import provenance
 from stiction.formats.results import ResultRow
 from stiction.rma.run import RunDirectory
 from stiction.transfer.evaluate import EvaluationCfg
@@ -40,7 +39,7 @@ def assemble(
         places: the runs of the parts that were asked for.
         rows: results of those that are finished.
         base: how they were evaluated, levels in units of the experiment's own.
-        summary: what else belongs into summary.json, such as the command.
+        summary: what else belongs into summary.json: the command, what `Origin` says, and what failed.
 
     """
     table = Table.of(rows)
@@ -61,7 +60,6 @@ def assemble(
         parts=PARTS,
         summary={
             **summary,
-            **provenance(),
             "evaluation": asdict(base) | {"commands": COMMANDS},
             "conditions_of_evaluation": base.conditions,
             "median_seeds": medians,

@@ -12,7 +12,6 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.replication import SUMMARY, PartRecord, Replication
-from stiction.formats.reproducibility import provenance
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.catalog import what_is_missing
 from stiction.transfer.grid.config import ALONE
@@ -52,7 +51,7 @@ def replicate(
         out: folder of the results; it exists.
         jobs: processes at once.
         progress: see `Progress`.
-        summary: what the summary begins with.
+        summary: what the summary begins with: the command, and what `Origin` says.
         asked: names of the parts to walk, by default all; of the others what was walked before in `out` is judged too.
 
     Raises:
@@ -85,7 +84,6 @@ def replicate(
             "dead_band": shank.torque_limit / shank.stiffness,
             "grids": {record.name: _settings(by_name[record.name], record) for record in records},
             "seconds": time.perf_counter() - start,
-            **provenance(),
             "policies": {bundle.name: describe(bundle) | {"way": way_of(bundle.contract)} for bundle in bundles},
         },
     )
