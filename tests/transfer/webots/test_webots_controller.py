@@ -188,6 +188,33 @@ def test_a_fall_ends_the_walk_and_is_said(project: Path, program: ModuleType, bu
     )  # 0.185 s: between the ninth and the tenth control step, 37 of 5 ms
 
 
+class Sinking(Playback):
+    """The same, on a trunk that sinks from the second control step on, and keeps level."""
+
+    low = 0.44
+    """Height of the trunk then, over its first one [-]."""
+
+    def trunk(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return a place 0.3 m high at first, and no turn."""
+        height = 0.3 if self.taken - 2 < self.decimation else self.low * 0.3
+        return np.array([0.0, 0.0, height]), facing(0.0), np.zeros(3)
+
+
+@pytest.mark.parametrize(("low", "end"), [(0.44, "fell after 0.02"), (0.46, "done after 0.20")])
+def test_a_level_trunk_on_the_ground_has_fallen(
+    project: Path, program: ModuleType, bundle: Bundle, low: float, end: str
+) -> None:
+    """If this failed, a robot that lies on its belly would count as one that walks: under 0.45 of standing it does."""
+    (_, record), *_ = walks(bundle.golden)
+    contract = bundle.contract
+    physics = Sinking(
+        contract.joint_names, contract.array("standing"), contract.physics_timestep, contract.decimation, record
+    )
+    physics.low = low
+    said = program.walk(Robot(robot_in(project), 5.0, physics), bundle, program.ControllerCfg("stand", seconds=0.2))
+    assert said.startswith(f"stand: {end}")
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

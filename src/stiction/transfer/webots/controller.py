@@ -15,6 +15,8 @@ What Webots measures (docs/reference of https://github.com/cyberbotics/webots):
   in the device's frame [rad/s]. Both sit in the trunk's frame: x forward, y left, z up.
 * `PositionSensor.getValue` [rad] counts from the standing pose. Velocities are its differences over one physics step,
   which is what ODE turned the joint by in that step: there is no sensor for them, and no noise in the angle.
+* `GPS.getValues`: where the trunk is in the world [m]. Its first height is taken for that of standing. No ground of the
+  project is lower than that under the start; over stairs a trunk may lie lower over its step than this tells.
 * Values are there after the first step. Until a torque is set the motors hold the pose that the world gives them.
 """
 
@@ -36,7 +38,7 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.locomotion.terrain import TerrainCfg, hold_heading
-from stiction.sim.fall import tilted
+from stiction.sim.fall import tilted, too_low
 from stiction.transfer.command import parse_command
 from stiction.transfer.engines.rotation import yaw
 from stiction.transfer.webots.odometer import Odometer
@@ -179,23 +181,25 @@ class PolicyLoop:
 def walk(robot: Any, bundle: Bundle, cfg: ControllerCfg) -> str:
     """Walk until time is up, the robot falls or Webots ends the program; return what came of it in one line.
 
+    It has fallen where its trunk leans too far, or is too low over the ground at its start.
+
     Raises `StictionError` where world and bundle do not fit, the plugin is silent, or a sensor is not finite.
     """
     contract, command = bundle.contract, parse_command(cfg.command)
     devices, loop = Devices(robot, contract), PolicyLoop(contract, load_policy(contract, bundle.policy))
-    odometer, end, first = Odometer(contract.control_period), "stopped by Webots", None
+    odometer, end = Odometer(contract.control_period), "stopped by Webots"
+    start: tuple[float, float] | None = None
     if robot.step(devices.milliseconds) != -1:
         devices.sense()  # Velocities are differences: they need a sample before the first.
     while robot.step(devices.milliseconds) != -1:
         devices.listen(loop.steps)
-        sensors = devices.sense()
-        if first is None:
-            first = yaw(sensors.quaternion)
-        if tilted(sensors.quaternion):
+        sensors, place = devices.sense(), devices.place()
+        first, stood = start = start or (yaw(sensors.quaternion), place[2])
+        if tilted(sensors.quaternion) or too_low(place[2], stood):
             end = "fell"
             break
         if loop.due:
-            odometer.add(devices.place(), sensors)
+            odometer.add(place, sensors)
             if loop.steps * contract.physics_timestep >= cfg.seconds:
                 end = "done"
                 break
