@@ -95,7 +95,7 @@ def test_the_whole_project_walks_in_ode_as_webots_sets_it_up(
 ) -> None:
     """If this failed, robot, plugin and controller would each be right and not fit together.
 
-    Robot, joints, contacts and friction come from the files alone. Measured: 1.11 of the command, in MuJoCo 1.09.
+    Robot, joints, contacts and friction come from the files alone.
     """
     physics = in_ode(nodes := read_world(project.path / "worlds/flat.wbt"))
     height = physics.trunk()[0][2]

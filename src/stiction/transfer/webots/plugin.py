@@ -6,9 +6,8 @@ ODE, which Webots is built on, an angular motor for each joint holds it: a const
     target speed = q' before the step,    CFM = Δt / I,    as good as no bound on its torque
 
 gives the torque -I (q'_after - q'_before) / Δt, which is -I q'': the rotor's, taken implicitly. A test compiles the
-plugin and steps it in ODE 0.16, where the ODE library is at hand. **Not run in Webots.** It matters: in ODE, set up as
-Webots does it, the shipped policy without friction walked at 1.20 of 0.5 m/s with rotor inertia, and at 0.40 without,
-where the joint controller rings: torques change sign in half of all steps, the knees' are at their limit in 28 %.
+plugin and steps it in ODE 0.16, where the ODE library is at hand. **Not run in Webots.** Without rotor inertia a light
+link is stiff against its gains at the physics step, and the joint controller may ring.
 
 The plugin tells the controller in every step that it acts (a message on channel `CHANNEL`), and says nothing where a
 joint of its table is missing: the controller then refuses to walk without rotor inertia.

@@ -18,8 +18,8 @@ TEMPLATE = """\
 it could not be installed where this was written. What was tested, short of running: the worlds and the PROTO parse,
 names, masses, limits and inertias equal those of the robot; the plugin compiles; the controller gives the policy's own
 targets when a stand-in of Webots plays its recorded sensors; and in ODE 0.16, set up from such files as Webots' source
-does it, with the plugin and the controller, a shipped policy (deception, 20 %) reached 1.11 of 0.5 m/s at 20 % friction
-where MuJoCo has 1.09. If something does not work, it is ours: please report it.
+does it, with the plugin and the controller, a shipped policy (deception, 20 %) walks at 20 % friction. If something
+does not work, it is ours: please report it.
 
 | | |
 |---|---|
@@ -60,8 +60,7 @@ velocity control it does nothing (cyberbotics/webots#2483). A change acts from t
 ## What to look at first
 
 1. The console says `rotor_inertia: {joints} joints have rotor inertia`. Without it the controller refuses to walk: a
-   shank would have {knee:.0f} % of its inertia about the knee. In ODE as above, without friction, a shipped policy then
-   reached 0.40 of the commanded speed (with it 1.20): the joint controller rings.
+   shank would have {knee:.0f} % of its inertia about the knee, and the joint controller may ring.
 2. The robot stands in its standing pose, feet on the ground, before the controller starts.
 3. `--command stand` stands still; after that `--command vx=0.5`.
 
