@@ -1,4 +1,4 @@
-"""`stiction export`: the student of a training run as a policy bundle, or a bundle as a Webots project."""
+"""`stiction export`: the student of a training run as a policy bundle, or a bundle as a Webots project (not run)."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ import tyro
 
 from stiction.formats.errors import StictionError
 
-DESCRIPTION = """Export a trained student as a policy bundle, or a policy bundle as a Webots project.
+DESCRIPTION = """Export a trained student as a policy bundle, or a policy bundle as a Webots project, not run in Webots.
 
 --to bundle: the network as ONNX, the contract, golden vectors recorded in MuJoCo, digests and a card. What was written
 is checked at once, as `stiction verify` does.
 
 --to webots: robot (PROTO), worlds (flat ground, stairs), a physics plugin for the rotors' inertia, and a controller
-that runs the bundle. Written and tested short of running; not run in Webots."""
+that runs the bundle. Written and tested short of running."""
 
 
 @dataclass(frozen=True)
