@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stiction.formats.experiment import ConditionRecord, Experiment, SeedMean
+from stiction.formats.experiment import LIMITS, ConditionRecord, Experiment, SeedMean
 from stiction.formats.results import ResultRow
 from stiction.report.sheet import Sheet
 
@@ -87,8 +87,8 @@ def verdict_sheet(experiment: Experiment) -> Sheet:
     rows = tuple((v.id, v.outcome, f"“{v.sentence}”", v.criterion, v.evidence) for v in experiment.verdicts)
     note = (
         "Numbers are means over training seeds with their 95 % t-interval in brackets and every seed in parentheses. "
-        "`undecided`: the interval straddles the criterion. One seed carries no verdict. Each sentence is judged by "
-        "itself at 95 %: the number of sentences is not corrected for."
+        f"`undecided`: the interval straddles the criterion. {LIMITS} One seed carries no verdict. Each sentence is "
+        "judged by itself at 95 %: the number of sentences is not corrected for."
     )
     return Sheet("The paper's sentences", ("", "outcome", "sentence", "criterion", "evidence"), rows, note)
 

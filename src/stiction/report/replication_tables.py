@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from stiction.formats.experiment import Verdict
+from stiction.formats.experiment import LIMITS, Verdict
 from stiction.formats.friction import has_coefficient, level_text
 from stiction.formats.grid import FED
 from stiction.formats.replication import Behind, BudgetPoint, Onset
@@ -36,13 +36,15 @@ def verdict_sheet(verdicts: Sequence[Verdict]) -> Sheet:
     rows = tuple((v.id, v.outcome, f"“{v.sentence}”", v.criterion, v.evidence) for v in verdicts)
     note = (
         "Means over training seeds with 95 % t-intervals in brackets and every seed in parentheses. `undecided`: the "
-        "interval straddles the criterion. A rate (falls, crossings) also has Wilson's interval, over trials, and is "
-        "decided where both agree: the one knows how trainings differ, the other how many walks there were. A trial is "
-        "a walk; of virtual robots it is a pair of policy and robot, since the walks of one robot are not independent. "
-        "All policies walk on the same virtual robots: there, rates and speeds have one more interval with the robots "
-        "as the sample, which must agree. One seed carries no verdict: `not tested`, with its number. Each sentence "
-        "is judged by itself; their number is not corrected for. E: the paper's comparison; V: its section on training "
-        "with friction; T: what it concludes from its motors; X: explanations for what it saw."
+        f"interval straddles the criterion. {LIMITS} Shares of the torque limit and of the load are axes of their own: "
+        "the evidence says on which one x is, and on the others the sentence holds throughout, or nowhere. A rate "
+        "(falls, crossings) also has Wilson's interval, over trials, and is decided where both agree: the one knows "
+        "how trainings differ, the other how many walks there were. A trial is a walk; of virtual robots it is a pair "
+        "of policy and robot, since the walks of one robot are not independent. All policies walk on the same virtual "
+        "robots: there, rates and speeds have one more interval with the robots as the sample, which must agree. One "
+        "seed carries no verdict: `not tested`, with its number. Each sentence is judged by itself; their number is "
+        "not corrected for. E: the paper's comparison; V: its section on training with friction; T: what it concludes "
+        "from its motors; X: explanations for what it saw."
     )
     return Sheet("The paper's sentences", ("", "outcome", "sentence", "criterion", "evidence"), rows, note)
 

@@ -81,22 +81,40 @@ def test_nothing_walked_has_no_rate() -> None:
     [
         ([(0.0, FAILS), (0.1, HOLDS), (0.2, HOLDS)], "reproduces", "at 0.1"),
         ([(0.1, FAILS), (0.2, FAILS)], "does not", "at 0.1"),
-        ([(0.01, FAILS), (0.1, OPEN), (0.2, HOLDS), (0.3, HOLDS)], "only above x", "x = 0.1; at 0.1: perhaps; at 0.2"),
+        ([(0.01, FAILS), (0.1, FAILS), (0.2, HOLDS), (0.3, HOLDS)], "only above x", "x = 0.1; at 0.1: no; at 0.2: yes"),
+        (
+            [(0.01, FAILS), (0.1, OPEN), (0.2, HOLDS)],
+            "undecided",
+            "it holds at 0.2, is refuted at 0.01, undecided at 0.1",
+        ),
+        (
+            [(0.01, OPEN), (0.1, FAILS), (0.2, HOLDS)],
+            "undecided",
+            "it holds at 0.2, is refuted at 0.1, undecided at 0.01",
+        ),
+        ([(0.1, OPEN), (0.2, HOLDS)], "undecided", "it holds at 0.2, undecided at 0.1; at 0.1: perhaps"),
         ([(0.1, HOLDS), (0.2, FAILS)], "only up to x", "x = 0.1; at 0.1"),
-        ([(0.1, HOLDS), (0.2, OPEN)], "undecided", "it holds at 0.1 and not"),
-        ([(0.1, HOLDS), (0.2, FAILS), (0.3, HOLDS)], "undecided", "it holds at 0.1 and not"),
-        ([(0.1, FAILS), (0.2, OPEN)], "undecided", "at 0.1"),
+        ([(0.1, HOLDS), (0.2, HOLDS), (0.3, FAILS), (0.4, FAILS)], "only up to x", "x = 0.2; at 0.2: yes; at 0.3: no"),
+        ([(0.1, HOLDS), (0.2, OPEN)], "undecided", "it holds at 0.1, undecided at 0.2"),
+        (
+            [(0.1, HOLDS), (0.2, FAILS), (0.3, OPEN)],
+            "undecided",
+            "it holds at 0.1, is refuted at 0.2, undecided at 0.3",
+        ),
+        ([(0.1, HOLDS), (0.2, FAILS), (0.3, HOLDS)], "undecided", "it holds at 0.1, 0.3, is refuted at 0.2; at 0.1"),
+        ([(0.1, FAILS), (0.2, OPEN)], "undecided", "is refuted at 0.1, undecided at 0.2"),
+        ([(0.1, OPEN), (0.2, OPEN)], "undecided", "at 0.1: perhaps; at 0.2: perhaps"),
         ([(0.1, NONE), (0.2, NONE)], "not tested", "at 0.1: nothing"),
         (
             [(0.1, NONE), (0.2, HOLDS), (0.3, NONE)],
             "reproduces",
-            "at 0.2: yes; that is not each level: not tested at 0.1, 0.3",
+            "at 0.2: yes; judged at 0.2 alone, not tested at 0.1, 0.3",
         ),
-        ([(0.1, NONE), (0.2, FAILS), (0.3, HOLDS)], "only above x", "x = 0.2; "),
+        ([(0.1, NONE), (0.2, FAILS), (0.3, HOLDS)], "only above x", "x = 0.2; at 0.2: no; at 0.3: yes; judged"),
         ([], "not tested", ""),
     ],
 )
 def test_over_levels(findings: list, outcome: str, start: str) -> None:
-    """If this failed, `only above x` would name the wrong x, or hide that a sentence holds at some levels only."""
+    """If this failed, `only above x` would name the wrong x, or a level at which nothing was shown."""
     found = over_levels(findings)
     assert found.outcome == outcome and found.evidence.startswith(start)

@@ -390,6 +390,15 @@ def test_the_bench_and_its_load_are_frictions_of_the_robot() -> None:
     assert judged(walks, rows("none", BENCH, 0.95)).outcome == "reproduces"
 
 
+def test_levels_at_which_a_way_was_not_walked_are_named() -> None:
+    """A sentence that holds at one level of three would read as one that holds at each."""
+    others = [rows("direct", spot, 0.9) for spot in (*REAL, BENCH, LOADED)]
+    found = judged(criteria.walks("none", "vx=0.5"), rows("none", REAL[1], 0.9), *others)
+    assert found.outcome == "reproduces"
+    assert "judged at 0.2 alone, not tested at 0.0107, 0.1" in found.evidence
+    assert "load beside the bench's value: not tested, at 0.1: none, vx=0.5 not evaluated" in found.evidence
+
+
 def test_a_limit_on_one_axis_is_one_of_the_sentence() -> None:
     """It holds above 10 % of the torque limit, and at each share of the load; two limits of two kinds contradict."""
     above, up_to, holds, fails = (

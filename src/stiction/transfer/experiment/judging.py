@@ -163,35 +163,33 @@ def any_of(*findings: Finding) -> Finding:
 def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
     """Judge a sentence that names no level: at every level above zero, at none, only above x, or only up to x.
 
-    `findings`: level -> whether the sentence holds there, from low to high. Above x: x is the highest level at which it
-    was not shown to hold. Up to x: the highest at which it holds, and the next one refutes it. Otherwise undecided.
-    Levels that could not be tested do not count, and the evidence names them.
+    `findings`: level -> whether the sentence holds there, from low to high. Above x: it holds at every level above x,
+    and is refuted at x and at every level below. Up to x: it holds at x and at every level below, and is refuted at
+    every level above. Otherwise undecided. Levels that could not be tested do not count; the evidence then says which
+    were judged.
     """
     above = [(level, finding) for level, finding in findings if level > 0]
     tested = [(level, finding) for level, finding in above if finding.outcome != "not tested"]
     if not tested:
         return Finding("not tested", "; ".join(f"at {level:g}: {finding.evidence}" for level, finding in above))
-    holds = [finding.outcome == "reproduces" for _, finding in tested]
-    at = "; ".join(f"at {level:g}: {finding.evidence}" for level, finding in _telling(tested, holds))
-    if left := [f"{level:g}" for level, finding in above if finding.outcome == "not tested"]:
-        at = f"{at}; that is not each level: not tested at {', '.join(left)}"
-    if all(holds):
-        return Finding("reproduces", at)
-    if not any(holds):
-        refuted = all(finding.outcome == "does not" for _, finding in tested)
-        return Finding("does not" if refuted else "undecided", at)
-    first = holds.index(True)
-    if all(holds[first:]):
-        return Finding("only above x", f"x = {tested[first - 1][0]:g}; {at}")
-    last = holds.index(False) if holds[0] else 0
-    if last and not any(holds[last:]) and tested[last][1].outcome == "does not":
-        return Finding("only up to x", f"x = {tested[last - 1][0]:g}; {at}")
-    return Finding("undecided", f"it holds at {tested[first][0]:g} and not at every level above; {at}")
+    outcomes = [finding.outcome for _, finding in tested]
+    changes = [index for index in range(1, len(tested)) if outcomes[index] != outcomes[index - 1]]
+    # A reader wants the two levels about the first change, or the ends where there is none.
+    telling = (changes[0] - 1, changes[0]) if changes else sorted({0, len(tested) - 1})
+    at = "; ".join(f"at {tested[index][0]:g}: {tested[index][1].evidence}" for index in telling)
+    if left := _levels(above, "not tested"):
+        at = f"{at}; judged at {', '.join(f'{level:g}' for level, _ in tested)} alone, not tested at {left}"
+    if not changes:
+        return Finding(outcomes[0], at)
+    if len(changes) == 1 and "undecided" not in outcomes:
+        limit: Outcome = "only above x" if outcomes[-1] == "reproduces" else "only up to x"
+        return Finding(limit, f"x = {tested[changes[0] - 1][0]:g}; {at}")
+    words: tuple[tuple[str, Outcome], ...]
+    words = (("it holds", "reproduces"), ("is refuted", "does not"), ("undecided", "undecided"))
+    where = ", ".join(f"{word} at {levels}" for word, outcome in words if (levels := _levels(tested, outcome)))
+    return Finding("undecided", f"{where}; {at}")
 
 
-def _telling(tested: Sequence[tuple[float, Finding]], holds: Sequence[bool]) -> list[tuple[float, Finding]]:
-    """Return the levels that a reader wants: the two about the change, or the ends where there is none."""
-    if any(holds) and not all(holds):
-        change = holds.index(not holds[0])
-        return [tested[change - 1], tested[change]]
-    return [tested[0], tested[-1]] if len(tested) > 1 else list(tested)
+def _levels(findings: Sequence[tuple[float, Finding]], outcome: Outcome) -> str:
+    """Return the levels of an outcome as text."""
+    return ", ".join(f"{level:g}" for level, finding in findings if finding.outcome == outcome)

@@ -16,16 +16,17 @@ LOADED = "+load"
 
 
 def over_frictions(e: Evidence, way: str, engine: str, judge: Callable[[Spot], Finding]) -> Finding:
-    """Judge a sentence that names no level at every friction at which a way was walked on virtual robots.
+    """Judge a sentence that names no level at every friction of virtual robots: where a way was not walked and others
+    were, the evidence says so.
 
     Shares of the torque limit and the bench's value are one axis, and so is the load's coefficient for each of those
     that it was added to: which of 0.1 of the load and 10 % of the torque limit is more depends on the walk.
     """
-    spots = e.frictions(way, engine)
-    if not spots:
+    if not e.frictions(way, engine):
         return Finding("not tested", f"{way} was not walked with friction in {engine}")
     axes: dict[tuple[str, float], list[tuple[float, Finding]]] = {}
     bench = ""
+    spots = {spot for other in e.ways() for spot in e.frictions(other, engine)}
     for spot in sorted(spots, key=lambda spot: (_load(spot), spot.level, spot.law)):
         found = judge(spot)
         if spot.law == BENCHED:
