@@ -136,6 +136,18 @@ def test_every_height_must_be_crossed() -> None:
     assert judged(climbs, crossings("stairs=0.06", 0.9), crossings("stairs=0.1", 0.0)).outcome == "does not"
 
 
+def test_stairs_elsewhere_are_those_of_every_other_engine() -> None:
+    """Nine of ten in PhysX and none in ODE is no navigation of stairs; an engine without walks is not judged."""
+
+    def crossings(spot: Spot, share: float) -> list[Row]:
+        return rows("deception", spot, 0.8, terrain="stairs=0.1", crossed=share, command="vx=0.4")
+
+    climbs = criteria.climbs_elsewhere("deception")
+    for ode, outcome in ((1.0, "reproduces"), (0.0, "does not")):
+        assert judged(climbs, crossings(PHYSX, 1.0), crossings(ODE, ode)).outcome == outcome
+    assert judged(climbs, crossings(PHYSX, 1.0)).outcome == "not tested"
+
+
 def test_the_bench_is_not_felt_and_a_share_of_the_load_is() -> None:
     """Both halves of the explanation must hold."""
     bench = rows("none", Spot(ROBOT, 0.0107, "real-bench"), 1.0)
@@ -262,6 +274,15 @@ def test_falls_alone_are_abnormal_and_a_failure() -> None:
     for judge in (criteria.abnormal_elsewhere("actuator", "none"), criteria.fails_elsewhere("actuator")):
         assert judged(judge, *none, *falling).outcome == "reproduces"
         assert judged(judge, *none, *upright).outcome == "does not"
+
+
+def test_a_steady_policy_is_shown_by_the_walks_that_are_planned() -> None:
+    """No fall in 3 times 2 walks a direction: 12 together end at 0.242, under a third; 6 would end at 0.390."""
+    spots = (PHYSX, ODE)
+    parts = [walked_by(way, spot, 0.0, episodes=2) for way in ("none", "actuator") for spot in spots]
+    found = judged(criteria.abnormal_elsewhere("actuator", "none"), *parts)
+    assert found.outcome == "does not"
+    assert "actuator, falls 0.00 [0.00, 0.00] (0.00, 0.00, 0.00), 12 trials [0.00, 0.24]" in found.evidence
 
 
 def test_unsteady_is_jitter_or_falls() -> None:

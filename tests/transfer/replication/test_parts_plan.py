@@ -22,6 +22,9 @@ from stiction.transfer.replication.runs import LOOP_SEEDS, SEEDS, actuator_run, 
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
+SIZES: tuple[Size, ...] = ("quick", "full")
+"""The presets."""
+
 NET = {"name": "net", "sha256": "0" * 64}
 """An Actuator Net as a contract names it."""
 
@@ -70,7 +73,7 @@ def walked(part: Part, bundles: list[Bundle]) -> list[dict]:
     return rows_of({walk: worth(walk) for walk in walks}, taken)[1]
 
 
-@pytest.mark.parametrize("size", ["quick", "full"])
+@pytest.mark.parametrize("size", SIZES)
 def test_every_sentence_is_asked_of_walks_that_are_planned(size: Size, bundles: list[Bundle]) -> None:
     """A part that is trimmed, or a way with one seed, would leave a sentence `not tested`, whatever is walked."""
     check_ways(bundles)
@@ -88,7 +91,11 @@ def test_parts_can_show_what_the_sentences_ask() -> None:
         assert wilson(crossings, crossings)[0] > ENOUGH
         assert wilson(0, crossings)[1] < STATIONARY
     assert wilson(0, len(parts["robot"].robots))[1] < STABLE
-    assert wilson(0, policies * parts["engines"].base.episodes)[1] < HALF
+    for size in SIZES:
+        engines = next(part.grid.base for part in parts_of(size) if part.name == "engines")
+        walks = policies * engines.episodes
+        assert wilson(0, walks)[1] < HALF
+        assert wilson(0, walks * len(engines.commands))[1] < STABLE
 
 
 def test_causes_are_told_apart_on_the_same_robots() -> None:

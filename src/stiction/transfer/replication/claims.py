@@ -52,7 +52,7 @@ CLAIMS: tuple[Claim, ...] = (
         "E2a",
         "using Actuator Net, the robot exhibited significant abnormal behavior [in Sim2Sim]",
         "actuator, other engines, no friction: joint accelerations above 1.5 times those of none while both walk, or "
-        "falls in more than a third of walks in a direction",
+        "falls in more than a third of walks, both directions together",
         criteria.abnormal_elsewhere("actuator", "none"),
     ),
     Claim(
@@ -77,8 +77,8 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "E5",
         "but was still capable of ascending and descending stairs",
-        "deception trained on stairs, PhysX, no friction: at least 80 % of crossings, at each height",
-        criteria.climbs("deception", "physx", 0.0),
+        "deception trained on stairs, other engines, no friction: at least 80 % of crossings, at each height",
+        criteria.climbs_elsewhere("deception"),
     ),
     Claim(
         "E6",

@@ -30,7 +30,8 @@ HALF, JUMPING = 0.5, 0.05
 
 STABLE = 1 / 3
 """Share of walks that may fall of a robot that is stable. No fall on eight robots shows that the rate over robots is
-under it (Wilson: 0.324), however many policies walked on them; to show a rate under 10 % takes 35 robots."""
+under it (Wilson: 0.324), however many policies walked on them; to show a rate under 10 % takes 35 robots. No fall in
+twelve walks shows it on the robot of the data sheet (0.242), and none in six does not (0.390)."""
 
 
 def elsewhere(e: Evidence, way: str, level: float = 0.0) -> list[Spot]:
@@ -48,8 +49,12 @@ def everywhere(e: Evidence, way: str, judge: Callable[[Spot], Finding], level: f
     spots = elsewhere(e, way, level)
     if not spots:
         return Finding("not tested", f"{way} was not walked in another engine")
-    found = [judge(spot) for spot in spots]
-    return all_of(*(Finding(f.outcome, f"{s.engine}: {f.evidence}") for s, f in zip(spots, found, strict=True)))
+    return all_of(*(_located(spot.engine, judge(spot)) for spot in spots))
+
+
+def _located(engine: str, found: Finding) -> Finding:
+    """Return a finding that says in which engine it was made."""
+    return Finding(found.outcome, f"{engine}: {found.evidence}")
 
 
 def best_without_friction(e: Evidence) -> Finding:
@@ -99,8 +104,9 @@ def upright(e: Evidence, way: str, spot: Spot) -> list[Finding]:
 
 
 def _unsteady(e: Evidence, way: str, than: str, spot: Spot, commands: Sequence[str]) -> Finding:
-    """Judge that a way jitters beside another one, or is no stable one by its falls."""
-    return any_of(_jitter(e, way, than, spot, commands), *_falls(e, way, spot, commands, STABLE, np.inf))
+    """Judge that a way jitters beside another one, or is no stable one by its falls, over the commands together."""
+    falling = rate_within(f"{way}, falls", e.rate(way, spot, commands, "fall_rate"), STABLE, np.inf)
+    return any_of(_jitter(e, way, than, spot, commands), falling)
 
 
 def jitters_elsewhere(e: Evidence) -> Finding:
@@ -155,6 +161,11 @@ def jumps_elsewhere(e: Evidence) -> Finding:
 def climbs(way: str, engine: str, level: float) -> Judge:
     """A way crosses stairs of every height that was tried."""
     return lambda e: _crossings(e, way, engine, level, ENOUGH, np.inf)
+
+
+def climbs_elsewhere(way: str) -> Judge:
+    """A way crosses stairs of every height that was tried in each other engine, without friction."""
+    return lambda e: all_of(*(_located(engine, climbs(way, engine, 0.0)(e)) for engine in OTHERS))
 
 
 def climbs_not(way: str, engine: str, level: float) -> Judge:
