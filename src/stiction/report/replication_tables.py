@@ -41,10 +41,11 @@ def verdict_sheet(verdicts: Sequence[Verdict]) -> Sheet:
         "(falls, crossings) also has Wilson's interval, over trials, and is decided where both agree: the one knows "
         "how trainings differ, the other how many walks there were. A trial is a walk; of virtual robots it is a pair "
         "of policy and robot, since the walks of one robot are not independent. All policies walk on the same virtual "
-        "robots: there, rates and speeds have one more interval with the robots as the sample, which must agree. One "
-        "seed carries no verdict: `not tested`, with its number. Each sentence is judged by itself; their number is "
-        "not corrected for. E: the paper's comparison; V: its section on training with friction; T: what it concludes "
-        "from its motors; X: explanations for what it saw."
+        "robots: there, rates and speeds have one more interval with the robots as the sample, which must agree; joint "
+        "accelerations are compared over seeds alone, of those that walk. One seed carries no verdict: `not tested`, "
+        "with its number. Each sentence is judged by itself; their number is not corrected for. E: the paper's "
+        "comparison; V: its section on training with friction; T: what it concludes from its motors; X: explanations "
+        "for what it saw."
     )
     return Sheet("The paper's sentences", ("", "outcome", "sentence", "criterion", "evidence"), rows, note)
 

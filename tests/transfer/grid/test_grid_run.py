@@ -236,7 +236,12 @@ def test_a_virtual_robot_is_one_sample_of_a_rate(still: Bundle) -> None:
     fell = {3: (1.0, 1.0), 4: (0.0, 1.0), 5: (0.0, 0.0)}
     worth = Metrics(0.9, 0.1, 0.0, 4.0, 1.0, 50.0, 0.8, 0.0, (0.4, 0.4), 1.0)
     done = {
-        walk: replace(worth, fall_rate=fell[walk.robot][walk.episode], crossed=1.0 - fell[walk.robot][walk.episode])
+        walk: replace(
+            worth,
+            fall_rate=fell[walk.robot][walk.episode],
+            crossed=1.0 - fell[walk.robot][walk.episode],
+            tracking_error=0.5 * walk.robot + walk.episode,
+        )
         for walk in plan.plan(["still"], cfg)
     }
     (detail,) = rows_of(done, [still])[1]
@@ -247,3 +252,4 @@ def test_a_virtual_robot_is_one_sample_of_a_rate(still: Bundle) -> None:
     assert detail["crossed_interval"] == pytest.approx((0.5 - half, 0.5 + half))
     assert list(detail["robots"]) == ["3", "4", "5"]
     assert (detail["robot_fall_rates"], detail["robot_crossed"]) == ([1.0, 0.5, 0.0], [0.0, 0.5, 1.0])
+    assert detail["robot_tracking_errors"] == [2.0, 2.5, 3.0]

@@ -213,6 +213,17 @@ def test_who_falls_over_does_not_stand() -> None:
     assert judged(stands_badly, *still).outcome == "does not"
 
 
+def test_robots_must_agree_on_who_stands_badly() -> None:
+    """0.3, 0.3 and 0 m/s on three robots, with every seed: over seeds 0.2 ± 0, over robots 0.2 ± 4.303 · 0.1."""
+    stands_badly = criteria.stands_badly("iterative")
+    three = {"robots": {"1000": None, "1001": None, "1002": None}, "command": "stand", "speed_ratio": None}
+    for speeds, outcome in (((0.3, 0.3, 0.0), "undecided"), ((0.3, 0.3, 0.28), "reproduces")):
+        beside = three | {"robot_tracking_errors": speeds, "tracking_error": float(np.mean(speeds))}
+        found = judged(stands_badly, *(rows("iterative", spot, 1.0, **beside) for spot in REAL))
+        assert found.outcome == outcome
+    assert "iterative at stand [m/s] 0.29 [0.29, 0.29] (0.29, 0.29, 0.29), 3 robots [0.26, 0.32]" in found.evidence
+
+
 def test_one_per_cent_is_felt_where_it_costs_something() -> None:
     """A policy that is slow without friction, too, did not feel it."""
     felt, slow = Spot("physx", 0.01), rows("none", PHYSX, 0.7)

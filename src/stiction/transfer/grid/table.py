@@ -29,7 +29,7 @@ def rows_of(
 
     Intervals there are Wilson's, of `fall_rate`, and of `crossed` over a course: over episodes; over virtual robots
     where those walk, for one that falls falls again. A row of those also has, of each robot, its speed ratio, by its
-    seed, and in the same order `robot_fall_rates` and `robot_crossed`.
+    seed, and in the same order `robot_fall_rates`, `robot_tracking_errors` and `robot_crossed`.
     """
     contracts = {bundle.name: bundle.contract for bundle in bundles}
     cells: dict[tuple[str, ...], list[Walk]] = {}
@@ -83,6 +83,7 @@ def _beside(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, An
     if each:
         beside["robots"] = {str(robot): one.speed_ratio for robot, one in each.items()}
         beside["robot_fall_rates"] = [one.fall_rate for one in samples]
+        beside["robot_tracking_errors"] = [one.tracking_error for one in samples]
         beside["robot_crossed"] = crossed or None
     return beside
 

@@ -127,8 +127,8 @@ def _jitter(e: Evidence, way: str, than: str, spot: Spot, commands: Sequence[str
     """Judge that the joints' accelerations of one way are above `JITTER` times those of another, while both walk.
 
     Joints of a robot that stands hardly accelerate, and of one that lies they are not measured: of each way only the
-    seeds count that reach at least `HALF` of every command and fall in less than `HALF` of its walks. They are not
-    known of each virtual robot.
+    seeds count that reach at least `HALF` of every command and fall in less than `HALF` of its walks. On virtual robots
+    seeds alone decide: each may fall on other robots, and of a robot on which it fell there is no jitter to compare.
     """
     (first, halted), (second, others) = (_jitter_of_walking(e, name, spot, commands) for name in (way, than))
     allowed = {seed: JITTER * value for seed, value in second.items()}

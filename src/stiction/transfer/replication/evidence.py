@@ -182,21 +182,32 @@ def _value(row: Row, column: str) -> float | None:
 
 
 def _each_robot(cells: Sequence[Sequence[Row]], column: str) -> dict[int, list[float]]:
-    """Return a column's value in each cell of every virtual robot that has one in all; speed alone is known of each.
+    """Return a column's value in each cell of every virtual robot that has one in all; none where only the mean is
+    known of them.
 
     cells: the rows of one seed in each of them.
     """
-    if column not in ("speed_ratio", ERROR):
-        return {}
     found = []
     for rows in cells:
-        ratios: dict[int, list[float]] = {}
-        for robot, ratio in ((robot, ratio) for row in rows for robot, ratio in row.get("robots", {}).items()):
-            if ratio is not None:
-                ratios.setdefault(int(robot), []).append(abs(ratio - 1.0) if column == ERROR else ratio)
-        found.append(ratios)
+        values: dict[int, list[float]] = {}
+        for robot, value in (pair for row in rows for pair in _of_robots(row, column)):
+            if value is not None:
+                values.setdefault(int(robot), []).append(value)
+        found.append(values)
     whole = sorted(set.intersection(*map(set, found)))
-    return {robot: [float(np.mean(ratios[robot])) for ratios in found] for robot in whole}
+    return {robot: [float(np.mean(values[robot])) for values in found] for robot in whole}
+
+
+def _of_robots(row: Row, column: str) -> Iterable[tuple[str, float | None]]:
+    """Return virtual robots of a row with what each has in a column; none where that is not known of each."""
+    ratios: dict[str, float | None] = row.get("robots", {})
+    if column == "speed_ratio":
+        return ratios.items()
+    if column == ERROR:
+        return [(robot, None if ratio is None else abs(ratio - 1.0)) for robot, ratio in ratios.items()]
+    if column == "tracking_error" and "robot_tracking_errors" in row:
+        return zip(ratios, row["robot_tracking_errors"], strict=True)
+    return ()
 
 
 def _robots(rows: Sequence[Row]) -> set[str]:
