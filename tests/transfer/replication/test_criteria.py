@@ -391,6 +391,16 @@ def test_ways_are_compared_robot_by_robot() -> None:
     assert judged(better, none, on_robots("deception", spot, 0.7, 0.7, 0.6)).outcome == "undecided"
 
 
+def test_a_range_is_held_against_the_value_alone_where_there_is_such_a_policy() -> None:
+    """0.9 beside 0.7, and 0.6 beside 0.7; a comparison without the way `point` says nothing of it."""
+    (x7,) = (claim for claim in CLAIMS if claim.id == "X7")
+    point = [rows("point", spot, 0.7) for spot in REAL]
+    for ratio, outcome in ((0.9, "reproduces"), (0.6, "does not")):
+        deception = [rows("deception", spot, ratio) for spot in REAL]
+        assert judged(x7.judge, *deception, *point).outcome == outcome
+        assert judged(x7.judge, *deception).outcome == "not tested"
+
+
 def test_the_slower_direction_is_the_policys_on_every_robot() -> None:
     """Backward, 0.2 slower: so the mean over robots is that over seeds."""
     measured = Evidence.of(on_robots("none", REAL[0], 0.9, 0.5, less=0.2)).slower("none", REAL[0])
