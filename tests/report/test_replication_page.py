@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stiction.formats.experiment import Verdict
 from stiction.formats.grid import FED
-from stiction.formats.replication import BOTH, Behind, BudgetPoint, Onset, PartRecord, Replication, Sample
+from stiction.formats.replication import BOTH, Behind, BudgetPoint, ForwardPoint, Onset, PartRecord, Replication, Sample
 from stiction.formats.results import ResultRow, read_results
 from stiction.formats.rows import read_rows
 from stiction.report.replication import lead, warnings, write_replication
@@ -51,6 +51,7 @@ RESULT = Replication(
         sample(BOTH, "fall_rate", 0.1, trials=40, trials_low=0.04, trials_high=0.23),
     ],
     budget=[BudgetPoint("none", "physx", "coulomb", lv, 1, 1 - lv, None, None, f"{1 - lv}") for lv in (0.0, 0.1, 0.2)],
+    forward=[ForwardPoint(FED, "physx", "coulomb", 0.1, 1, 0.95, None, None, "0.95", 0, 0)],
     onsets=[onset("none", "physx", 0.12), onset("none", "ode", 0.08)],
     verdicts=[Verdict("E1", "a <sentence>", "a criterion", "not tested", "none 0.90 (one seed)")],
     behind=[Behind("none", "physx", "coulomb", 0.1, "flat", "vx=0.5", "E1", "speed_ratio", "0 1", "0.8 1")],
@@ -73,7 +74,15 @@ def test_every_file_is_written(tmp_path: Path) -> None:
     """A page without its numbers beside it could not be checked."""
     page = write_replication(tmp_path, RESULT, {})
     names = {path.name for path in tmp_path.iterdir()}
-    assert names >= {"results.csv", "methods.csv", "budget.csv", "onsets.csv", "verdicts.csv", "evidence.csv"}
+    assert names >= {
+        "results.csv",
+        "methods.csv",
+        "budget.csv",
+        "forward.csv",
+        "onsets.csv",
+        "verdicts.csv",
+        "evidence.csv",
+    }
     assert names >= {"summary.json", "tables.md"}
     assert {"budget.png", "needs.png"} <= names
     assert read_results(tmp_path / "results.csv") == ROWS
@@ -85,6 +94,7 @@ def test_every_file_is_written(tmp_path: Path) -> None:
     assert html.index("a &lt;sentence&gt;") < html.index("What E1 was judged by") < html.index("0.90 ± 0.10")
     assert read_rows(tmp_path / "methods.csv", Sample) == RESULT.samples
     assert read_rows(tmp_path / "evidence.csv", Behind) == RESULT.behind
+    assert read_rows(tmp_path / "forward.csv", ForwardPoint) == RESULT.forward
 
 
 def needs(onsets: Sequence[Onset]) -> dict[str, tuple[str, str]]:
@@ -156,14 +166,14 @@ def test_a_virtual_robot_has_its_bench_levels_in_one_table() -> None:
 def test_friction_fed_forward_stands_beside_what_it_replaces() -> None:
     """At the bench's value as at any other; where nothing was fed forward there is no table."""
 
-    def point(way: str, ratio: float) -> BudgetPoint:
-        return BudgetPoint(way, "physx+all", "real-bench", 0.0107, 3, ratio, ratio - 0.1, ratio + 0.1, "")
+    def point(way: str, ratio: float) -> ForwardPoint:
+        return ForwardPoint(way, "physx+all", "real-bench", 0.0107, 3, ratio, ratio - 0.1, ratio + 0.1, "", 6, 2)
 
-    sheet = forward_sheet([point("none", 0.7), point(FED, 0.95), *RESULT.budget], virtual=True)
+    sheet = forward_sheet([point("none", 0.7), point(FED, 0.95)], virtual=True)
     assert sheet is not None
-    assert sheet.rows == (("physx+all", "bench (1.07 %)", "0.70 ± 0.10 (3)", "0.95 ± 0.10 (3)", "–"),)
+    assert sheet.rows == (("physx+all", "bench (1.07 %)", "6 of 8", "0.70 ± 0.10 (3)", "0.95 ± 0.10 (3)", "–"),)
     assert forward_sheet([point("none", 0.7), point(FED, 0.95)], virtual=False) is None
-    assert forward_sheet(RESULT.budget, virtual=True) is None
+    assert forward_sheet([], virtual=True) is None
 
 
 def test_no_stairs_no_table() -> None:

@@ -63,9 +63,9 @@ class ReplicateCfg:
     clips: bool = True
     """Render clips of three methods side by side."""
     out: Path | None = None
-    """By default stiction-replication-quick, or -full. Folder of results.csv, methods.csv, budget.csv, onsets.csv,
-    verdicts.csv, evidence.csv, summary.json, tables.md, figures, clips, report.html, and a folder for each part, by
-    which an interrupted command goes on."""
+    """By default stiction-replication-quick, or -full. Folder of results.csv, methods.csv, budget.csv, forward.csv,
+    onsets.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, clips, report.html, and a folder for each
+    part, by which an interrupted command goes on."""
     json: bool = False
     """Print the verdicts as JSON on standard output, and nothing else."""
 

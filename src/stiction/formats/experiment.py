@@ -13,9 +13,9 @@ from stiction.formats.rows import write_rows
 Outcome = Literal["reproduces", "does not", "only above x", "only up to x", "undecided", "not tested"]
 
 LIMITS = (
-    "`only above x`: it holds at every level above x, and is refuted at x and at every level below. `only up to x`: it "
-    "holds at x and at every level below, and is refuted at every level above. Where some levels could not be judged, "
-    "the evidence says which were."
+    "`only above x`: it is refuted at x and at every level below, and holds above; `only up to x`: it holds at x and "
+    "at every level below, and is refuted above. Levels next to x may be open on its far side: the evidence names "
+    "them, and the levels that could not be judged."
 )
 """What the outcomes with an x say, for the pages."""
 

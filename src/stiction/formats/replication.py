@@ -89,6 +89,19 @@ class BudgetPoint:
 
 
 @dataclass(frozen=True)
+class ForwardPoint(BudgetPoint):
+    """The same of a way beside friction fed forward, over the virtual robots on which all of those ways walked.
+
+    A row of forward.csv.
+    """
+
+    robots: int
+    """Those robots; 0: it is the robot of the data sheet."""
+    left_out: int
+    """The other robots there: their benches do not tell the friction of every joint."""
+
+
+@dataclass(frozen=True)
 class Onset:
     """Where one way of training falls under 80 % of the command in one engine; a row of onsets.csv."""
 
@@ -143,6 +156,8 @@ class Replication:
     """Ways of training over their seeds."""
     budget: Sequence[BudgetPoint]
     """The friction budget."""
+    forward: Sequence[ForwardPoint]
+    """Friction fed forward, and what it is held against, on the same robots."""
     onsets: Sequence[Onset]
     """Where each way falls under 80 %."""
     verdicts: Sequence[Verdict]
@@ -155,11 +170,14 @@ class Replication:
     """What was run, on what."""
 
     def write(self, out: Path) -> None:
-        """Write results.csv, methods.csv, budget.csv, onsets.csv, verdicts.csv, evidence.csv and summary.json."""
+        """Write results.csv, methods.csv, budget.csv, forward.csv, onsets.csv, verdicts.csv, evidence.csv and
+        summary.json.
+        """
         write_results(out / "results.csv", [row for part in self.parts for row in part.rows])
         tables: dict[str, Sequence[Any]] = {
             "methods": self.samples,
             "budget": self.budget,
+            "forward": self.forward,
             "onsets": self.onsets,
             "verdicts": self.verdicts,
             "evidence": self.behind,

@@ -74,7 +74,7 @@ def draw_figures(result: Replication) -> dict[str, Figure]:
 def sheets_of(result: Replication) -> list[Sheet]:
     """Return the tables that a README can take."""
     first = [needs_sheet(result.onsets), onset_sheet(result.onsets), verdict_sheet(result.verdicts)]
-    others = (*(forward_sheet(result.budget, virtual) for virtual in (True, False)), stairs_sheet(result.samples))
+    others = (*(forward_sheet(result.forward, virtual) for virtual in (True, False)), stairs_sheet(result.samples))
     return [*first, *(sheet for sheet in others if sheet), *place_sheets(result.samples)]
 
 
@@ -105,7 +105,7 @@ def sections(result: Replication, figures: Mapping[str, Figure], clips: Mapping[
 
 def forward_blocks(result: Replication) -> tuple[Markup, ...]:
     """Return what feeding friction forward came to: on the virtual robot, and behind a fold where f is known."""
-    robot, sheet = (forward_sheet(result.budget, virtual) for virtual in (True, False))
+    robot, sheet = (forward_sheet(result.forward, virtual) for virtual in (True, False))
     return (*(robot.blocks() if robot else ()), *((fold(sheet.title, sheet.blocks()),) if sheet else ()))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from stiction.formats.experiment import LIMITS, Verdict
 from stiction.formats.friction import has_coefficient, level_text
 from stiction.formats.grid import FED
-from stiction.formats.replication import Behind, BudgetPoint, Onset
+from stiction.formats.replication import Behind, BudgetPoint, ForwardPoint, Onset
 from stiction.report.replication_methods import friction_text
 from stiction.report.sheet import Sheet
 
@@ -109,7 +109,7 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
     return Sheet("Where each way of training falls under 80 % of the command", header, tuple(rows))
 
 
-def forward_sheet(points: Sequence[BudgetPoint], virtual: bool) -> Sheet | None:
+def forward_sheet(points: Sequence[ForwardPoint], virtual: bool) -> Sheet | None:
     """Return the conventional policy alone, with friction fed forward, and friction-aware training beside it.
 
     virtual: on virtual robots, or on the robot of the data sheet. None where no friction was fed forward there.
@@ -120,13 +120,15 @@ def forward_sheet(points: Sequence[BudgetPoint], virtual: bool) -> Sheet | None:
         if one.method == FED and ("+" in one.engine) == virtual:
             where = one.engine, one.friction_law, one.friction_level
             three = (cells.get((way, *where)) for way in ("none", FED, "deception"))
-            rows.append((one.engine, friction_text(*where[1:]), *map(_ratio_text, three)))
-    header = ("engine", "friction", "none", FED, "deception")
+            counts = (f"{one.robots} of {one.robots + one.left_out}",) if virtual else ()
+            rows.append((one.engine, friction_text(*where[1:]), *counts, *map(_ratio_text, three)))
+    header = ("engine", "friction", *(("robots",) if virtual else ()), "none", FED, "deception")
     where_text = "on the virtual robot" if virtual else "on the robot of the data sheet"
     source = "what was identified from the log of each robot's own bench" if virtual else "the friction itself"
+    left_out = " Robots whose bench does not tell it are left out, of the ways beside it too." if virtual else ""
     note = (
         "Speed reached over commanded in the slower direction, mean ± 95 % t-interval over training seeds, in brackets "
-        f"their number. Fed forward: f sat((a − θ)/0.05 rad) in the joint controllers. f is {source}."
+        f"their number. Fed forward: f sat((a − θ)/0.05 rad) in the joint controllers. f is {source}.{left_out}"
     )
     return Sheet(f"Friction fed forward, {where_text}", header, tuple(rows), note) if rows else None
 

@@ -84,8 +84,14 @@ def test_nothing_walked_has_no_rate() -> None:
         ([(0.01, FAILS), (0.1, FAILS), (0.2, HOLDS), (0.3, HOLDS)], "only above x", "x = 0.1; at 0.1: no; at 0.2: yes"),
         (
             [(0.01, FAILS), (0.1, OPEN), (0.2, HOLDS)],
+            "only above x",
+            "x = 0.01; undecided at 0.1; at 0.01: no; at 0.1: perhaps; at 0.2: yes",
+        ),
+        ([(0.01, FAILS), (0.1, OPEN), (0.2, FAILS)], "undecided", "is refuted at 0.01, 0.2, undecided at 0.1"),
+        (
+            [(0.01, FAILS), (0.1, OPEN), (0.2, HOLDS), (0.3, OPEN)],
             "undecided",
-            "it holds at 0.2, is refuted at 0.01, undecided at 0.1",
+            "it holds at 0.2, is refuted at 0.01, undecided at 0.1, 0.3",
         ),
         (
             [(0.01, OPEN), (0.1, FAILS), (0.2, HOLDS)],

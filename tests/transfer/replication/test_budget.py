@@ -3,7 +3,7 @@
 import pytest
 
 from stiction.robots.catalog import find_robot
-from stiction.transfer.replication.budget import budget, onsets
+from stiction.transfer.replication.budget import beside_forward, budget, onsets
 from stiction.transfer.replication.evidence import Evidence, Row
 
 SPEC = find_robot("saturn_lite")
@@ -49,6 +49,31 @@ def test_without_friction_nothing_is_fed_forward() -> None:
     found = onsets(Evidence.of(rows), SPEC)
     assert [onset.method for onset in found] == ["none+forward"]
     assert found[0].level == pytest.approx(0.1 + 0.1 * 0.2 / 0.3)
+
+
+def test_friction_fed_forward_is_held_against_the_same_robots() -> None:
+    """`none` reaches 0.9 and 0.3, forward; where friction is fed forward the second robot is missing: 0.8, not 0.5."""
+
+    def on_robots(way: str, *ratios: float) -> list[Row]:
+        rows = curve(way, 0, {0.1: sum(ratios) / len(ratios)}, "physx+all", "real")
+        for row, less in zip(rows, (0.0, 0.1), strict=True):
+            row["robots"] = {str(1000 + number): ratio - less for number, ratio in enumerate(ratios)}
+        return rows
+
+    rows = on_robots("none", 0.9, 0.3) + on_robots("none+forward", 1.0) + on_robots("deception", 1.1, 0.8)
+    rows += curve("none", 0, {0.1: 0.9}) + curve("none+forward", 0, {0.1: 1.0})
+    found = [
+        (point.method, round(point.ratio, 6), point.robots, point.left_out)
+        for point in beside_forward(Evidence.of(rows))
+    ]
+    assert found == [
+        ("none", 0.8, 1, 1),
+        ("none+forward", 0.9, 1, 1),
+        ("deception", 1.0, 1, 1),
+        ("none", 0.8, 0, 0),
+        ("none+forward", 0.9, 0, 0),
+    ]
+    assert budget(Evidence.of(rows))[0].ratio == pytest.approx(0.5)
 
 
 def test_a_virtual_robot_begins_with_the_cell_that_has_all_but_friction() -> None:

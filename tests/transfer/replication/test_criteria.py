@@ -391,6 +391,32 @@ def test_ways_are_compared_robot_by_robot() -> None:
     assert judged(better, none, on_robots("deception", spot, 0.7, 0.7, 0.6)).outcome == "undecided"
 
 
+def test_ways_are_compared_on_the_robots_on_which_both_walked() -> None:
+    """Friction is not fed forward on the two sticky robots: 0.9 against 0.95 on the other three, not 0.69 on five."""
+    better, spot = criteria.better_on_the_robot("deception", "none+forward"), REAL[0]
+    fed = on_robots("none+forward", spot, 0.9, 0.91, 0.89)
+    for three, outcome in (((0.95, 0.96, 0.94), "reproduces"), ((0.85, 0.86, 0.84), "does not")):
+        found = judged(better, fed, on_robots("deception", spot, *three, 0.3, 0.3))
+        assert found.outcome == outcome
+        assert "at 0.1 (real) robots counted: 3, left out: 2" in found.evidence
+    assert "none+forward 0.10 " in found.evidence and "deception 0.15 " in found.evidence
+    _, behind = judge_all(
+        Evidence.of([*fed, *on_robots("deception", spot, 0.95, 0.96, 0.94, 0.3, 0.3)]),
+        [claim for claim in CLAIMS if claim.id == "X6"],
+    )
+    read = {(row.method, row.command): row.each for row in behind}
+    assert read["deception", "vx=0.5"] == "0.05 0.05 0.05"
+
+
+def test_robots_on_which_nothing_was_fed_forward_are_counted() -> None:
+    """A policy that walks on three robots of five, the easy ones, would read as one that walks on all."""
+    fed, none = on_robots("none+forward", REAL[0], 0.9, 0.91, 0.89), on_robots("none", REAL[0], 0.9, 0.9, 0.9, 0.3, 0.3)
+    found = judged(criteria.walks_both_ways("none+forward"), fed, none)
+    assert found.outcome == "reproduces"
+    assert found.evidence.endswith("; at 0.1 (real) robots counted: 3, left out: 2")
+    assert "left out" not in judged(criteria.walks_both_ways("none+forward"), fed).evidence
+
+
 def test_a_range_is_held_against_the_value_alone_where_there_is_such_a_policy() -> None:
     """0.9 beside 0.7, and 0.6 beside 0.7; a comparison without the way `point` says nothing of it."""
     (x7,) = (claim for claim in CLAIMS if claim.id == "X7")

@@ -163,10 +163,10 @@ def any_of(*findings: Finding) -> Finding:
 def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
     """Judge a sentence that names no level: at every level above zero, at none, only above x, or only up to x.
 
-    `findings`: level -> whether the sentence holds there, from low to high. Above x: it holds at every level above x,
-    and is refuted at x and at every level below. Up to x: it holds at x and at every level below, and is refuted at
-    every level above. Otherwise undecided. Levels that could not be tested do not count; the evidence then says which
-    were judged.
+    `findings`: level -> whether the sentence holds there, from low to high. Above x: it is refuted at x and at every
+    level below, and holds at the highest. Up to x: it holds at x and at every level below, and is refuted at the
+    highest. Levels next to x on its far side may be undecided, and no others; the evidence names them. Otherwise
+    undecided. Levels that could not be tested do not count; the evidence then says which were judged.
     """
     above = [(level, finding) for level, finding in findings if level > 0]
     tested = [(level, finding) for level, finding in above if finding.outcome != "not tested"]
@@ -174,19 +174,23 @@ def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
         return Finding("not tested", "; ".join(f"at {level:g}: {finding.evidence}" for level, finding in above))
     outcomes = [finding.outcome for _, finding in tested]
     changes = [index for index in range(1, len(tested)) if outcomes[index] != outcomes[index - 1]]
-    # A reader wants the two levels about the first change, or the ends where there is none.
-    telling = (changes[0] - 1, changes[0]) if changes else sorted({0, len(tested) - 1})
+    # A reader wants the levels about the changes, or the ends where there is none.
+    telling = (changes[0] - 1, *changes) if changes else sorted({0, len(tested) - 1})
     at = "; ".join(f"at {tested[index][0]:g}: {tested[index][1].evidence}" for index in telling)
     if left := _levels(above, "not tested"):
         at = f"{at}; judged at {', '.join(f'{level:g}' for level, _ in tested)} alone, not tested at {left}"
     if not changes:
         return Finding(outcomes[0], at)
-    if len(changes) == 1 and "undecided" not in outcomes:
-        limit: Outcome = "only above x" if outcomes[-1] == "reproduces" else "only up to x"
-        return Finding(limit, f"x = {tested[changes[0] - 1][0]:g}; {at}")
     words: tuple[tuple[str, Outcome], ...]
     words = (("it holds", "reproduces"), ("is refuted", "does not"), ("undecided", "undecided"))
     where = ", ".join(f"{word} at {levels}" for word, outcome in words if (levels := _levels(tested, outcome)))
+    sides = [outcomes[0], *(outcomes[index] for index in changes)]
+    if "undecided" in sides[1:-1]:
+        sides.remove("undecided")
+    if sides in (["does not", "reproduces"], ["reproduces", "does not"]):
+        limit: Outcome = "only above x" if outcomes[-1] == "reproduces" else "only up to x"
+        still = f"undecided at {levels}; " if (levels := _levels(tested, "undecided")) else ""
+        return Finding(limit, f"x = {tested[changes[0] - 1][0]:g}; {still}{at}")
     return Finding("undecided", f"{where}; {at}")
 
 

@@ -7,27 +7,49 @@ from collections.abc import Sequence
 import numpy as np
 
 from stiction.formats.friction import has_coefficient
-from stiction.formats.grid import FORWARD
-from stiction.formats.replication import FEWEST_LEVELS, BudgetPoint, Onset
+from stiction.formats.grid import FED, FORWARD
+from stiction.formats.replication import FEWEST_LEVELS, BudgetPoint, ForwardPoint, Onset
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.experiment.onset import onset_level
 from stiction.transfer.replication.evidence import Evidence, Spot
 from stiction.transfer.replication.plan import FRICTION, NOMINAL, REST, ROBOT
 from stiction.transfer.statistics import t_interval
 
+BESIDE = ("none", FED, "deception")
+"""Friction fed forward between the ways that it is held against."""
+
 
 def budget(evidence: Evidence) -> list[BudgetPoint]:
     """Return the slower direction's speed ratio of every way, engine and law at every level on flat ground."""
+    spots = [
+        (way, Spot(engine, level, law))
+        for way, engine, law in _curves(evidence)
+        for level in evidence.levels(way, engine, law)
+    ]
+    return [point for way, spot in spots if (point := _point(evidence, way, spot)) is not None]
+
+
+def beside_forward(evidence: Evidence) -> list[ForwardPoint]:
+    """Return the same where friction was fed forward, of that and of what it is held against, over the same robots."""
     found = []
     for way, engine, law in _curves(evidence):
-        for level in evidence.levels(way, engine, law):
-            points = list(evidence.slower(way, Spot(engine, level, law)).seeds.values())
-            if points:
-                low, high = t_interval(points) or (None, None)
-                each = " ".join(f"{point:.4g}" for point in points)
-                mean = float(np.mean(points))
-                found.append(BudgetPoint(way, engine, law, level, len(points), mean, low, high, each))
+        for level in evidence.levels(way, engine, law) if way == FED else ():
+            spot = Spot(engine, level, law)
+            robots, left_out = evidence.robots(spot, *BESIDE)
+            shared = evidence.on_shared_robots(spot, *BESIDE)
+            points = [point for own in BESIDE if (point := _point(shared, own, spot)) is not None]
+            found += [ForwardPoint(**vars(point), robots=len(robots), left_out=len(left_out)) for point in points]
     return found
+
+
+def _point(evidence: Evidence, way: str, spot: Spot) -> BudgetPoint | None:
+    """Return the slower direction's speed ratio of a way at a spot; None where it was not walked both ways."""
+    points = list(evidence.slower(way, spot).seeds.values())
+    if not points:
+        return None
+    low, high = t_interval(points) or (None, None)
+    each = " ".join(f"{point:.4g}" for point in points)
+    return BudgetPoint(way, spot.engine, spot.law, spot.level, len(points), float(np.mean(points)), low, high, each)
 
 
 def onsets(evidence: Evidence, spec: RobotSpec) -> list[Onset]:

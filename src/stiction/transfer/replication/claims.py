@@ -216,13 +216,15 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "X5",
         "what a user would try: friction fed forward in the joint controllers makes a conventional policy walk",
-        f"{FED}, virtual robot, friction as identified on its bench: at least 80 % in the slower direction",
+        f"{FED}, virtual robot, friction as identified on its bench: at least 80 % in the slower direction, at each "
+        "level; robots whose bench does not tell the friction are left out, and counted",
         criteria.walks_both_ways(FED),
     ),
     Claim(
         "X6",
         "and training with friction is better than that",
-        f"virtual robot: mean |speed ratio - 1| of deception is below that of {FED}, at each level",
+        f"virtual robot: mean |speed ratio - 1| of deception is below that of {FED}, at each level, over the robots "
+        "on which friction was fed forward",
         criteria.better_on_the_robot("deception", FED),
     ),
     Claim(

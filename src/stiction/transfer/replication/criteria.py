@@ -196,8 +196,13 @@ def walks(way: str, command: str) -> Judge:
 
 
 def walks_both_ways(way: str) -> Judge:
-    """A way reaches 80 % of the command in both directions on the virtual robot, however fast it is."""
-    return lambda e: on_robot(e, way, lambda s: within(f"{way}, slower", e.slower(way, s), FOLLOWS[0], np.inf))
+    """A way reaches 80 % of the command in both directions on the virtual robots on which it walked, however fast."""
+
+    def judge(e: Evidence) -> Finding:
+        found = on_robot(e, way, lambda s: within(f"{way}, slower", e.slower(way, s), FOLLOWS[0], np.inf))
+        return _counted(e, found, way)
+
+    return judge
 
 
 def falls(way: str, command: str) -> Judge:
@@ -227,12 +232,26 @@ def walks_stably(way: str) -> Judge:
 
 
 def better_on_the_robot(way: str, than: str) -> Judge:
-    """One way is nearer to the command than another on the virtual robot."""
+    """One way is nearer to the command than another on the virtual robots on which both walked."""
 
     def judge(e: Evidence) -> Finding:
-        return on_robot(e, way, lambda s: larger((than, e.error(than, s)), (way, e.error(way, s))))
+        def at(spot: Spot) -> Finding:
+            shared = e.on_shared_robots(spot, way, than)
+            return larger((than, shared.error(than, spot)), (way, shared.error(way, spot)))
+
+        return _counted(e, on_robot(e, way, at), way, than)
 
     return judge
+
+
+def _counted(e: Evidence, found: Finding, *ways: str) -> Finding:
+    """Return a finding that says at which frictions virtual robots are left out: not all of the ways walked on them."""
+    said = []
+    for spot in e.frictions(ways[-1], ROBOT):
+        counted, left_out = e.robots(spot, *ways)
+        if left_out:
+            said.append(f"at {spot.level:g} ({spot.law}) robots counted: {len(counted)}, left out: {len(left_out)}")
+    return Finding(found.outcome, "; ".join([found.evidence, *said]))
 
 
 def stationary(way: str) -> Judge:

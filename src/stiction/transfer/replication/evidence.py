@@ -115,6 +115,32 @@ class Evidence:
         laws = {law: None for w, at, law, *_ in self.cells if (w, at) == (way, engine) and law.startswith(REAL)}
         return [Spot(engine, level, law) for law in laws for level in self.levels(way, engine, law)]
 
+    def robots(self, spot: Spot, *ways: str) -> tuple[set[str], set[str]]:
+        """Return the virtual robots of a spot on which all of these ways walked, with every policy and in both
+        directions, and the other ones there: friction is not fed forward where a bench does not tell it.
+        """
+        cells = {cell: seeds for cell, seeds in self.cells.items() if _is_walked_at(cell, spot)}
+        of = {
+            cell: [set(row.get("robots", ())) for rows in seeds.values() for row in rows]
+            for cell, seeds in cells.items()
+        }
+        shared = [one for cell, each in of.items() if cell[0] in ways for one in each]
+        everyone = set().union(*(one for each in of.values() for one in each))
+        common = set.intersection(*shared) if shared else set()
+        return common, everyone - common
+
+    def on_shared_robots(self, spot: Spot, *ways: str) -> Evidence:
+        """Return the same rows, of these ways at a spot over the virtual robots alone on which all of them walked.
+
+        Of those nothing but their speed is known. What is read there is remembered here.
+        """
+        shared, _ = self.robots(spot, *ways)
+        cells = dict(self.cells)
+        for cell, seeds in self.cells.items():
+            if cell[0] in ways and _is_walked_at(cell, spot):
+                cells[cell] = {seed: [_over_robots(row, shared) for row in rows] for seed, rows in seeds.items()}
+        return Evidence(cells, self.reads)
+
     def slower(self, way: str, spot: Spot, commands: Sequence[str] = DIRECTIONS) -> Measured:
         """Return the speed ratio of the slower direction of every seed."""
         return self._over(way, spot, commands, "speed_ratio", _least)
@@ -169,6 +195,20 @@ def _most(values: Sequence[float]) -> Sequence[float]:
 def _cell(way: str, spot: Spot, command: str, terrain: str) -> Cell:
     """Return the key of a cell."""
     return way, spot.engine, spot.law, round(spot.level, 6), terrain, command
+
+
+def _is_walked_at(cell: Cell, spot: Spot) -> bool:
+    """Say whether a cell is one of a spot in which a speed on flat ground is commanded forward or backward."""
+    _, *where, terrain, command = cell
+    return (*where, terrain) == (spot.engine, spot.law, round(spot.level, 6), "flat") and command in DIRECTIONS
+
+
+def _over_robots(row: Row, robots: set[str]) -> Row:
+    """Return the speed of a row over some of its virtual robots; a row of the robot of the data sheet as it is."""
+    if "robots" not in row:
+        return row
+    each = {robot: ratio for robot, ratio in row["robots"].items() if robot in robots}
+    return {"robots": each, "speed_ratio": float(np.mean([*each.values()])) if each else None}
 
 
 def _value(row: Row, column: str) -> float | None:

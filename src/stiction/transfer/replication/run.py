@@ -15,7 +15,7 @@ from stiction.formats.replication import SUMMARY, PartRecord, Replication
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.catalog import what_is_missing
 from stiction.transfer.grid.config import ALONE
-from stiction.transfer.replication.budget import budget, onsets
+from stiction.transfer.replication.budget import beside_forward, budget, onsets
 from stiction.transfer.replication.claims import judge_all
 from stiction.transfer.replication.evidence import Evidence
 from stiction.transfer.replication.plan import Part
@@ -75,6 +75,7 @@ def replicate(
         records,
         samples(evidence),
         budget(evidence),
+        beside_forward(evidence),
         onsets(evidence, robot_of(bundles[0].contract)),
         verdicts,
         behind,
