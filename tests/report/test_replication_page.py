@@ -5,12 +5,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import pytest
+
 from stiction.formats.experiment import Verdict
 from stiction.formats.grid import FED
 from stiction.formats.replication import BOTH, Behind, BudgetPoint, ForwardPoint, Onset, PartRecord, Replication, Sample
 from stiction.formats.results import ResultRow, read_results
 from stiction.formats.rows import read_rows
 from stiction.report.replication import lead, warnings, write_replication
+from stiction.report.replication_figures import draw_needs, reach
 from stiction.report.replication_methods import friction_text, place_sheets, stairs_sheet
 from stiction.report.replication_tables import forward_sheet, needs_sheet
 
@@ -113,6 +116,41 @@ def test_what_was_not_tested_is_not_said_to_fail() -> None:
     short = [replace(onset("none", "physx", None), tested=0.2)]
     assert needs(short)["20 %"] == ("none (one seed)", "–")
     assert needs(short)["25 %"] == ("not tested", "–")
+
+
+def test_a_place_that_was_tested_less_refutes_nobody() -> None:
+    """At 25 % one way was tested in one engine of two, and another fell before: neither is said of the other."""
+    less = [onset("deception", "physx", None), replace(onset("deception", "ode", None), tested=0.2, each=">0.2")]
+    assert needs(less)["20 %"] == ("deception (one seed)", "–")
+    assert needs(less)["25 %"] == ("deception (one seed, not tested in ode)", "–")
+    fallen = onset("none", "physx", 0.12)
+    assert needs([fallen, less[1]])["25 %"] == ("none of those tested", "–")
+    assert needs([fallen])["25 %"] == ("none of them", "–")
+
+
+def test_friction_alone_limits_nobody() -> None:
+    """The cell by which causes are told apart is no robot: its levels end sooner, and its onset is no user's."""
+    causes = [replace(onset("deception", "physx+friction", None), tested=0.2), onset("none", "physx+friction", 0.03)]
+    whole = [onset("deception", "physx+all", 0.27), onset("none", "physx+all", 0.06)]
+    assert needs([*whole, *causes])["25 %"] == ("deception (one seed)", "–")
+    assert needs([*whole, *causes])["5 %"] == ("deception (one seed), none (one seed)", "–")
+    assert reach([whole[0], causes[0]]) == (0.27, True)
+    assert reach(causes) is None
+
+
+def test_a_bar_ends_at_an_onset_and_is_hollow_where_there_is_none() -> None:
+    """The end of testing is no failure: 24 % where one engine was walked to 20 % alone, and at least 30 % without."""
+    fell, short = onset("direct", "physx", 0.24), replace(onset("direct", "ode", None), tested=0.2)
+    alive = [replace(one, method="deception") for one in (short, onset("direct", "physx", None))]
+    assert reach([fell, short]) == (0.24, True)
+    assert reach(alive) == (0.3, False)
+    mixed = onset("point", "physx", None, 0.1)
+    (axis,) = draw_needs([fell, short, *alive, mixed], ["direct", "deception", "point"]).axes
+    assert [bar.get_width() for bar in axis.patches] == pytest.approx([24.0, 30.0, 20.0])
+    assert [bar.get_facecolor()[-1] for bar in axis.patches] == [0.35, 0.0, 0.35]
+    marks = axis.get_lines()[:5]
+    assert [mark.get_xdata()[0] for mark in marks] == pytest.approx([24.0, 20.0, 20.0, 30.0, 20.0])
+    assert [mark.get_fillstyle() for mark in marks] == ["full", "none", "none", "none", "left"]
 
 
 def test_seeds_above_and_below_follow_on_average_only() -> None:

@@ -24,6 +24,10 @@ BOTH = "both"
 """In methods.csv the command of a sample over forward and backward, each alike."""
 
 
+CAUSES = ("physx+nominal", "physx+friction", "physx+rest")
+"""Cells of the virtual robot by which causes are told apart: robots that nobody has, whose friction limits nobody."""
+
+
 @dataclass(frozen=True)
 class Sample(MethodCell):
     """One column in one cell, over training seeds; a row of methods.csv. The command may be `BOTH`."""

@@ -14,7 +14,7 @@ from stiction.formats.friction import has_coefficient
 from stiction.formats.replication import Replication
 from stiction.report.page import Section, figure_uri, file_uri, fold, paragraph, picture, render_page, row
 from stiction.report.page import table as page_table
-from stiction.report.replication_figures import curves, draw_budget, draw_needs
+from stiction.report.replication_figures import curves, draw_budget, draw_needs, reach
 from stiction.report.replication_methods import place_sheets, stairs_sheet
 from stiction.report.replication_tables import (
     counterpart_sheet,
@@ -68,7 +68,7 @@ def draw_figures(result: Replication) -> dict[str, Figure]:
     ways = list(dict.fromkeys(point.method for point in result.budget))
     found = {"budget": draw_budget(result.budget, ways, result.summary["dead_band"])} if curves(result.budget) else {}
     torques = [onset for onset in result.onsets if not has_coefficient(onset.friction_law)]
-    return found | ({"needs": draw_needs(torques, ways)} if torques else {})
+    return found | ({"needs": draw_needs(torques, ways)} if reach(torques) else {})
 
 
 def sheets_of(result: Replication) -> list[Sheet]:
@@ -82,7 +82,10 @@ def sections(result: Replication, figures: Mapping[str, Figure], clips: Mapping[
     """Return the sections of the page: what a robot builder needs, the verdicts, then all the rest folded."""
     page = []
     if "needs" in figures:
-        caption = "Up to which friction each way follows: the bar in all engines, a mark in each. Hollow: to the end."
+        caption = (
+            "Up to which friction each way follows: the bar to the lowest onset of the engines and virtual robot, a "
+            "mark in each. Hollow: at least so far, for nothing was tested beyond; half: at least so far for some seed."
+        )
         blocks = (picture(figure_uri(figures["needs"]), caption), *needs_sheet(result.onsets).blocks())
         page.append(Section("Which training does my joint need?", blocks))
     if "budget" in figures:

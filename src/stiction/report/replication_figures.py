@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from stiction.formats.friction import has_coefficient, level_axis, level_number
-from stiction.formats.replication import FEWEST_LEVELS, BudgetPoint, Onset
+from stiction.formats.replication import CAUSES, FEWEST_LEVELS, BudgetPoint, Onset
 from stiction.formats.results import FOLLOWS
 from stiction.report.page import COLORS, INK, new_figure
 
@@ -95,21 +95,24 @@ def _dead_band(axis: Axes, band: float) -> None:
 
 
 def draw_needs(onsets: Sequence[Onset], ways: Sequence[str]) -> Figure:
-    """Return up to which friction each way of training follows: a bar to its lowest onset, a mark an engine.
+    """Return up to which friction each way of training follows: a bar to its `reach`, a mark an engine.
 
-    onsets: at least one, none of a coefficient.
+    What is hollow is at least as far: nobody fell below 80 % up to there, and nothing was tested beyond.
+
+    onsets: none of a coefficient, at least one in an engine that is none of `CAUSES`.
     """
     engines = list(dict.fromkeys(onset.engine for onset in onsets))
-    rows = [way for way in ways if any(onset.method == way for onset in onsets)]
+    own = {way: [onset for onset in onsets if onset.method == way] for way in ways}
+    rows = [way for way in ways if reach(own[way]) is not None]
     figure, (axis,) = new_figure(1, 1, size=(9.0, 0.5 * max(1, len(rows)) + 1.6))
     for height, way in enumerate(rows):
-        own = [onset for onset in onsets if onset.method == way]
-        lowest = min(_end(onset) for onset in own)
-        axis.barh(height, lowest, color=color_of(way, ways), alpha=0.35, height=0.6)
-        for onset in own:
+        color = color_of(way, ways)
+        level, falls = reach(own[way]) or (0.0, False)
+        look = {"color": color, "alpha": 0.35} if falls else {"facecolor": "none", "edgecolor": color}
+        axis.barh(height, 100 * level, height=0.6, **look)
+        for onset in own[way]:
             mark = MARKS[engines.index(onset.engine) % len(MARKS)]
-            face = color_of(way, ways) if onset.level is not None else "none"
-            axis.plot(_end(onset), height, marker=mark, color=color_of(way, ways), markerfacecolor=face, markersize=6)
+            axis.plot(100 * end(onset), height, marker=mark, color=color, markersize=6, fillstyle=_filled(onset))
     for number, engine in enumerate(engines):
         axis.plot([], [], linestyle="", marker=MARKS[number % len(MARKS)], color=INK, label=engine)
     axis.set_yticks(range(len(rows)), rows)
@@ -118,6 +121,25 @@ def draw_needs(onsets: Sequence[Onset], ways: Sequence[str]) -> Figure:
     return figure
 
 
-def _end(onset: Onset) -> float:
-    """Return up to which friction a way follows [%]: its onset, or what was tested where it has none."""
-    return 100 * (onset.tested if onset.level is None else onset.level)
+def _filled(onset: Onset) -> Literal["full", "left", "none"]:
+    """Return how a mark is filled: where every seed falls, where some do, and where none does up to there."""
+    above = onset.each.count(">")
+    return "full" if not above else "none" if onset.level is None else "left"
+
+
+def end(onset: Onset) -> float:
+    """Return up to which friction a way is known to follow in an engine [-]: its onset, or else what was tested."""
+    return onset.tested if onset.level is None else onset.level
+
+
+def reach(onsets: Sequence[Onset]) -> tuple[float, bool] | None:
+    """Return up to which friction one way follows in all engines [-], and whether it falls there.
+
+    That is its lowest onset; where it has none, the highest friction that was tested anywhere: an engine in which it
+    was tested less limits nothing. None where it walked in no engine but `CAUSES`.
+    """
+    counting = [onset for onset in onsets if onset.engine not in CAUSES]
+    falls = [onset.level for onset in counting if onset.level is not None]
+    if falls:
+        return min(falls), True
+    return (max(onset.tested for onset in counting), False) if counting else None

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from stiction.formats.experiment import LIMITS, Verdict
 from stiction.formats.friction import has_coefficient, level_text
 from stiction.formats.grid import FED
-from stiction.formats.replication import Behind, BudgetPoint, ForwardPoint, Onset
+from stiction.formats.replication import CAUSES, Behind, BudgetPoint, ForwardPoint, Onset
 from stiction.report.replication_methods import friction_text
 from stiction.report.sheet import Sheet
 
@@ -64,33 +64,44 @@ def evidence_sheet(claim: str, behind: Sequence[Behind]) -> Sheet:
 
 def needs_sheet(onsets: Sequence[Onset]) -> Sheet:
     """Return, for a joint of some friction, the ways of training that follow in every engine in which they walked."""
-    known = [onset for onset in onsets if not has_coefficient(onset.friction_law)]
+    known = [one for one in onsets if not has_coefficient(one.friction_law) and one.engine not in CAUSES]
     ways = {way: [onset for onset in known if onset.method == way] for way in (onset.method for onset in known)}
-    tested = max((onset.tested for onset in known), default=0.0)
     rows = []
     for level in NEEDS:
-        follow = [way for way, own in ways.items() if all(_follows(onset, level) for onset in own)]
+        fallen = [way for way, own in ways.items() if any(_falls(onset, level) for onset in own)]
+        follow = [way for way in ways if way not in fallen and any(level <= onset.tested for onset in ways[way])]
         sure = [way for way in follow if all(_every_seed(onset, level) for onset in ways[way])]
-        named = [f"{way} (one seed)" if min(onset.seeds for onset in ways[way]) == 1 else way for way in sure]
-        others = [way for way in follow if way not in sure]
-        nobody = "none of them" if level <= tested else "not tested"
-        rows.append((f"{100 * level:g} %", ", ".join(named) or nobody, ", ".join(others) or "–"))
+        named, others = (
+            ", ".join(_named(way, ways[way], level) for way in follow if (way in sure) == every)
+            for every in (True, False)
+        )
+        nobody = "not tested" if not fallen else "none of them" if len(fallen) == len(ways) else "none of those tested"
+        rows.append((f"{100 * level:g} %", named or nobody, others or "–"))
     note = (
         "Following: the slower direction falls under 80 % of the command beyond that friction, in every engine and on "
-        "the virtual robot as far as the way walked there. It may be faster than commanded. Who follows: every "
-        "training seed. On average: the mean over the seeds follows, and some seed does not."
+        "the virtual robot as far as the way walked there: where it was not tested with so much, that is said. It may "
+        "be faster than commanded. Who follows: every training seed. On average: the mean over the seeds follows, and "
+        "some seed does not."
     )
     header = ("friction", "follows", "on average only")
     return Sheet("My joint has this much friction: which training follows?", header, tuple(rows), note)
 
 
-def _follows(onset: Onset, level: float) -> bool:
-    """Say whether the mean over seeds follows at a level that was tested."""
-    return level <= onset.tested and (onset.level is None or onset.level > level)
+def _named(way: str, own: Sequence[Onset], level: float) -> str:
+    """Return a way that follows at a level, and in brackets what that is not known of."""
+    remarks = ["one seed"] if min(onset.seeds for onset in own) == 1 else []
+    untested = [onset.engine for onset in own if onset.tested < level]
+    remarks += [f"not tested in {' and '.join(untested)}"] if untested else []
+    return f"{way} ({', '.join(remarks)})" if remarks else way
+
+
+def _falls(onset: Onset, level: float) -> bool:
+    """Say whether the mean over seeds has fallen at a level."""
+    return onset.level is not None and onset.level <= level
 
 
 def _every_seed(onset: Onset, level: float) -> bool:
-    """Say whether each seed follows at a level that was tested."""
+    """Say whether no seed has fallen at a level."""
     return all(one.startswith(">") or float(one) > level for one in onset.each.split())
 
 

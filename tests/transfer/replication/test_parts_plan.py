@@ -8,6 +8,7 @@ import pytest
 from bundles import make_bundle, make_contract
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.climb import ENOUGH, wilson
+from stiction.formats.replication import CAUSES
 from stiction.transfer.experiment.criteria import STATIONARY
 from stiction.transfer.experiment.manifest import Run
 from stiction.transfer.grid.plan import Walk, plan
@@ -16,7 +17,7 @@ from stiction.transfer.metrics import Metrics
 from stiction.transfer.replication.claims import WITHOUT_POLICY, judge_all
 from stiction.transfer.replication.criteria import HALF, STABLE
 from stiction.transfer.replication.evidence import Evidence
-from stiction.transfer.replication.plan import Part, Size, conventional, parts_of
+from stiction.transfer.replication.plan import FRICTION, NOMINAL, REST, Part, Size, conventional, parts_of
 from stiction.transfer.replication.run import check_ways
 from stiction.transfer.replication.runs import LOOP_SEEDS, SEEDS, actuator_run, comparison_runs
 
@@ -104,3 +105,8 @@ def test_causes_are_told_apart_on_the_same_robots() -> None:
     assert parts["causes"].grid.robots == parts["robot"].grid.robots
     assert {*parts["causes"].grid.levels_of_robots} <= {*parts["robot"].grid.levels_of_robots}
     assert {"0.01", "bench", "bench+0.02", "bench+0.1"} <= {*parts["causes"].grid.levels_of_robots}  # the paper's own
+
+
+def test_the_cells_of_causes_are_those_that_the_page_leaves_out() -> None:
+    """Under another name a cell that is no robot would limit what the page tells a user."""
+    assert set(CAUSES) == {NOMINAL, FRICTION, REST}
