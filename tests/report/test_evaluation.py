@@ -10,7 +10,9 @@ import pytest
 
 from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
+from stiction.formats.replication import BOTH, Sample
 from stiction.formats.results import ResultRow, read_results
+from stiction.formats.rows import read_rows
 from stiction.report.evaluation import lead, results_table, write_evaluation
 from stiction.report.evaluation_figures import draw_budget
 
@@ -45,6 +47,7 @@ SUMMARY = {
         "payload": 0.0,
     },
     "policies": {"plain": {"method": "none", "seed": 0, "revision": "abc", "digest": "0" * 64, "command": "train"}},
+    "ways": {"plain": "none", "wild": "none (wild)"},
     "revision": "abc",
     "seconds": 1.0,
     "machine": {"cpu": "a processor"},
@@ -84,6 +87,49 @@ def test_one_panel_for_each_command_with_a_speed() -> None:
     assert [axis.get_title() for axis in figure.axes] == ["commanded vx=0.5", "commanded vx=-0.5"]
     line = figure.axes[0].get_lines()[1]
     assert line.get_xydata().tolist() == [[0.0, 0.95], [20.0, 0.3]]
+
+
+def seeded(column: str, level: float, *each: float, command: str = "vx=0.5", **trials) -> Sample:
+    """Return a sample of `deception` with a seed for every number, the interval 0.1 to each side."""
+    mean, seeds = sum(each) / len(each), " ".join(map(str, range(len(each))))
+    cell = "deception", "mujoco", "coulomb", level, "flat", command
+    ends = (mean - 0.1, mean + 0.1) if len(each) > 1 else (None, None)
+    none = {"trials": None, "trials_low": None, "trials_high": None}
+    return Sample(*cell, column, seeds, " ".join(map(str, each)), mean, *ends, **(none | trials))
+
+
+SEEDS = [
+    replace(make_row(f"p{seed}", level, "vx=0.5", ratio), method="deception", seed=seed)
+    for seed, ratios in enumerate(((1.0, 0.8), (1.1, 1.0)))
+    for level, ratio in zip((0.0, 0.2), ratios, strict=True)
+]
+SPEEDS = [seeded("speed_ratio", 0.2, 0.8, 1.0), seeded("speed_ratio", 0.0, 1.0, 1.1)]
+
+
+def test_a_way_with_several_seeds_is_one_line_with_its_interval_and_every_seed() -> None:
+    """Two lines would read as two policies to choose from; a way with one seed stays the line of its policy."""
+    ways = {"plain": "none", "wild": "none (wild)", "p0": "deception", "p1": "deception"}
+    alone = replace(seeded("speed_ratio", 0.0, 0.95), method="none")
+    axis = draw_budget([*ROWS, *SEEDS], [alone, *SPEEDS], ways).axes[0]
+    lines = axis.get_lines()[1:]
+    assert [line.get_label() for line in lines if line.get_label()[0] != "_"] == ["plain", "wild", "deception"]
+    assert lines[2].get_xydata().tolist() == [[0.0, 1.05], [20.0, 0.9]]
+    assert [line.get_xydata().tolist() for line in lines[3:]] == [[[0.0, 1.0], [0.0, 1.1]], [[20.0, 0.8], [20.0, 1.0]]]
+    (band,) = axis.collections
+    assert {tuple(corner) for corner in band.get_paths()[0].vertices.round(3)} >= {(20.0, 0.8), (20.0, 1.0)}
+
+
+def test_every_measure_of_a_way_has_its_interval(tmp_path: Path) -> None:
+    """Falls of two seeds, one of 16 walks, have the seeds' interval and Wilson's; the figure says what it shows."""
+    falls = seeded("fall_rate", 0.0, 0.0, 0.125, trials=16, trials_low=0.0111, trials_high=0.283)
+    others = [seeded("tracking_error", 0.0, 0.2, 0.3), seeded("joint_jitter", 0.0, 30.0, 40.0)]
+    samples = [*SPEEDS, falls, *others, replace(falls, command=BOTH)]
+    page = write_evaluation(tmp_path, [*ROWS, *SEEDS], SUMMARY | {"rows": []}, samples).read_text()
+    assert "0.250 ± 0.100" in page and "35 ± 0" in page and "1.00, 1.10" in page and "both" not in page
+    assert page.count("6% ± 10% (1% to 28%)") == 1
+    assert "every seed" in page and "Mean over episodes." not in page
+    assert [one.each for one in read_rows(tmp_path / "methods.csv", Sample)] == [one.each for one in samples]
+    assert "Mean over episodes." in write_evaluation(tmp_path, ROWS, SUMMARY).read_text()
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:

@@ -69,9 +69,9 @@ class EvaluateCfg:
     """Torque in the log: `motor_side`, what the motor gave (what `stiction identify` needs), or `output_side`, what
     reached the link, dry and viscous friction of the joint taken off."""
     out: Path = Path("stiction-evaluation")
-    """Directory for results.csv, methods.csv (means over the seeds of one training), summary.json, friction_budget.svg
-    and .png, and report.html; for walks.jsonl, by which an interrupted command goes on where it was; and for bench,
-    what was identified for --forward."""
+    """Directory for results.csv, methods.csv (every column over the seeds of one training), summary.json,
+    friction_budget.svg and .png, and report.html; for walks.jsonl, by which an interrupted command goes on where it
+    was; and for bench, what was identified for --forward."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -92,7 +92,7 @@ def main(arguments: list[str]) -> int:
     from stiction.report.evaluation import write_evaluation
     from stiction.transfer.evaluate import EvaluationCfg
     from stiction.transfer.grid.config import GridCfg
-    from stiction.transfer.grid.table import method_means
+    from stiction.transfer.replication.samples import samples_of
     from stiction.transfer.summary import evaluate_all
     from stiction.transfer.walk import RecordCfg, log_all
 
@@ -122,7 +122,7 @@ def main(arguments: list[str]) -> int:
             summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
     print_warnings("evaluate", summary["warnings"])
     summary = {"command": shlex.join(["stiction", "evaluate", *arguments])} | summary
-    write_evaluation(cfg.out, rows, summary, method_means(rows, bundles))
+    write_evaluation(cfg.out, rows, summary, samples_of(summary["rows"], summary["ways"]))
     if cfg.json:
         print(summary_text(summary), end="")
     else:

@@ -1,4 +1,4 @@
-"""Ways of training over their seeds, in every engine: a row of methods.csv."""
+"""Ways of training in the cells of a grid, and their names."""
 
 from __future__ import annotations
 
@@ -27,19 +27,3 @@ class MethodCell:
     """Ground."""
     command: str
     """Commanded velocity."""
-
-
-@dataclass(frozen=True)
-class MethodMean(MethodCell):
-    """The speed ratio of one way of training in one cell, over its training seeds."""
-
-    seeds: int
-    """Training seeds: samples."""
-    speed_ratio: float
-    """Mean over the seeds [-]."""
-    low: float | None
-    """Lower end of the 95 % t-interval over the seeds [-]; None for one seed."""
-    high: float | None
-    """Upper end."""
-    each: str
-    """Speed ratio of every seed, separated by blanks."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +12,12 @@ from markupsafe import Markup
 from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
 from stiction.formats.friction import LAWS, has_coefficient, level_text
-from stiction.formats.grid import MethodMean
+from stiction.formats.replication import BOTH, Sample
 from stiction.formats.results import FOLLOWS, ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
 from stiction.report.evaluation_figures import DEFAULT, draw_budget, place_of, place_text, places
 from stiction.report.page import Section, figure_uri, paragraph, picture, render_page, table
+from stiction.report.replication_methods import sample_text
 
 TITLE = "Speed over joint friction"
 """Title of the page."""
@@ -67,6 +68,23 @@ FED_FORWARD = (
 INTERVALS = "In brackets: Wilson's 95 % intervals, over episodes; over robots where those are virtual."
 """What stands behind a rate."""
 
+MEASURES = {"speed_ratio": ".2f", "tracking_error": ".3f", "fall_rate": ".0%", "joint_jitter": ".0f"}
+"""Columns of the table of ways of training -> how their numbers are written."""
+
+SAMPLES = (
+    "Mean ± 95 % t-interval over training seeds: a seed is one sample, however many episodes it walked; one seed has "
+    "none. In brackets behind falls: Wilson's 95 % interval over trials, which are walks, and of virtual robots pairs "
+    "of policy and robot. More columns, and every seed's numbers, are in methods.csv."
+)
+"""What stands behind a way of training."""
+
+OVER_SEEDS = (
+    "A way of training with several seeds: a point is a seed's mean over episodes, the line the mean over seeds, the "
+    "band its 95 % t-interval; circles on a line: one policy, its mean over episodes."
+)
+BAND = "The green band is 80 to 120 % of the commanded speed; below zero is the wrong way."
+"""What the figure shows."""
+
 FIXED = {
     "action_delay": "action delay {:g} s",
     "encoder_offset": "encoder offset {:g} rad",
@@ -78,28 +96,28 @@ FIXED = {
 
 
 def write_evaluation(
-    out: Path, rows: Sequence[ResultRow], summary: dict[str, Any], methods: Sequence[MethodMean] = ()
+    out: Path, rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()
 ) -> Path:
     """Write every file of an evaluation into `out`; return the path of the page.
 
-    methods: the ways of training over their seeds, for methods.csv and its table.
+    samples: the ways of training over their seeds, for methods.csv, its table and the figure.
 
     Raises:
         StictionError: the directory cannot be made or written.
 
     """
-    figure = draw_budget(rows)
+    figure = draw_budget(rows, samples, summary["ways"])
     make_folder(out)
     try:
         write_results(out / "results.csv", rows)
         write_summary(out / "summary.json", summary)
-        if methods:
-            write_rows(out / "methods.csv", methods)
+        if samples:
+            write_rows(out / "methods.csv", samples)
         for kind in ("svg", "png"):
             figure.savefig(out / f"friction_budget.{kind}", dpi=150, facecolor="white")
         page = out / "report.html"
         page.write_text(
-            render_page(TITLE, sections(rows, summary, methods), lead(rows), summary["warnings"]), encoding="utf-8"
+            render_page(TITLE, sections(rows, summary, samples), lead(rows), summary["warnings"]), encoding="utf-8"
         )
     except OSError as error:
         raise StictionError(f"the results cannot be written to {out}: {error}; choose another --out") from error
@@ -139,11 +157,11 @@ def _follows_where(rows: Sequence[ResultRow]) -> str:
     return f"{begin} of the tested levels {tested}."
 
 
-def sections(rows: Sequence[ResultRow], summary: dict[str, Any], methods: Sequence[MethodMean] = ()) -> list[Section]:
+def sections(rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()) -> list[Section]:
     """Return the sections of the page: figure, ways of training, table, definitions, what was run."""
-    found = [Section("Friction budget", (budget_picture(rows),))]
-    if any(mean.seeds > 1 for mean in methods):
-        found.append(Section("Ways of training, over their seeds", (methods_table(methods),)))
+    found = [Section("Friction budget", (budget_picture(rows, samples, summary["ways"]),))]
+    if any(sample.low is not None for sample in samples):
+        found.append(Section("Ways of training, over their seeds", (methods_table(samples),)))
     return [
         *found,
         Section("Every row", (results_table(rows, summary["rows"]), definitions_table())),
@@ -151,30 +169,28 @@ def sections(rows: Sequence[ResultRow], summary: dict[str, Any], methods: Sequen
     ]
 
 
-def methods_table(methods: Sequence[MethodMean]) -> Markup:
-    """Return the mean speed ratio of every way of training, with its interval and every seed."""
-    header = ["method", "engine", "ground", "friction", "command", "speed ratio", "95 %", "each seed"]
-    caption = "t-intervals over training seeds: a seed is one sample, however many episodes it walked."
-    cells = [
-        [
-            mean.method,
-            mean.engine,
-            mean.terrain,
-            _level(mean.friction_law, mean.friction_level),
-            mean.command,
-            f"{mean.speed_ratio:.2f}",
-            "–" if mean.low is None or mean.high is None else f"{mean.low:.2f} to {mean.high:.2f}",
-            ", ".join(f"{float(point):.2f}" for point in mean.each.split()),
-        ]
-        for mean in methods
-    ]
-    return table(header, cells, caption)
+def methods_table(samples: Sequence[Sample]) -> Markup:
+    """Return what every way of training reached, with intervals, and the speed ratio of every seed."""
+    cells: dict[tuple[str, ...], dict[str, Sample]] = {}
+    for one in samples:
+        if one.command != BOTH:
+            level = _level(one.friction_law, one.friction_level)
+            cell = one.method, one.engine, one.terrain, level, one.command
+            cells.setdefault(cell, {})[one.column] = one
+    rows = []
+    for place, own in cells.items():
+        speed = own.get("speed_ratio")
+        each = "–" if speed is None else ", ".join(f"{float(point):.2f}" for point in speed.each.split())
+        rows.append([*place, *(sample_text(own.get(column), form) for column, form in MEASURES.items()), each])
+    header = ["method", "engine", "ground", "friction", "command"]
+    return table([*header, "speed ratio", "error", "falls", "jitter", "speed ratio of each seed"], rows, SAMPLES)
 
 
-def budget_picture(rows: Sequence[ResultRow]) -> Markup:
-    """Return the friction budget as a block."""
-    caption = "Mean over episodes. The green band is 80 to 120 % of the commanded speed; below zero is the wrong way."
-    return picture(figure_uri(draw_budget(rows)), caption)
+def budget_picture(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), ways: Mapping[str, str] = {}) -> Markup:
+    """Return the friction budget as a block; arguments as of `draw_budget`."""
+    seeds = any(sample.low is not None for sample in samples)
+    caption = f"{OVER_SEEDS if seeds else 'Mean over episodes.'} {BAND}"
+    return picture(figure_uri(draw_budget(rows, samples, ways)), caption)
 
 
 def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] = ()) -> Markup:

@@ -9,6 +9,7 @@ from stiction.formats.friction import has_coefficient, level_axis, level_number
 from stiction.formats.replication import CAUSES, FEWEST_LEVELS, BudgetPoint, Onset
 from stiction.formats.results import FOLLOWS
 from stiction.report.page import COLORS, INK, new_figure
+from stiction.report.seed_figures import Spread, color_of, draw_seeds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,16 +17,6 @@ if TYPE_CHECKING:
 
 MARKS = "osD^vP*X"
 """One an engine."""
-
-
-def color_of(way: str, ways: Sequence[str]) -> str:
-    """Return the colour of a way of training, the same in every figure."""
-    return COLORS[list(ways).index(way) % len(COLORS)]
-
-
-def style_of(way: str, ways: Sequence[str]) -> str:
-    """Return the line style: the second round of colours is dashed."""
-    return "-" if list(ways).index(way) < len(COLORS) else "--"
 
 
 def curves(points: Sequence[BudgetPoint]) -> dict[tuple[str, str], list[BudgetPoint]]:
@@ -51,7 +42,9 @@ def draw_budget(points: Sequence[BudgetPoint], ways: Sequence[str], band: float)
         for way in ways:
             own = sorted((p for p in some if p.method == way), key=lambda p: p.friction_level)
             if own:
-                _draw_way(axis, own, color_of(way, ways), style_of(way, ways))
+                places = (level_number(law, p.friction_level) for p in own)
+                spreads = [Spread(at, p.ratio, p.low, p.high, p.each) for at, p in zip(places, own, strict=True)]
+                draw_seeds(axis, spreads, way, ways)
         axis.set(title=engine, xlabel=level_axis(law), ylim=(-0.2, 1.9))
         if not has_coefficient(law):
             _dead_band(axis, band)
@@ -63,20 +56,6 @@ def draw_budget(points: Sequence[BudgetPoint], ways: Sequence[str], band: float)
     handles = [lines[way] for way in drawn]
     figure.legend(handles, drawn, loc="outside lower center", ncols=5, fontsize=8, labelcolor=INK, frameon=False)
     return figure
-
-
-def _draw_way(axis: Axes, own: Sequence[BudgetPoint], color: str, style: str) -> None:
-    """Draw one way of training: every seed thin, their mean thick, its interval as a band."""
-    law = own[0].friction_law
-    levels = [level_number(law, p.friction_level) for p in own]
-    axis.plot(levels, [p.ratio for p in own], color=color, linestyle=style, linewidth=1.8, label=own[0].method)
-    for level, point in zip(levels, own, strict=True):
-        each = [float(one) for one in point.each.split()]
-        axis.plot([level] * len(each), each, linestyle="", marker=".", markersize=3, color=color)
-    known = [(level, p.low, p.high) for level, p in zip(levels, own, strict=True) if p.low is not None]
-    if known:
-        middle, low, high = zip(*known, strict=True)
-        axis.fill_between(middle, low, high, color=color, alpha=0.13, linewidth=0)
 
 
 def _dead_band(axis: Axes, band: float) -> None:

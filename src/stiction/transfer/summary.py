@@ -15,7 +15,7 @@ from stiction.formats.results import ResultRow
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.forward import not_told
 from stiction.transfer.grid.run import BENCHES, Progress, walk_grid
-from stiction.transfer.grid.table import rows_of
+from stiction.transfer.grid.table import rows_of, ways_of
 from stiction.transfer.robot.seeds import warnings_on
 
 
@@ -52,6 +52,7 @@ def evaluate_all(
         "seconds": time.perf_counter() - start,
         **origin.provenance,
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
+        "ways": ways_of(rows, bundles),
         "rows": details,
     }
     return rows, summary

@@ -1,6 +1,6 @@
 """A grid is walked, interrupted, gone on with, and turned into rows."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,15 @@ import pytest
 from bundles import make_bundle, make_contract, make_network
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.errors import StictionError
+from stiction.formats.replication import Sample
+from stiction.formats.results import ResultRow
 from stiction.transfer.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.transfer.grid import ledger, plan, run
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.run import LEDGER, walk_grid
-from stiction.transfer.grid.table import method_means, rows_of
+from stiction.transfer.grid.table import rows_of, ways_of
 from stiction.transfer.metrics import Metrics
+from stiction.transfer.replication.samples import samples_of
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -175,15 +178,21 @@ def test_what_is_not_installed_is_said_before_anything_walks(still: Bundle, tmp_
     assert not (tmp_path / LEDGER).exists()
 
 
+def means_of(rows: list[ResultRow], bundles: list[Bundle]) -> list[Sample]:
+    """Return the speed ratio of every way over its seeds, of rows without anything beside them."""
+    details = [asdict(row) | {"crossed": None} for row in rows]
+    return [one for one in samples_of(details, ways_of(rows, bundles)) if one.column == "speed_ratio"]
+
+
 def test_a_seed_is_one_sample(still: Bundle, walked) -> None:
     """Means over seeds 0.8 and 1.0: 0.9 ± 12.706 · 0.1; one seed has no interval."""
     row = rows_of(walked[0], [still])[0][0]
     bundles = [named(still, f"p{seed}", seed=seed) for seed in (0, 1)]
     rows = [replace(row, policy=f"p{seed}", seed=seed, speed_ratio=0.8 + 0.2 * seed) for seed in (0, 1)]
-    (mean,) = method_means(rows, bundles)
-    assert (mean.method, mean.seeds, mean.speed_ratio, mean.each) == ("none", 2, pytest.approx(0.9), "0.8 1")
+    (mean,) = means_of(rows, bundles)
+    assert (mean.method, mean.seeds, mean.mean, mean.each) == ("none", "0 1", pytest.approx(0.9), "0.8 1")
     assert (mean.low, mean.high) == (pytest.approx(0.9 - 1.2706, abs=1e-3), pytest.approx(0.9 + 1.2706, abs=1e-3))
-    assert method_means(rows[:1], bundles)[0].low is None
+    assert means_of(rows[:1], bundles)[0].low is None
 
 
 def named(bundle: Bundle, name: str, **changes: Any) -> Bundle:
@@ -215,9 +224,9 @@ def test_policies_of_different_trainings_are_no_seeds_of_each_other(
         for fed in ("", "+forward")
         for seed, name in enumerate((f"a{fed}", f"b{fed}"))
     ]
-    means = method_means(rows, bundles)
+    means = means_of(rows, bundles)
     assert [mean.method for mean in means] == [f"none{fed} ({word})" for fed in ("", "+forward") for word in words]
-    assert [(mean.seeds, mean.speed_ratio) for mean in means] == [(1, 0.0), (1, 1.0)] * 2
+    assert [(mean.seeds, mean.mean) for mean in means] == [("0", 0.0), ("1", 1.0)] * 2
 
 
 def test_two_policies_of_one_seed_stand_alone(still: Bundle, walked) -> None:
@@ -225,9 +234,8 @@ def test_two_policies_of_one_seed_stand_alone(still: Bundle, walked) -> None:
     row = rows_of(walked[0], [still])[0][0]
     bundles = [named(still, name, seed=seed) for name, seed in (("a", 0), ("b", 0), ("c", 1))]
     rows = [replace(row, policy=one.name, seed=one.contract.seed, speed_ratio=0.5) for one in bundles]
-    assert [(mean.method, mean.seeds) for mean in method_means(rows, bundles)] == [
-        (f"none ({name})", 1) for name in "abc"
-    ]
+    found = [(mean.method, mean.seeds) for mean in means_of(rows, bundles)]
+    assert found == [("none (a)", "0"), ("none (b)", "0"), ("none (c)", "1")]
 
 
 def test_a_virtual_robot_is_one_sample_of_a_rate(still: Bundle) -> None:

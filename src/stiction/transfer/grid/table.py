@@ -1,4 +1,4 @@
-"""From walks to rows: the episodes of a cell together, and the seeds of a way of training as one sample each."""
+"""From walks to rows: the episodes of a cell together; and whose seeds are samples of one training."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ import numpy as np
 from stiction.formats.bundle import Bundle
 from stiction.formats.climb import wilson
 from stiction.formats.contract import Contract
-from stiction.formats.grid import MethodMean
 from stiction.formats.results import ResultRow
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.grid.plan import FORWARD, Walk
 from stiction.transfer.metrics import Metrics, combine
 from stiction.transfer.robot.factorial import parse_level
 from stiction.transfer.rollout import robot_of
-from stiction.transfer.statistics import t_interval
 from stiction.transfer.ways import way_of
 
 
@@ -118,31 +116,11 @@ def _sample_of(contract: Contract) -> tuple[str, ...]:
     return way_of(contract), *trained, f"range {low:g} to {high:g}"
 
 
-_MethodCell = tuple[str, str, str, str, str, str]
-"""Method, engine, law, level, terrain, command."""
+def ways_of(rows: Sequence[ResultRow], bundles: Sequence[Bundle]) -> dict[str, str]:
+    """Return policy, as rows call it -> way of training under which only its own seeds stand, see `sample_names`.
 
-
-def method_means(rows: Sequence[ResultRow], bundles: Sequence[Bundle]) -> list[MethodMean]:
-    """Return the mean speed ratio of every way of training over its training seeds, with each seed's and an interval.
-
-    A seed is one sample, however many episodes it walked. What counts as one way, and its name: see `sample_names`.
     bundles: those that walked.
     """
     names = sample_names({bundle.name: bundle.contract for bundle in bundles})
-    cells: dict[_MethodCell, list[float]] = {}
-    numbers: dict[_MethodCell, float] = {}
-    for row in rows:
-        if row.speed_ratio is not None:
-            way = row.method + names[row.policy if row.policy in names else row.policy.removesuffix(FORWARD)]
-            cell = way, row.engine, row.friction_law, f"{row.friction_level:g}", row.terrain, row.command
-            numbers[cell] = row.friction_level
-            cells.setdefault(cell, []).append(row.speed_ratio)
-    means = []
-    for cell, points in cells.items():
-        low, high = t_interval(points) or (None, None)
-        method, engine, law, _, terrain, command = cell
-        mean, each = float(np.mean(points)), " ".join(f"{point:.4g}" for point in points)
-        means.append(
-            MethodMean(method, engine, law, numbers[cell], terrain, command, len(points), mean, low, high, each)
-        )
-    return means
+    base = {row.policy: row.policy if row.policy in names else row.policy.removesuffix(FORWARD) for row in rows}
+    return {row.policy: row.method + names[base[row.policy]] for row in rows}

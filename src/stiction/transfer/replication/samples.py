@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+
 import numpy as np
 
 from stiction.formats.replication import BOTH, Sample
 from stiction.formats.results import DIRECTIONS
 from stiction.transfer.experiment.judging import Rate
 from stiction.transfer.experiment.table import Points
-from stiction.transfer.replication.evidence import ERROR, Cell, Evidence, Spot
+from stiction.transfer.replication.evidence import ERROR, Cell, Evidence, Row, Spot
 from stiction.transfer.statistics import t_interval
 
 MEASURES = ("speed_ratio", ERROR, "tracking_error", "joint_jitter", "flight_share", "tripod_share", "steps_climbed")
@@ -34,6 +36,11 @@ def samples(evidence: Evidence) -> list[Sample]:
             both = (*cell[:-1], BOTH)
             found += [_over_both(evidence, both, spot, column) for column in OVER_BOTH]
     return [sample for sample in found if sample is not None]
+
+
+def samples_of(rows: Iterable[Row], ways: Mapping[str, str]) -> list[Sample]:
+    """Return the samples of any policies. rows: as in summary.json; ways: see `ways_of`."""
+    return samples(Evidence.of(row | {"method": ways[row["policy"]]} for row in rows))
 
 
 def _over_both(evidence: Evidence, cell: Cell, spot: Spot, column: str) -> Sample | None:
