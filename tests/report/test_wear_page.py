@@ -64,7 +64,7 @@ def summary(**changes) -> dict:
     wear = {"joints": [], "start": 0.3, "end": 3.0, "seconds": 120.0}
     settings = {"engine": "physx", "cell": "all", "command": "vx=0.5", "settle": 2.0, "window": 10.0, "wear": wear}
     base = {"command": "stiction study wear p", "revision": "abc", "machine": {"cpu": "a processor"}}
-    return base | {"settings": settings, "warnings": [], "groups": [GROUP]} | changes
+    return base | {"settings": settings, "warnings": [], "groups": [GROUP], "ways": []} | changes
 
 
 def test_the_answer_says_where_lives_end_and_of_what_the_interval_is() -> None:
@@ -83,6 +83,28 @@ def test_the_answer_says_where_lives_end_and_of_what_the_interval_is() -> None:
     assert said.endswith("The bundle has no wear monitor.")
     (said,) = answers([GROUP | {"robots": 1, "interval95": None, "ends": {"slow": 1}}], 3.0)
     assert "its life ends at x1.50, one robot." in said
+
+
+def test_a_way_of_training_speaks_for_its_seeds(tmp_path: Path) -> None:
+    """Its interval is over policies; where lives go on there is a bound, and no interval that looks exact."""
+    policies = {
+        "p0": {"mean": 1.0, "alive": 0, "slow_from_the_start": 0},
+        "p1": {"mean": 4.0, "alive": 0, "slow_from_the_start": 0},
+    }
+    way = {"way": "deception", "friction_level": "0.1", "policies": policies, "mean": 2.0, "interval95": [1.5, 2.7]}
+    way |= {"at_least": None, "at_most": None}
+    (_, said) = answers([GROUP], 3.0, [way])
+    assert said == (
+        "deception at level 0.1, 2 seeds: its policies' lives end at x2.00 "
+        "(95 % over training seeds: x1.50 to x2.70); x1.00, x4.00."
+    )
+    alive = {"p0": policies["p0"], "p1": policies["p1"] | {"alive": 2}}
+    open_end = way | {"mean": None, "interval95": None, "at_least": 2.0, "policies": alive}
+    assert answers([], 3.0, [open_end])[0].endswith("lives end at least at x2.00; x1.00, ≥ x4.00.")
+    neither = open_end | {"at_least": None}
+    assert "no mean" in answers([], 3.0, [neither])[0]
+    page = write_wear(tmp_path, [LIFE], WINDOWS, [], summary(ways=[way])).read_text()
+    assert "Ways of training, over their seeds" in page and "x1.50 to x2.70" in page
 
 
 def test_the_page_has_tables_and_figures_and_the_numbers_lie_beside_it(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stiction.formats.life import Life, Reading, Window
-from stiction.transfer.wear_life import Ending, control, ending, first_grown, groups, life, notice
+from stiction.transfer.wear_life import Ending, control, ending, first_grown, groups, life, notice, over_seeds
 from stiction.transfer.wear_seen import ratios
 
 WALK = {"policy": "p", "friction_level": "0.1", "robot": 1000, "steady": None}
@@ -154,3 +154,45 @@ def test_policies_and_levels_are_kept_apart() -> None:
     """One row a policy and level, in their order."""
     other = [replace(row, friction_level="0.2") for row in lives(2.0)]
     assert [(g["friction_level"], g["mean"]) for g in groups(lives(1.0) + other)] == [("0.1", 1.0), ("0.2", 2.0)]
+
+
+def policy(name: str, *factors: float | None, start: bool = False) -> list[Life]:
+    """Return the lives of one policy of two."""
+    return [replace(row, policy=name) for row in lives(*factors, start=start)]
+
+
+def test_seeds_of_a_way_are_one_sample_each() -> None:
+    """Robots of x1 and x4, mean x2, and of x8 and x8: x4 over two seeds, the logarithms ln 2 and ln 8 apart by 2 ln 2.
+
+    Their standard error is ln 2, t = 12.706: the robots within a policy do not make it smaller.
+    """
+    rows, ways = policy("a", 1.0, 4.0) + policy("b", 8.0, 8.0), {"a": "none", "b": "none"}
+    (way,) = over_seeds(rows, ways, (0.3, 9.0))
+    assert (way["way"], way["mean"]) == ("none", pytest.approx(4.0))
+    assert [one["mean"] for one in way["policies"].values()] == pytest.approx([2.0, 8.0])
+    half = 12.7062 * log(2)
+    assert way["interval95"] == pytest.approx([4 * exp(-half), 4 * exp(half)], rel=1e-3)
+    assert way["at_least"] is None and way["at_most"] is None
+    stayed = [replace(row, steady=0.3) for row in rows]
+    assert over_seeds(rows + stayed, ways, (0.3, 9.0)) == [way]
+
+
+def test_one_policy_is_no_sample_of_its_way() -> None:
+    """And two trainings that differ in more than the seed are two ways."""
+    rows = policy("a", 1.0) + policy("b", 2.0)
+    assert over_seeds(rows[:1], {"a": "none"}, (0.3, 3.0)) == []
+    assert over_seeds(rows, {"a": "none (flat)", "b": "none (stairs)"}, (0.3, 3.0)) == []
+
+
+def test_lives_beyond_what_was_tried_bound_the_mean() -> None:
+    """Alive at x9: x1 and x9 make at least x3; slow from the start at x0.25: x1 and x0.25 make at most x0.5."""
+    ways = {"a": "none", "b": "none"}
+    (way,) = over_seeds(policy("a", 1.0) + policy("b", None), ways, (0.25, 9.0))
+    assert (way["mean"], way["interval95"], way["at_most"]) == (None, None, None)
+    assert way["at_least"] == pytest.approx(3.0) and way["policies"]["b"]["alive"] == 1
+    slow = policy("b", None, start=True)
+    (way,) = over_seeds(policy("a", 1.0) + slow, ways, (0.25, 9.0))
+    assert (way["mean"], way["interval95"], way["at_least"]) == (None, None, None)
+    assert way["at_most"] == pytest.approx(0.5) and way["policies"]["b"]["slow_from_the_start"] == 1
+    (way,) = over_seeds(policy("a", None) + slow, ways, (0.25, 9.0))
+    assert [way[name] for name in ("mean", "at_least", "at_most")] == [None] * 3

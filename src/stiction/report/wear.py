@@ -40,7 +40,7 @@ def write_wear(
         ratios.savefig(out / "wear.png", dpi=150, facecolor="white")
         page = out / "report.html"
         parts = sections(picture(figure_uri(ratios), SPEED), worn, _monitor(out, noticed), summary)
-        lead = " ".join(answers(summary["groups"], summary["settings"]["wear"]["end"]))
+        lead = " ".join(answers(summary["groups"], summary["settings"]["wear"]["end"], summary["ways"]))
         page.write_text(render_page("Wear", parts, lead, summary["warnings"]), encoding="utf-8")
     except OSError as error:
         raise StictionError(f"the study cannot be written to {out}: {error}; choose another --out") from error
@@ -64,6 +64,7 @@ def sections(
     )
     return [
         Section("Speed while friction grows", (ratios,)),
+        *([Section("Ways of training, over their seeds", _ways(summary["ways"]))] if summary["ways"] else []),
         Section("Every robot", (table(HEADER, rows), paragraph(ENDS))),
         Section("Does the monitor notice?", (*monitor, paragraph(MONITOR))),
         Section("Where nothing grew", _controls(summary["groups"])),
@@ -75,6 +76,13 @@ SPEED = (
     f"Speed over the commanded one, means over windows, against the wear in the middle of each; a thin line is a "
     f"robot, a thick one their mean where all of them walk. The line is {ENOUGH:.0%}: from where a robot stays "
     "under it, the policy's life is over."
+)
+
+WAYS = (
+    "A policy is one sample: the geometric mean of the wear at which the lives of its robots end; then the mean of the "
+    "logarithm over the policies, and its t-interval. Where a life goes on at the greatest wear that was tried, that "
+    "wear stands for it: the mean is at least so much. One that was over before the wear began stands with the least "
+    "wear: at most. Such means have no interval."
 )
 
 HEADER = (
@@ -122,9 +130,50 @@ WHAT = (
 )
 
 
-def answers(groups: Sequence[dict[str, Any]], last: float) -> list[str]:
-    """Return a sentence or two for each policy and level; last: the greatest factor that was tried [1]."""
-    return [" ".join((_ended(group, last), _noticed(group), *_stayed(group))) for group in groups]
+def answers(groups: Sequence[dict[str, Any]], last: float, ways: Sequence[dict[str, Any]] = ()) -> list[str]:
+    """Return a sentence or two for each policy and level, and one for each way of training with several seeds.
+
+    last: the greatest factor that was tried [1]; ways: as of `stiction.transfer.wear_life.over_seeds`.
+    """
+    said = [" ".join((_ended(group, last), _noticed(group), *_stayed(group))) for group in groups]
+    return [*said, *map(_way, ways)]
+
+
+def _way(way: dict[str, Any]) -> str:
+    """Say when the lives under one way of training end."""
+    mean, spread = _way_life(way)
+    each = ", ".join(map(_policy_life, way["policies"].values()))
+    over = f" (95 % over training seeds: {spread})" if spread else ""
+    return f"{way['way']} at level {way['friction_level']}, {len(way['policies'])} seeds: {mean}{over}; {each}."
+
+
+def _way_life(way: dict[str, Any]) -> tuple[str, str]:
+    """Return the mean of one way in words, and its interval, empty where lives did not end within what was tried."""
+    if way["mean"] is not None:
+        low, high = way["interval95"]
+        return f"its policies' lives end at x{way['mean']:.2f}", f"x{low:.2f} to x{high:.2f}"
+    for name, words in (("at_least", "at least"), ("at_most", "at most")):
+        if way[name] is not None:
+            return f"its policies' lives end {words} at x{way[name]:.2f}", ""
+    return "some lives do not end and some have ended before the wear begins, so that there is no mean", ""
+
+
+def _policy_life(life: dict[str, Any]) -> str:
+    """Return one policy's mean: after a sign where lives ended beyond what was tried, none where on both sides."""
+    if life["alive"] and life["slow_from_the_start"]:
+        return "no mean"
+    return f"{'≥ ' if life['alive'] else '≤ ' if life['slow_from_the_start'] else ''}x{life['mean']:.2f}"
+
+
+def _ways(ways: Sequence[dict[str, Any]]) -> tuple[Markup, ...]:
+    """Return the table of the ways of training that have several policies."""
+    header = ("way of training", "level", "seeds", "lives", "95 % over training seeds", "each seed")
+    rows = []
+    for way in ways:
+        mean, spread = _way_life(way)
+        each = ", ".join(map(_policy_life, way["policies"].values()))
+        rows.append([way["way"], way["friction_level"], str(len(way["policies"])), mean, spread or "–", each])
+    return table(header, rows), paragraph(WAYS)
 
 
 def _ended(group: dict[str, Any], last: float) -> str:

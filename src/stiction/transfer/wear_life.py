@@ -6,7 +6,7 @@ they are known, and reported at the wear in the middle. The wear grows by equal 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from math import exp, log
@@ -139,6 +139,58 @@ def groups(lives: Sequence[Life]) -> list[dict[str, Any]]:
             }
         )
     return found
+
+
+def over_seeds(lives: Sequence[Life], ways: Mapping[str, str], tried: tuple[float, float]) -> list[dict[str, Any]]:
+    """Return, for each way of training that has at least two policies and each level, when lives end over its seeds.
+
+    A policy is one sample: the geometric mean of the wear at which its robots' lives ended. `mean` is that of the
+    policies, `interval95` its t-interval, of the logarithm. Both are None where a life did not end within the wear that
+    was tried. Then `at_least` is the mean with the greatest wear for each life that goes on, and `at_most` that with
+    the least for each that was over before the wear began; with lives of both kinds there is neither.
+
+    ways: policy -> way of training under which its seeds stand alone, as of `ways_of`; tried: least and greatest wear.
+    """
+    found = []
+    cells: dict[tuple[str, str], dict[str, list[Life]]] = {}
+    for row in lives:
+        if row.steady is None:
+            policies = cells.setdefault((ways[row.policy], row.friction_level), {})
+            policies.setdefault(row.policy, []).append(row)
+    for (way, level), policies in cells.items():
+        if len(policies) < 2:
+            continue
+        rows = [row for own in policies.values() for row in own]
+        above, below = (any(row.end == end for row in rows) for end in ("alive", "slow from the start"))
+        means = [float(np.mean([log(_within(row, tried)) for row in own])) for own in policies.values()]
+        middle, interval = exp(float(np.mean(means))), t_interval(means)
+        whole = not above and not below
+        found.append(
+            {
+                "way": way,
+                "friction_level": level,
+                "policies": {name: _policy_life(own, tried) for name, own in policies.items()},
+                "mean": middle if whole else None,
+                "interval95": [exp(end) for end in interval] if whole and interval is not None else None,
+                "at_least": middle if above and not below else None,
+                "at_most": middle if below and not above else None,
+            }
+        )
+    return found
+
+
+def _within(row: Life, tried: tuple[float, float]) -> float:
+    """Return the wear at which a life ended, or the end of what was tried beyond which it did."""
+    return row.factor if row.factor is not None else tried[row.end == "alive"]
+
+
+def _policy_life(rows: Sequence[Life], tried: tuple[float, float]) -> dict[str, Any]:
+    """Return the geometric mean over one policy's robots, and how many lives of which it is at least and at most."""
+    return {
+        "mean": exp(float(np.mean([log(_within(row, tried)) for row in rows]))),
+        "alive": sum(row.end == "alive" for row in rows),
+        "slow_from_the_start": sum(row.end == "slow from the start" for row in rows),
+    }
 
 
 def control(rows: Sequence[Life]) -> dict[str, Any]:

@@ -74,10 +74,11 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
     from stiction.report.wear import answers, write_wear
+    from stiction.transfer.grid.table import ways_of
     from stiction.transfer.robot.seeds import warnings_on
     from stiction.transfer.robot.wear import Wear
     from stiction.transfer.summary import check_names, describe
-    from stiction.transfer.wear_life import groups
+    from stiction.transfer.wear_life import groups, over_seeds
     from stiction.transfer.wear_study import WearCfg, study_wear
 
     jobs, origin = jobs_of(options.jobs), Origin.now()
@@ -98,6 +99,7 @@ def main(arguments: list[str]) -> int:
         **origin.provenance,
         "policies": {bundle.name: describe(bundle) | {"monitor": bundle.wear is not None} for bundle in bundles},
         "groups": groups(lives),
+        "ways": over_seeds(lives, ways_of(lives, bundles), (wear.start, wear.end)),
         "lives": [asdict(one) for one in lives],
     }
     print_warnings("study wear", summary["warnings"])
@@ -105,6 +107,6 @@ def main(arguments: list[str]) -> int:
     if options.json:
         print(summary_text(summary), end="")
     else:
-        print("\n".join(answers(summary["groups"], cfg.wear.end)))
+        print("\n".join(answers(summary["groups"], cfg.wear.end, summary["ways"])))
         print(f"report: {page}")
     return 0

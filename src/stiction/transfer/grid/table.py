@@ -11,6 +11,7 @@ import numpy as np
 from stiction.formats.bundle import Bundle
 from stiction.formats.climb import wilson
 from stiction.formats.contract import Contract
+from stiction.formats.life import Life
 from stiction.formats.results import ResultRow
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.grid.plan import FORWARD, Walk
@@ -116,7 +117,7 @@ def _sample_of(contract: Contract) -> tuple[str, ...]:
     return way_of(contract), *trained, f"range {low:g} to {high:g}"
 
 
-def ways_of(rows: Sequence[ResultRow], bundles: Sequence[Bundle]) -> dict[str, str]:
+def ways_of(rows: Sequence[ResultRow | Life], bundles: Sequence[Bundle]) -> dict[str, str]:
     """Return policy, as rows call it -> way of training under which only its own seeds stand, see `sample_names`.
 
     bundles: those that walked.
