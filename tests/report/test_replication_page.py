@@ -13,6 +13,7 @@ from stiction.formats.replication import BOTH, Behind, BudgetPoint, ForwardPoint
 from stiction.formats.results import ResultRow, read_results
 from stiction.formats.rows import read_rows
 from stiction.report.replication import lead, warnings, write_replication
+from stiction.report.replication_clips import ClipPair
 from stiction.report.replication_figures import draw_needs, reach
 from stiction.report.replication_methods import friction_text, place_sheets, stairs_sheet
 from stiction.report.replication_tables import forward_sheet, needs_sheet
@@ -75,7 +76,7 @@ RESULT = Replication(
 
 def test_every_file_is_written(tmp_path: Path) -> None:
     """A page without its numbers beside it could not be checked."""
-    page = write_replication(tmp_path, RESULT, {})
+    page = write_replication(tmp_path, RESULT, [])
     names = {path.name for path in tmp_path.iterdir()}
     assert names >= {
         "results.csv",
@@ -98,6 +99,17 @@ def test_every_file_is_written(tmp_path: Path) -> None:
     assert read_rows(tmp_path / "methods.csv", Sample) == RESULT.samples
     assert read_rows(tmp_path / "evidence.csv", Behind) == RESULT.behind
     assert read_rows(tmp_path / "forward.csv", ForwardPoint) == RESULT.forward
+
+
+def test_clips_say_in_which_simulator_they_are(tmp_path: Path) -> None:
+    """A page that asks about transfer must not show the training's simulator as if it were the robot."""
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.webp").write_bytes(b"RIFF")
+    pair = ClipPair("none", "p", tmp_path / "a.webp", tmp_path / "b.webp")
+    html = write_replication(tmp_path, RESULT, [pair]).read_text()
+    assert html.index("none (p): MuJoCo, the simulator of the training") < html.index("none (p): virtual robot, PhysX")
+    html = write_replication(tmp_path, RESULT, [replace(pair, robot=None)]).read_text()
+    assert "these clips do not show transfer" in html and "virtual robot, PhysX" not in html
 
 
 def needs(onsets: Sequence[Onset]) -> dict[str, tuple[str, str]]:

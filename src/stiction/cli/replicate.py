@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from stiction.formats.bundle import Bundle
+    from stiction.report.replication_clips import ClipPair
     from stiction.transfer.experiment.manifest import Run
 
 DESCRIPTION = """The paper's comparison as one command, resumable: conventional, Actuator Net and friction-aware
@@ -31,13 +32,13 @@ on flat ground, and of two ways over stairs; none of an Actuator Net over stairs
 that fails is named and left out, and the exit status is 1. Stop it at any time: the same command goes on; a walk in
 progress, or a bench of some minutes, is begun anew."""
 
-CLIPS = ("none", "direct", "deception")
-"""Ways of training that are shown side by side."""
+CLIPS = ("none", "actuator", "direct", "deception")
+"""Ways of training that are shown, each in the simulator of the training and on a virtual robot."""
 
 ROBOT = "saturn_lite"
 """The paper's robot: engines are tried with it before anything is trained."""
 
-CLIP_LEVEL, CLIP_COMMAND = 0.2, "vx=0.5"
+CLIP_LEVEL, CLIP_COMMAND, CLIP_ROBOT = 0.2, "vx=0.5", 1000
 
 
 @dataclass(frozen=True)
@@ -61,7 +62,7 @@ class ReplicateCfg:
     jobs: int | None = None
     """Walks, or trainings, at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
     clips: bool = True
-    """Render clips of three methods side by side."""
+    """Render clips: of four methods one each in the simulator of the training, and one on a virtual robot."""
     out: Path | None = None
     """By default stiction-replication-quick, or -full. Folder of results.csv, methods.csv, budget.csv, forward.csv,
     onsets.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, clips, report.html, and a folder for each
@@ -108,7 +109,7 @@ def main(arguments: list[str]) -> int:
         made = {"command": command, "preset": cfg.preset, "failed": failed, **origin.provenance}
         result = replicate(bundles, parts, out, jobs, progress, made, asked)
     result = replace(result, summary=result.summary | {"warnings": origin.warnings()})
-    clips = render(bundles, folders, out) if cfg.clips else {}
+    clips = render(bundles, folders, out) if cfg.clips else []
     page = write_replication(out, result, clips)
     print_warnings("replicate", warnings(result))
     if cfg.json:
@@ -258,20 +259,29 @@ def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str
     return folder
 
 
-def render(bundles: list[Bundle], folders: dict[str, Path], out: Path) -> dict[str, Path]:
-    """Render a clip of the first policy of each of `CLIPS`; without OpenGL say so once and go on."""
+def render(bundles: list[Bundle], folders: dict[str, Path], out: Path) -> list[ClipPair]:
+    """Render clips of the first policy of each of `CLIPS`; without OpenGL or PhysX say so once and go on."""
+    from stiction.report.replication_clips import ClipPair
+    from stiction.robots.catalog import find_robot
     from stiction.transfer.clip import ClipError, record_clip
+    from stiction.transfer.engines.catalog import what_is_missing
+    from stiction.transfer.replay import ENGINE
     from stiction.transfer.ways import way_of
 
-    clips: dict[str, Path] = {}
+    if why := what_is_missing(ENGINE, find_robot(ROBOT)):
+        say(f"no clips on the virtual robot: {why}")
+    clips: list[ClipPair] = []
     for way in CLIPS:
         name = next((b.name for b in bundles if way_of(b.contract) == way and b.contract.terrain == "flat"), None)
         if name is not None:
+            asked = folders[name], CLIP_LEVEL, CLIP_COMMAND
             try:
-                clips[name] = record_clip(folders[name], CLIP_LEVEL, CLIP_COMMAND, out / f"{name}.webp")
+                trained = record_clip(*asked, out / f"{name}.webp")
+                robot = None if why else record_clip(*asked, out / f"{name}-robot.webp", robot=CLIP_ROBOT)
             except ClipError as error:
                 say(str(error))
                 return clips
+            clips.append(ClipPair(way, name, trained, robot))
     return clips
 
 

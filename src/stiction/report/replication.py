@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import has_coefficient
 from stiction.formats.replication import Replication
-from stiction.report.page import Section, figure_uri, file_uri, fold, paragraph, picture, render_page, row
+from stiction.report.page import Section, figure_uri, fold, paragraph, picture, render_page
 from stiction.report.page import table as page_table
+from stiction.report.replication_clips import ClipPair, clip_sections
 from stiction.report.replication_figures import curves, draw_budget, draw_needs, reach
 from stiction.report.replication_methods import place_sheets, stairs_sheet
 from stiction.report.replication_tables import (
@@ -41,8 +42,8 @@ REMEDY = (
 """What to do about a single seed."""
 
 
-def write_replication(out: Path, result: Replication, clips: Mapping[str, Path]) -> Path:
-    """Write every file of the comparison into `out`; return the path of the page. `clips`: policy -> animated image.
+def write_replication(out: Path, result: Replication, clips: Sequence[ClipPair]) -> Path:
+    """Write every file of the comparison into `out`; return the path of the page. clips: of some policies.
 
     Raises:
         StictionError: the folder cannot be written.
@@ -78,7 +79,7 @@ def sheets_of(result: Replication) -> list[Sheet]:
     return [*first, *(sheet for sheet in others if sheet), *place_sheets(result.samples)]
 
 
-def sections(result: Replication, figures: Mapping[str, Figure], clips: Mapping[str, Path]) -> list[Section]:
+def sections(result: Replication, figures: Mapping[str, Figure], clips: Sequence[ClipPair]) -> list[Section]:
     """Return the sections of the page: what a robot builder needs, the verdicts, then all the rest folded."""
     page = []
     if "needs" in figures:
@@ -92,9 +93,7 @@ def sections(result: Replication, figures: Mapping[str, Figure], clips: Mapping[
         caption = "Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: 80 to 120 %."
         table = fold("Where each way falls under 80 %, in numbers", onset_sheet(result.onsets).blocks())
         page.append(Section("The friction budget", (picture(figure_uri(figures["budget"]), caption), table)))
-    if clips:
-        shown = [picture(file_uri(path), name) for name, path in clips.items()]
-        page.append(Section("Side by side: 0.5 m/s commanded, 20 % friction", (row(*shown),)))
+    page += clip_sections(clips)
     if fed := forward_blocks(result):
         page.append(Section("Is it enough to feed friction forward?", fed))
     page.append(Section("What became of the paper's sentences", verdict_blocks(result)))

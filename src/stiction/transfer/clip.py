@@ -53,7 +53,13 @@ def opengl_environment() -> dict[str, str]:
 
 
 def record_clip(
-    bundle: Path, level: float, command: str, out: Path, seconds: float = 4.0, law: str = "coulomb"
+    bundle: Path,
+    level: float,
+    command: str,
+    out: Path,
+    seconds: float = 4.0,
+    law: str = "coulomb",
+    robot: int | None = None,
 ) -> Path:
     """Render a clip of a bundle at a friction level under a command; return its path.
 
@@ -63,7 +69,9 @@ def record_clip(
         command: as for `parse_command`.
         out: the WebP file to write.
         seconds: length of the clip [s].
-        law: law of the dry friction; `stribeck` with its default numbers.
+        law: law of the dry friction; `stribeck` with its default numbers. A virtual robot has its own.
+        robot: seed of a virtual robot that walks in PhysX, which is installed, and is shown in MuJoCo's renderer; None:
+            the robot of the data sheet in the simulator of the training.
 
     Raises:
         ClipError: no OpenGL, or the renderer failed; the message says what it said.
@@ -79,6 +87,7 @@ def record_clip(
         str(out),
         str(seconds),
         law,
+        *([] if robot is None else [str(robot)]),
     ]
     try:
         done = subprocess.run(
@@ -133,5 +142,20 @@ def _render(bundle: Path, level: float, command: str, out: Path, seconds: float,
     film(rollout.fleet, lambda: rollout.step(velocity), out, seconds)
 
 
+def _render_robot(bundle: Path, level: float, command: str, out: Path, seconds: float, robot: int) -> None:
+    """Let the bundle walk on a virtual robot and film its motion."""
+    from stiction.transfer.replay import replay, walked
+
+    loaded = check_bundle(bundle).bundle
+    contract = loaded.contract
+    fleet = Fleet(robot_of(contract), 1, contract.physics_timestep, contract.decimation)
+    steps = round((SETTLE + seconds) / fleet.control_period)
+    film(fleet, replay(fleet, walked(loaded, robot, level, parse_command(command), steps)), out, seconds)
+
+
 if __name__ == "__main__":
-    _render(Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3], Path(sys.argv[4]), float(sys.argv[5]), Law(sys.argv[6]))
+    asked = Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3], Path(sys.argv[4]), float(sys.argv[5])
+    if len(sys.argv) > 7:
+        _render_robot(*asked, int(sys.argv[7]))
+    else:
+        _render(*asked, Law(sys.argv[6]))
