@@ -167,8 +167,8 @@ def seeds_of_ways(result: Replication) -> tuple[list[str], list[str]]:
 
 def warnings(result: Replication) -> list[str]:
     """Return what a reader must know before the numbers."""
-    found: list[str] = list(result.summary["warnings"])
-    failed: Mapping[str, str] = result.summary["failed"]
+    found: list[str] = list(result.summary.get("warnings", []))
+    failed: Mapping[str, str] = result.summary.get("failed", {})
     found += [f"Not trained, and left out: {name}. {reason}" for name, reason in failed.items()]
     single, several = seeds_of_ways(result)
     if single and several:
