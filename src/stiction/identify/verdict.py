@@ -8,6 +8,7 @@ from typing import Any
 from stiction.formats.joints import Estimate
 from stiction.identify.evidence import (
     BUDGET,
+    EVIDENCE,
     FELT,
     FELT_BAND,
     MARGIN,
@@ -124,18 +125,15 @@ def _measured(
 def _judgement(ratio: Estimate, dead_band: Estimate | None, condition: str | None) -> list[str]:
     """Say what the evidence so far says about friction of at most the interval's upper end."""
     high = max(ratio.interval95[1], 0.0)
-    parts = [
-        f"{effect(high)}. Provisional: in simulations of one robot, five training seeds, such a policy still followed "
-        "0.5 m/s with friction of 1 % of the torque limit, and reached 74 to 80 % of it at 10 %, 40 to 42 % at 20 %."
-    ]
+    parts = [f"{effect(high)}. {EVIDENCE}"]
     if condition != "loaded" and effect(MARGIN * high) != effect(high):
         parts.append(f"At {MARGIN:g} times that, which a loaded leg may have: {effect(MARGIN * high).lower()}.")
     if dead_band is not None and high < FELT and dead_band.interval95[1] > FELT_BAND:
         parts.append(
-            f"But the dead band is wider than the {FELT_BAND:g} rad that went with 5 % in those simulations: at "
-            "such low gains the same friction is felt more."
+            f"But the dead band is wider than the {FELT_BAND:g} rad that went with {100 * FELT:g} % in those "
+            "simulations: at such low gains the same friction is felt more."
         )
-    return parts
+    return [*parts, BUDGET]
 
 
 def _proposal(level: float, condition: str | None) -> str:
@@ -146,7 +144,7 @@ def _proposal(level: float, condition: str | None) -> str:
     low, high = (100 * end * level for end in RANGE)
     return (
         f"To cover it, train with --method {METHOD} --friction-level {level:.2f}{margin}: the friction of each robot "
-        f"is then drawn between {low:g} and {high:.3g} % of the torque limit. {BUDGET}"
+        f"is then drawn between {low:g} and {high:.3g} % of the torque limit."
     )
 
 
