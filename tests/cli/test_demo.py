@@ -8,7 +8,6 @@ from html import unescape
 from pathlib import Path
 
 import pytest
-from markupsafe import escape
 
 from bundles import make_bundle, make_contract
 from stiction.cli import demo
@@ -16,6 +15,7 @@ from stiction.cli.main import main
 from stiction.formats.log import LogSetup, write_log
 from stiction.identify.example import example_log
 from stiction.report.demo import DemoClips, render_demo
+from stiction.report.page import marked
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -100,7 +100,7 @@ def test_warnings_of_an_identification_stand_on_the_page(tmp_path: Path) -> None
     assert any("test condition" in text for text in joint.record.warnings)
     page = render_demo([joint], [], [], {}, DemoClips("vx=0.5", 0.2))
     assert page.count("<p>Warning: ") == len(joint.record.warnings)
-    assert escape(joint.record.diagnostics["verdict"]["text"]) in page
+    assert marked(joint.record.diagnostics["verdict"]["text"]) in page
 
 
 def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
