@@ -38,7 +38,7 @@ CLIPS = ("none", "actuator", "direct", "deception")
 ROBOT = "saturn_lite"
 """The paper's robot: engines are tried with it before anything is trained."""
 
-CLIP_LEVEL, CLIP_COMMAND, CLIP_ROBOT = 0.2, "vx=0.5", 1000
+CLIP_LEVEL, CLIP_COMMAND = 0.2, "vx=0.5"
 
 
 @dataclass(frozen=True)
@@ -217,13 +217,14 @@ def loop_runs(runs: Path, failed: dict[str, str], jobs: int, progress: Callable[
 
     found = []
     for seed in LOOP_SEEDS:
-        first = first_policy(seed)
+        first, name = first_policy(seed), actuator_run(runs, seed).name
+        if first in failed:
+            failed[name] = f"{first} failed, whose walk its Actuator Net is of"
+            continue
         try:
-            if first in failed:
-                raise StictionError(f"{first} failed, whose walk its Actuator Net is of")
             found.append(actuator_run(known_net(runs, runs / first, jobs, progress), seed))
         except StictionError as error:
-            failed[actuator_run(runs, seed).name] = str(error)
+            failed[name] = str(error)
     return found
 
 
@@ -266,6 +267,7 @@ def render(bundles: list[Bundle], folders: dict[str, Path], out: Path) -> list[C
     from stiction.transfer.clip import ClipError, record_clip
     from stiction.transfer.engines.catalog import what_is_missing
     from stiction.transfer.replay import ENGINE
+    from stiction.transfer.robot.seeds import FIRST_REPORTED
     from stiction.transfer.ways import way_of
 
     if why := what_is_missing(ENGINE, find_robot(ROBOT)):
@@ -277,7 +279,7 @@ def render(bundles: list[Bundle], folders: dict[str, Path], out: Path) -> list[C
             asked = folders[name], CLIP_LEVEL, CLIP_COMMAND
             try:
                 trained = record_clip(*asked, out / f"{name}.webp")
-                robot = None if why else record_clip(*asked, out / f"{name}-robot.webp", robot=CLIP_ROBOT)
+                robot = None if why else record_clip(*asked, out / f"{name}-robot.webp", robot=FIRST_REPORTED)
             except ClipError as error:
                 say(str(error))
                 return clips

@@ -14,7 +14,7 @@ from stiction.formats.joints import Estimate
 
 FELT = 0.01
 """Share of the torque limit that cost policies trained without friction 2 to 3 hundredths of the commanded speed, in
-other engines than the training's: T1 in `results/replication`. Nothing was tried between it and 5 %."""
+other engines than the training's: T1 in `results/replication`. The next share that was tried there is `SEVERE`."""
 
 FELT_BAND = 0.0045
 """Largest dead band that went with `FELT` there [rad]: 1 % of 45 N m at kp 100."""

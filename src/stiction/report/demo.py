@@ -14,6 +14,7 @@ from stiction.formats.contract import METHODS
 from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow
 from stiction.report.evaluation import budget_picture, definitions_table, follows, results_table, run_blocks
+from stiction.report.evaluation_figures import draw_budget
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, row, table
 
 
@@ -85,7 +86,10 @@ def render_demo(
             Section(
                 f"How they walk with {clips.level:.0%} friction in every joint", _clip_blocks(policies, rows, clips)
             ),
-            Section("How much friction each of them bears", (budget_picture(rows), *_budget_text(rows, policies))),
+            Section(
+                "How much friction each of them bears",
+                (budget_picture(draw_budget(rows)), *_budget_text(rows, policies)),
+            ),
             Section("Are these files what they claim to be?", _check_blocks(policies)),
             Section("Every number", (results_table(rows), definitions_table())),
             Section("What was run", run_blocks(summary)),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
@@ -18,6 +18,9 @@ from stiction.formats.rows import write_rows
 from stiction.report.evaluation_figures import DEFAULT, draw_budget, place_of, place_text, places
 from stiction.report.page import Section, figure_uri, paragraph, picture, render_page, table
 from stiction.report.replication_methods import sample_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "Speed over joint friction"
 """Title of the page."""
@@ -117,7 +120,8 @@ def write_evaluation(
             figure.savefig(out / f"friction_budget.{kind}", dpi=150, facecolor="white")
         page = out / "report.html"
         page.write_text(
-            render_page(TITLE, sections(rows, summary, samples), lead(rows), summary["warnings"]), encoding="utf-8"
+            render_page(TITLE, sections(figure, rows, summary, samples), lead(rows), summary["warnings"]),
+            encoding="utf-8",
         )
     except OSError as error:
         raise StictionError(f"the results cannot be written to {out}: {error}; choose another --out") from error
@@ -157,9 +161,11 @@ def _follows_where(rows: Sequence[ResultRow]) -> str:
     return f"{begin} of the tested levels {tested}."
 
 
-def sections(rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()) -> list[Section]:
+def sections(
+    figure: Figure, rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()
+) -> list[Section]:
     """Return the sections of the page: figure, ways of training, table, definitions, what was run."""
-    found = [Section("Friction budget", (budget_picture(rows, samples, summary["ways"]),))]
+    found = [Section("Friction budget", (budget_picture(figure, samples),))]
     if any(sample.low is not None for sample in samples):
         found.append(Section("Ways of training, over their seeds", (methods_table(samples),)))
     return [
@@ -186,11 +192,11 @@ def methods_table(samples: Sequence[Sample]) -> Markup:
     return table([*header, "speed ratio", "error", "falls", "jitter", "speed ratio of each seed"], rows, SAMPLES)
 
 
-def budget_picture(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), ways: Mapping[str, str] = {}) -> Markup:
-    """Return the friction budget as a block; arguments as of `draw_budget`."""
+def budget_picture(figure: Figure, samples: Sequence[Sample] = ()) -> Markup:
+    """Return the friction budget as a block; figure: as `draw_budget` drew it with these samples."""
     seeds = any(sample.low is not None for sample in samples)
     caption = f"{OVER_SEEDS if seeds else 'Mean over episodes.'} {BAND}"
-    return picture(figure_uri(draw_budget(rows, samples, ways)), caption)
+    return picture(figure_uri(figure), caption)
 
 
 def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] = ()) -> Markup:

@@ -82,11 +82,10 @@ def draw_needs(onsets: Sequence[Onset], ways: Sequence[str]) -> Figure:
     """
     engines = list(dict.fromkeys(onset.engine for onset in onsets))
     own = {way: [onset for onset in onsets if onset.method == way] for way in ways}
-    rows = [way for way in ways if reach(own[way]) is not None]
+    rows = {way: found for way in ways if (found := reach(own[way])) is not None}
     figure, (axis,) = new_figure(1, 1, size=(9.0, 0.5 * max(1, len(rows)) + 1.6))
-    for height, way in enumerate(rows):
+    for height, (way, (level, falls)) in enumerate(rows.items()):
         color = color_of(way, ways)
-        level, falls = reach(own[way]) or (0.0, False)
         look = {"color": color, "alpha": 0.35} if falls else {"facecolor": "none", "edgecolor": color}
         axis.barh(height, 100 * level, height=0.6, **look)
         for onset in own[way]:

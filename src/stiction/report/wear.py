@@ -141,21 +141,23 @@ def answers(groups: Sequence[dict[str, Any]], last: float, ways: Sequence[dict[s
 
 def _way(way: dict[str, Any]) -> str:
     """Say when the lives under one way of training end."""
-    mean, spread = _way_life(way)
-    each = ", ".join(map(_policy_life, way["policies"].values()))
+    mean, spread, each = _way_life(way)
     over = f" (95 % over training seeds: {spread})" if spread else ""
     return f"{way['way']} at level {way['friction_level']}, {len(way['policies'])} seeds: {mean}{over}; {each}."
 
 
-def _way_life(way: dict[str, Any]) -> tuple[str, str]:
-    """Return the mean of one way in words, and its interval, empty where lives did not end within what was tried."""
+def _way_life(way: dict[str, Any]) -> tuple[str, str, str]:
+    """Return the mean of one way in words, its interval, empty where lives did not end within what was tried, and the
+    mean of each policy.
+    """
+    each = ", ".join(map(_policy_life, way["policies"].values()))
     if way["mean"] is not None:
         low, high = way["interval95"]
-        return f"its policies' lives end at x{way['mean']:.2f}", f"x{low:.2f} to x{high:.2f}"
+        return f"its policies' lives end at x{way['mean']:.2f}", f"x{low:.2f} to x{high:.2f}", each
     for name, words in (("at_least", "at least"), ("at_most", "at most")):
         if way[name] is not None:
-            return f"its policies' lives end {words} at x{way[name]:.2f}", ""
-    return "some lives do not end and some have ended before the wear begins, so that there is no mean", ""
+            return f"its policies' lives end {words} at x{way[name]:.2f}", "", each
+    return "some lives do not end and some have ended before the wear begins, so that there is no mean", "", each
 
 
 def _policy_life(life: dict[str, Any]) -> str:
@@ -170,8 +172,7 @@ def _ways(ways: Sequence[dict[str, Any]]) -> tuple[Markup, ...]:
     header = ("way of training", "level", "seeds", "lives", "95 % over training seeds", "each seed")
     rows = []
     for way in ways:
-        mean, spread = _way_life(way)
-        each = ", ".join(map(_policy_life, way["policies"].values()))
+        mean, spread, each = _way_life(way)
         rows.append([way["way"], way["friction_level"], str(len(way["policies"])), mean, spread or "–", each])
     return table(header, rows), paragraph(WAYS)
 

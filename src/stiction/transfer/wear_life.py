@@ -160,16 +160,16 @@ def over_seeds(lives: Sequence[Life], ways: Mapping[str, str], tried: tuple[floa
     for (way, level), policies in cells.items():
         if len(policies) < 2:
             continue
-        rows = [row for own in policies.values() for row in own]
-        above, below = (any(row.end == end for row in rows) for end in ("alive", "slow from the start"))
-        means = [float(np.mean([log(_within(row, tried)) for row in own])) for own in policies.values()]
+        each = {name: _policy_life(own, tried) for name, own in policies.items()}
+        above, below = (any(life[count] for life in each.values()) for count in ("alive", "slow_from_the_start"))
+        means = [log(life["mean"]) for life in each.values()]
         middle, interval = exp(float(np.mean(means))), t_interval(means)
         whole = not above and not below
         found.append(
             {
                 "way": way,
                 "friction_level": level,
-                "policies": {name: _policy_life(own, tried) for name, own in policies.items()},
+                "policies": each,
                 "mean": middle if whole else None,
                 "interval95": [exp(end) for end in interval] if whole and interval is not None else None,
                 "at_least": middle if above and not below else None,

@@ -181,9 +181,6 @@ def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
         at = f"{at}; judged at {', '.join(f'{level:g}' for level, _ in tested)} alone, not tested at {left}"
     if not changes:
         return Finding(outcomes[0], at)
-    words: tuple[tuple[str, Outcome], ...]
-    words = (("it holds", "reproduces"), ("is refuted", "does not"), ("undecided", "undecided"))
-    where = ", ".join(f"{word} at {levels}" for word, outcome in words if (levels := _levels(tested, outcome)))
     sides = [outcomes[0], *(outcomes[index] for index in changes)]
     if "undecided" in sides[1:-1]:
         sides.remove("undecided")
@@ -191,6 +188,9 @@ def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
         limit: Outcome = "only above x" if outcomes[-1] == "reproduces" else "only up to x"
         still = f"undecided at {levels}; " if (levels := _levels(tested, "undecided")) else ""
         return Finding(limit, f"x = {tested[changes[0] - 1][0]:g}; {still}{at}")
+    words: tuple[tuple[str, Outcome], ...]
+    words = (("it holds", "reproduces"), ("is refuted", "does not"), ("undecided", "undecided"))
+    where = ", ".join(f"{word} at {levels}" for word, outcome in words if (levels := _levels(tested, outcome)))
     return Finding("undecided", f"{where}; {at}")
 
 

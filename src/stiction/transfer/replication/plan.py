@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from stiction.formats.contract import Contract
+from stiction.formats.replication import CAUSES
 from stiction.formats.results import DIRECTIONS
 from stiction.transfer.command import STAND
 from stiction.transfer.evaluate import EvaluationCfg
@@ -41,7 +42,7 @@ OTHERS = ("physx", "ode-webots")
 """Engines that are not the one of the training. Plain `ode` and `ode-webots` differ in their settings alone: `stiction
 study engines` compares them."""
 
-ROBOT, NOMINAL, FRICTION, REST = (f"physx+{cell}" for cell in ("all", "nominal", "friction", "rest"))
+ROBOT, (NOMINAL, FRICTION, REST) = "physx+all", CAUSES
 """The virtual robot, and the cells by which causes are told apart."""
 
 ROBOT_LEVELS = ("0.01", "0.1", "0.2", "0.3", "bench", "bench+0.02", "bench+0.1")

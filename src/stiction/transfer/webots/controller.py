@@ -194,7 +194,9 @@ def walk(robot: Any, bundle: Bundle, cfg: ControllerCfg) -> str:
     while robot.step(devices.milliseconds) != -1:
         devices.listen(loop.steps)
         sensors, place = devices.sense(), devices.place()
-        first, stood = start = start or (yaw(sensors.quaternion), place[2])
+        if start is None:
+            start = yaw(sensors.quaternion), place[2]
+        first, stood = start
         if tilted(sensors.quaternion) or too_low(place[2], stood):
             end = "fell"
             break
