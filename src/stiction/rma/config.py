@@ -189,6 +189,11 @@ class TrainCfg:
         """Refuse what cannot be run, before any folder is made."""
         if self.device not in get_args(DeviceName):
             raise StictionError(f"device {self.device!r}: expected one of {', '.join(get_args(DeviceName))}")
+        if self.device != "cpu" and self.task.physics.plastic:
+            raise StictionError(
+                f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
+                f"{self.device}, or --physics rows"
+            )
         counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             names = ("iterations", "steps", "epochs", "mini_batches")
