@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated, get_args
+from typing import Annotated, Literal, get_args
 
 from tyro.conf import arg
 
@@ -13,6 +13,8 @@ from stiction.sim.protocol import DeviceName
 
 STD_RANGE = (0.05, 2.0)
 """Bounds of the actions' standard deviation."""
+
+SymmetryName = Literal["none", "batches", "half"]
 
 
 @dataclass(frozen=True)
@@ -133,6 +135,9 @@ class TrainCfg:
     """Robots simulated side by side."""
     seed: int = 0
     """Seed of everything random in the run."""
+    symmetry: SymmetryName = "none"
+    """Left-right symmetry. `batches`: every sample of an update also as its mirror image, at twice the update's cost.
+    `half`: mirrored samples at no cost, PPO makes half as many passes. See `stiction.rma.symmetry`."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     actuator: str | None = None
@@ -154,6 +159,7 @@ class TrainCfg:
         """Refuse what cannot be run, before any folder is made."""
         if self.device not in get_args(DeviceName):
             raise StictionError(f"device {self.device!r}: expected one of {', '.join(get_args(DeviceName))}")
+        self._check_symmetry()
         counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             names = ("iterations", "steps", "epochs", "mini_batches")
@@ -176,6 +182,15 @@ class TrainCfg:
         if min(rates) <= 0 or self.seed < 0:
             raise StictionError(
                 f"learning rates {rates}, seed {self.seed}: expected positive rates and a seed of at least 0"
+            )
+
+    def _check_symmetry(self) -> None:
+        """Refuse a symmetry that is none, and one that would need half a pass."""
+        if self.symmetry not in get_args(SymmetryName):
+            raise StictionError(f"symmetry {self.symmetry!r}: expected one of {', '.join(get_args(SymmetryName))}")
+        if self.symmetry == "half" and self.teacher.epochs % 2:
+            raise StictionError(
+                f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"
             )
 
     @property

@@ -51,7 +51,9 @@ def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
 def teacher_cfg(cfg: TrainCfg) -> dict[str, Any]:
     """Return rsl_rl's configuration of the teacher."""
     teacher, net = cfg.teacher, cfg.network
+    fewer = 2 if cfg.symmetry == "half" else 1
     return {
+        "symmetry": cfg.symmetry,
         "num_steps_per_env": teacher.steps,
         "obs_groups": {"actor": groups(cfg), "critic": groups(cfg)},
         **_models(cfg, "actor"),
@@ -63,8 +65,8 @@ def teacher_cfg(cfg: TrainCfg) -> dict[str, Any]:
         },
         "algorithm": {
             "class_name": "stiction.rma.teacher:TeacherPPO",
-            "num_learning_epochs": teacher.epochs,
-            "num_mini_batches": teacher.mini_batches,
+            "num_learning_epochs": teacher.epochs // fewer,
+            "num_mini_batches": teacher.mini_batches * fewer,
             "learning_rate": teacher.learning_rate,
             "desired_kl": teacher.desired_kl,
             "entropy_coef": teacher.entropy,
@@ -81,6 +83,7 @@ def student_cfg(cfg: TrainCfg) -> dict[str, Any]:
     """Return rsl_rl's configuration of the student."""
     student = cfg.student
     return {
+        "symmetry": cfg.symmetry,
         "num_steps_per_env": student.steps,
         "obs_groups": {"student": groups(cfg), "teacher": groups(cfg)},
         **_models(cfg, "student", "teacher"),

@@ -9,6 +9,7 @@ from rsl_rl.algorithms import Distillation
 from torch import nn
 
 from stiction.rma.models import RMAActor
+from stiction.rma.symmetry import MirroredBatches
 
 
 class StudentDistillation(Distillation):
@@ -20,6 +21,8 @@ class StudentDistillation(Distillation):
 
     student: RMAActor
     teacher: RMAActor
+    symmetry: MirroredBatches | None = None
+    """What mirrors samples, if anything does; the runner sets it."""
 
     def __init__(
         self,
@@ -50,8 +53,10 @@ class StudentDistillation(Distillation):
         updates = self.num_learning_epochs * self.num_mini_batches
         for _ in range(self.num_learning_epochs):
             for ids in torch.randperm(len(labels), device=self.device).chunk(self.num_mini_batches):
-                batch = observations[ids]
-                losses = {"clone": self.loss_fn(self.student(batch), labels[ids])}
+                batch, wanted = observations[ids], labels[ids]
+                if self.symmetry is not None:
+                    batch, wanted = self.symmetry.supervised(batch, wanted)
+                losses = {"clone": self.loss_fn(self.student(batch), wanted)}
                 losses |= self.student.supervised_losses(batch)
                 loss = losses["clone"] + self.adaptation_weight * losses["adaptation"]
                 loss = loss + self.estimator_weight * losses["estimator"]

@@ -10,6 +10,7 @@ from rsl_rl.algorithms import PPO
 from torch import nn
 
 from stiction.rma.models import RMAActor
+from stiction.rma.symmetry import MirroredBatches
 
 
 class TeacherPPO(PPO):
@@ -21,6 +22,8 @@ class TeacherPPO(PPO):
     """
 
     actor: RMAActor
+    symmetry: MirroredBatches | None
+    """What mirrors samples, if anything does; the runner sets it."""
 
     def __init__(
         self,
@@ -75,6 +78,8 @@ class TeacherPPO(PPO):
         total: dict[str, float] = {}
         for ids in torch.randperm(observations.batch_size[0], device=self.device).chunk(self.adaptation_batches):
             batch = observations[ids]
+            if self.symmetry is not None:
+                batch, _ = self.symmetry.supervised(batch)
             losses = self.actor.supervised_losses(batch)
             self.adaptation_optimizer.zero_grad()
             sum(losses.values(), torch.zeros(())).backward()
