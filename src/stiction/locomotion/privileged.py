@@ -10,6 +10,15 @@ from stiction.robots.spec import RobotSpec
 PAYLOAD_UNIT, MULTIPLIER_UNIT, FRICTION_UNIT = 3.0, 0.2, 0.1
 """What an entry of 1 stands for: 3 kg of payload, a multiplier of 1.2, dry friction of 0.1 of the torque limit."""
 
+PRIVILEGED_TERMS = (
+    ("payload", "robot"),
+    ("ground_friction", "robot"),
+    ("armature", "joint"),
+    ("damping", "joint"),
+    ("friction", "joint"),
+)
+"""What o_priv holds, in its order: one entry a robot, or one for each joint."""
+
 
 def privileged_observation(
     payload: torch.Tensor,

@@ -14,6 +14,8 @@ from stiction.sim.protocol import DeviceName
 STD_RANGE = (0.05, 2.0)
 """Bounds of the actions' standard deviation."""
 
+SymmetryName = Literal["none", "batches", "half"]
+
 
 @dataclass(frozen=True)
 class NetworkCfg:
@@ -168,6 +170,9 @@ class TrainCfg:
     """Robots simulated side by side."""
     seed: int = 0
     """Seed of everything random in the run."""
+    symmetry: SymmetryName = "none"
+    """Left-right symmetry. `batches`: every sample of an update also as its mirror image, at twice the update's cost.
+    `half`: mirrored samples at no cost, PPO makes half as many passes. See `stiction.rma.symmetry`."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     actuator: str | None = None
@@ -194,6 +199,7 @@ class TrainCfg:
                 f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
                 f"{self.device}, or --physics rows"
             )
+        self._check_symmetry()
         counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             names = ("iterations", "steps", "epochs", "mini_batches")
@@ -241,6 +247,15 @@ class TrainCfg:
                 raise StictionError(f"{name} is {std}; expected a standard deviation from {low} to {high}")
         if not teacher.velocity_weight > 0:
             raise StictionError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
+
+    def _check_symmetry(self) -> None:
+        """Refuse a symmetry that is none, and one that would need half a pass."""
+        if self.symmetry not in get_args(SymmetryName):
+            raise StictionError(f"symmetry {self.symmetry!r}: expected one of {', '.join(get_args(SymmetryName))}")
+        if self.symmetry == "half" and self.teacher.epochs % 2:
+            raise StictionError(
+                f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"
+            )
 
     @property
     def env_steps(self) -> int:

@@ -10,6 +10,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from stiction.rma.models import RMAActor
+from stiction.rma.symmetry import MirroredBatches
 
 
 class StudentDistillation(Distillation):
@@ -21,6 +22,8 @@ class StudentDistillation(Distillation):
 
     student: RMAActor
     teacher: RMAActor
+    symmetry: MirroredBatches | None = None
+    """What mirrors samples, if anything does; the runner sets it."""
 
     def __init__(
         self,
@@ -68,8 +71,10 @@ class StudentDistillation(Distillation):
         updates = self.num_learning_epochs * self.num_mini_batches
         for _ in range(self.num_learning_epochs):
             for ids in torch.randperm(len(labels), device=self.device).chunk(self.num_mini_batches):
-                batch = observations[ids]
-                losses = {"clone": self.loss_fn(self.student(batch), labels[ids])}
+                batch, wanted = observations[ids], labels[ids]
+                if self.symmetry is not None:
+                    batch, wanted = self.symmetry.supervised(batch, wanted)
+                losses = {"clone": self.loss_fn(self.student(batch), wanted)}
                 losses |= self.student.supervised_losses(batch, self.velocity_weight)
                 loss = losses["clone"] + self.adaptation_weight * losses["adaptation"]
                 loss = loss + self.estimator_weight * losses["estimator"]

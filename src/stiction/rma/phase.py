@@ -22,8 +22,10 @@ from stiction.rma.checkpoint import keep_newest, latest_checkpoint, load_checkpo
 from stiction.rma.config import StopCfg
 from stiction.rma.figures import RolloutFigures, adaptation_figures, friction_figures
 from stiction.rma.health import Diagnosis, Health
+from stiction.rma.ppo import AdaptationPPO
 from stiction.rma.run import RunDirectory
 from stiction.rma.stop import EarlyStop
+from stiction.rma.symmetry import mirrored_batches
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
 """Called after every iteration with phase, iteration, iterations, figures."""
@@ -80,6 +82,9 @@ class PhaseRunner(OnPolicyRunner):
         """Build the algorithm; rsl_rl prints its networks to standard output, which belongs to --json."""
         with contextlib.redirect_stdout(io.StringIO()):
             super().__init__(self.env, self.rl_cfg, log_dir=None, device=self.env.device)
+        self.alg.symmetry = mirrored_batches(self.rl_cfg["symmetry"], self.env)
+        if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
+            self.alg.symmetry.remembered = self.alg.actor.remembered
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1)
 

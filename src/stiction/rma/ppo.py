@@ -13,6 +13,7 @@ from torch import nn
 
 from stiction.rma.config import STD_RANGE
 from stiction.rma.models import RMAActor
+from stiction.rma.symmetry import MirroredBatches
 
 REMEMBERED = ("estimate", "guess", "walks_blind")
 """The groups that are stored beside those of the task, see `RMAActor.remembered`."""
@@ -33,6 +34,8 @@ class AdaptationPPO(PPO):
     """
 
     actor: RMAActor
+    symmetry: MirroredBatches | None
+    """What mirrors samples, if anything does; the runner sets it."""
 
     def __init__(
         self,
@@ -137,7 +140,10 @@ class AdaptationPPO(PPO):
         steps = self.adaptation_passes * self.adaptation_batches
         for _ in range(self.adaptation_passes):
             for ids in torch.randperm(observations.batch_size[0], device=self.device).chunk(self.adaptation_batches):
-                losses = self.actor.supervised_losses(observations[ids], self.velocity_weight, self.both_ways)
+                batch = observations[ids]
+                if self.symmetry is not None:
+                    batch, _ = self.symmetry.supervised(batch)
+                losses = self.actor.supervised_losses(batch, self.velocity_weight, self.both_ways)
                 self.adaptation_optimizer.zero_grad()
                 torch.stack(list(losses.values())).sum().backward()
                 nn.utils.clip_grad_norm_(self._supervised_parameters(), self.max_grad_norm)

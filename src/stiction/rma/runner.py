@@ -58,7 +58,9 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
     if teacher.final_std is not None:
         start = net.initial_std if first else teacher.final_std
         noise = (start, teacher.final_std, teacher.iterations)
+    fewer = 2 if cfg.symmetry == "half" else 1
     return {
+        "symmetry": cfg.symmetry,
         "num_steps_per_env": teacher.steps if first else cfg.student.steps,
         "obs_groups": {"actor": groups(cfg), "critic": groups(cfg)},
         **_models(cfg, "actor"),
@@ -74,8 +76,8 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
             "student_share": teacher.student_share,
             "both_ways": teacher.both_ways and first,
             "noise": noise,
-            "num_learning_epochs": teacher.epochs,
-            "num_mini_batches": teacher.mini_batches,
+            "num_learning_epochs": teacher.epochs // fewer,
+            "num_mini_batches": teacher.mini_batches * fewer,
             "learning_rate": teacher.learning_rate if first else cfg.student.learning_rate,
             "desired_kl": teacher.desired_kl,
             "entropy_coef": teacher.entropy,
@@ -94,6 +96,7 @@ def distillation_cfg(cfg: TrainCfg) -> dict[str, Any]:
     """Return rsl_rl's configuration of the distillation."""
     student = cfg.student
     return {
+        "symmetry": cfg.symmetry,
         "num_steps_per_env": student.steps,
         "obs_groups": {"student": groups(cfg), "teacher": groups(cfg)},
         **_models(cfg, "student", "teacher"),

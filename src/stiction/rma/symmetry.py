@@ -1,0 +1,82 @@
+"""Left-right symmetry in training: mirrored samples in every mini-batch of teacher and student.
+
+A mirrored transition is one of the mirrored robot: the task's rules (`stiction.locomotion.symmetry`) say what it
+observed and did, and its reward, return and advantage are those of the original. Latents and estimates are computed
+from the mirrored observations like any other. The old log-probability is the original's, as in rsl_rl: the mirrored
+action was drawn with that density, by the mirrored policy (Mittal et al., "Symmetry Considerations for Learning Task
+Symmetric Robot Policies", ICRA 2024). So is the KL divergence, over the originals alone: while a policy is not
+symmetric, that to its own mirror image would say nothing about the size of a step.
+
+Two shares of samples are mirrored:
+
+    batches  every sample, beside itself: twice the samples in every gradient step, twice its cost
+    half     as many samples as without: PPO makes half as many passes of twice as many steps, each over half as many
+             originals and their images; in the supervised losses a random half is replaced by its images
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import torch
+from rsl_rl.extensions import Symmetry
+from rsl_rl.models import MLPModel
+from rsl_rl.storage import RolloutStorage
+from tensordict import TensorDict
+
+from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.symmetry import task_mirror
+from stiction.rma.config import SymmetryName
+
+
+class MirroredBatches(Symmetry):
+    """rsl_rl's augmentation of PPO's mini-batches, and the same for supervised losses."""
+
+    def __init__(self, env: LocomotionEnv, share: SymmetryName) -> None:
+        """Find the mirror of a task; `share`: `batches` or `half`. Raises `StictionError` where it has none."""
+        self.mirror, self.share = task_mirror(env).to(env.device), share
+        self.observed = list(env.get_observations().keys())
+        self.remembered: Callable[[TensorDict], dict[str, torch.Tensor]] = lambda obs: {}
+        super().__init__(env, self.with_images, use_data_augmentation=True)
+
+    def with_images(
+        self, env: LocomotionEnv, obs: TensorDict, actions: torch.Tensor
+    ) -> tuple[TensorDict, torch.Tensor]:
+        """Return samples followed by their images, as rsl_rl wants them; `env` is what `__init__` got.
+
+        What the algorithm stored beside the observations is of the original; `remembered` finds that of the image.
+        """
+        seen = self.mirror(obs.select(*self.observed))
+        image = obs.clone(recurse=False).update(seen).update(self.remembered(seen))
+        return torch.cat([obs, image]), torch.cat([actions, self.mirror.action(actions)])
+
+    def compute_loss(self, actor: MLPModel, batch: RolloutStorage.Batch, original_batch_size: int) -> torch.Tensor:
+        """Return how far the policy is from symmetric, MSE(π(M o), M π(o)), for the log.
+
+        rsl_rl would run the actor again for it; the mini-batch that the actor has just seen holds both.
+        """
+        with torch.no_grad():
+            mean, image = actor.output_mean.split(original_batch_size)
+            return torch.nn.functional.mse_loss(image, self.mirror.action(mean))
+
+    def supervised(self, observations: TensorDict, actions: torch.Tensor | None = None) -> tuple[TensorDict, Any]:
+        """Return a shuffled mini-batch with its images, or with the images of its first half in place of that half.
+
+        `actions`: labels of the samples, if there are any.
+        """
+        size = len(observations)
+        images, first_kept = (size // 2, size // 2) if self.share == "half" else (size, 0)
+        seen = observations.select(*self.observed)
+        mixed = torch.cat([self.mirror(seen[:images]), seen[first_kept:]])
+        if actions is None:
+            return mixed, None
+        return mixed, torch.cat([self.mirror.action(actions[:images]), actions[first_kept:]])
+
+
+def mirrored_batches(symmetry: SymmetryName, env: LocomotionEnv) -> MirroredBatches | None:
+    """Return what mirrors samples in a training, None where none are mirrored.
+
+    Raises `StictionError` where robot or task has no mirror image.
+    """
+    return MirroredBatches(env, symmetry) if symmetry in ("batches", "half") else None
