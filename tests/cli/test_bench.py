@@ -12,6 +12,8 @@ from actuators import pd_net
 from stiction.cli.main import main
 from stiction.locomotion.config import TaskCfg
 
+PARTS = ("physics", "task", "inference", "ppo", "supervised", "other")
+
 torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to measure training")
 pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to measure training")
 
@@ -39,6 +41,11 @@ def test_the_summary_says_what_the_ratios_were_computed_from(capsys: pytest.Capt
     assert (measured["robot"], measured["num_envs"], measured["blocks"]) == ("go1", 4, 1)
     assert set(summary["multiply_adds_per_env_step"]) == {"actor", "critic"}
     assert summary["identification_seconds"] > 0
+    assert list(summary["parts"]) == ["rows", "rows, impedance 0.9", "plastic", "plastic, PGS"]
+    for parts in summary["parts"].values():
+        assert sum(parts[name] for name in PARTS) == pytest.approx(parts["iteration"])
+        assert min(parts[name] for name in PARTS if name != "other") > 0
+    assert summary["parts"]["rows"]["speedup"] == 1.0
     assert summary["command"] == "stiction bench --robot go1 --num-envs 4 --blocks 1 --json"
 
 

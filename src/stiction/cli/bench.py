@@ -7,7 +7,7 @@ import shlex
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import tyro
 
@@ -15,12 +15,17 @@ from stiction.formats.errors import StictionError
 from stiction.locomotion.terrain import TerrainName
 from stiction.sim.protocol import DeviceName
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
 DESCRIPTION = """Measure throughput side by side in one run, on all cores (or STICTION_THREADS).
 
 rollout_ratio: env-steps/s of the task, with observations, rewards, resets and randomisation, over the bare simulator
 that replays the same states and controls on the same threads, with the per-robot parameters that stand at the end of
-each block. iteration_ratio: a whole teacher iteration, likewise. Also the deployed policy's step, and an
-identification. On other devices than the processor there are env-steps/s, and no ratios."""
+each block. iteration_ratio: a whole teacher iteration, likewise. parts: the CPU seconds of an iteration, physics, task,
+inference, PPO, supervised pass, for each way to simulate joint friction, in turn, and their ratios to bare physics of
+the same kind. Also the deployed policy's step, and an identification. On other devices than the processor there are
+env-steps/s, and no ratios. STICTION_FAST_GEMM=0 leaves the slow matrix products of AMD processors."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,7 @@ def main(arguments: list[str]) -> int:
         raise StictionError(f"{options.blocks} blocks of {options.num_envs} robots: expected at least one of each")
     if options.ground:
         return _measure_ground(options)
-    from dataclasses import replace
+    from dataclasses import asdict, replace
 
     from rich.console import Console
 
@@ -67,6 +72,7 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.origin import Origin
     from stiction.rma.config import PRESETS
     from stiction.transfer.bench import bench_cfg, measure_training
+    from stiction.transfer.bench_parts import measure_parts, parts_summary
 
     note, origin = Console(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")
@@ -77,6 +83,10 @@ def main(arguments: list[str]) -> int:
     cfg = replace(cfg, device=options.device, task=task)
     net = None if options.actuator is None else read_actuator(options.actuator)
     timing, sizes = measure_training(cfg, options.blocks, net)
+    parts = None
+    if options.device == "cpu":
+        note.print("where the time goes ...")
+        parts = parts_summary(measure_parts(cfg, options.blocks, net))
     note.print("deployed policy and identification ...")
     summary = {
         **timing.summary(),
@@ -84,6 +94,7 @@ def main(arguments: list[str]) -> int:
             "robot": options.robot,
             "method": options.method,
             "friction_law": options.friction_law,
+            "physics": asdict(cfg.task.physics),
             "friction_level": options.friction_level,
             "terrain": options.terrain,
             "actuator": None if options.actuator is None else options.actuator.resolve().name,
@@ -92,6 +103,7 @@ def main(arguments: list[str]) -> int:
             "steps_per_block": cfg.teacher.steps,
             "blocks": options.blocks,
         },
+        "parts": parts,
         "multiply_adds_per_env_step": sizes,
         "policy_step_ms": _policy_step(),
         "identification_seconds": _identification(),
@@ -166,7 +178,18 @@ def _show(summary: dict) -> None:
     table.add_row("identification, s", f"{summary['identification_seconds']:.2f}", "example log, one joint")
     console = Console()
     console.print(table)
+    if summary["parts"] is not None:
+        console.print(_parts_table(summary["parts"]))
     facts = summary["machine"]
-    console.print(
-        f"{facts['cpu']}, {facts['threads']} threads, Python {facts['python']}, revision {summary['revision']}"
-    )
+    made = f"{facts['threads']} threads, matrix products {facts['gemm']}, Python {facts['python']}"
+    console.print(f"{facts['cpu']}, {made}, revision {summary['revision']}")
+
+
+def _parts_table(parts: dict[str, dict[str, float]]) -> Table:
+    """Return the parts of an iteration as a table, a column for each physics."""
+    from rich.table import Table
+
+    table = Table("CPU s of an iteration", *parts)
+    for name in next(iter(parts.values())):
+        table.add_row(name.replace("_", " "), *(f"{column[name]:.3f}" for column in parts.values()))
+    return table

@@ -101,6 +101,9 @@ class Randomizer:
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
         self.law = joint_friction(fleet, friction.joint_law)
+        weight = fleet.spec.mass * float(np.linalg.norm(fleet.model.opt.gravity))
+        share = friction_share(friction.law, nominal.frictionloss, fleet.spec, weight)
+        self.friction_share = torch.from_numpy(share).float()
         self.base_mass = fleet.spec.base.mass
         cfg.check_robot(fleet.spec)
         size = np.array(fleet.spec.base.size)
@@ -165,9 +168,7 @@ class Randomizer:
 
     def privileged(self) -> torch.Tensor:
         """Return o_priv of every robot, shape (N, 2 + 3 joints); see `privileged_observation`."""
-        d, fleet = self.draws, self.fleet
-        weight = fleet.spec.mass * float(np.linalg.norm(fleet.model.opt.gravity))
-        share = torch.from_numpy(
-            friction_share(self.friction.law, self.nominal.frictionloss, fleet.spec, weight)
-        ).float()
-        return privileged_observation(d.payload, d.ground_friction, d.armature, d.damping, d.friction * share)
+        d = self.draws
+        return privileged_observation(
+            d.payload, d.ground_friction, d.armature, d.damping, d.friction * self.friction_share
+        )

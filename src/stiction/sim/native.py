@@ -23,9 +23,13 @@ def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
 
     `fields`: each (num, ...) with the same `num`.
     """
-    # A sum is finite exactly where all entries are (or overflows, which is a blow-up too): one pass, no mask.
-    bad = [~(np.abs(field).sum(axis=1) < mujoco.mjMAXVAL) for field in fields]
-    return np.flatnonzero(np.any(bad, axis=0))
+    # A sum is finite exactly where all entries are (or overflows, which is a blow-up too): one pass, no mask. The sum
+    # over all simulations bounds that of each and is several times as fast: who blew up is asked only where somebody
+    # may have.
+    sizes = [np.abs(field) for field in fields]
+    if all(size.sum() < mujoco.mjMAXVAL for size in sizes):
+        return np.zeros(0, np.intp)
+    return np.flatnonzero(np.any([~(size.sum(axis=1) < mujoco.mjMAXVAL) for size in sizes], axis=0))
 
 
 class NativeSimulation:
