@@ -31,6 +31,9 @@ class NetworkCfg:
     """Width to which every frame of the history is reduced first, by the same weights for all frames."""
     history: tuple[int, ...] = (64,)
     """Hidden layers of f_ada of the student and of the critic's view of the history, after the frames."""
+    recurrent: bool = False
+    """Whether a gated recurrent unit as wide as the first of `history` reads the frames for z*, one after the other,
+    in place of an MLP that sees them side by side."""
     estimator_frame: int = 24
     """As `history_frame`, for f_est."""
     estimator: tuple[int, ...] = (64,)

@@ -41,6 +41,7 @@ def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
         "history": net.history,
         "estimator_frame": net.estimator_frame,
         "estimator": net.estimator,
+        "recurrent": net.recurrent,
         "distribution_cfg": {
             "class_name": "GaussianDistribution",
             "init_std": net.initial_std,
