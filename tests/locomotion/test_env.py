@@ -14,6 +14,7 @@ from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.randomization import nominal_joints
 from stiction.rma.checkpoint import load_checkpoint, save_checkpoint
+from stiction.robots.physics import PhysicsCfg
 
 QUIET = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 
@@ -191,10 +192,13 @@ def test_commands_fill_their_ranges_and_small_ones_are_standing() -> None:
     assert 0.09 < (norm == 0).float().mean() < 0.14
 
 
-@pytest.mark.parametrize("law", ["coulomb", "load"])
-def test_state_restores_the_task_bit_by_bit(tmp_path: Path, law: str) -> None:
+@pytest.mark.parametrize(
+    ("law", "physics"), [("coulomb", "rows"), ("load", "rows"), ("coulomb", "plastic"), ("load", "plastic")]
+)
+def test_state_restores_the_task_bit_by_bit(tmp_path: Path, law: str, physics: str) -> None:
     """A resumed run must see the same robots, commands, noise and history as one that was never stopped."""
-    env = make(friction=FrictionCfg("deception", level=0.2, law=law), episode=0.3)
+    task = {"friction": FrictionCfg("deception", level=0.2, law=law), "physics": PhysicsCfg(physics), "episode": 0.3}
+    env = make(**task)
     generator = torch.Generator().manual_seed(3)
     actions = torch.randn(30, 4, 12, generator=generator)
     for action in actions[:10]:
@@ -202,7 +206,7 @@ def test_state_restores_the_task_bit_by_bit(tmp_path: Path, law: str) -> None:
     save_checkpoint(tmp_path / "env.safetensors", env.state())
     first = [env.step(action)[:2] for action in actions[10:]]
 
-    other = make(friction=FrictionCfg("deception", level=0.2, law=law), episode=0.3)
+    other = make(**task)
     other.load_state(load_checkpoint(tmp_path / "env.safetensors"))
     for action, (obs, reward) in zip(actions[10:], first, strict=True):
         again, reward_again, *_ = other.step(action)

@@ -264,3 +264,15 @@ def test_every_clip_is_asked_for_with_its_checkpoint(tmp_path: Path) -> None:
 
     train(cfg, start(tmp_path / "run", cfg), film=film)
     assert asked == [("teacher", 3), ("teacher", 5), ("student", 3)]
+
+
+def test_other_matrix_products_are_named_where_a_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They round otherwise: the run would not be that of an uninterrupted one, and nobody would know."""
+    run = start(tmp_path / "run")
+    monkeypatch.setattr(PhaseRunner, "iterate", dies(PhaseRunner.iterate, 4))
+    with pytest.raises(Killed):
+        train(CFG, run)
+    monkeypatch.setattr(phase, "gemm_path", lambda: "fast")
+    monkeypatch.setattr(PhaseRunner, "iterate", dies(PhaseRunner.iterate, 1))
+    with pytest.raises(Killed), pytest.warns(UserWarning, match="matrix products"):
+        train(CFG, run)

@@ -10,6 +10,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from stiction.rma.models import RMAActor
+from stiction.rma.quick import take_rows
 from stiction.rma.symmetry import MirroredBatches
 
 
@@ -71,7 +72,7 @@ class StudentDistillation(Distillation):
         updates = self.num_learning_epochs * self.num_mini_batches
         for _ in range(self.num_learning_epochs):
             for ids in torch.randperm(len(labels), device=self.device).chunk(self.num_mini_batches):
-                batch, wanted = observations[ids], labels[ids]
+                batch, wanted = take_rows(observations, ids), labels[ids]
                 if self.symmetry is not None:
                     batch, wanted = self.symmetry.supervised(batch, wanted)
                 losses = {"clone": self.loss_fn(self.student(batch), wanted)}

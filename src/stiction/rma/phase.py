@@ -16,6 +16,7 @@ import torch
 from rsl_rl.runners import OnPolicyRunner
 
 from stiction.formats.errors import StictionError
+from stiction.formats.gemm import gemm_path
 from stiction.locomotion.env import LocomotionEnv
 from stiction.rma.board import Board
 from stiction.rma.checkpoint import keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
@@ -23,6 +24,7 @@ from stiction.rma.config import StopCfg
 from stiction.rma.figures import RolloutFigures, adaptation_figures, friction_figures
 from stiction.rma.health import Diagnosis, Health
 from stiction.rma.ppo import AdaptationPPO
+from stiction.rma.quick import quicken
 from stiction.rma.run import RunDirectory
 from stiction.rma.stop import EarlyStop
 from stiction.rma.symmetry import mirrored_batches
@@ -82,6 +84,7 @@ class PhaseRunner(OnPolicyRunner):
         """Build the algorithm; rsl_rl prints its networks to standard output, which belongs to --json."""
         with contextlib.redirect_stdout(io.StringIO()):
             super().__init__(self.env, self.rl_cfg, log_dir=None, device=self.env.device)
+        quicken(self.alg)
         self.alg.symmetry = mirrored_batches(self.rl_cfg["symmetry"], self.env)
         if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
             self.alg.symmetry.remembered = self.alg.actor.remembered
@@ -205,6 +208,7 @@ class PhaseRunner(OnPolicyRunner):
             "environment": self.env.state(),
             "random": torch.get_rng_state(),
             "threads": torch.get_num_threads(),
+            "gemm": gemm_path(),
             "iteration": self.current_learning_iteration,
             "stopped": self.stopped,
         }
@@ -233,6 +237,12 @@ class PhaseRunner(OnPolicyRunner):
             warnings.warn(
                 f"{path.name} was written on {tree['threads']} threads and continues on {torch.get_num_threads()}: "
                 "the result will not be that of an uninterrupted run bit by bit",
+                stacklevel=2,
+            )
+        if (tree.get("gemm", gemm_path()) == "fast") != (gemm_path() == "fast"):
+            warnings.warn(
+                f"{path.name} was written on the path {tree['gemm']!r} of matrix products and continues on "
+                f"{gemm_path()!r}: the result will not be that of an uninterrupted run bit by bit",
                 stacklevel=2,
             )
         self.alg.load(tree["algorithm"], None, True)

@@ -13,6 +13,7 @@ from torch import nn
 
 from stiction.rma.config import STD_RANGE
 from stiction.rma.models import RMAActor
+from stiction.rma.quick import take_rows
 from stiction.rma.symmetry import MirroredBatches
 
 REMEMBERED = ("estimate", "guess", "walks_blind")
@@ -140,7 +141,7 @@ class AdaptationPPO(PPO):
         steps = self.adaptation_passes * self.adaptation_batches
         for _ in range(self.adaptation_passes):
             for ids in torch.randperm(observations.batch_size[0], device=self.device).chunk(self.adaptation_batches):
-                batch = observations[ids]
+                batch = take_rows(observations, ids)
                 if self.symmetry is not None:
                     batch, _ = self.symmetry.supervised(batch)
                 losses = self.actor.supervised_losses(batch, self.velocity_weight, self.both_ways)

@@ -1,0 +1,168 @@
+"""Dry friction as a yielding spring: what it holds, how it slides, and that it forgets and remembers as it should."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from stiction.formats.errors import StictionError
+from stiction.formats.friction import Law
+from stiction.locomotion.config import TaskCfg
+from stiction.rma.config import TrainCfg
+from stiction.robots.catalog import find_robot
+from stiction.robots.physics import PhysicsCfg
+from stiction.sim.fleet import BASE_DOFS, Fleet
+from stiction.sim.friction import joint_friction
+
+LEVEL = 0.2
+PLASTIC = PhysicsCfg("plastic", stiffness=1500.0)
+
+
+def hung(physics: PhysicsCfg = PLASTIC, robots: int = 1, timestep: float = 0.005) -> Fleet:
+    """Robots in the air, motors off, every joint held but the first, friction at LEVEL."""
+    fleet = Fleet(find_robot("saturn_lite"), robots, timestep, decimation=1, physics=physics)
+    fleet.set_gravity((0.0, 0.0, 0.0))
+    fleet.base_position[:, 2] += 1.0
+    zero = np.zeros((robots, fleet.spec.num_joints))
+    fleet.set_gains(zero, zero)
+    fleet.friction[:] = LEVEL * fleet.torque_limit
+    held = np.ones((robots, fleet.spec.num_joints), bool)
+    held[:, 0] = False
+    fleet.clamp(held, base=True)
+    return fleet
+
+
+def pull(fleet: Fleet, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Load the first joint with a torque a step, (steps,) or (steps, N); return its angle and speed, (steps, N)."""
+    applied = fleet.simulation.bind("qfrc_applied")
+    angle, speed = [], []
+    for now in torque:
+        applied[:, BASE_DOFS] = now
+        fleet.step()
+        angle.append(fleet.joint_position[:, 0] - fleet.standing[0])
+        speed.append(fleet.joint_velocity[:, 0].copy())
+    return np.array(angle), np.array(speed)
+
+
+def bound(fleet: Fleet) -> float:
+    """Friction of the first joint [N m]."""
+    return float(LEVEL * fleet.torque_limit[0])
+
+
+def test_below_its_bound_a_joint_gives_way_by_load_over_stiffness_and_comes_back() -> None:
+    """Pre-sliding is a spring: τ/k, nothing lasting; if it crept, a standing robot would sink."""
+    fleet = hung()
+    fleet.damping[:, 0] = 5.0
+    load = 0.9 * bound(fleet)
+    angle, _ = pull(fleet, np.concatenate((np.linspace(0, load, 200), np.full(200, load), np.linspace(load, 0, 200))))
+    assert angle[399, 0] == pytest.approx(load / PLASTIC.stiffness, rel=1e-3)
+    assert angle[399, 0] - angle[299, 0] == pytest.approx(0.0, abs=1e-9)
+    assert angle[-1, 0] == pytest.approx(0.0, abs=2e-5)
+
+
+def test_a_joint_breaks_away_at_its_bound() -> None:
+    """The spring yields between 98 and 102 % of f: the angle at which it is slack tells."""
+    for share, yields in ((0.98, False), (1.02, True)):
+        fleet = hung()
+        fleet.damping[:, 0] = 5.0
+        pull(fleet, np.linspace(0, share * bound(fleet), 400))
+        moved = fleet.simulation.bind("plastic")[0, 0] - fleet.standing[0]
+        assert (abs(moved) > 1e-6) == yields
+
+
+def test_a_sliding_joint_feels_exactly_its_friction() -> None:
+    """I q'' + B q' = τ - f: the speed of a later moment follows from that of an earlier one."""
+    fleet = hung()
+    load = 1.1 * bound(fleet)
+    angle, speed = pull(fleet, np.full(40, load))
+    inertia = fleet.link_inertia()[0] + fleet.spec.joint_values("armature")[0]
+    damping = fleet.spec.joint_values("damping")[0]
+    final, decay = (load - bound(fleet)) / damping, np.exp(-damping / inertia * 20 * fleet.timestep)
+    assert speed[39, 0] == pytest.approx(final + (speed[19, 0] - final) * decay, rel=2e-3)
+    slack = fleet.simulation.bind("plastic")[0, 0] - fleet.standing[0]
+    assert PLASTIC.stiffness * (angle[-1, 0] - slack) == pytest.approx(bound(fleet), rel=1e-9)
+
+
+def test_friction_differs_by_robot_and_none_is_none() -> None:
+    """Under one load v' = (τ - f)/I: each robot gains speed by its own excess, and level 0 is a free joint."""
+    fleet = hung(robots=3)
+    load = 1.2 * bound(fleet)
+    fleet.friction[:, 0] = bound(fleet) * np.array([0.0, 0.5, 1.0])
+    fleet.damping[:] = 0.0
+    _, speed = pull(fleet, np.full(14, load))
+    gained = (speed[13] - speed[5]) / (8 * fleet.timestep)
+    inertia = fleet.link_inertia()[0] + fleet.spec.joint_values("armature")[0]
+    np.testing.assert_allclose(gained, bound(fleet) * np.array([1.2, 0.7, 0.2]) / inertia, rtol=5e-3)
+
+
+def test_a_reset_robot_has_slack_springs_wherever_its_joints_are_put() -> None:
+    """A spring that remembered the last episode would throw the robot; the others keep theirs."""
+    fleet = hung(robots=2)
+    pull(fleet, np.full(60, 2.0 * bound(fleet)))
+    kept = fleet.simulation.bind("plastic")[1].copy()
+    start = fleet.standing + 0.1
+    fleet.reset(np.array([0]), joint_position=start[None])
+    fleet.base_position[0, 2] += 1.0
+    np.testing.assert_array_equal(fleet.simulation.bind("plastic")[0], start)
+    np.testing.assert_array_equal(fleet.simulation.bind("plastic")[1], kept)
+    pull(fleet, np.zeros((20, 2)))
+    np.testing.assert_allclose(fleet.joint_position[0, 0], start[0], atol=1e-9)
+
+
+def test_a_restored_simulation_goes_on_bit_for_bit() -> None:
+    """A checkpoint without the springs' state would begin with joints that stick elsewhere."""
+    torque = 1.5 * LEVEL * 25.0 * np.sin(np.arange(120) / 7.0)
+    fleet, other = hung(), hung()
+    pull(fleet, torque[:60])
+    state = fleet.simulation.state()
+    other.simulation.load_state(state)
+    np.testing.assert_array_equal(pull(fleet, torque[60:]), pull(other, torque[60:]))
+    other.simulation.load_state({name: value for name, value in state.items() if name != "plastic"})
+    assert np.abs(other.simulation.bind("plastic") - state["plastic"]).max() > 1e-3
+
+
+def test_the_slider_moves_a_joint_as_the_rows_do() -> None:
+    """Swung to and fro beyond its friction, at 5 ms, against rows at 0.25 ms: within the pre-sliding 2 f/k and 3 %."""
+    seconds, found = 1.0, []
+    for physics, step in ((PLASTIC, 0.005), (PhysicsCfg(), 0.00025)):
+        fleet = hung(physics, timestep=step)
+        fleet.damping[:, 0] = 1.0
+        times = np.arange(round(seconds / step)) * step
+        angle, _ = pull(fleet, 1.6 * bound(fleet) * np.sin(2 * np.pi * 2.0 * times))
+        found.append(angle[round(0.005 / step) - 1 :: round(0.005 / step), 0])
+    away = np.abs(found[0] - found[1]).max()
+    assert away < 2 * bound(fleet) / PLASTIC.stiffness + 0.03 * np.ptp(found[1])
+
+
+def test_a_law_that_depends_on_speed_writes_the_yield_before_every_step() -> None:
+    """Stribeck friction at rest is 1.5 times Coulomb's: it holds what Coulomb's would not."""
+    fleet = hung()
+    law = joint_friction(fleet, Law("stribeck", 1.5, 0.1))
+    law.set_level(np.full((1, fleet.spec.num_joints), bound(fleet)))
+    fleet.damping[:, 0] = 5.0
+    angle, _ = pull(fleet, np.linspace(0, 1.3 * bound(fleet), 400))
+    assert angle[-1, 0] == pytest.approx(1.3 * bound(fleet) / PLASTIC.stiffness, rel=0.02)
+
+
+def test_what_is_judged_is_judged_on_rows() -> None:
+    """The default of every fleet: no springs, no state of them, solver and impedance of before there was a choice."""
+    model = Fleet(find_robot("go1"), 1).model
+    assert model.nplastic == 0 and not model.jnt_stiffness.any()
+    assert model.opt.solver == mujoco.mjtSolver.mjSOL_NEWTON and model.opt.iterations == 100
+    np.testing.assert_array_equal(model.dof_solimp[BASE_DOFS:, :2], 0.999)
+
+
+def test_what_has_no_meaning_is_refused_in_one_line() -> None:
+    """On a GPU springs would not yield at all, and PGS does not converge on rows."""
+    with pytest.raises(StictionError, match="--physics plastic needs them; use --device cpu"):
+        TrainCfg(task=TaskCfg(physics=PLASTIC), device="warp-cpu")
+    for wrong, word in (
+        ({"friction": "glue"}, "rows, plastic"),
+        ({"solver": "cg"}, "newton, pgs"),
+        ({"solver": "pgs"}, "--physics plastic"),
+        ({"impedance": 1.0}, "impedance"),
+        ({"stiffness": 0.0}, "stiffness"),
+        ({"iterations": 0}, "iteration"),
+    ):
+        with pytest.raises(StictionError, match=word) as error:
+            PhysicsCfg(**wrong)
+        assert "\n" not in str(error.value)
