@@ -224,5 +224,5 @@ def test_half_needs_passes_to_halve() -> None:
     """One and a half passes are none."""
     with pytest.raises(StictionError, match="half of 3 passes"):
         replace(CFG, symmetry="half", teacher=replace(CFG.teacher, epochs=3))
-    with pytest.raises(StictionError, match="symmetry 'both': expected one of none, batches, half"):
+    with pytest.raises(StictionError, match="symmetry 'both': expected one of none, batches, half, network"):
         replace(CFG, symmetry="both")

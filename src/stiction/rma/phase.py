@@ -24,7 +24,7 @@ from stiction.rma.figures import RolloutFigures, adaptation_figures, friction_fi
 from stiction.rma.health import Diagnosis, Health
 from stiction.rma.run import RunDirectory
 from stiction.rma.stop import EarlyStop
-from stiction.rma.symmetry import mirrored_batches
+from stiction.rma.symmetry import make_symmetric
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
 """Called after every iteration with phase, iteration, iterations, figures."""
@@ -81,7 +81,7 @@ class PhaseRunner(OnPolicyRunner):
         """Build the algorithm; rsl_rl prints its networks to standard output, which belongs to --json."""
         with contextlib.redirect_stdout(io.StringIO()):
             super().__init__(self.env, self.rl_cfg, log_dir=None, device=self.env.device)
-        self.alg.symmetry = mirrored_batches(self.rl_cfg["symmetry"], self.env)
+        make_symmetric(self.alg, self.rl_cfg["symmetry"], self.env)
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1)
 
