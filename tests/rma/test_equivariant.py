@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from stiction.rma.board import Board
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.equivariant import EquivariantLinear, make_equivariant
 from stiction.rma.models import StudentPolicy
-from stiction.rma.phase import PhaseRunner
+from stiction.rma.phase import Interrupted, PhaseRunner
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import load_actor, load_student, student_cfg, teacher_cfg, train
 from stiction.transfer.export import export_network
@@ -44,6 +45,12 @@ CFG = TrainCfg(
     num_envs=8,
 )
 STAIRS = replace(CFG, task=replace(CFG.task, terrain=TerrainCfg(kind="stairs")))
+
+
+@pytest.fixture(autouse=True)
+def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bits depend on the number of threads."""
+    monkeypatch.setenv("STICTION_THREADS", "1")
 
 
 def phase(tmp_path: Path, name: str, cfg: TrainCfg = CFG, **env: object) -> PhaseRunner:
@@ -182,6 +189,35 @@ def test_a_run_and_its_exported_student(tmp_path: Path, cfg: TrainCfg) -> None:
     np.testing.assert_allclose(acted, student(obs["history"]).detach().numpy(), atol=1e-5)
     image = network(mirror.group("history")(obs["history"]).numpy())
     np.testing.assert_allclose(image, mirror.action(torch.from_numpy(acted)).numpy(), atol=1e-6)
+
+
+def test_one_worn_joint_is_answered_on_its_side(tmp_path: Path) -> None:
+    """A symmetric policy is not one that treats both sides alike: a worn left joint alone moves both sides apart."""
+    runner = phase(tmp_path, "teacher")
+    env, mirror, actor = runner.env, task_mirror(runner.env), runner.alg.actor
+    level = TensorDict({name: torch.zeros(3, value.shape[1]) for name, value in env.get_observations().items()}, [3])
+    names = env.spec.joint_names
+    level["privileged"][1, -12 + names.index("FL_shank")] = 3.0
+    level["privileged"][2, -12 + names.index("FR_shank")] = 3.0
+    with torch.no_grad():
+        healthy, left, right = actor(level)
+    torch.testing.assert_close(mirror.action(healthy), healthy, atol=1e-6, rtol=0)
+    torch.testing.assert_close(mirror.action(left), right, atol=1e-6, rtol=0)
+    assert (mirror.action(left) - left).abs().max() > 0.01
+
+
+@pytest.mark.parametrize("symmetry", ["half", "network"])
+def test_a_run_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path, symmetry: str) -> None:
+    """Which samples are mirrored, and that left and right have one standard deviation, survives a resume bit by bit."""
+    cfg = replace(CFG, symmetry=symmetry, checkpoint_every=1)
+    whole, parts = (RunDirectory.create(tmp_path / name, cfg, "c", None) for name in ("whole", "parts"))
+    train(cfg, whole)
+    while not parts.finished:
+        with contextlib.suppress(Interrupted):
+            train(cfg, parts, interrupted=lambda: True)
+    for name in ("teacher", "student"):
+        left, right = (load_actor(run, name).state_dict() for run in (whole, parts))
+        assert all(torch.equal(value, right[key]) for key, value in left.items())
 
 
 def test_a_layer_without_a_left_half_is_refused(tmp_path: Path) -> None:
