@@ -24,7 +24,7 @@ from stiction.rma.equivariant import EquivariantLinear, make_equivariant
 from stiction.rma.models import StudentPolicy
 from stiction.rma.phase import Interrupted, PhaseRunner
 from stiction.rma.run import RunDirectory
-from stiction.rma.runner import load_actor, load_student, student_cfg, teacher_cfg, train
+from stiction.rma.runner import load_actor, load_student, ppo_cfg, student_cfg, train
 from stiction.transfer.export import export_network
 
 CFG = TrainCfg(
@@ -58,11 +58,11 @@ def phase(tmp_path: Path, name: str, cfg: TrainCfg = CFG, **env: object) -> Phas
     torch.manual_seed(0)
     run = RunDirectory(tmp_path)
     run.checkpoints.mkdir(parents=True, exist_ok=True)
-    settings = teacher_cfg(cfg) if name == "teacher" else student_cfg(cfg)
+    settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
     task = LocomotionEnv(cfg.task, cfg.num_envs, seed=0, **env)
     runner = PhaseRunner(name, task, run, settings, 4, (100, 0), cfg.stop, Board(tmp_path / "tb"))
-    if name == "student":
-        runner.alg.warm_start(runner.alg.teacher.state_dict())
+    if name == "student" and cfg.student.algorithm != "ppo":
+        runner.alg.warm_start(runner.alg.teacher.state_dict(), {})
     return runner
 
 
@@ -100,6 +100,23 @@ def test_a_teacher_is_symmetric_before_and_after_updates(tmp_path: Path, cfg: Tr
     assert torch.equal(std, std[mirror.action.index]) and std.unique().numel() > 1
     after = (*actor.parameters(), *critic.parameters())
     assert not any(torch.equal(a, b) for a, b in zip(before, after, strict=True))
+
+
+@pytest.mark.parametrize(("latent", "name"), [("history", "teacher"), ("groups", "teacher"), ("alternate", "student")])
+def test_every_way_to_walk_is_symmetric(tmp_path: Path, latent: str, name: str) -> None:
+    """One phase, robots that walk blind beside others, PPO on the student: after an update as before it."""
+    cfg = replace(CFG, teacher=replace(CFG.teacher, latent=latent), student=replace(CFG.student, algorithm="ppo"))
+    runner = phase(tmp_path, name, cfg)
+    mirror, obs = task_mirror(runner.env), anything(runner.env)
+    runner.iterate()
+    actor, source = runner.alg.actor, runner.alg.actor.latent_source
+    assert source == ("history" if name == "student" else latent)
+    with torch.no_grad():
+        for blind in (0.0, 1.0):
+            known, image = obs.clone(), mirror(obs)
+            for part in (known, image):
+                part["walks_blind"] = torch.full((8, 1), blind)
+            torch.testing.assert_close(actor(image), mirror.action(actor(known)), atol=1e-6, rtol=0)
 
 
 @pytest.mark.parametrize("cfg", [CFG, STAIRS], ids=["flat", "stairs"])

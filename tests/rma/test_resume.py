@@ -14,9 +14,9 @@ from stiction.rma import checkpoint, phase
 from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
 from stiction.rma.config import NetworkCfg, StopCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.phase import Interrupted, PhaseRunner, film_due
+from stiction.rma.ppo import AdaptationPPO
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import train
-from stiction.rma.teacher import TeacherPPO
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("iterative", level=0.1, steps=2)),
@@ -180,16 +180,16 @@ def test_a_phase_that_reached_its_target_ends_and_stays_ended(tmp_path: Path, mo
 def test_a_diverged_run_leaves_its_last_good_checkpoint(tmp_path: Path, monkeypatch) -> None:
     """NaN in the parameters shows in no loss of that iteration, and would be saved."""
     run = start(tmp_path / "run")
-    update = TeacherPPO.update
+    update = AdaptationPPO.update
 
-    def poisoned(self: TeacherPPO) -> dict[str, float]:
+    def poisoned(self: AdaptationPPO) -> dict[str, float]:
         losses = update(self)
         if self.iteration == 4:
             with torch.no_grad():
                 next(self.actor.mlp.parameters()).fill_(float("nan"))
         return losses
 
-    monkeypatch.setattr(TeacherPPO, "update", poisoned)
+    monkeypatch.setattr(AdaptationPPO, "update", poisoned)
     with pytest.raises(StictionError, match=r"iteration 4 of the teacher.*parameters.*teacher_000002\.safetensors"):
         train(CFG, run)
     assert latest_checkpoint(run.checkpoints, "teacher") == run.checkpoints / "teacher_000002.safetensors"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +20,7 @@ from stiction.rma.board import Board
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.phase import PhaseRunner
 from stiction.rma.run import RunDirectory
-from stiction.rma.runner import student_cfg, teacher_cfg
+from stiction.rma.runner import ppo_cfg, student_cfg
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2, per="joint")),
@@ -37,7 +38,7 @@ def phase(tmp_path: Path, symmetry: str, name: str = "teacher", cfg: TrainCfg = 
     env = LocomotionEnv(cfg.task, cfg.num_envs, seed=0)
     run = RunDirectory(tmp_path)
     run.checkpoints.mkdir(parents=True, exist_ok=True)
-    settings = teacher_cfg(cfg) if name == "teacher" else student_cfg(cfg)
+    settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
     return PhaseRunner(name, env, run, settings, 4, (100, 0), cfg.stop, Board(tmp_path / "tb"))
 
 
@@ -77,8 +78,28 @@ def test_ppo_sees_every_original_and_its_image(
             assert len(batch) == originals
         else:
             assert len(batch) == 2 * originals
-            assert same(mirror(batch[:originals]), batch[originals:])
-            assert not same(batch[:originals], batch[originals:])
+            task, estimate = batch.select(*runner.env.get_observations().keys()), batch["estimate"]
+            assert same(mirror(task[:originals]), task[originals:])
+            assert not same(task[:originals], task[originals:])
+            assert not torch.allclose(estimate[:originals], estimate[originals:])
+
+
+@pytest.mark.parametrize("latent", ["alternate", "history", "groups"])
+def test_what_a_walk_remembers_is_found_for_the_image(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, latent: str
+) -> None:
+    """The estimate and z* of an image are those of the mirrored history; who walks blind stays the same robot."""
+    cfg = replace(CFG, teacher=replace(CFG.teacher, latent=latent), student=replace(CFG.student, algorithm="ppo"))
+    runner = phase(tmp_path, "batches", cfg=cfg)
+    actor = runner.alg.actor
+    before = {name: copy.deepcopy(getattr(actor, name)) for name in ("estimator", "adaptation")}
+    for batch in seen_by(runner, monkeypatch, "get_latent"):
+        original, image = batch[:16], batch[16:]
+        for name, network in (("estimate", "estimator"), ("guess", "adaptation")):
+            if name in batch.keys() and (name, latent) != ("guess", "alternate"):  # noqa: SIM118
+                torch.testing.assert_close(image[name], before[network](image["history"]), atol=1e-5, rtol=0)
+        if latent == "groups":
+            assert torch.equal(image["walks_blind"], original["walks_blind"]) and image["walks_blind"].any()
 
 
 @pytest.mark.parametrize("name", ["teacher", "student"])
@@ -90,7 +111,7 @@ def test_supervised_losses_see_images(
     cfg = replace(CFG, teacher=replace(CFG.teacher, adaptation_batches=4), student=replace(CFG.student, mini_batches=4))
     runner = phase(tmp_path, symmetry, name, cfg)
     if name == "student":
-        runner.alg.warm_start(runner.alg.student.state_dict())
+        runner.alg.warm_start(runner.alg.student.state_dict(), {})
     batches = seen_by(runner, monkeypatch, "supervised_losses")
     assert [len(batch) for batch in batches] == [size] * 4
     mirror = task_mirror(runner.env)

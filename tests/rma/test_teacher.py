@@ -13,7 +13,7 @@ from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.models import StudentPolicy
 from stiction.rma.phase import PhaseRunner
 from stiction.rma.run import RunDirectory
-from stiction.rma.runner import student_cfg, teacher_cfg
+from stiction.rma.runner import ppo_cfg, student_cfg
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2)),
@@ -35,7 +35,7 @@ def phase(env: LocomotionEnv, tmp_path, name: str = "teacher", cfg: TrainCfg = C
     """A runner of one phase."""
     run = RunDirectory(tmp_path)
     run.checkpoints.mkdir(parents=True, exist_ok=True)
-    settings = teacher_cfg(cfg) if name == "teacher" else student_cfg(cfg)
+    settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
     iterations = cfg.teacher.iterations if name == "teacher" else cfg.student.iterations
     return PhaseRunner(name, env, run, settings, iterations, (100, 0), cfg.stop, Board(tmp_path / "tb"))
 

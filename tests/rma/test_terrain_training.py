@@ -17,7 +17,7 @@ from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.models import RMAActor, StudentPolicy
 from stiction.rma.phase import Interrupted, PhaseRunner
 from stiction.rma.run import RunDirectory
-from stiction.rma.runner import student_cfg, teacher_cfg, train
+from stiction.rma.runner import ppo_cfg, student_cfg, train
 
 CFG = TrainCfg(
     task=TaskCfg(
@@ -45,7 +45,7 @@ def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
 def phase(tmp_path: Path, name: str) -> PhaseRunner:
     """A runner of one phase, on mixed ground."""
     env = LocomotionEnv(CFG.task, CFG.num_envs, 0)
-    settings = teacher_cfg(CFG) if name == "teacher" else student_cfg(CFG)
+    settings = ppo_cfg(CFG) if name == "teacher" else student_cfg(CFG)
     return PhaseRunner(name, env, RunDirectory(tmp_path), settings, 4, (100, 0), CFG.stop, Board(tmp_path / "tb"))
 
 

@@ -8,6 +8,7 @@ import sys
 
 from stiction import __version__
 from stiction.formats.errors import StictionError
+from stiction.formats.gemm import open_fast_gemm
 from stiction.formats.reproducibility import limit_library_threads
 
 VERBS = {
@@ -52,6 +53,7 @@ def main(arguments: list[str]) -> int:
         print(f"stiction: unknown verb {verb!r}; the verbs are: {', '.join(VERBS)}", file=sys.stderr)
         return 2
     limit_library_threads()
+    open_fast_gemm()
     try:
         status = importlib.import_module(f"stiction.cli.{verb.replace('-', '_')}").main(rest)
         return int(status or 0)

@@ -199,7 +199,7 @@ def _report(run: RunDirectory, summary: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print(json.dumps(summary))
         return
-    student = summary["last"]["student"]
+    student = summary["last"].get("student", summary["last"]["teacher"])
     early = "".join(
         f"{phase} ended early, in iteration {stop['iteration']}: tracking error {stop['walk/tracking_error']:.3f} m/s\n"
         for phase, stop in summary.get("stopped", {}).items()

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stiction.formats.errors import StictionError
+from stiction.formats.gemm import gemm_path
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,6 +27,10 @@ THREADS_VARIABLE = "STICTION_THREADS"
 
 LIBRARY_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Environment variables that size the thread pools of numerical libraries; they are read when a library loads."""
+
+IDLE_THREADS = ("OMP_WAIT_POLICY", "PASSIVE")
+"""Variable and value with which torch's threads sleep between two operations: awake they hold cores that the simulator
+or another process wants."""
 
 PACKAGE = Path(__file__).resolve().parents[1]
 """The folder of the package `stiction`."""
@@ -101,6 +106,7 @@ def limit_library_threads() -> None:
     """
     for variable in LIBRARY_POOLS:
         os.environ.setdefault(variable, "1")
+    os.environ.setdefault(*IDLE_THREADS)
 
 
 @cache
@@ -147,11 +153,12 @@ def _git(*arguments: str, folder: Path) -> str | None:
 
 
 def machine() -> dict[str, Any]:
-    """Return what a result says about where it was made: processor, cores, threads, system, Python, versions."""
+    """Return what a result says about where it was made: processor, threads, matrix products, system, versions."""
     return {
         "cpu": _cpu_model(Path("/proc/cpuinfo")),
         "cores": os.cpu_count() or 1,
         "threads": num_threads(),
+        "gemm": gemm_path(),
         "system": platform.platform(),
         "python": platform.python_version(),
         "packages": _package_versions(),

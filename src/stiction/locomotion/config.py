@@ -12,6 +12,7 @@ from stiction.formats.errors import StictionError
 from stiction.formats.observation import HISTORY_LENGTH
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.terrain import TerrainCfg
+from stiction.robots.physics import PhysicsCfg
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 
 LONGEST_HISTORY = 200
@@ -183,6 +184,7 @@ class TaskCfg:
     """Length of an episode [s]."""
     terrain: TerrainCfg = field(default_factory=TerrainCfg)
     friction: FrictionCfg = field(default_factory=FrictionCfg)
+    physics: PhysicsCfg = field(default_factory=PhysicsCfg)
     randomization: RandomizationCfg = field(default_factory=RandomizationCfg)
     noise: NoiseCfg = field(default_factory=NoiseCfg)
     commands: CommandCfg = field(default_factory=CommandCfg)

@@ -72,7 +72,8 @@ class LocomotionEnv(VecEnv):
         if cfg.terrain.kind != "flat":
             self.course = Curriculum(cfg.terrain, num_envs, np.random.default_rng(seed))
         terrain, sensors = self.course.terrain if self.course else None, needs_sensors(cfg.friction.joint_law)
-        self.fleet = Fleet(self.spec, num_envs, cfg.timestep, cfg.decimation, threads, device.backend, terrain, sensors)
+        steps = (cfg.timestep, cfg.decimation)
+        self.fleet = Fleet(self.spec, num_envs, *steps, threads, device.backend, terrain, sensors, cfg.physics)
         self.generator = torch.Generator().manual_seed(seed)
         nominal = nominal_joints(self.fleet, cfg.friction, identified)
         if actuator is not None:

@@ -30,7 +30,11 @@ class NetworkCfg:
     history_frame: int = 24
     """Width to which every frame of the history is reduced first, by the same weights for all frames."""
     history: tuple[int, ...] = (64,)
-    """Hidden layers of f_ada of the student, of f_est and of the critic's view of the history, after the frames."""
+    """Hidden layers of f_ada of the student and of the critic's view of the history, after the frames."""
+    estimator_frame: int = 24
+    """As `history_frame`, for f_est."""
+    estimator: tuple[int, ...] = (64,)
+    """Hidden layers of f_est, after the frames."""
     terrain: tuple[int, ...] = (64, 32)
     """Hidden layers of the encoder of the elevation map; there is none on flat ground."""
     terrain_latent: int = 16
@@ -41,10 +45,29 @@ class NetworkCfg:
     """Standard deviation of the first actions."""
 
 
+LatentName = Literal["alternate", "groups", "history"]
+"""Where the latent of the policy that walks in the first phase comes from, see `TeacherCfg.latent`."""
+
+NoiseName = Literal["all", "half", "drawn", "none"]
+"""Which robots walk with exploration noise in distillation, see `StudentCfg.noise`."""
+
+
 @dataclass(frozen=True)
 class TeacherCfg:
-    """PPO, and the supervised losses of adaptation and estimator."""
+    """The first phase: PPO, and the supervised losses of adaptation and estimator."""
 
+    latent: LatentName = "alternate"
+    """`alternate`: z of the privileged encoder, and z* in every `alternate`-th iteration, as in the paper. `groups`: a
+    share of the robots walks on z*, the rest on z, with one actor and one critic (concurrent teacher and student, Wang
+    et al. 2024). `history`: every robot walks on z*, and PPO's gradient trains its encoder: one phase, in which there
+    is no teacher, and the student needs no second phase."""
+    student_share: float = 0.25
+    """Share of the robots on z* with `groups`."""
+    both_ways: bool = False
+    """Whether L_ada trains the privileged encoder too, as the paper says: z then becomes what a history can tell."""
+    final_std: float | None = None
+    """Bound of the actions' standard deviation at the end of the phase, to which it falls on a straight line from that
+    of the first actions; None: free. A policy is deployed without noise, and noise shakes joints loose."""
     iterations: int = 700
     """Rollouts, each followed by an update."""
     steps: int = 24
@@ -64,29 +87,41 @@ class TeacherCfg:
     gae_lambda: float = 0.95
     """λ of the advantage estimate."""
     alternate: int = 4
-    """z comes from the history (z*) in one iteration out of this many, else from the privileged encoder. The paper
-    says that they alternate, not how often; the public code it builds on uses 20, with which z* is hardly ever walked
-    on."""
+    """With `alternate`, z comes from the history (z*) in one iteration out of this many, else from the privileged
+    encoder. The paper says that they alternate, not how often; the public code it builds on uses 20, with which z* is
+    hardly ever walked on."""
     adaptation_learning_rate: float = 1e-3
     """For L_ada, L_est and, where there is terrain, L_hist."""
     adaptation_batches: int = 4
-    """Gradient steps of these losses after each PPO update, one pass over the rollout."""
+    """Gradient steps of these losses in a pass over the rollout, after each PPO update."""
+    adaptation_passes: int = 1
+    """Passes over the rollout."""
+    velocity_weight: float = 1.0
+    """Weight of the three entries of L_est that are the base's velocity beside those that are contacts. A velocity's
+    variance is a tenth of a contact's."""
 
 
 @dataclass(frozen=True)
 class StudentCfg:
-    """Distillation: behaviour cloning, with L_ada and L_est, from a warm start."""
+    """The second phase, from a warm start."""
 
+    algorithm: Literal["distill", "ppo"] = "distill"
+    """`distill`: behaviour cloning, with L_ada and L_est. `ppo`: the student's own z* and estimate are walked on and
+    PPO's gradient trains its encoder, with the settings of the first phase."""
     iterations: int = 240
-    """Rollouts of the student, each labelled by the teacher and followed by an update."""
+    """Rollouts of the student, each followed by an update. 0: the policy of the first phase, on its z*, is the
+    student."""
+    noise: NoiseName = "all"
+    """Who walks with exploration noise in distillation: every robot, every second one, each with a share drawn for it,
+    or none. What is deployed walks without."""
     steps: int = 24
     """Control steps of one rollout."""
     epochs: int = 2
-    """Passes over a rollout."""
+    """Passes of distillation over a rollout."""
     mini_batches: int = 4
     """Parts of one pass."""
     learning_rate: float = 5e-4
-    """Fixed."""
+    """Of distillation, fixed; the first one of PPO."""
     adaptation_weight: float = 0.1
     """Weight beside L_clone of L_ada, and of L_hist where there is terrain."""
     estimator_weight: float = 0.5
@@ -160,15 +195,23 @@ class TrainCfg:
         """Refuse what cannot be run, before any folder is made."""
         if self.device not in get_args(DeviceName):
             raise StictionError(f"device {self.device!r}: expected one of {', '.join(get_args(DeviceName))}")
+        if self.device != "cpu" and self.task.physics.plastic:
+            raise StictionError(
+                f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
+                f"{self.device}, or --physics rows"
+            )
         self._check_symmetry()
         counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             names = ("iterations", "steps", "epochs", "mini_batches")
             counts |= {f"{phase}.{name}": getattr(cfg, name) for name in names}
-        counts["teacher.adaptation_batches"] = self.teacher.adaptation_batches
+        for name in ("adaptation_batches", "adaptation_passes"):
+            counts[f"teacher.{name}"] = getattr(self.teacher, name)
         for name, count in counts.items():
-            if count < 1:
-                raise StictionError(f"{name} is {count}; expected at least 1")
+            least = 0 if name == "student.iterations" else 1
+            if count < least:
+                raise StictionError(f"{name} is {count}; expected at least {least}")
+        self._check_phases()
         if self.stop.terrain_level is not None and self.task.terrain.kind == "flat":
             raise StictionError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
         if self.video_every < 0:
@@ -184,6 +227,27 @@ class TrainCfg:
             raise StictionError(
                 f"learning rates {rates}, seed {self.seed}: expected positive rates and a seed of at least 0"
             )
+
+    def _check_phases(self) -> None:
+        """Refuse phases that nobody could mean."""
+        teacher, student = self.teacher, self.student
+        if student.iterations == 0 and teacher.latent == "alternate" and self.task.terrain.kind != "flat":
+            raise StictionError("student.iterations is 0, and on terrain a teacher that sees the ground is no student")
+        if teacher.latent == "history" and student.iterations and student.algorithm == "distill":
+            raise StictionError(
+                f"with --teacher.latent history there is no teacher to distil for {student.iterations} iterations; "
+                "use --student.iterations 0, or --student.algorithm ppo"
+            )
+        if teacher.latent == "history" and teacher.both_ways:
+            raise StictionError("with --teacher.latent history there is no z for L_ada to train; leave both_ways out")
+        if not 0.0 < teacher.student_share < 1.0:
+            raise StictionError(f"teacher.student_share is {teacher.student_share}; expected a share between 0 and 1")
+        low, high = STD_RANGE
+        for name, std in (("teacher.final_std", teacher.final_std), ("network.initial_std", self.network.initial_std)):
+            if std is not None and not low <= std <= high:
+                raise StictionError(f"{name} is {std}; expected a standard deviation from {low} to {high}")
+        if not teacher.velocity_weight > 0:
+            raise StictionError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
 
     def _check_symmetry(self) -> None:
         """Refuse a symmetry that is none, and one that would need half a pass."""

@@ -8,10 +8,7 @@ import torch
 from tensordict import TensorDict
 
 from stiction.locomotion.env import LocomotionEnv
-from stiction.rma.models import RMAActor
-
-VELOCITY = 3
-"""Entries of o_exp that are the base's velocity [m/s]; the feet's contacts follow."""
+from stiction.rma.models import VELOCITY, RMAActor
 
 
 class RolloutFigures:
@@ -54,14 +51,15 @@ def adaptation_figures(actor: RMAActor, obs: TensorDict) -> dict[str, float]:
     """Return how well the history tells what only simulation knows, over one step of all robots.
 
     `latent/explained`: 1 - MSE(z, z*) / Var(z), both summed over the latent's entries: 1 is perfect, 0 is what the mean
-    would reach. It is missing where z does not vary. `estimator/velocity_error`: mean length of the velocity's error
-    [m/s]. `estimator/contact_error`: share of feet whose contact is misjudged.
+    would reach. It is missing where z does not vary, and where z* is PPO's own and guesses no z.
+    `estimator/velocity_error`: mean length of the velocity's error [m/s]. `estimator/contact_error`: share of feet
+    whose contact is misjudged.
     """
     figures = {}
     with torch.no_grad():
         z, star = actor.latents(obs)
         variance = float(z.var(0, correction=0).sum())
-        if variance > 0:
+        if variance > 0 and not actor.adapts:
             figures["latent/explained"] = 1.0 - float((z - star).square().mean(0).sum()) / variance
         guess, truth = actor.estimator(obs["history"]), obs["explicit"]
         figures["estimator/velocity_error"] = float((guess - truth)[:, :VELOCITY].norm(dim=-1).mean())

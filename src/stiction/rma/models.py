@@ -16,6 +16,9 @@ GROUPS = ["proprioception", "history", "privileged", "explicit"]
 ELEVATION = "elevation"
 """The group that is there too on other than flat ground."""
 
+VELOCITY = 3
+"""Entries of o_exp that are the base's velocity [m/s]; the feet's contacts follow."""
+
 
 class HistoryEncoder(nn.Module):
     """Reads o_H: every frame through one linear layer, then an MLP over all frames."""
@@ -36,15 +39,20 @@ class HistoryEncoder(nn.Module):
 class RMAActor(MLPModel):
     """π(o_exp*, o_prio, z or z*): the actor with its adaptation networks and its estimator.
 
-    `latent_source` says where the latent comes from: `privileged` (z = f_ada_tea(o_priv)) or `history`
-    (z* = f_ada_stu(o_H)). The explicit state is always the estimate f_est(o_H), as on the robot. Both are detached
-    where they come from the history, so that PPO never trains what the supervised losses train, unless `end_to_end`:
-    the student's cloning loss does.
+    `latent_source` says where the latent comes from: `privileged` (z = f_ada_tea(o_priv)), `history`
+    (z* = f_ada_stu(o_H)), or `groups`: z* for the robots that the group `walks_blind` marks, z for the others. The
+    explicit state is always the estimate f_est(o_H), as on the robot.
+
+    What comes from the history is detached, so that PPO never trains what the supervised losses train, unless
+    `adapts` (the latent: PPO trains z*) or `end_to_end` (latent and estimate: the student's cloning loss). What is
+    detached does not change while PPO passes over a rollout, so it may be computed once, when the robot walks
+    (`remembered`), and be handed in with the observations.
 
     On other than flat ground there is a second latent: the teacher encodes the elevation map e_t, the student takes the
     same features from the history, by f_hist, and climbs blind.
     """
 
+    adapts = False
     end_to_end = False
 
     def __init__(
@@ -58,6 +66,8 @@ class RMAActor(MLPModel):
         privileged: tuple[int, ...],
         history_frame: int,
         history: tuple[int, ...],
+        estimator_frame: int,
+        estimator: tuple[int, ...],
         distribution_cfg: dict[str, Any],
         terrain: tuple[int, ...] = (),
         terrain_latent: int = 0,
@@ -68,11 +78,12 @@ class RMAActor(MLPModel):
         self.sees_terrain = ELEVATION in size
         self.latent_dim = size["proprioception"] + size["explicit"] + latent + terrain_latent * self.sees_terrain
         super().__init__(obs, obs_groups, obs_set, output_dim, hidden_dims, "elu", False, distribution_cfg)
-        encoder = (size["history"], size["proprioception"], history_frame, history)
+        frames = (size["history"], size["proprioception"])
+        encoder = (*frames, history_frame, history)
         self.latent_source = latent_source
         self.privileged_encoder = MLP(size["privileged"], latent, list(privileged), "elu")
         self.adaptation = HistoryEncoder(*encoder, latent)
-        self.estimator = HistoryEncoder(*encoder, size["explicit"])
+        self.estimator = HistoryEncoder(*frames, estimator_frame, estimator, size["explicit"])
         self.blind = False
         if self.sees_terrain:
             self.terrain_encoder = nn.Sequential(MLP(size[ELEVATION], terrain_latent, list(terrain), "elu"), nn.Tanh())
@@ -84,13 +95,40 @@ class RMAActor(MLPModel):
 
     def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> torch.Tensor:
         """Assemble the actor's input, (N, proprioception + explicit + latent + terrain latent)."""
-        with torch.set_grad_enabled(self.end_to_end and torch.is_grad_enabled()):
-            explicit = self.estimator(obs["history"])
-            latent = self.adaptation(obs["history"]) if self.latent_source == "history" else None
-        if latent is None:
-            latent = self.privileged_encoder(obs["privileged"])
-        parts = (obs["proprioception"], explicit, latent)
+        parts = (obs["proprioception"], self._estimate(obs), self._latent(obs))
         return torch.cat((*parts, self.terrain_features(obs)) if self.sees_terrain else parts, -1)
+
+    def _estimate(self, obs: TensorDict) -> torch.Tensor:
+        """Return o_exp*, (N, explicit)."""
+        if self.end_to_end:
+            return self.estimator(obs["history"])
+        if "estimate" in obs.keys():  # noqa: SIM118 (a TensorDict knows no `in`)
+            return obs["estimate"]
+        with torch.no_grad():
+            return self.estimator(obs["history"])
+
+    def _latent(self, obs: TensorDict) -> torch.Tensor:
+        """Return z or z* of every robot, (N, latent)."""
+        if self.latent_source == "privileged":
+            return self.privileged_encoder(obs["privileged"])
+        if self.adapts or self.end_to_end:
+            guess = self.adaptation(obs["history"])
+        elif "guess" in obs.keys():  # noqa: SIM118 (a TensorDict knows no `in`)
+            guess = obs["guess"]
+        else:
+            with torch.no_grad():
+                guess = self.adaptation(obs["history"])
+        if self.latent_source == "history":
+            return guess
+        return torch.where(obs["walks_blind"] > 0, guess, self.privileged_encoder(obs["privileged"]))
+
+    def remembered(self, obs: TensorDict) -> dict[str, torch.Tensor]:
+        """Return what PPO holds fixed and may hand in with the observations: `estimate`, and `guess` (z*)."""
+        with torch.no_grad():
+            found = {"estimate": self.estimator(obs["history"])}
+            if self.latent_source != "privileged" and not self.adapts:
+                found["guess"] = self.adaptation(obs["history"])
+        return found
 
     def terrain_features(self, obs: TensorDict) -> torch.Tensor:
         """Return e_t*, from the elevation map, or from the history where `blind`."""
@@ -98,12 +136,19 @@ class RMAActor(MLPModel):
 
     def supervised_parameters(self) -> list[nn.Parameter]:
         """Return the parameters that L_ada, L_est and L_hist train."""
-        modules = [self.adaptation, self.estimator, *([self.terrain_history] if self.sees_terrain else [])]
+        modules: list[nn.Module] = [self.estimator, *([] if self.adapts else [self.adaptation])]
+        modules += [self.terrain_history] if self.sees_terrain else []
         return [parameter for module in modules for parameter in module.parameters()]
 
-    def supervised_losses(self, obs: TensorDict) -> dict[str, torch.Tensor]:
-        """Return L_ada, L_est and, where there is terrain, L_hist."""
-        losses = {"adaptation": self.adaptation_loss(obs), "estimator": self.estimator_loss(obs)}
+    def supervised_losses(
+        self, obs: TensorDict, velocity_weight: float = 1.0, both_ways: bool = False
+    ) -> dict[str, torch.Tensor]:
+        """Return L_est, L_ada where the latent is not PPO's, and, where there is terrain, L_hist.
+
+        `velocity_weight`: of the velocity's entries in L_est; `both_ways`: whether L_ada's gradient reaches z.
+        """
+        losses = {} if self.adapts else {"adaptation": self.adaptation_loss(obs, both_ways)}
+        losses["estimator"] = self.estimator_loss(obs, velocity_weight)
         return losses | ({"terrain": self.terrain_loss(obs)} if self.sees_terrain else {})
 
     def policy_parameters(self) -> list[nn.Parameter]:
@@ -117,10 +162,11 @@ class RMAActor(MLPModel):
             target = self.privileged_encoder(obs["privileged"])
         return target, self.adaptation(obs["history"])
 
-    def adaptation_loss(self, obs: TensorDict) -> torch.Tensor:
-        """L_ada = MSE(z, z*), z held fixed."""
-        target, guess = self.latents(obs)
-        return nn.functional.mse_loss(guess, target)
+    def adaptation_loss(self, obs: TensorDict, both_ways: bool = False) -> torch.Tensor:
+        """L_ada = MSE(z, z*), z held fixed unless `both_ways`."""
+        with torch.set_grad_enabled(both_ways and torch.is_grad_enabled()):
+            target = self.privileged_encoder(obs["privileged"])
+        return nn.functional.mse_loss(self.adaptation(obs["history"]), target)
 
     def terrain_loss(self, obs: TensorDict) -> torch.Tensor:
         """L_hist = MSE(e_t*, f_hist(o_H)), e_t* held fixed."""
@@ -128,9 +174,12 @@ class RMAActor(MLPModel):
             target = self.terrain_encoder(obs[ELEVATION])
         return nn.functional.mse_loss(self.terrain_history(obs["history"]), target)
 
-    def estimator_loss(self, obs: TensorDict) -> torch.Tensor:
-        """L_est = MSE(o_exp*, o_exp)."""
-        return nn.functional.mse_loss(self.estimator(obs["history"]), obs["explicit"])
+    def estimator_loss(self, obs: TensorDict, velocity_weight: float = 1.0) -> torch.Tensor:
+        """L_est = mean of w (o_exp* - o_exp)², w = `velocity_weight` for the base's velocity and 1 for contacts."""
+        error = (self.estimator(obs["history"]) - obs["explicit"]).square()
+        if velocity_weight == 1.0:
+            return error.mean()
+        return error.mean() + (velocity_weight - 1.0) * error[:, :VELOCITY].sum(-1).mean() / error.shape[-1]
 
 
 class RMACritic(MLPModel):

@@ -22,6 +22,7 @@ from stiction.rma.checkpoint import keep_newest, latest_checkpoint, load_checkpo
 from stiction.rma.config import StopCfg
 from stiction.rma.figures import RolloutFigures, adaptation_figures, friction_figures
 from stiction.rma.health import Diagnosis, Health
+from stiction.rma.ppo import AdaptationPPO
 from stiction.rma.run import RunDirectory
 from stiction.rma.stop import EarlyStop
 from stiction.rma.symmetry import make_symmetric
@@ -82,6 +83,8 @@ class PhaseRunner(OnPolicyRunner):
         with contextlib.redirect_stdout(io.StringIO()):
             super().__init__(self.env, self.rl_cfg, log_dir=None, device=self.env.device)
         make_symmetric(self.alg, self.rl_cfg["symmetry"], self.env)
+        if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
+            self.alg.symmetry.remembered = self.alg.actor.remembered
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1)
 

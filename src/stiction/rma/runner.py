@@ -41,6 +41,8 @@ def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
         "privileged": net.privileged,
         "history_frame": net.history_frame,
         "history": net.history,
+        "estimator_frame": net.estimator_frame,
+        "estimator": net.estimator,
         "distribution_cfg": {
             "class_name": "GaussianDistribution",
             "init_std": net.initial_std,
@@ -50,13 +52,18 @@ def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
     return {name: copy.deepcopy(actor) for name in names}  # rsl_rl takes its configuration apart while it reads it
 
 
-def teacher_cfg(cfg: TrainCfg) -> dict[str, Any]:
-    """Return rsl_rl's configuration of the teacher."""
+def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
+    """Return rsl_rl's configuration of PPO in a phase: the first one, or that of a student that walks on its own z*."""
     teacher, net = cfg.teacher, cfg.network
+    first = phase == "teacher"
+    noise = None
+    if teacher.final_std is not None:
+        start = net.initial_std if first else teacher.final_std
+        noise = (start, teacher.final_std, teacher.iterations)
     fewer = 2 if cfg.symmetry == "half" else 1
     return {
         "symmetry": cfg.symmetry,
-        "num_steps_per_env": teacher.steps,
+        "num_steps_per_env": teacher.steps if first else cfg.student.steps,
         "obs_groups": {"actor": groups(cfg), "critic": groups(cfg)},
         **_models(cfg, "actor"),
         "critic": {
@@ -66,10 +73,14 @@ def teacher_cfg(cfg: TrainCfg) -> dict[str, Any]:
             "history": net.history,
         },
         "algorithm": {
-            "class_name": "stiction.rma.teacher:TeacherPPO",
+            "class_name": "stiction.rma.ppo:AdaptationPPO",
+            "latent": teacher.latent if first else "history",
+            "student_share": teacher.student_share,
+            "both_ways": teacher.both_ways and first,
+            "noise": noise,
             "num_learning_epochs": teacher.epochs // fewer,
             "num_mini_batches": teacher.mini_batches * fewer,
-            "learning_rate": teacher.learning_rate,
+            "learning_rate": teacher.learning_rate if first else cfg.student.learning_rate,
             "desired_kl": teacher.desired_kl,
             "entropy_coef": teacher.entropy,
             "gamma": teacher.gamma,
@@ -77,12 +88,14 @@ def teacher_cfg(cfg: TrainCfg) -> dict[str, Any]:
             "alternate": teacher.alternate,
             "adaptation_learning_rate": teacher.adaptation_learning_rate,
             "adaptation_batches": teacher.adaptation_batches,
+            "adaptation_passes": teacher.adaptation_passes,
+            "velocity_weight": teacher.velocity_weight,
         },
     }
 
 
-def student_cfg(cfg: TrainCfg) -> dict[str, Any]:
-    """Return rsl_rl's configuration of the student."""
+def distillation_cfg(cfg: TrainCfg) -> dict[str, Any]:
+    """Return rsl_rl's configuration of the distillation."""
     student = cfg.student
     return {
         "symmetry": cfg.symmetry,
@@ -90,15 +103,22 @@ def student_cfg(cfg: TrainCfg) -> dict[str, Any]:
         "obs_groups": {"student": groups(cfg), "teacher": groups(cfg)},
         **_models(cfg, "student", "teacher"),
         "algorithm": {
-            "class_name": "stiction.rma.student:StudentDistillation",
+            "class_name": "stiction.rma.distillation:StudentDistillation",
             "num_learning_epochs": student.epochs,
             "num_mini_batches": student.mini_batches,
             "gradient_length": student.steps,
             "learning_rate": student.learning_rate,
             "adaptation_weight": student.adaptation_weight,
             "estimator_weight": student.estimator_weight,
+            "velocity_weight": cfg.teacher.velocity_weight,
+            "noise": student.noise,
         },
     }
+
+
+def student_cfg(cfg: TrainCfg) -> dict[str, Any]:
+    """Return rsl_rl's configuration of the second phase."""
+    return ppo_cfg(cfg, "student") if cfg.student.algorithm == "ppo" else distillation_cfg(cfg)
 
 
 def train(
@@ -136,7 +156,7 @@ def train(
         return PhaseRunner(name, env, run, rl_cfg, iterations, every, cfg.stop, board, progress, interrupted, film)
 
     with run.writing():
-        teacher = phase("teacher", teacher_cfg(cfg), cfg.teacher.iterations)
+        teacher = phase("teacher", ppo_cfg(cfg), cfg.teacher.iterations)
         student = _train_phases(run, teacher, lambda: phase("student", student_cfg(cfg), cfg.student.iterations))
         figures = _summary(cfg, run, teacher, student) | {"threads": threads}
         run.finish(figures)
@@ -158,11 +178,14 @@ def _train_phases(run: RunDirectory, teacher: PhaseRunner, build_student: Callab
     teacher.board.close()
 
     student = build_student()
-    student.alg.warm_start(teacher.alg.get_policy().state_dict())
+    trained = teacher.alg.get_policy().state_dict(), teacher.alg.critic.state_dict()
+    student.alg.warm_start(*trained)
     if student_checkpoint is not None:
         student.restore(student_checkpoint)
         run.forget_after("student", student.current_learning_iteration)
     student.learn()
+    if student_checkpoint is None and not student.iterations:
+        student.save()
     student.board.close()
     return student
 
@@ -175,7 +198,11 @@ def _summary(cfg: TrainCfg, run: RunDirectory, teacher: PhaseRunner, student: Ph
         "env_steps": sum(runner.current_learning_iteration * steps for runner, steps in phases.values()) * cfg.num_envs,
         "seconds": round(sum(row["seconds"] for row in rows), 1),
         "multiply_adds": multiply_adds(teacher),
-        "last": {name: [row for row in rows if row["phase"] == name][-1] for name in phases},
+        "last": {
+            name: [row for row in rows if row["phase"] == name][-1]
+            for name, (runner, _) in phases.items()
+            if runner.iterations
+        },
         "stopped": {
             name: {"iteration": runner.current_learning_iteration, **runner.stopped}
             for name, (runner, _) in phases.items()
@@ -207,7 +234,8 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
     if path is None:
         raise StictionError(f"{run.path} has no {phase} yet; finish it with `stiction train --resume {run.path}`")
     cfg = run.config()
-    state = load_checkpoint(path)["algorithm"][{"teacher": "actor", "student": "student"}[phase] + "_state_dict"]
+    state = load_checkpoint(path)["algorithm"]
+    state = state["actor_state_dict" if "actor_state_dict" in state else "student_state_dict"]
     env = LocomotionEnv(cfg.task, 1, 0)
     model = {key: value for key, value in _models(cfg, phase)[phase].items() if key != "class_name"}
     actor = RMAActor(env.get_observations(), {phase: groups(cfg)}, phase, env.num_actions, **model)
@@ -215,8 +243,8 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
         make_equivariant(actor, task_mirror(env))
     actor.load_state_dict(state)
     make_dense(actor)
-    actor.latent_source = {"teacher": "privileged", "student": "history"}[phase]
-    actor.blind = phase == "student"
+    actor.blind = phase == "student" or cfg.teacher.latent == "history"
+    actor.latent_source = "history" if actor.blind else "privileged"
     return actor.eval()
 
 

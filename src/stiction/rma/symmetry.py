@@ -16,6 +16,7 @@ Two shares of samples are mirrored:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -36,13 +37,20 @@ class MirroredBatches(Symmetry):
     def __init__(self, env: LocomotionEnv, share: SymmetryName) -> None:
         """Find the mirror of a task; `share`: `batches` or `half`. Raises `StictionError` where it has none."""
         self.mirror, self.share = task_mirror(env).to(env.device), share
+        self.observed = list(env.get_observations().keys())
+        self.remembered: Callable[[TensorDict], dict[str, torch.Tensor]] = lambda obs: {}
         super().__init__(env, self.with_images, use_data_augmentation=True)
 
     def with_images(
         self, env: LocomotionEnv, obs: TensorDict, actions: torch.Tensor
     ) -> tuple[TensorDict, torch.Tensor]:
-        """Return samples followed by their images, as rsl_rl wants them; `env` is what `__init__` got."""
-        return torch.cat([obs, self.mirror(obs)]), torch.cat([actions, self.mirror.action(actions)])
+        """Return samples followed by their images, as rsl_rl wants them; `env` is what `__init__` got.
+
+        What the algorithm stored beside the observations is of the original; `remembered` finds that of the image.
+        """
+        seen = self.mirror(obs.select(*self.observed))
+        image = obs.clone(recurse=False).update(seen).update(self.remembered(seen))
+        return torch.cat([obs, image]), torch.cat([actions, self.mirror.action(actions)])
 
     def compute_loss(self, actor: MLPModel, batch: RolloutStorage.Batch, original_batch_size: int) -> torch.Tensor:
         """Return how far the policy is from symmetric, MSE(π(M o), M π(o)), for the log.
@@ -60,7 +68,8 @@ class MirroredBatches(Symmetry):
         """
         size = len(observations)
         images, first_kept = (size // 2, size // 2) if self.share == "half" else (size, 0)
-        mixed = torch.cat([self.mirror(observations[:images]), observations[first_kept:]])
+        seen = observations.select(*self.observed)
+        mixed = torch.cat([self.mirror(seen[:images]), seen[first_kept:]])
         if actions is None:
             return mixed, None
         return mixed, torch.cat([self.mirror.action(actions[:images]), actions[first_kept:]])

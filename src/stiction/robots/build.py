@@ -2,26 +2,44 @@
 
 Every joint has a `position` actuator of the same name, in the order of `RobotSpec.joint_names`; every foot has a touch
 sensor (normal force, N). On request every joint also has a force and a torque sensor, after those of the feet. Dry
-friction is the solver's `frictionloss`, set stiff enough to hold (see `FRICTION_D0`).
+friction is the solver's `frictionloss`, set stiff enough to hold, or a slider (see `robots.physics`).
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from stiction.robots.colors import FEET, SHANK, STONES, THIGH, TRUNK
 from stiction.robots.links import SHANK_RADIUS, THIGH_RADIUS, foot_position, links
-from stiction.robots.spec import DELAY_SAMPLES, LegSpec, RobotSpec, box_inertia
+from stiction.robots.physics import EXACT, SMALLEST_YIELD, PhysicsCfg
+from stiction.robots.spec import DELAY_SAMPLES, JointSpec, LegSpec, RobotSpec, box_inertia
 
-FRICTION_D0 = 0.999
-"""Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2.
-Measured under 90 % of a friction of 30 % of the torque limit, time constant two steps, the fastest joint of either
-robot: 0.0032 rad/s at steps of 5 ms, 0.0064 rad/s at 10 ms; with MuJoCo's default 0.9, 0.35 rad/s. The default
-simulates 1.4 times faster."""
+SOLVERS = {"newton": mujoco.mjtSolver.mjSOL_NEWTON, "pgs": mujoco.mjtSolver.mjSOL_PGS}
+"""MuJoCo's solvers by the names of `PhysicsCfg`."""
 
 
-def _add_links(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec) -> list[mujoco.MjsBody]:
+def _friction(joint: JointSpec, timestep: float, physics: PhysicsCfg) -> dict[str, Any]:
+    """Return what makes a joint's dry friction, as fields of `MjsJoint`."""
+    if physics.plastic:
+        # The angle in the state `plastic` is the one at which the spring is slack: its reference is zero.
+        return {
+            "stiffness": np.array([physics.stiffness, 0.0, 0.0]),
+            "springref": 0.0,
+            "springyield": max(joint.frictionloss / physics.stiffness, SMALLEST_YIELD),
+        }
+    return {
+        "frictionloss": joint.frictionloss,
+        "solref_friction": [2 * timestep, 1.0],
+        "solimp_friction": [physics.impedance, physics.impedance, 0.001, 0.5, 2.0],
+    }
+
+
+def _add_links(
+    spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec, physics: PhysicsCfg
+) -> list[mujoco.MjsBody]:
     """Add the bodies of all legs, with their joints; return them in the order of the joints."""
     bodies: list[mujoco.MjsBody] = []
     kinds = (robot.hip, robot.thigh, robot.shank) * len(robot.legs)
@@ -41,9 +59,7 @@ def _add_links(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: RobotSpec) -> l
             limited=mujoco.mjtLimited.mjLIMITED_TRUE,
             armature=joint.armature,
             damping=np.array([joint.damping, 0.0, 0.0]),
-            frictionloss=joint.frictionloss,
-            solref_friction=[2 * spec.option.timestep, 1.0],
-            solimp_friction=[FRICTION_D0, FRICTION_D0, 0.001, 0.5, 2.0],
+            **_friction(joint, spec.option.timestep, physics),
         )
         bodies.append(body)
     return bodies
@@ -81,13 +97,17 @@ GROUND, OBSTACLE = 1, 2
 
 
 def build(
-    robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | None = None, joint_sensors: bool = False
+    robot: RobotSpec,
+    timestep: float = 0.005,
+    obstacles: np.ndarray | None = None,
+    joint_sensors: bool = False,
+    physics: PhysicsCfg = EXACT,
 ) -> mujoco.MjSpec:
     """Return the robot on the ground as an `MjSpec`, its base free, in its standing pose (keyframe 0).
 
     `timestep`: physics step [s]; `obstacles`: half sizes of boxes [m], (boxes, 3), parked far below until somebody
-    places them; `joint_sensors`: measure what every joint transmits, see `_add_joint_sensors`. On the plane only feet
-    and trunk touch the ground; a shank can catch on the edge of a box.
+    places them; `joint_sensors`: measure what every joint transmits, see `_add_joint_sensors`; `physics`: of dry
+    friction. On the plane only feet and trunk touch the ground; a shank can catch on the edge of a box.
     """
     spec = mujoco.MjSpec()
     spec.modelname = robot.name
@@ -96,6 +116,8 @@ def build(
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    spec.option.solver = SOLVERS[physics.solver]
+    spec.option.iterations = physics.iterations
     _add_scene(spec)
     _add_obstacles(spec, np.zeros((0, 3)) if obstacles is None else obstacles)
     base = spec.worldbody.add_body(
@@ -113,14 +135,15 @@ def build(
         size=[extent / 2 for extent in robot.base.size],
         rgba=[*TRUNK, 1],
     )
-    bodies = _add_links(spec, base, robot)
+    bodies = _add_links(spec, base, robot, physics)
     for leg, thigh, shank in zip(robot.legs, bodies[1::3], bodies[2::3], strict=True):
         _add_shapes(spec, thigh, shank, robot, leg)
     if joint_sensors:
         _add_joint_sensors(spec, robot)
     _add_actuators(spec, robot)
     standing = robot.joint_values("standing")
-    spec.add_key(name="standing", qpos=[0, 0, robot.standing_height, 1, 0, 0, 0, *standing], ctrl=standing)
+    slack = {"plastic": standing} if physics.plastic else {}
+    spec.add_key(name="standing", qpos=[0, 0, robot.standing_height, 1, 0, 0, 0, *standing], ctrl=standing, **slack)
     return spec
 
 
@@ -203,7 +226,11 @@ def _add_actuators(spec: mujoco.MjSpec, robot: RobotSpec) -> None:
 
 
 def build_model(
-    robot: RobotSpec, timestep: float = 0.005, obstacles: np.ndarray | None = None, joint_sensors: bool = False
+    robot: RobotSpec,
+    timestep: float = 0.005,
+    obstacles: np.ndarray | None = None,
+    joint_sensors: bool = False,
+    physics: PhysicsCfg = EXACT,
 ) -> mujoco.MjModel:
     """Return the compiled model of `build`."""
-    return build(robot, timestep, obstacles, joint_sensors).compile()
+    return build(robot, timestep, obstacles, joint_sensors, physics).compile()

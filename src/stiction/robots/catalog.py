@@ -18,7 +18,7 @@ VARIATIONS = ("kp", "torque")
 def robot_names() -> list[str]:
     """Return the names of the shipped robots: the modules beside this one that define `ROBOT`."""
     names = (module.name for module in pkgutil.iter_modules(shipped.__path__))
-    return [name for name in names if name not in ("spec", "links", "mirror", "colors", "catalog", "build")]
+    return [name for name in names if name not in ("spec", "links", "mirror", "colors", "catalog", "build", "physics")]
 
 
 def find_robot(name: str) -> RobotSpec:

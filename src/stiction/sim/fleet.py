@@ -13,10 +13,12 @@ import numpy as np
 
 from stiction.formats.errors import StictionError
 from stiction.robots.build import build_model
+from stiction.robots.physics import EXACT, PhysicsCfg
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 from stiction.sim.fall import tilted, too_low
 from stiction.sim.native import NativeSimulation
 from stiction.sim.protocol import Simulation
+from stiction.sim.slider import Slider
 from stiction.sim.terrain import Terrain
 
 BASE_DOFS = 6
@@ -52,12 +54,13 @@ class Fleet:
         backend: Callable[[mujoco.MjModel, int, int], Simulation] = NativeSimulation,
         terrain: Terrain | None = None,
         joint_sensors: bool = False,
+        physics: PhysicsCfg = EXACT,
     ) -> None:
         """Build the robots in their standing pose, without dry friction.
 
         `timestep`: physics step [s]; `decimation`: physics steps in one control period; `threads`: of the simulator;
         `backend`: makes the batched simulation from model, number and threads; `terrain`: courses of the robots, flat
-        ground without; `joint_sensors`: measure `joint_load`.
+        ground without; `joint_sensors`: measure `joint_load`; `physics`: how dry friction is simulated.
         """
         if num_envs < 1 or decimation < 1 or not 0 < timestep <= 0.02:
             raise StictionError(
@@ -66,7 +69,7 @@ class Fleet:
             )
         self.spec, self.num_envs, self.timestep, self.decimation = spec, num_envs, timestep, decimation
         self.terrain = Terrain(np.zeros(num_envs)) if terrain is None else terrain
-        self.model = build_model(spec, timestep, self.terrain.boxes, joint_sensors)
+        self.model = build_model(spec, timestep, self.terrain.boxes, joint_sensors, physics)
         self.simulation = simulation = backend(self.model, num_envs, threads)
         joints = slice(BASE_DOFS, None)
         self.qpos, self.qvel = simulation.bind("qpos"), simulation.bind("qvel")
@@ -79,7 +82,8 @@ class Fleet:
         self.torque = simulation.bind("actuator_force")
         sensors, feet = simulation.bind("sensordata"), len(spec.legs)
         self.foot_force, self._joint_wrench = sensors[:, :feet], sensors[:, feet:]
-        self.friction = simulation.expand("dof_frictionloss")[:, joints]
+        self._slider = Slider(simulation, physics.stiffness) if physics.plastic else None
+        self.friction = simulation.expand("dof_frictionloss")[:, joints] if self._slider is None else self._slider.bound
         self.damping = simulation.expand("dof_damping")[:, joints]
         self.armature = simulation.expand("dof_armature")[:, joints]
         self._gain = simulation.expand("actuator_gainprm")
@@ -195,6 +199,7 @@ class Fleet:
     def _advance(self) -> np.ndarray:
         """Take the physics steps of one control period; return the ids of robots that blew up, ascending."""
         if not self.before_step:
+            self._write_friction()
             return self.simulation.step(self.decimation)
         blown_up = np.zeros(self.num_envs, bool)
         for _ in range(self.decimation):
@@ -208,7 +213,13 @@ class Fleet:
         """
         for act in self.before_step:
             act(self)
+        self._write_friction()
         return self.simulation.step(1)
+
+    def _write_friction(self) -> None:
+        """Give the simulation the bounds of `friction`, where they are not its own array."""
+        if self._slider is not None:
+            self._slider.write()
 
     def place_terrain(self, ids: np.ndarray, difficulty: np.ndarray, uniform: np.ndarray) -> None:
         """Lay the courses of the robots `ids` out anew; see `Terrain.place`."""
@@ -260,6 +271,8 @@ class Fleet:
             self.base_quaternion[ids, 3] = np.sin(heading / 2)
         if velocity is not None:
             self.qvel[ids, :6] = velocity
+        if self._slider is not None:
+            self._slider.release(ids, self.joint_position)
         for forget in self.after_reset:
             forget(ids)
 

@@ -11,7 +11,10 @@ from mujoco.batch import Batch
 # MuJoCo would write every instability to a file in the current folder and to the terminal. `step` reports them instead.
 mujoco.set_mju_user_warning(lambda message: None)
 
-STATE = ("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied")
+STATE = (
+    *("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied"),
+    "plastic",
+)
 """Everything in MuJoCo's integration state that this house uses: what a checkpoint must hold."""
 
 

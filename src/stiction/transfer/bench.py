@@ -30,7 +30,7 @@ from stiction.rma.board import Board
 from stiction.rma.config import TrainCfg
 from stiction.rma.phase import PhaseRunner, torch_threads
 from stiction.rma.run import RunDirectory
-from stiction.rma.runner import multiply_adds, teacher_cfg
+from stiction.rma.runner import multiply_adds, ppo_cfg
 from stiction.sim.native import NativeSimulation
 from stiction.transfer.engines.rotation import UPRIGHT
 
@@ -112,7 +112,7 @@ def measure_training(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = 
     env = LocomotionEnv(cfg.task, cfg.num_envs, seed, threads, device=device, actuator=actuator)
     with tempfile.TemporaryDirectory() as folder:
         run, board = RunDirectory(Path(folder)), Board(Path(folder))
-        runner = PhaseRunner("teacher", env, run, teacher_cfg(cfg), 10**6, (10**6, 0), cfg.stop, board)
+        runner = PhaseRunner("teacher", env, run, ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, board)
         runner.alg.train_mode()
         steps = cfg.teacher.steps * cfg.num_envs
         seconds: dict[str, list[float]] = {"bare": [], "rollout": [], "iteration": []}

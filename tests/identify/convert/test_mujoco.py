@@ -145,8 +145,8 @@ def test_without_friction_no_solver_settings_are_written() -> None:
 
 def test_the_solver_settings_are_those_of_our_own_robots() -> None:
     """Written twice, for identification knows no simulator."""
-    build = pytest.importorskip("stiction.robots.build")
-    assert FRICTION_D0 == build.FRICTION_D0
+    physics = pytest.importorskip("stiction.robots.physics")
+    assert FRICTION_D0 == physics.FRICTION_D0
 
 
 @pytest.mark.parametrize("step", ["0", "-1", "x"])

@@ -1,7 +1,7 @@
 """One robot in MuJoCo: the model of the training, its joints moved by torques from outside.
 
 What is measured lags the state by one step, as in the fleet, and so do the feet's sensors, which also feel one foot on
-another. Dry friction is the solver's `frictionloss`, as stiff as in training (`robots.build.FRICTION_D0`); its bound
+another. Dry friction is the solver's `frictionloss`, as stiff as in training (`robots.physics.FRICTION_D0`); its bound
 may change at every step.
 
 Two things make a policy walk otherwise here than elsewhere, and neither is in the joints. Contacts are as soft as in

@@ -6,6 +6,7 @@ from typing import Any
 
 import torch
 from rsl_rl.algorithms import Distillation
+from tensordict import TensorDict
 from torch import nn
 
 from stiction.rma.models import RMAActor
@@ -30,19 +31,36 @@ class StudentDistillation(Distillation):
         num_mini_batches: int = 4,
         adaptation_weight: float = 0.1,
         estimator_weight: float = 0.5,
+        velocity_weight: float = 1.0,
+        noise: str = "all",
         **kwargs: Any,
     ) -> None:
         """Set the weights beside L_clone; arguments as in `StudentCfg`."""
         super().__init__(*args, **kwargs)
         self.num_mini_batches = num_mini_batches
         self.adaptation_weight, self.estimator_weight = adaptation_weight, estimator_weight
+        self.velocity_weight, self.noise = velocity_weight, noise
+        self.noise_share = self._draw_noise(self.storage.num_envs)
         self.student.latent_source, self.teacher.latent_source = "history", "privileged"
         self.student.end_to_end = self.student.blind = True
 
-    def warm_start(self, actor_state: dict[str, torch.Tensor]) -> None:
-        """Load the trained teacher's actor into teacher and student."""
-        self.teacher.load_state_dict(actor_state)
-        self.student.load_state_dict(actor_state)
+    def _draw_noise(self, num: int) -> torch.Tensor:
+        """Return the share of the exploration noise with which each robot walks, (num, 1)."""
+        shares = {"all": torch.ones(num), "none": torch.zeros(num), "half": torch.arange(num) % 2.0}
+        share = torch.rand(num) if self.noise == "drawn" else shares[self.noise]
+        return share[:, None].to(self.device)
+
+    def act(self, obs: TensorDict) -> torch.Tensor:
+        """Let the student walk with each robot's share of the noise; store the teacher's actions."""
+        noisy = super().act(obs)
+        mean = self.student.output_mean.detach()
+        self.transition.actions = mean + self.noise_share * (noisy - mean)
+        return self.transition.actions
+
+    def warm_start(self, actor: dict[str, torch.Tensor], critic: dict[str, torch.Tensor]) -> None:
+        """Load the trained teacher's actor into teacher and student; there is no critic here."""
+        self.teacher.load_state_dict(actor)
+        self.student.load_state_dict(actor)
         self.teacher_loaded = True
 
     def update(self) -> dict[str, float]:
@@ -57,7 +75,7 @@ class StudentDistillation(Distillation):
                 if self.symmetry is not None:
                     batch, wanted = self.symmetry.supervised(batch, wanted)
                 losses = {"clone": self.loss_fn(self.student(batch), wanted)}
-                losses |= self.student.supervised_losses(batch)
+                losses |= self.student.supervised_losses(batch, self.velocity_weight)
                 loss = losses["clone"] + self.adaptation_weight * losses["adaptation"]
                 loss = loss + self.estimator_weight * losses["estimator"]
                 if "terrain" in losses:

@@ -1,0 +1,110 @@
+"""Lets the linear algebra inside torch take its fast kernels on processors that are not its maker's.
+
+The MKL that torch holds asks one question, `mkl_serv_intel_cpu_true`, before it chooses kernels by what the processor
+can do. Where the answer is no, float32 products take kernels that reach less than half the speed, and none of its
+documented variables changes that. So a library of 4 KiB that answers yes is opened before torch: made here, byte by
+byte, in memory, with six bytes of machine code. No compiler, no file. Kernels are still chosen by the instructions
+that the processor reports. Rounding differs from that of the slow kernels, so what was active is part of a result.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import platform
+import re
+import struct
+import sys
+from pathlib import Path
+
+VARIABLE = "STICTION_FAST_GEMM"
+"""Environment variable: 0 leaves the linear algebra as it is."""
+
+SYMBOL = "mkl_serv_intel_cpu_true"
+"""What MKL asks."""
+
+YES = bytes.fromhex("b801000000c3")
+"""mov eax, 1; ret."""
+
+_opened: list[ctypes.CDLL] = []
+"""The library, once it is open."""
+
+
+def fast_gemm_obstacle(cpuinfo: Path = Path("/proc/cpuinfo")) -> str | None:
+    """Return why the fast path is not to be opened here, None where it is."""
+    if os.environ.get(VARIABLE, "").strip() == "0":
+        return f"{VARIABLE}=0"
+    if platform.system() != "Linux" or platform.machine() != "x86_64":
+        return f"nothing to do on {platform.system()} {platform.machine()}"
+    try:
+        text = cpuinfo.read_text()
+    except OSError:
+        return "the processor is not known"
+    vendor = re.search(r"^vendor_id\s*:\s*(\S+)$", text, re.MULTILINE)
+    flags = re.search(r"^flags\s*:(.*)$", text, re.MULTILINE)
+    if vendor is None or vendor.group(1) == "GenuineIntel":
+        return "nothing to do on this processor"
+    if flags is None or not {"avx2", "fma"} <= set(flags.group(1).split()):
+        return "the processor lacks AVX2"
+    return None
+
+
+def open_fast_gemm() -> None:
+    """Open the fast path if there is one; say nothing where there is none, `gemm_path` does.
+
+    It has no effect once torch is loaded, so the command line calls it first.
+    """
+    if _opened or "torch" in sys.modules or fast_gemm_obstacle() is not None:
+        return
+    try:
+        file = os.memfd_create("stiction-gemm")
+        try:
+            os.write(file, yes_library())
+            _opened.append(ctypes.CDLL(f"/proc/self/fd/{file}", mode=ctypes.RTLD_GLOBAL))
+        finally:
+            os.close(file)
+    except OSError:
+        return
+
+
+def gemm_path() -> str:
+    """Return which matrix products torch has in this process, for the record: `fast`, or `default` and why."""
+    if _opened:
+        return "fast"
+    why = fast_gemm_obstacle()
+    if why is None:
+        why = "torch was loaded first" if "torch" in sys.modules else "not opened"
+    return f"default ({why})"
+
+
+def yes_library() -> bytes:
+    """Return an ELF library for x86-64 with one function, `SYMBOL`, that returns 1.
+
+    Two segments: headers, symbols and code, read only; the dynamic section, which the loader writes to.
+    """
+    symbols, strings, table, code, dynamic = 0x120, 0x150, 0x170, 0x190, 0x1000
+    names = b"\0" + SYMBOL.encode() + b"\0"
+    tags = ((4, table), (5, strings), (6, symbols), (10, len(names)), (11, 24), (0, 0))
+    entries = b"".join(struct.pack("<QQ", *tag) for tag in tags)
+    # Kind, rights, place, size, alignment of: what is read and run; what is written; the dynamic section; the stack.
+    segments = (
+        (1, 5, 0, code + len(YES), 0x1000),
+        (1, 6, dynamic, len(entries), 0x1000),
+        (2, 6, dynamic, len(entries), 8),
+        (0x6474E551, 6, 0, 0, 16),
+    )
+    parts = {
+        0: struct.pack("<16sHHIQQQIHHHHHH", b"\x7fELF\x02\x01\x01", 3, 62, 1, 0, 64, 0, 0, 64, 56, 4, 0, 0, 0),
+        64: b"".join(
+            struct.pack("<IIQQQQQQ", kind, may, at, at, at, n, n, step) for kind, may, at, n, step in segments
+        ),
+        symbols: bytes(24) + struct.pack("<IBBHQQ", 1, 0x12, 0, 1, code, len(YES)),
+        strings: names,
+        table: struct.pack("<5I", 1, 2, 1, 0, 0),
+        code: YES,
+        dynamic: entries,
+    }
+    image = bytearray(dynamic + len(entries))
+    for start, part in parts.items():
+        image[start : start + len(part)] = part
+    return bytes(image)

@@ -1,0 +1,170 @@
+"""rsl_rl's PPO with rapid motor adaptation: whose latent walks, what it is trained by, and how loudly it explores."""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import Any
+
+import torch
+from rsl_rl.algorithms import PPO
+from rsl_rl.env import VecEnv
+from tensordict import TensorDict
+from torch import nn
+
+from stiction.rma.config import STD_RANGE
+from stiction.rma.models import RMAActor
+from stiction.rma.symmetry import MirroredBatches
+
+REMEMBERED = ("estimate", "guess", "walks_blind")
+"""The groups that are stored beside those of the task, see `RMAActor.remembered`."""
+
+
+def evenly_spread(num: int, share: float) -> torch.Tensor:
+    """Return which of `num` robots belong to a share of them, every k-th as near as can be, (num,) bool."""
+    counted = torch.floor(torch.arange(num + 1, dtype=torch.float64) * share)
+    return counted[1:] > counted[:-1]
+
+
+class AdaptationPPO(PPO):
+    """PPO of an actor that walks on z, on z*, on both in turn, or on z* with a share of the robots.
+
+    The latent source changes only between an update and the next rollout, and what comes from networks that PPO does
+    not train is computed once, as the robot walks, and stored: log-probabilities of a rollout are recomputed with the
+    source, and with the estimates, that produced it, so the ratio is 1 before the first gradient step.
+    """
+
+    actor: RMAActor
+    symmetry: MirroredBatches | None
+    """What mirrors samples, if anything does; the runner sets it."""
+
+    def __init__(
+        self,
+        *args: Any,
+        latent: str = "alternate",
+        student_share: float = 0.25,
+        both_ways: bool = False,
+        alternate: int = 4,
+        noise: tuple[float, float, int] | None = None,
+        adaptation_learning_rate: float = 1e-3,
+        adaptation_batches: int = 4,
+        adaptation_passes: int = 1,
+        velocity_weight: float = 1.0,
+        **kwargs: Any,
+    ) -> None:
+        """Add the supervised losses to `PPO`; arguments as in `TeacherCfg`.
+
+        `noise`: bound of the standard deviation at the start and at the end, and the iterations in between.
+        """
+        super().__init__(*args, **kwargs)
+        self.latent, self.alternate, self.both_ways, self.noise = latent, alternate, both_ways, noise
+        self.adaptation_batches, self.adaptation_passes = adaptation_batches, adaptation_passes
+        self.velocity_weight = velocity_weight
+        stored = self.storage.observations[0]
+        self.room = {name: stored[name].clone() for name in REMEMBERED if name in stored.keys()}  # noqa: SIM118
+        if latent == "groups":
+            blind = evenly_spread(self.storage.num_envs, student_share)
+            self.room["walks_blind"] = blind.float()[:, None].to(self.device)
+        self.iteration = 0
+        self.kl = 0.0
+        self.actor.adapts = self.actor.blind = latent == "history"
+        policy = chain(self.actor.policy_parameters(), self.critic.parameters())
+        self.optimizer = torch.optim.Adam(policy, lr=self.learning_rate)
+        self.adaptation_optimizer = torch.optim.Adam(self._supervised_parameters(), lr=adaptation_learning_rate)
+        self._prepare_rollout()
+
+    @staticmethod
+    def construct_algorithm(obs: TensorDict, env: VecEnv, cfg: dict, device: str) -> PPO:
+        """Construct the algorithm, with room in its storage for what the actor remembers of a rollout."""
+        latent, source = cfg["actor"]["latent"], cfg["algorithm"].get("latent", "alternate")
+        columns = {"estimate": obs["explicit"].shape[-1]}
+        if source != "history":
+            columns |= {"guess": latent}
+        if source == "groups":
+            columns |= {"walks_blind": 1}
+        room = {name: torch.zeros(env.num_envs, width, device=device) for name, width in columns.items()}
+        return PPO.construct_algorithm(obs.clone(recurse=False).update(room), env, cfg, device)
+
+    def warm_start(self, actor: dict[str, torch.Tensor], critic: dict[str, torch.Tensor]) -> None:
+        """Begin with the networks of an earlier phase."""
+        self.actor.load_state_dict(actor)
+        self.critic.load_state_dict(critic)
+
+    def act(self, obs: TensorDict) -> torch.Tensor:
+        """Sample actions; store, with the observations, what PPO holds fixed."""
+        known = self.room | self.actor.remembered(obs)
+        return super().act(obs.clone(recurse=False).update(known))
+
+    def update(self) -> dict[str, float]:
+        """Update the policy, then adaptation and estimator, then choose how the next rollout walks."""
+        losses = super().update()
+        self.kl = self._divergence()
+        losses |= self._supervise()
+        self.iteration += 1
+        self._prepare_rollout()
+        return losses
+
+    def _prepare_rollout(self) -> None:
+        """Set where the next rollout's latent comes from, and how much noise it may have."""
+        in_turn = self.alternate > 0 and self.iteration % self.alternate == self.alternate - 1
+        alternating = "history" if in_turn else "privileged"
+        self.actor.latent_source = {"alternate": alternating}.get(self.latent, self.latent)
+        if self.noise is not None:
+            start, end, iterations = self.noise
+            done = min(1.0, self.iteration / max(1, iterations - 1))
+            self.actor.distribution.std_range = [STD_RANGE[0], start + (end - start) * done]
+
+    def _divergence(self) -> float:
+        """Return KL(policy that walked || policy after the update), mean over the robots' last step.
+
+        Nothing is sampled. Like `_supervise`, it reads the rollout that `PPO.update` has left in the storage.
+        """
+        storage, distribution = self.storage, self.actor.distribution
+        with torch.no_grad():
+            mean = self.actor(storage.observations[-1])
+            std = distribution.std_param.clamp(*distribution.std_range).expand_as(mean)
+            before = tuple(parameter[-1] for parameter in storage.distribution_params)
+            return float(distribution.kl_divergence(before, (mean, std)).mean())
+
+    def _supervised_parameters(self) -> list[nn.Parameter]:
+        """Return what the supervised pass trains."""
+        privileged = self.actor.privileged_encoder.parameters() if self.both_ways else ()
+        return [*self.actor.supervised_parameters(), *privileged]
+
+    def _supervise(self) -> dict[str, float]:
+        """Take passes of L_ada, L_est and, where there is terrain, L_hist over the rollout just used.
+
+        `PPO.update` has rewound the storage's cursor; its contents stay until the next rollout overwrites them.
+        """
+        observations = self.storage.observations.flatten(0, 1)
+        total: dict[str, float] = {}
+        steps = self.adaptation_passes * self.adaptation_batches
+        for _ in range(self.adaptation_passes):
+            for ids in torch.randperm(observations.batch_size[0], device=self.device).chunk(self.adaptation_batches):
+                batch = observations[ids]
+                if self.symmetry is not None:
+                    batch, _ = self.symmetry.supervised(batch)
+                losses = self.actor.supervised_losses(batch, self.velocity_weight, self.both_ways)
+                self.adaptation_optimizer.zero_grad()
+                torch.stack(list(losses.values())).sum().backward()
+                nn.utils.clip_grad_norm_(self._supervised_parameters(), self.max_grad_norm)
+                self.adaptation_optimizer.step()
+                for name, value in losses.items():
+                    total[name] = total.get(name, 0.0) + value.item() / steps
+        # PPO clips the gradient norm of the whole actor and clears only what it trains: leave nothing behind for it.
+        self.adaptation_optimizer.zero_grad()
+        return total
+
+    def save(self) -> dict:
+        """Return every network, optimizer and counter."""
+        return super().save() | {
+            "adaptation_optimizer_state_dict": self.adaptation_optimizer.state_dict(),
+            "algorithm_iteration": self.iteration,
+        }
+
+    def load(self, loaded_dict: dict, load_cfg: dict | None = None, strict: bool = True) -> bool:
+        """Restore what `save` returned, the latent source and the noise included."""
+        result = super().load(loaded_dict, load_cfg, strict)
+        self.adaptation_optimizer.load_state_dict(loaded_dict["adaptation_optimizer_state_dict"])
+        self.iteration = loaded_dict["algorithm_iteration"]
+        self._prepare_rollout()
+        return result
