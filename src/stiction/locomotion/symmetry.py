@@ -93,6 +93,8 @@ class TaskMirror(nn.Module):
     def __init__(self, groups: dict[str, Rows], action: Rows) -> None:
         """`groups`: of every observation group; `action`: of the action."""
         super().__init__()
+        self.rows = {**groups, "action": action}
+        """The rules as they came, for who builds more than a mirror of them."""
         self.groups = nn.ModuleDict({name: VectorMirror(rows) for name, rows in groups.items()})
         self.action = VectorMirror(action)
 

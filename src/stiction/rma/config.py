@@ -14,7 +14,7 @@ from stiction.sim.protocol import DeviceName
 STD_RANGE = (0.05, 2.0)
 """Bounds of the actions' standard deviation."""
 
-SymmetryName = Literal["none", "batches", "half"]
+SymmetryName = Literal["none", "batches", "half", "network"]
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,8 @@ class TrainCfg:
     """Seed of everything random in the run."""
     symmetry: SymmetryName = "none"
     """Left-right symmetry. `batches`: every sample of an update also as its mirror image, at twice the update's cost.
-    `half`: mirrored samples at no cost, PPO makes half as many passes. See `stiction.rma.symmetry`."""
+    `half`: mirrored samples at no cost, PPO makes half as many passes. `network`: actor and critic are symmetric by
+    construction. See `stiction.rma.symmetry` and `stiction.rma.equivariant`."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     actuator: str | None = None
