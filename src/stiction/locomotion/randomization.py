@@ -13,8 +13,8 @@ import torch
 
 from stiction.formats.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg
-from stiction.locomotion.friction import FrictionCfg, Mixture
-from stiction.locomotion.privileged import friction_share, privileged_observation
+from stiction.locomotion.friction import FrictionCfg, Mixture, friction_share
+from stiction.locomotion.privileged import privileged_observation
 from stiction.robots.spec import RobotSpec
 from stiction.sim.actuator import NetMotors
 from stiction.sim.fleet import Fleet
@@ -163,11 +163,14 @@ class Randomizer:
         fleet.base_com[rows] = values["center_of_mass"]
         fleet.set_const(rows)
 
+    def friction_share(self) -> torch.Tensor:
+        """Return the dry friction of every joint as a fraction of its torque limit, shape (N, joints)."""
+        fleet = self.fleet
+        weight = fleet.spec.mass * float(np.linalg.norm(fleet.model.opt.gravity))
+        nominal = friction_share(self.friction.law, self.nominal.frictionloss, fleet.spec, weight)
+        return self.draws.friction * torch.from_numpy(nominal).float()
+
     def privileged(self) -> torch.Tensor:
         """Return o_priv of every robot, shape (N, 2 + 3 joints); see `privileged_observation`."""
-        d, fleet = self.draws, self.fleet
-        weight = fleet.spec.mass * float(np.linalg.norm(fleet.model.opt.gravity))
-        share = torch.from_numpy(
-            friction_share(self.friction.law, self.nominal.frictionloss, fleet.spec, weight)
-        ).float()
-        return privileged_observation(d.payload, d.ground_friction, d.armature, d.damping, d.friction * share)
+        d = self.draws
+        return privileged_observation(d.payload, d.ground_friction, d.armature, d.damping, self.friction_share())
