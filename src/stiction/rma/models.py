@@ -42,7 +42,8 @@ class HistoryEncoder(nn.Module):
         frames = self.embed(history.unflatten(-1, (-1, self.frame)))
         if self.memory is None:
             return self.mlp(frames.flatten(-2))
-        state = frames.new_zeros(frames.shape[0], self.memory.hidden_size)  # not len(): it would fix the batch at export
+        # Not len(frames): the exporter would take it for a number, and the network for one size of batch.
+        state = frames.new_zeros(frames.shape[0], self.memory.hidden_size)
         for frame in frames.unbind(1):
             state = self.memory(frame, state)
         return self.mlp(state)
