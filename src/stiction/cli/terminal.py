@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from stiction.formats.following import row_pace
 from stiction.formats.friction import level_text
 from stiction.formats.results import ResultRow
 
@@ -49,8 +50,8 @@ def print_rows(rows: Sequence[ResultRow]) -> None:
         table = Table()
         named = {"engine": [row.engine for row in rows], "ground": [row.terrain for row in rows]}
         where = [name for name, values in named.items() if len(set(values)) > 1]
-        for name in (*where, "friction", "command", "speed ratio", "error", "falls", "jitter", "tripod"):
-            table.add_column(name, justify="left" if name in ("command", *where) else "right", overflow="fold")
+        for name in (*where, "friction", "command", "speed ratio", "pace", "error", "falls", "jitter", "tripod"):
+            table.add_column(name, justify="left" if name in ("command", "pace", *where) else "right", overflow="fold")
         for index, row in enumerate(rows):
             if row.policy == policy:
                 table.add_row(*(named[name][index] for name in where), *_cells(row))
@@ -63,6 +64,7 @@ def _cells(row: ResultRow) -> list[str]:
         level_text(row.friction_law, row.friction_level),
         row.command,
         "–" if row.speed_ratio is None else f"{row.speed_ratio:.2f}",
+        row_pace(row) or "–",
         f"{row.tracking_error:.3f}",
         f"{row.fall_rate:.0%}",
         f"{row.joint_jitter:.0f}",

@@ -77,6 +77,16 @@ def places_sheet(cells: Sequence[Following]) -> Sheet:
     return Sheet("Who follows, place by place", ("friction", "place", *ways), tuple(rows), DEFINITION)
 
 
+def counts_sheet(cells: Sequence[Following]) -> Sheet:
+    """Return how many seeds of each way follow, a row for each engine and friction."""
+    rows = [
+        (cell.method, cell.engine, friction_text(cell.friction_law, cell.friction_level), cell.text, cell.each)
+        for cell in cells
+    ]
+    header = ("method", "engine", "friction", "seeds that follow", "forward/backward of each seed")
+    return Sheet("Seeds that follow", header, tuple(rows), DEFINITION)
+
+
 def levels_sheet(cells: Sequence[Following], title: str, most_friction: float = 0.3) -> Sheet:
     """Return how many seeds of each way follow, a column for each level up to `most_friction`; cells: of one place."""
     levels = sorted({cell.friction_level for cell in cells if cell.friction_level <= most_friction})
@@ -86,6 +96,18 @@ def levels_sheet(cells: Sequence[Following], title: str, most_friction: float = 
     ]
     header = ("friction in % of the torque limit", *(f"{100 * level:g}" for level in levels))
     return Sheet(title, header, tuple(rows), DEFINITION)
+
+
+def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:
+    """Say where something follows and where it does what else: `follows at 20 %, is too fast at 0 %, 10 %`.
+
+    found: a place in words, and all that was seen there, as of `row_pace`; it follows where nothing else was seen.
+    """
+    where = {"follows": [at for at, seen in found if seen == {"follows"}]}
+    where |= {one: [at for at, seen in found if one in seen] for one in ("too fast", "too slow", "fell")}
+    words = {"follows": "follows", "too fast": "is too fast", "too slow": "is too slow", "fell": "falls"}
+    said = [f"{words[one]} at {', '.join(places)}" for one, places in where.items() if places]
+    return "; ".join(said if where["follows"] else ["follows nowhere", *said])
 
 
 def needs_sentence(cells: Sequence[Following], level: float) -> str:
