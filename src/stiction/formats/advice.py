@@ -17,9 +17,6 @@ from stiction.formats.following import Following
 SCHEMA_VERSION = 1
 """Version of the file."""
 
-SHIPPED = Path(__file__).parents[1] / "identify" / "advice.json"
-"""The file that comes with the package."""
-
 TRAINING, TRANSFER = "friction-training", "replication"
 """Names of the parts: in the simulator of the training, and elsewhere."""
 
@@ -54,7 +51,7 @@ class Source:
     """Who follows, by way, engine and friction."""
 
 
-def read_advice(path: Path = SHIPPED) -> dict[str, Source]:
+def read_advice(path: Path) -> dict[str, Source]:
     """Return every study's part.
 
     Raises:
