@@ -29,8 +29,8 @@ class Verdict:
     """What the friction of one joint means for training."""
 
     level: float | None
-    """Friction that a training has to cover, as a share of the torque limit, upper end and margin; None without a torque
-    limit, and beyond what can be trained."""
+    """Friction that a training has to cover, as a share of the torque limit: the upper end, with the margin; None
+    without a torque limit, and beyond what can be trained."""
     text: str
     """The same in words, with the comparison."""
     placement: tuple[Placement, ...] = ()
