@@ -198,8 +198,8 @@ def methods_table(samples: Sequence[Sample]) -> Markup:
 
 
 def _paces(points: Sequence[float]) -> str:
-    """Return how many seeds have which pace under one command: `4 follows, 1 too fast`."""
-    found = [pace(point) for point in points]
+    """Return how many seeds have which pace under one command: `4 follow, 1 too fast`."""
+    found = [pace(point).replace("follows", "follow") for point in points]
     return ", ".join(f"{found.count(one)} {one}" for one in dict.fromkeys(found)) or "–"
 
 

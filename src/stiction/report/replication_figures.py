@@ -93,6 +93,7 @@ def draw_needs(cells: Sequence[Following], ways: Sequence[str]) -> Figure:
             axis.text(at, row, said, ha="center", va="center", fontsize=7.5, color=INK)
         axis.set_xticks(range(len(levels)), [level_text("coulomb", level) for level in levels])
         axis.set_yticks(range(len(shown)), shown)
+        axis.grid(False)
         axis.set(title=place, xlim=(-0.5, len(levels) - 0.5), ylim=(len(shown) - 0.5, -0.5))
     for axis in axes[len(places) :]:
         axis.set_visible(False)
