@@ -141,8 +141,8 @@ def test_false_alarms_stand_beside_the_notices(tmp_path: Path) -> None:
     (said,) = answers([group], 3.0)
     assert (
         "Where friction stayed at x0.3, 2 of 3 follow to the end, 1 too slow; false alarms: an unusual reading for 2 "
-        "of 3 (21% to 94%), growth for 0 of 3 (0% to 56%). Where friction stayed at x1, 0 of 3 follow to the end, 3 too "
-        "fast from the start; " in said
+        "of 3 (21% to 94%), growth for 0 of 3 (0% to 56%). Where friction stayed at x1, 0 of 3 follow to the end, 3 "
+        "too fast from the start; " in said
     )
     (deaf,) = answers([group | {"monitored": False}], 3.0)
     assert "at x0.3, 2 of 3 follow to the end, 1 too slow. Where" in deaf and "alarm" not in deaf
