@@ -57,6 +57,15 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
         state["friction"] = {name: torch.from_numpy(value) for name, value in state["friction"].items()}
     state["ground"] = torch.from_numpy(state["ground"].copy())
     state["blown_up"] = torch.from_numpy(state["blown_up"].copy())
+    if env.motors is not None:
+        motors = state["motors"]
+        order = np.argsort(env.motors.memory._order)  # the net keeps its joints group by group
+        past = motors["past"][:, :, order][:, :, joints] * mirror.sign[:, None]
+        state["motors"] = {
+            "past": torch.from_numpy(past[:, :, env.motors.memory._order].astype(np.float32)),
+            "fresh": torch.from_numpy(motors["fresh"]),
+            "targets": torch.from_numpy(motors["targets"][:, joints] * mirror.sign),
+        }
     if env.course:
         course = state["course"]
         course["heading"] = -course["heading"]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from stiction.formats.advice import TRAINING
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
-from stiction.identify.evidence import METHOD, RANGE, friction_settings
+from stiction.identify.advice import shipped
 from stiction.identify.proposal import judge, propose
 from stiction.locomotion.friction import FRICTION_RANGES, FrictionCfg
 
@@ -16,15 +17,19 @@ def record(high: float, condition: str | None = "loaded", **changes) -> JointRec
 
 def test_what_is_proposed_is_what_training_takes() -> None:
     """Method, range and fields are written twice, for identification does not import training."""
-    assert FRICTION_RANGES[METHOD] == RANGE
-    assert FrictionCfg(**friction_settings(0.1)) == FrictionCfg(method="deception", level=0.1)
-    assert FrictionCfg(**friction_settings(0.0)).last.range == (0.0, 0.0)
+    ways = shipped()[TRAINING].ways.values()
+    assert len(ways) == 3 and all(FRICTION_RANGES[way.method] == (way.low, way.high) for way in ways)
+    for high in (0.01, 0.2, 0.3):
+        told = propose(JointsFile({"shank": record(high)}))
+        cfg = FrictionCfg(**told["friction"])
+        assert told["range"] == [end * cfg.level for end in cfg.last.range]
 
 
 def test_the_worst_joint_sets_the_level() -> None:
     """3 % under load is level 0.03; 2 % in the air, doubled, is 0.04: that one."""
     told = propose(JointsFile({"FL_thigh": record(0.03), "FL_shank": record(0.02, "in_air"), "FL_hip": JointRecord()}))
-    assert told["friction"]["level"] == 0.04 and told["range"] == [0.0, 1.2 * 0.04]
+    assert told["friction"] == {"method": "none", "level": 0.0, "law": "coulomb", "per": "robot"}
+    assert told["range"] == [0.0, 0.0] and told["advice"]["levels"] == [0.01, 0.05]
     assert {name: joint["friction_level"] for name, joint in told["joints"].items()} == {
         "FL_thigh": 0.03,
         "FL_shank": 0.04,

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import csv
 import json
+from pathlib import Path
 
 import pytest
 
 from stiction.formats.joints import Estimate
+from stiction.identify.evidence import EVIDENCE
 from stiction.identify.verdict import verdict
 
 FRICTION = Estimate(1.0, 0.1, (0.8, 1.2))
@@ -67,13 +70,32 @@ def test_a_linear_axis_is_not_a_leg() -> None:
 
 
 def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
-    """Level 0.06: friction is drawn from 0 to 7.2 % of the limit."""
-    told = verdict(FRICTION, ratio(0.0512), None, "loaded")
-    assert told.range == (0.0, pytest.approx(0.072)) and "between 0 and 7.2 %" in told.text
-    assert told.training == {"method": "deception", "level": 0.06, "law": "coulomb", "per": "robot"}
-    assert f"--method {told.training['method']} --friction-level 0.06" in told.text
+    """Trained at 20 %: friction is drawn from 0 to 24 % of the limit; little friction, or none, calls for none."""
+    told = verdict(FRICTION, ratio(0.25), None, "loaded")
+    assert told.level == 0.25 and told.range == (0.0, pytest.approx(0.24))
+    assert told.training == {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
+    assert "--method deception --friction-level 0.2." in told.text and "has to cover 25 %" in told.text
+    little = verdict(FRICTION, ratio(0.0098), None, "loaded")
+    assert (little.level, little.training["method"], little.range) == (0.01, "none", (0.0, 0.0))
     nothing = verdict(FRICTION, Estimate(-0.01, 0.001, (-0.02, 0.0)), None, "loaded")
     assert nothing.level == 0 and nothing.training["method"] == "none" and "--method none" in nothing.text
+    assert nothing.to_dict()["advice"] is None and nothing.range == (0.0, 0.0)
+
+
+def test_the_sentence_on_what_friction_costs_is_that_of_the_results() -> None:
+    """Where policies without friction in training slow under 80 %: the shares that the sentence names, rounded."""
+    path = Path(__file__).parents[2] / "results" / "replication" / "onsets.csv"
+    with path.open(newline="") as file:
+        shares = {
+            row["engine"]: round(100 * float(row["level"]))
+            for row in csv.DictReader(file)
+            if row["method"] == "none" and row["friction_law"] in ("coulomb", "real")
+        }
+    assert shares["physx"] == shares["physx+all"]
+    assert f"under 80 % of it with {shares['mujoco']} % in the simulator that trained them" in EVIDENCE
+    assert (
+        f"with {shares['physx']} % in PhysX and on virtual robots, and with {shares['ode-webots']} % in ODE" in EVIDENCE
+    )
 
 
 def test_friction_without_newton_metres_is_judged_by_its_ratio() -> None:

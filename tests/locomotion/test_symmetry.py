@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import torch
 
+from actuators import pd_net
 from mirrored import mirrored_qpos, mirrored_qvel, mirrored_state
 from stiction.formats.errors import StictionError
 from stiction.formats.observation import ObservationLayout, Term
@@ -112,7 +113,7 @@ def check_canonical_state(env: LocomotionEnv, mirror: RobotMirror) -> None:
 def check_commuting(env: LocomotionEnv, mirror: RobotMirror, steps: int = 1) -> None:
     """The mirrored robots, given mirrored actions, do what the mirror shows, and are paid the same."""
     actions = walked(env)
-    other = LocomotionEnv(env.cfg, NUM, seed=1)
+    other = LocomotionEnv(env.cfg, NUM, seed=1, actuator=None if env.motors is None else env.motors.net)
     other.load_state(mirrored_state(env, mirror))
     task = task_mirror(env)
     generator = torch.Generator().manual_seed(1)
@@ -186,6 +187,27 @@ def test_every_ground_and_every_law_of_friction_commutes(terrain: str, law: str)
     """Slabs and ridges are mirrored with the robot, and a law that acts on left joints acts on right ones."""
     env = make("go1", terrain, law)
     check_commuting(env, robot_mirror(env.spec))
+
+
+def test_an_actuator_net_commutes() -> None:
+    """One for each kind of joint knows no left and right; its past and its targets are mirrored with the robot."""
+    env = LocomotionEnv(make("go1").cfg, NUM, seed=1, actuator=pd_net("go1"))
+    check_commuting(env, robot_mirror(env.spec))
+
+
+def test_an_actuator_net_that_knows_left_from_right_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A net for each joint, and one for joints whose angle changes its sign: nothing says that it is odd."""
+    net = pd_net("go1")
+    layer = {name: layers for group, layers in zip(net.groups, net.layers, strict=True) for name in group}
+    names = net.joint_names
+    lopsided = pd_net("go1", groups=tuple((name,) for name in names), layers=tuple(layer[name] for name in names))
+    env = LocomotionEnv(make("go1").cfg, NUM, seed=1, actuator=lopsided)
+    with pytest.raises(StictionError, match="treats joint 'FL_hip' and its mirror image 'FR_hip' differently"):
+        task_mirror(env)
+    env = LocomotionEnv(make("go1").cfg, NUM, seed=1, actuator=net)
+    monkeypatch.setattr(symmetry, "robot_mirror", lambda robot: wrong_sign(robot_mirror(robot)))
+    with pytest.raises(StictionError, match="treats joint 'FL_thigh'"):
+        task_mirror(env)
 
 
 @pytest.mark.parametrize("robot", ROBOTS)

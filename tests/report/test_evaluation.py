@@ -77,8 +77,12 @@ def test_every_file_is_written_and_read_back(tmp_path: Path) -> None:
 def test_the_lead_says_where_each_policy_follows() -> None:
     """One direction that fails, or one fall, is enough not to follow."""
     text = lead(ROWS)
-    assert "plain follows every command without a fall at 0 % of the tested levels 0 %, 20 %." in text
-    assert "wild does at none of the tested levels 0 %." in text
+    assert "plain follows at 0 %; is too slow at 20 %." in text
+    assert "wild follows nowhere; falls at 0 %." in text
+    fast = [make_row("fast", 0.0, "vx=0.5", 1.21), make_row("fast", 0.0, "vx=-0.5", 1.0)]
+    one_way = [make_row("fast", 0.1, "vx=0.5", 1.3), make_row("fast", 0.1, "vx=-0.5", 0.7)]
+    assert "fast follows nowhere; is too fast at 0 %, 10 %; is too slow at 10 %." in lead([*fast, *one_way])
+    assert "was not asked to move" in lead(ROWS[-1:])
 
 
 def test_one_panel_for_each_command_with_a_speed() -> None:
@@ -124,8 +128,13 @@ def test_every_measure_of_a_way_has_its_interval(tmp_path: Path) -> None:
     falls = seeded("fall_rate", 0.0, 0.0, 0.125, trials=16, trials_low=0.0111, trials_high=0.283)
     others = [seeded("tracking_error", 0.0, 0.2, 0.3), seeded("joint_jitter", 0.0, 30.0, 40.0)]
     samples = [*SPEEDS, falls, *others, replace(falls, command=BOTH)]
-    page = write_evaluation(tmp_path, [*ROWS, *SEEDS], SUMMARY | {"rows": []}, samples).read_text()
-    assert "0.250 ± 0.100" in page and "35 ± 0" in page and "1.00, 1.10" in page and "both" not in page
+    ways = SUMMARY["ways"] | {"p0": "deception", "p1": "deception"}
+    back = [replace(row, command="vx=-0.5", speed_ratio=1.3) for row in SEEDS[:1]]
+    made = SUMMARY | {"rows": [], "ways": ways}
+    page = write_evaluation(tmp_path, [*ROWS, *SEEDS, *back], made, samples).read_text()
+    assert "How many training seeds follow" in page and "0 of 1, 1 too fast" in page and "1.00/1.30" in page
+    assert "2 follow" in page
+    assert "0.250 ± 0.100" in page and "35 ± 0" in page and "1.00, 1.10" in page and ">both<" not in page
     assert page.count("6% ± 10% (1% to 28%)") == 1
     assert "every seed" in page and "Mean over episodes." not in page
     assert [one.each for one in read_rows(tmp_path / "methods.csv", Sample)] == [one.each for one in samples]
@@ -155,6 +164,6 @@ def test_a_coefficient_is_no_percentage() -> None:
         "load friction c, N m per N and N m transmitted",
     ]
     assert [line.get_xydata().tolist() for line in figure.axes[2].get_lines()[1:]] == [[[0.05, 0.95]], []]
-    assert "plain follows every command without a fall at load c = 0.05 of the tested" in lead(load)
+    assert "plain follows at load c = 0.05." in lead(load)
     details = [asdict(load[0]) | {"moving_share": 0.4, "mean_friction": 3.21}]
     assert "load c = 0.05, 3.21 N m" in results_table(load, details)

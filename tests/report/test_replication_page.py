@@ -8,15 +8,17 @@ from pathlib import Path
 import pytest
 
 from stiction.formats.experiment import Verdict
+from stiction.formats.following import Following, following
 from stiction.formats.grid import FED
 from stiction.formats.replication import BOTH, Behind, BudgetPoint, ForwardPoint, Onset, PartRecord, Replication, Sample
 from stiction.formats.results import ResultRow, read_results
 from stiction.formats.rows import read_rows
+from stiction.report.following import needs_sentence, needs_sheet
 from stiction.report.replication import lead, warnings, write_replication
 from stiction.report.replication_clips import ClipPair
-from stiction.report.replication_figures import draw_needs, reach
+from stiction.report.replication_figures import draw_needs
 from stiction.report.replication_methods import friction_text, place_sheets, stairs_sheet
-from stiction.report.replication_tables import forward_sheet, needs_sheet
+from stiction.report.replication_tables import forward_sheet
 
 ROWS = [
     ResultRow("p", "none", 0, "physx", "coulomb", level, "flat", command, 1.0 - level, 0.1, 0.0, 4.0, None, 1.0, *rest)
@@ -57,6 +59,7 @@ RESULT = Replication(
     budget=[BudgetPoint("none", "physx", "coulomb", lv, 1, 1 - lv, None, None, f"{1 - lv}") for lv in (0.0, 0.1, 0.2)],
     forward=[ForwardPoint(FED, "physx", "coulomb", 0.1, 1, 0.95, None, None, "0.95", 0, 0)],
     onsets=[onset("none", "physx", 0.12), onset("none", "ode", 0.08)],
+    following=following(ROWS, lambda row: row.method),
     verdicts=[Verdict("E1", "a <sentence>", "a criterion", "not tested", "none 0.90 (one seed)")],
     behind=[Behind("none", "physx", "coulomb", 0.1, "flat", "vx=0.5", "E1", "speed_ratio", "0 1", "0.8 1")],
     ways={"none": "without friction"},
@@ -112,65 +115,87 @@ def test_clips_say_in_which_simulator_they_are(tmp_path: Path) -> None:
     assert "these clips do not show transfer" in html and "virtual robot, PhysX" not in html
 
 
-def needs(onsets: Sequence[Onset]) -> dict[str, tuple[str, str]]:
-    """Return friction -> who follows, and who does on average only."""
-    return {friction: (follows, average) for friction, follows, average in needs_sheet(onsets).rows}
+def cell(way: str, engine: str, level: float, follow: int, slow: int = 0, fast: int = 0, seeds: int = 3) -> Following:
+    """Return who follows of one way at one spot."""
+    return Following(way, engine, "coulomb", level, seeds, follow, slow, fast, 0, 0.1, "")
 
 
-def test_a_way_follows_only_if_it_does_in_every_engine() -> None:
-    """At 10 % it is above its onset in ODE, and below in PhysX."""
-    assert needs(RESULT.onsets)["5 %"] == ("none (one seed)", "–")
-    assert needs(RESULT.onsets)["10 %"] == ("none of them", "–")
+def needs(cells: Sequence[Following]) -> dict[str, dict[str, str]]:
+    """Return friction -> who follows everywhere, and the counts of each way."""
+    sheet = needs_sheet(cells)
+    return {row[0]: dict(zip(sheet.header[1:], row[1:], strict=True)) for row in sheet.rows}
 
 
-def test_what_was_not_tested_is_not_said_to_fail() -> None:
-    """Nobody was walked at 30 % where levels end at 20 %."""
-    short = [replace(onset("none", "physx", None), tested=0.2)]
-    assert needs(short)["20 %"] == ("none (one seed)", "–")
-    assert needs(short)["25 %"] == ("not tested", "–")
+def test_a_way_follows_only_if_every_seed_does_in_every_engine() -> None:
+    """Two of three in ODE are not all; what is wrong with the third is said, and one seed is called one."""
+    both = [cell("none", "physx", 0.01, 3), cell("none", "ode", 0.01, 2, fast=1)]
+    assert needs(both)["1 %"] == {"every seed, everywhere": "nobody", "none": "5 of 6, 1 too fast"}
+    sure = needs([both[0], cell("none", "ode", 0.01, 3)])
+    assert sure["1 %"] == {"every seed, everywhere": "none", "none": "6 of 6"}
+    alone = needs([cell("direct", "physx", 0.2, 1, seeds=1)])
+    assert alone["20 %"] == {"every seed, everywhere": "direct (one seed)", "direct (one seed)": "1 of 1"}
 
 
-def test_a_place_that_was_tested_less_refutes_nobody() -> None:
-    """At 25 % one way was tested in one engine of two, and another fell before: neither is said of the other."""
-    less = [onset("deception", "physx", None), replace(onset("deception", "ode", None), tested=0.2, each=">0.2")]
-    assert needs(less)["20 %"] == ("deception (one seed)", "–")
-    assert needs(less)["25 %"] == ("deception (one seed, not tested in ode)", "–")
-    fallen = onset("none", "physx", 0.12)
-    assert needs([fallen, less[1]])["25 %"] == ("none of those tested", "–")
-    assert needs([fallen])["25 %"] == ("none of them", "–")
+def test_too_fast_is_no_following() -> None:
+    """A policy that outruns its command is not the one to choose, as it was where only 80 % was asked."""
+    cells = [cell("none", "physx", 0.01, 3), cell("deception", "physx", 0.01, 0, fast=3)]
+    assert needs(cells)["1 %"] == {
+        "every seed, everywhere": "none",
+        "none": "3 of 3",
+        "deception": "0 of 3, 3 too fast",
+    }
+    said = needs_sentence(cells, 0.01)
+    assert said == (
+        "With 1 % friction, who follows everywhere with every seed: none; the largest share of seeds over all places: "
+        "none, 3 of 3."
+    )
 
 
-def test_friction_alone_limits_nobody() -> None:
-    """The cell by which causes are told apart is no robot: its levels end sooner, and its onset is no user's."""
-    causes = [replace(onset("deception", "physx+friction", None), tested=0.2), onset("none", "physx+friction", 0.03)]
-    whole = [onset("deception", "physx+all", 0.27), onset("none", "physx+all", 0.06)]
-    assert needs([*whole, *causes])["25 %"] == ("deception (one seed)", "–")
-    assert needs([*whole, *causes])["5 %"] == ("deception (one seed), none (one seed)", "–")
-    assert reach([whole[0], causes[0]]) == (0.27, True)
-    assert reach(causes) is None
+def test_only_levels_that_were_tested_are_in_the_table() -> None:
+    """Between them nobody walked; a way that was not tried in a place where others were is not said to follow there."""
+    cells = [cell("none", "physx", 0.1, 3), cell("none", "ode", 0.1, 3), cell("direct", "physx", 0.1, 3)]
+    found = needs([*cells, cell("none", "physx", 0.2, 0, slow=3)])
+    assert list(found) == ["10 %", "20 %"]
+    assert found["10 %"]["every seed, everywhere"] == "none" and found["10 %"]["direct"] == "3 of 3"
+    assert found["20 %"] == {"every seed, everywhere": "nobody", "none": "0 of 3, 3 too slow", "direct": "not tested"}
+    assert needs_sentence(cells, 0.3) == "" and needs_sentence([], 0.2) == ""
 
 
-def test_a_bar_ends_at_an_onset_and_is_hollow_where_there_is_none() -> None:
-    """The end of testing is no failure: 24 % where one engine was walked to 20 % alone, and at least 30 % without."""
-    fell, short = onset("direct", "physx", 0.24), replace(onset("direct", "ode", None), tested=0.2)
-    alive = [replace(one, method="deception") for one in (short, onset("direct", "physx", None))]
-    assert reach([fell, short]) == (0.24, True)
-    assert reach(alive) == (0.3, False)
-    mixed = onset("point", "physx", None, 0.1)
-    (axis,) = draw_needs([fell, short, *alive, mixed], ["direct", "deception", "point"]).axes
-    assert [bar.get_width() for bar in axis.patches] == pytest.approx([24.0, 30.0, 20.0])
-    assert [bar.get_facecolor()[-1] for bar in axis.patches] == [0.35, 0.0, 0.35]
-    marks = axis.get_lines()[:5]
-    assert [mark.get_xdata()[0] for mark in marks] == pytest.approx([24.0, 20.0, 20.0, 30.0, 20.0])
-    assert [mark.get_fillstyle() for mark in marks] == ["full", "none", "none", "none", "left"]
+def test_friction_alone_and_coefficients_are_no_user_s() -> None:
+    """The cell by which causes are told apart is no robot, and a coefficient is not known of a joint."""
+    rows = [cell("none", "physx+friction", 0.1, 3), cell("none", "physx+all", 0.1, 0, slow=3)]
+    load = replace(rows[1], friction_law="load", engine="mujoco")
+    found = replace(RESULT, following=[*rows, load]).needs
+    assert found == (rows[1],)
 
 
-def test_seeds_above_and_below_follow_on_average_only() -> None:
-    """One stays above to 30 %, one falls at 8 %: their mean, 19 %, is no seed's."""
-    mixed = [onset("direct", "physx", None, 0.08), onset("deception", "physx", None, 0.28)]
-    assert needs(mixed)["5 %"] == ("direct, deception", "–")
-    assert needs(mixed)["15 %"] == ("deception", "direct")
-    assert needs(mixed)["20 %"] == ("deception", "–")
+def test_the_figure_tells_too_slow_from_too_fast() -> None:
+    """A panel a place, a field a level and way: the greener the more seeds follow, and which side the others fail."""
+    mixed = Following("none", "ode", "coulomb", 0.1, 3, 1, 2, 1, 0, 0.2, "")
+    figure = draw_needs(
+        [cell("none", "physx", 0.1, 3), mixed, cell("direct", "physx", 0.2, 0, fast=1, seeds=1)], ["direct", "none"]
+    )
+    first, second = (axis for axis in figure.axes if axis.get_visible())
+    assert [axis.get_title() for axis in (first, second)] == ["physx", "ode"]
+    assert [text.get_text() for text in first.texts] == ["3 of 3", "0 of 1\n▲1"]
+    assert [text.get_text() for text in second.texts] == ["1 of 3\n▼2 ▲1"]
+    assert [text.get_position() for text in first.texts] == [(0, 1), (1, 0)]
+    green = [field.get_alpha() for field in (*first.patches, *second.patches)]
+    assert green == pytest.approx([0.65, 0.05, 0.25])
+
+
+def test_a_verdict_that_changed_says_what_was_asked_before(tmp_path: Path) -> None:
+    """Whoever read the page before must find why it says otherwise now, and that the rows are the same."""
+    change = {"id": "E1", "before": "undecided", "asked_before": "80 %", "now": "not tested", "asked": "both ways"}
+    judged = {"command": "stiction replicate --judge-again", "revision": "def"}
+    told = replace(RESULT, summary=RESULT.summary | {"changed": [change], "judged": judged})
+    html = write_replication(tmp_path, told, []).read_text()
+    assert (
+        "Verdicts that changed with the definition of following" in html and "stiction replicate --judge-again" in html
+    )
+    assert "| E1 | undecided | 80 % | not tested | both ways |" in (tmp_path / "tables.md").read_text()
+    again = replace(RESULT, summary=RESULT.summary | {"changed": []})
+    assert "Verdicts that changed" not in write_replication(tmp_path, again, []).read_text()
 
 
 def test_a_missing_method_and_a_single_seed_are_said() -> None:

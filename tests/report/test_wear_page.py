@@ -21,7 +21,8 @@ LIFE = Life(
     command="vx=0.5",
     first_ratio=1.1,
     last_ratio=0.2,
-    end="slow",
+    begin=None,
+    end="too slow",
     factor=1.25,
     time=42.0,
     monitored=True,
@@ -39,7 +40,9 @@ GROUP = {
     "policy": "p",
     "friction_level": "0.1",
     "robots": 3,
-    "ends": {"slow": 2, "fell": 1},
+    "ends": {"too slow": 2, "fell": 1},
+    "first": {"follows": 3},
+    "begin": None,
     "mean": 1.5,
     "interval95": [1.2, 1.9],
     "median": 1.4,
@@ -52,7 +55,7 @@ GROUP = {
 CONTROL = {
     "steady": 0.3,
     "robots": 3,
-    "ended": 1,
+    "ends": {"alive": 2, "too slow": 1},
     "alarms": {"unusual": 2, "grown": 0},
     "at_once": {"unusual": 1, "grown": 0},
     "interval95": {"unusual": [0.208, 0.939], "grown": [0.0, 0.562]},
@@ -76,20 +79,32 @@ def test_the_answer_says_where_lives_end_and_of_what_the_interval_is() -> None:
         "Its 95 % intervals held the truth in 25% of the windows."
     )
     some = GROUP | {"mean": None, "interval95": None, "median": 2.5, "monitored": False}
-    some |= {"ends": {"alive": 1, "slow": 1, "slow from the start": 1}}
+    some |= {"ends": {"alive": 1, "too slow": 1, "too fast from the start": 1}}
     (said,) = answers([some], 3.0)
-    assert "1 of 3 robots still walk at x3, 1 of 3 fall under 80% of the command before that" in said
-    assert "1 of 3 never reach 80% of the command; the median life ends at x2.50." in said
+    assert "1 of 3 robots still follow at x3, 1 of 3 slow under 80 % of the command before that" in said
+    assert "1 of 3 never follow, at first over 120 % of the command; the median life ends at x2.50." in said
     assert said.endswith("The bundle has no wear monitor.")
-    (said,) = answers([GROUP | {"robots": 1, "interval95": None, "ends": {"slow": 1}}], 3.0)
+    (said,) = answers([GROUP | {"robots": 1, "interval95": None, "ends": {"too slow": 1}}], 3.0)
     assert "its life ends at x1.50, one robot." in said
+
+
+def test_robots_that_are_too_fast_at_first_are_said_to_be(tmp_path: Path) -> None:
+    """A policy that outruns its command until friction slows it down does not follow from the start."""
+    group = GROUP | {"first": {"too fast": 2, "follows": 1}, "begin": 1.5}
+    (said,) = answers([group], 3.0)
+    assert said.startswith(
+        "p at level 0.1: at first 2 of 3 too fast, and those that come to follow do so from x1.50 on; its life ends"
+    )
+    row = replace(LIFE, first_ratio=1.44, begin=1.57, last_ratio=0.5)
+    page = write_wear(tmp_path, [row], WINDOWS, [], summary(groups=[group])).read_text()
+    assert "1.44, too fast" in page and "x1.57" in page and "0.50, too slow" in page
 
 
 def test_a_way_of_training_speaks_for_its_seeds(tmp_path: Path) -> None:
     """Its interval is over policies; where lives go on there is a bound, and no interval that looks exact."""
     policies = {
-        "p0": {"mean": 1.0, "alive": 0, "slow_from_the_start": 0},
-        "p1": {"mean": 4.0, "alive": 0, "slow_from_the_start": 0},
+        "p0": {"mean": 1.0, "alive": 0, "never": 0},
+        "p1": {"mean": 4.0, "alive": 0, "never": 0},
     }
     way = {"way": "deception", "friction_level": "0.1", "policies": policies, "mean": 2.0, "interval95": [1.5, 2.7]}
     way |= {"at_least": None, "at_most": None}
@@ -122,14 +137,15 @@ def test_the_page_has_tables_and_figures_and_the_numbers_lie_beside_it(tmp_path:
 
 def test_false_alarms_stand_beside_the_notices(tmp_path: Path) -> None:
     """Without them nobody could say what a notice is worth; rows of the files say in which walks nothing grew."""
-    group = GROUP | {"controls": [CONTROL, CONTROL | {"steady": 1.0, "ended": 0}]}
+    group = GROUP | {"controls": [CONTROL, CONTROL | {"steady": 1.0, "ends": {"too fast from the start": 3}}]}
     (said,) = answers([group], 3.0)
     assert (
-        "Where friction stayed at x0.3, 1 of 3 lives ended; false alarms: an unusual reading for 2 of 3 (21% to 94%), "
-        "growth for 0 of 3 (0% to 56%). Where friction stayed at x1, 0 of 3 lives ended; " in said
+        "Where friction stayed at x0.3, 2 of 3 follow to the end, 1 too slow; false alarms: an unusual reading for 2 "
+        "of 3 (21% to 94%), growth for 0 of 3 (0% to 56%). Where friction stayed at x1, 0 of 3 follow to the end, 3 "
+        "too fast from the start; " in said
     )
     (deaf,) = answers([group | {"monitored": False}], 3.0)
-    assert "at x0.3, 1 of 3 lives ended. Where" in deaf and "alarm" not in deaf
+    assert "at x0.3, 2 of 3 follow to the end, 1 too slow. Where" in deaf and "alarm" not in deaf
     stayed = [replace(row, steady=0.3) for row in (LIFE, READING, *WINDOWS)]
     rows = [LIFE, stayed[0]], [*WINDOWS, *stayed[2:]], [READING, stayed[1]]
     page = write_wear(tmp_path, *rows, summary(groups=[group])).read_text()

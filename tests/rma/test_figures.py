@@ -13,6 +13,8 @@ from stiction.rma.figures import RolloutFigures, adaptation_figures, friction_fi
 class KnownActor:
     """Says what it is told to say."""
 
+    adapts = False
+
     def __init__(self, z: list, star: list, estimate: list) -> None:
         """Latents (N, latent) and the estimate of o_exp (N, 3 + legs)."""
         self.z, self.star, self.estimate = torch.tensor(z), torch.tensor(star), torch.tensor(estimate)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -77,8 +78,28 @@ def test_ppo_sees_every_original_and_its_image(
             assert len(batch) == originals
         else:
             assert len(batch) == 2 * originals
-            assert same(mirror(batch[:originals]), batch[originals:])
-            assert not same(batch[:originals], batch[originals:])
+            task, estimate = batch.select(*runner.env.get_observations().keys()), batch["estimate"]
+            assert same(mirror(task[:originals]), task[originals:])
+            assert not same(task[:originals], task[originals:])
+            assert not torch.allclose(estimate[:originals], estimate[originals:])
+
+
+@pytest.mark.parametrize("latent", ["alternate", "history", "groups"])
+def test_what_a_walk_remembers_is_found_for_the_image(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, latent: str
+) -> None:
+    """The estimate and z* of an image are those of the mirrored history; who walks blind stays the same robot."""
+    cfg = replace(CFG, teacher=replace(CFG.teacher, latent=latent), student=replace(CFG.student, algorithm="ppo"))
+    runner = phase(tmp_path, "batches", cfg=cfg)
+    actor = runner.alg.actor
+    before = {name: copy.deepcopy(getattr(actor, name)) for name in ("estimator", "adaptation")}
+    for batch in seen_by(runner, monkeypatch, "get_latent"):
+        original, image = batch[:16], batch[16:]
+        for name, network in (("estimate", "estimator"), ("guess", "adaptation")):
+            if name in batch.keys() and (name, latent) != ("guess", "alternate"):  # noqa: SIM118
+                torch.testing.assert_close(image[name], before[network](image["history"]), atol=1e-5, rtol=0)
+        if latent == "groups":
+            assert torch.equal(image["walks_blind"], original["walks_blind"]) and image["walks_blind"].any()
 
 
 @pytest.mark.parametrize("name", ["teacher", "student"])
@@ -90,7 +111,7 @@ def test_supervised_losses_see_images(
     cfg = replace(CFG, teacher=replace(CFG.teacher, adaptation_batches=4), student=replace(CFG.student, mini_batches=4))
     runner = phase(tmp_path, symmetry, name, cfg)
     if name == "student":
-        runner.alg.warm_start(runner.alg.student.state_dict())
+        runner.alg.warm_start(runner.alg.student.state_dict(), {})
     batches = seen_by(runner, monkeypatch, "supervised_losses")
     assert [len(batch) for batch in batches] == [size] * 4
     mirror = task_mirror(runner.env)
@@ -224,5 +245,5 @@ def test_half_needs_passes_to_halve() -> None:
     """One and a half passes are none."""
     with pytest.raises(StictionError, match="half of 3 passes"):
         replace(CFG, symmetry="half", teacher=replace(CFG.teacher, epochs=3))
-    with pytest.raises(StictionError, match="symmetry 'both': expected one of none, batches, half"):
+    with pytest.raises(StictionError, match="symmetry 'both': expected one of none, batches, half, network"):
         replace(CFG, symmetry="both")

@@ -9,7 +9,6 @@ pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', 
 
 from stiction.transfer.bench_parts import PARTS, Meter, parts_summary
 
-
 OWN = {"bare": 7.0, "step": 0.5, "act": 0.25, "store": 0.125, "returns": 0.0625, "supervise": 2.0, "update": 4.0}
 """Part -> its own seconds."""
 

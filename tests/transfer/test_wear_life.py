@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from math import exp, log, sqrt
 
 import numpy as np
 import pytest
 
 from stiction.formats.life import Life, Reading, Window
-from stiction.transfer.wear_life import Ending, control, ending, first_grown, groups, life, notice, over_seeds
+from stiction.transfer.wear_life import (
+    Ending,
+    control,
+    ending,
+    first_grown,
+    groups,
+    judge_again,
+    life,
+    notice,
+    over_seeds,
+)
 from stiction.transfer.wear_seen import ratios
 
 WALK = {"policy": "p", "friction_level": "0.1", "robot": 1000, "steady": None}
@@ -43,15 +53,44 @@ def test_windows_by_hand() -> None:
 
 def test_a_life_ends_where_the_speed_is_too_low_for_good() -> None:
     """A dip that the robot recovers from is no end, and a walk that stays above has none."""
-    assert ending(windows(1.0, 0.7, 0.9, 0.79, 0.5), None) == Ending("slow", 8.0, 40.0)
+    assert ending(windows(1.0, 0.7, 0.9, 0.79, 0.5), None) == Ending("too slow", 8.0, 40.0)
     assert ending(windows(1.0, 0.7, 0.8), None) == Ending("alive")
-    assert ending(windows(0.7, 0.6), None) == Ending("slow from the start")
+    assert ending(windows(0.7, 0.6), None) == Ending("too slow from the start")
+
+
+def test_too_fast_is_no_life_and_told_apart_from_too_slow() -> None:
+    """Never under 120 %: it never followed. Too fast at first: it begins to at x4, and ends as others do."""
+    assert ending(windows(1.5, 1.3, 1.21), None) == Ending("too fast from the start")
+    assert ending(windows(1.5, 1.3, 1.2), None) == Ending("alive")
+    assert ending(windows(1.5, 1.3, 1.1, 0.7), None) == Ending("too slow", 8.0, 40.0)
+    assert ending(windows(1.0, 1.3, 1.4), None) == Ending("too fast", 2.0, 20.0)
+    rows = [life(WHAT, windows(*ratio), [], None, False) for ratio in ((1.5, 1.3, 1.1), (1.0, 0.9), (1.5, 1.3), (0.5,))]
+    assert [row.begin for row in rows] == [4.0, None, None, None]
+    (group,) = groups(rows)
+    assert group["first"] == {"too fast": 2, "follows": 1, "too slow": 1} and group["begin"] == pytest.approx(4.0)
+    assert group["ends"] == {"alive": 2, "too fast from the start": 1, "too slow from the start": 1}
+
+
+def test_walks_are_judged_again_by_what_was_seen_of_them() -> None:
+    """Rows of before, under an older name of the same end, and a fall: the windows decide, and the fall is kept."""
+    before = asdict(life(WHAT, windows(1.5, 1.1, 0.5), [], None, True)) | {"end": "slow"}
+    fallen = asdict(life(WHAT | {"robot": 1001}, windows(1.0), [], (15.0, 1.4), False))
+    seen = [*windows(1.5, 1.1, 0.5), *(replace(one, robot=1001) for one in windows(1.0))]
+    first, second = judge_again([before, fallen], seen, [reading(10, 0.05), reading(20, 0.08)])
+    assert (first.end, first.begin, first.factor, first.grown, first.monitored) == (
+        "too slow",
+        2.0,
+        4.0,
+        "before",
+        True,
+    )
+    assert (second.end, second.factor, second.time, second.monitored) == ("fell", 1.4, 15.0, False)
 
 
 def test_a_fall_ends_a_life_that_was_not_over() -> None:
     """What falls while it crawls had ended before; what falls before a window is over has fallen."""
     assert ending(windows(1.0, 0.9), (23.0, 2.9)) == Ending("fell", 2.9, 23.0)
-    assert ending(windows(1.0, 0.9, 0.5), (33.0, 5.9)) == Ending("slow", 4.0, 30.0)
+    assert ending(windows(1.0, 0.9, 0.5), (33.0, 5.9)) == Ending("too slow", 4.0, 30.0)
     assert ending([], (3.0, 0.4)) == Ending("fell", 0.4, 3.0)
 
 
@@ -65,7 +104,7 @@ def test_growth_is_told_by_intervals_that_do_not_meet() -> None:
 def test_a_notice_counts_when_it_came_in_time_and_not_at_once() -> None:
     """A monitor that finds the unworn robot unusual has noticed no wear."""
     said = [reading(10, 0.05), reading(20, 0.06, unusual=True), reading(30, 0.08)]
-    over = Ending("slow", 2.0, 20.0)
+    over = Ending("too slow", 2.0, 20.0)
     assert [notice(one, said, over) for one in (*said, None)] == ["at once", "before", "after", "never"]
     assert notice(said[2], said, Ending("alive")) == "before"
 
@@ -73,10 +112,10 @@ def test_a_notice_counts_when_it_came_in_time_and_not_at_once() -> None:
 def test_what_never_walked_fast_enough_has_no_before() -> None:
     """Its life was over before the wear began: a monitor that speaks up later is no early one."""
     said = [reading(10, 0.05), reading(20, 0.08, unusual=True)]
-    slow = Ending("slow from the start")
+    slow = Ending("too slow from the start")
     assert [notice(one, said, slow) for one in (*said, None)] == ["at once", "after", "never"]
     row = life(WHAT, windows(0.7, 0.6, 0.5), said, None, True)
-    assert (row.end, row.unusual, row.grown) == ("slow from the start", "after", "after")
+    assert (row.end, row.unusual, row.grown) == ("too slow from the start", "after", "after")
     (group,) = groups([row])
     assert group["unusual"] == group["grown"] == {"after": 1}
 
@@ -95,7 +134,7 @@ def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
     ]
     rows = [life(WHAT | {"steady": 0.3}, *one, True) for one in heard]
     found = control(rows)
-    assert (found["steady"], found["robots"], found["ended"]) == (0.3, 4, 1)
+    assert (found["steady"], found["robots"], found["ends"]) == (0.3, 4, {"alive": 3, "fell": 1})
     assert found["alarms"] == {"unusual": 3, "grown": 1} and found["at_once"] == {"unusual": 1, "grown": 0}
     half = 1.95996 * sqrt(0.046875 + 0.060023)
     ends = [(0.75 + 0.48018 - half) / 1.96036, (0.75 + 0.48018 + half) / 1.96036]
@@ -107,8 +146,11 @@ def test_walks_in_which_nothing_grew_are_no_lives_under_wear() -> None:
     """They stand beside those, by the wear at which they stayed, and neither lengthen nor shorten a mean."""
     stayed = [replace(row, steady=at) for at in (0.3, 1.0) for row in lives(9.0, None)]
     (group,) = groups(lives(1.0, 4.0) + stayed)
-    assert (group["robots"], group["mean"]) == (2, pytest.approx(2.0)) and group["ends"] == {"slow": 2}
-    assert [(one["steady"], one["robots"], one["ended"]) for one in group["controls"]] == [(0.3, 2, 1), (1.0, 2, 1)]
+    assert (group["robots"], group["mean"]) == (2, pytest.approx(2.0)) and group["ends"] == {"too slow": 2}
+    assert [(one["steady"], one["ends"]) for one in group["controls"]] == [
+        (0.3, {"too slow": 1, "alive": 1}),
+        (1.0, {"too slow": 1, "alive": 1}),
+    ]
     assert groups(lives(1.0))[0]["controls"] == []
 
 
@@ -116,7 +158,7 @@ def test_the_row_of_a_walk() -> None:
     """Ends at x4; unusual at x8 is late, growth at x2 in time; two of three intervals hold 0.06."""
     said = [reading(10, 0.05, true=0.06), reading(20, 0.08, true=0.09), reading(40, 0.09, unusual=True, true=0.2)]
     row = life(WHAT, windows(1.0, 0.9, 0.7, 0.2), said, None, True)
-    assert (row.end, row.factor, row.time, row.first_ratio, row.last_ratio) == ("slow", 4.0, 30.0, 1.0, 0.2)
+    assert (row.end, row.factor, row.time, row.first_ratio, row.last_ratio) == ("too slow", 4.0, 30.0, 1.0, 0.2)
     assert (row.unusual, row.unusual_factor, row.grown, row.grown_factor) == ("after", 8.0, "before", 2.0)
     assert row.held == pytest.approx(2 / 3)
     deaf = life(WHAT, windows(1.0), [], None, False)
@@ -126,8 +168,8 @@ def test_the_row_of_a_walk() -> None:
 def lives(*factors: float | None, start: bool = False) -> list[Life]:
     """Robots of one policy whose lives ended there; None: alive, or slow from the start."""
     row = life(WHAT, windows(1.0), [], None, False)
-    missing = "slow from the start" if start else "alive"
-    return [replace(row, robot=at, factor=one, end="slow" if one else missing) for at, one in enumerate(factors)]
+    missing = "too slow from the start" if start else "alive"
+    return [replace(row, robot=at, factor=one, end="too slow" if one else missing) for at, one in enumerate(factors)]
 
 
 def test_the_mean_over_robots_is_of_the_logarithm() -> None:
@@ -145,7 +187,7 @@ def test_lives_that_did_not_end_have_no_mean() -> None:
     """The mean of those that did would be too short; the median stands while the middle one is known."""
     (group,) = groups(lives(1.0, 3.0, None))
     assert group["mean"] is None and group["interval95"] is None and group["median"] == 3.0
-    assert group["ends"] == {"slow": 2, "alive": 1}
+    assert group["ends"] == {"too slow": 2, "alive": 1}
     assert groups(lives(1.0, None, None))[0]["median"] is None
     assert groups(lives(1.0, 3.0, None, start=True))[0]["median"] == 1.0
 
@@ -193,6 +235,6 @@ def test_lives_beyond_what_was_tried_bound_the_mean() -> None:
     slow = policy("b", None, start=True)
     (way,) = over_seeds(policy("a", 1.0) + slow, ways, (0.25, 9.0))
     assert (way["mean"], way["interval95"], way["at_least"]) == (None, None, None)
-    assert way["at_most"] == pytest.approx(0.5) and way["policies"]["b"]["slow_from_the_start"] == 1
+    assert way["at_most"] == pytest.approx(0.5) and way["policies"]["b"]["never"] == 1
     (way,) = over_seeds(policy("a", None) + slow, ways, (0.25, 9.0))
     assert [way[name] for name in ("mean", "at_least", "at_most")] == [None] * 3

@@ -49,7 +49,7 @@ def test_friction_stops_a_policy_that_never_met_it(tmp_path: Path, monkeypatch: 
     """It walks at 3 % of the torque limit and not at 90; windows, wear and the monitor's truth are as asked for."""
     (row,), windows, readings = run(tmp_path, unusual=1e9)
     assert (row.policy, row.friction_level, row.robot, row.engine) == ("watching", "0.3", 3, "mujoco")
-    assert row.first_ratio > 0.8 > row.last_ratio and row.end == "slow" and 0.3 < row.factor < 2.6
+    assert row.first_ratio > 0.8 > row.last_ratio and row.end == "too slow" and 0.3 < row.factor < 2.6
     assert [window.time for window in windows] == [3.0, 4.0, 5.0, 6.0, 7.0, 8.0]
     assert [window.factor for window in windows] == pytest.approx([0.1 * 30 ** (at / 6) for at in (2, 3, 4, 5, 6, 6)])
     # The monitor pairs frames, so that its first window of 50 steps takes 51.
@@ -115,9 +115,9 @@ def test_what_a_walk_means_is_judged_anew(tmp_path: Path, monkeypatch: pytest.Mo
     assert (row.end, row.time, row.factor) == ("fell", 3.5, pytest.approx(0.1 * 30 ** (3.5 / 6)))
     assert windows == [Window(row.policy, "0.3", 3, None, 3.0, 0.2, 1.0)]
     monkeypatch.setattr(wear_study, "_wear_out", lambda *rest: pytest.fail("walked again"))
-    monkeypatch.setattr("stiction.transfer.wear_life.ENOUGH", 1.1)
+    monkeypatch.setattr("stiction.formats.following.FOLLOWS", (1.1, 1.2))
     (row,), *_ = study_wear([WALKER], [path], ALONE, tmp_path / "robots", 1, silent)
-    assert row.end == "slow from the start"
+    assert row.end == "too slow from the start"
 
 
 def test_a_life_has_the_way_of_its_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

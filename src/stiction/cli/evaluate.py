@@ -6,12 +6,15 @@ import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
 from stiction.cli.jobs import jobs_of
 from stiction.cli.virtual_robots import RobotSeeds
+
+if TYPE_CHECKING:
+    from stiction.formats.results import ResultRow
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,8 @@ class EvaluateCfg:
     """Directory for results.csv, methods.csv (every column over the seeds of one training), summary.json,
     friction_budget.svg and .png, and report.html; for walks.jsonl, by which an interrupted command goes on where it
     was; and for bench, what was identified for --forward."""
+    judge_again: bool = False
+    """Walk nothing: read results.csv and summary.json in --out, and draw its page anew. No bundle is needed."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -79,20 +84,21 @@ class EvaluateCfg:
 def main(arguments: list[str]) -> int:
     """Check and evaluate the bundles, write the results, print them."""
     cfg = tyro.cli(EvaluateCfg, args=arguments, prog="stiction evaluate", description=DESCRIPTION)
+    command = shlex.join(["stiction", "evaluate", *arguments])
+    if cfg.judge_again:
+        judge_again(cfg, command)
+        return 0
     if not cfg.bundles:
         print("stiction evaluate: no bundle given; `stiction evaluate --help` shows the usage", file=sys.stderr)
         return 2
     jobs = jobs_of(cfg.jobs)
-    from stiction.cli.terminal import print_rows, print_warnings, work_progress
+    from stiction.cli.terminal import print_warnings, work_progress
     from stiction.deploy.check import check_bundle
     from stiction.formats.folder import make_folder
     from stiction.formats.reproducibility import num_threads
-    from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
-    from stiction.report.evaluation import write_evaluation
     from stiction.transfer.evaluate import EvaluationCfg
     from stiction.transfer.grid.config import GridCfg
-    from stiction.transfer.replication.samples import samples_of
     from stiction.transfer.summary import evaluate_all
     from stiction.transfer.walk import RecordCfg, log_all
 
@@ -121,16 +127,37 @@ def main(arguments: list[str]) -> int:
         if record is not None and cfg.log is not None:
             summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
     print_warnings("evaluate", summary["warnings"])
-    summary = {"command": shlex.join(["stiction", "evaluate", *arguments])} | summary
-    write_evaluation(cfg.out, rows, summary, samples_of(summary["rows"], summary["ways"]))
+    tell(cfg, rows, {"command": command} | summary)
+    return 0
+
+
+def judge_again(cfg: EvaluateCfg, command: str) -> None:
+    """Draw the page of what a folder has; what an older summary lacks is what it was then."""
+    from stiction.formats.origin import Origin
+    from stiction.formats.results import read_results, read_summary
+
+    rows = read_results(cfg.out / "results.csv")
+    engines, terrains = ([*dict.fromkeys(getattr(row, name) for row in rows)] for name in ("engine", "terrain"))
+    older = {"engines": engines, "terrains": terrains, "robots": [], "warnings": [], "ways": {}}
+    before = {name: value for name, value in read_summary(cfg.out / "summary.json").items() if name != "schema_version"}
+    tell(cfg, rows, older | before | {"judged": {"command": command, **Origin.now().provenance}})
+
+
+def tell(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, Any]) -> None:
+    """Write the files and the page; print the rows."""
+    from stiction.cli.terminal import print_rows
+    from stiction.formats.results import summary_text
+    from stiction.report.evaluation import write_evaluation
+    from stiction.transfer.replication.samples import samples_of
+
+    write_evaluation(cfg.out, rows, summary, samples_of(summary["rows"], summary["ways"]) if summary["ways"] else ())
     if cfg.json:
         print(summary_text(summary), end="")
     else:
         print_rows(rows)
         print(f"report: {cfg.out / 'report.html'}")
-        if cfg.log is not None:
+        if "logs" in summary:
             print(f"logs: {len(summary['logs'])} in {cfg.log}")
-    return 0
 
 
 DESCRIPTION = (

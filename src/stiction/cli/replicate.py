@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from stiction.formats.bundle import Bundle
+    from stiction.formats.replication import Replication
     from stiction.report.replication_clips import ClipPair
     from stiction.transfer.experiment.manifest import Run
 
@@ -61,12 +62,17 @@ class ReplicateCfg:
     """How many virtual robots, seeds from 1000; by default 2 (quick) or 8 (full), over stairs 16."""
     jobs: int | None = None
     """Walks, or trainings, at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
+    judge_again: bool = False
+    """Walk and train nothing: judge what --out has by today's criteria, and draw its page anew, with the clips of those
+    --policies that walked."""
     clips: bool = True
     """Render clips: of four methods one each in the simulator of the training, and one on a virtual robot."""
     out: Path | None = None
     """By default stiction-replication-quick, or -full. Folder of results.csv, methods.csv, budget.csv, forward.csv,
-    onsets.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, clips, report.html, and a folder for each
-    part, by which an interrupted command goes on."""
+    onsets.csv, following.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, clips, report.html, and a
+    folder for each part, by which an interrupted command goes on."""
+    advice: Path | None = None
+    """Also write who follows into this file of what `stiction identify` advises by."""
     json: bool = False
     """Print the verdicts as JSON on standard output, and nothing else."""
 
@@ -88,6 +94,7 @@ def main(arguments: list[str]) -> int:
     from stiction.formats.origin import Origin
     from stiction.report.replication import lead, warnings, write_replication
     from stiction.robots.catalog import find_robot
+    from stiction.transfer.replication.again import judge_again
     from stiction.transfer.replication.plan import parts_of
     from stiction.transfer.replication.run import check_engines, replicate
 
@@ -96,7 +103,8 @@ def main(arguments: list[str]) -> int:
     if unknown := [name for name in cfg.parts if name not in names]:
         raise StictionError(f"part {unknown[0]!r} is none of the comparison's; expected some of {', '.join(names)}")
     asked = cfg.parts or names
-    check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
+    if not cfg.judge_again:
+        check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
     out = cfg.out or Path(f"stiction-replication-{cfg.preset}")
     make_folder(out)
     origin = Origin.now()
@@ -106,9 +114,17 @@ def main(arguments: list[str]) -> int:
             return found
         bundles, folders, failed = found
         command = shlex.join(["stiction", "replicate", *arguments])
-        made = {"command": command, "preset": cfg.preset, "failed": failed, **origin.provenance}
-        result = replicate(bundles, parts, out, jobs, progress, made, asked)
+        made = {"command": command, **origin.provenance}
+        if cfg.judge_again:
+            result = judge_again(out, made)
+        else:
+            made |= {"preset": cfg.preset, "failed": failed}
+            result = replicate(bundles, parts, out, jobs, progress, made, asked)
     result = replace(result, summary=result.summary | {"warnings": origin.warnings()})
+    if cfg.advice is not None:
+        advise(cfg.advice, result)
+    walked = result.summary["policies"]
+    bundles = [one for one in bundles if walked.get(one.name, {}).get("digest") == one.digest]
     clips = render(bundles, folders, out) if cfg.clips else []
     page = write_replication(out, result, clips)
     print_warnings("replicate", warnings(result))
@@ -117,6 +133,14 @@ def main(arguments: list[str]) -> int:
     else:
         print(f"{lead(result)}\nreport: {page}")
     return 1 if failed else 0
+
+
+def advise(path: Path, result: Replication) -> None:
+    """Write the comparison's part of what `stiction identify` advises by."""
+    from stiction.formats.advice import TRANSFER, write_source
+    from stiction.transfer.replication.advice import source_of
+
+    write_source(path, TRANSFER, source_of(result))
 
 
 def find_policies(
@@ -131,7 +155,7 @@ def find_policies(
 
     given = [find_bundle(path) for path in cfg.policies] or list(shipped_bundles().values())
     failed: dict[str, str] = {}
-    if cfg.preset == "full" and not cfg.policies:
+    if cfg.preset == "full" and not cfg.policies and not cfg.judge_again:
         trained = train_all(cfg, jobs, progress)
         if isinstance(trained, int):
             return trained

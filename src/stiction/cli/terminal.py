@@ -10,6 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
+from stiction.formats.following import row_pace
 from stiction.formats.friction import level_text
 from stiction.formats.results import ResultRow
 
@@ -41,16 +42,25 @@ def print_warnings(verb: str, warnings: Sequence[str]) -> None:
         print(f"stiction {verb}: {warning}", file=sys.stderr)
 
 
+COLUMNS = ("friction", "command", "speed ratio", "pace", "error", "falls", "jitter", "tripod")
+"""Main columns of results."""
+
+
 def print_rows(rows: Sequence[ResultRow]) -> None:
     """Print the main columns of results on standard output, a heading and a table for each policy."""
     console = Console()
     for policy in dict.fromkeys(row.policy for row in rows):
         console.print(policy, style="bold", soft_wrap=True, highlight=False, markup=False)
-        table = Table()
+        table = Table(collapse_padding=True)
         named = {"engine": [row.engine for row in rows], "ground": [row.terrain for row in rows]}
         where = [name for name, values in named.items() if len(set(values)) > 1]
-        for name in (*where, "friction", "command", "speed ratio", "error", "falls", "jitter", "tripod"):
-            table.add_column(name, justify="left" if name in ("command", *where) else "right", overflow="fold")
+        for name in where:
+            table.add_column(name, overflow="fold")
+        for name, cells in zip(COLUMNS, zip(*map(_cells, rows), strict=True), strict=True):
+            # On a narrow terminal headings and words fold before commands and numbers do.
+            least = 1 if name == "pace" else max(map(len, cells))
+            left = name in ("command", "pace")
+            table.add_column(name, justify="left" if left else "right", overflow="fold", min_width=least)
         for index, row in enumerate(rows):
             if row.policy == policy:
                 table.add_row(*(named[name][index] for name in where), *_cells(row))
@@ -63,6 +73,7 @@ def _cells(row: ResultRow) -> list[str]:
         level_text(row.friction_law, row.friction_level),
         row.command,
         "–" if row.speed_ratio is None else f"{row.speed_ratio:.2f}",
+        row_pace(row) or "–",
         f"{row.tracking_error:.3f}",
         f"{row.fall_rate:.0%}",
         f"{row.joint_jitter:.0f}",

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from stiction.formats.errors import StictionError
+from stiction.formats.known_friction import TERM
 from stiction.formats.observation import PLACEHOLDERS, ObservationLayout
 
 
@@ -40,13 +42,24 @@ def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
 class ObservationBuilder:
     """Stacks frames of proprioception, o_t^H: each term is clip((raw - offset) * scale), the oldest frame first."""
 
-    def __init__(self, layout: ObservationLayout, standing: np.ndarray, batch: tuple[int, ...] = ()) -> None:
+    def __init__(
+        self,
+        layout: ObservationLayout,
+        standing: np.ndarray,
+        batch: tuple[int, ...] = (),
+        known_friction: np.ndarray | None = None,
+    ) -> None:
         """Start with an empty history.
 
         Args:
             layout: terms and history length.
             standing: standing pose [rad], shape (J,).
             batch: leading shape, `()` for one robot or `(N,)`.
+            known_friction: f/τ_max of each kind of joint [-], shape (kinds,), or of each robot, (*batch, kinds); for a
+                layout with that term, which builds no frame without.
+
+        Raises:
+            StictionError: the friction has another shape, is not finite or negative, or the layout has no term for it.
 
         """
         self.layout = layout
@@ -56,6 +69,7 @@ class ObservationBuilder:
         self._clip = np.concatenate([np.full(term.size, term.clip) for term in layout.terms])
         self._history = np.zeros((*batch, layout.history_length, layout.frame_size))
         self._empty = np.ones(batch, dtype=bool)
+        self._known = None if known_friction is None else told(layout, known_friction, batch)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Empty the history of the robots in `mask` (bool, the batch's shape), of all without it."""
@@ -69,6 +83,9 @@ class ObservationBuilder:
             command: commanded velocity, forward, sideways [m/s], turn [rad/s], shape (*batch, 3).
             last_action: the network's output of the step before, after clipping, shape (*batch, J); zero at first.
 
+        Raises:
+            StictionError: the layout has the joints' known friction and nobody said what it is.
+
         """
         raw = {
             "angular_velocity": sensors.angular_velocity,
@@ -78,6 +95,13 @@ class ObservationBuilder:
             "joint_velocity": sensors.joint_velocity,
             "last_action": last_action,
         }
+        if self._known is not None:
+            raw[TERM] = self._known
+        elif self.layout.has(TERM):
+            raise StictionError(
+                "this policy is told the friction of its joints, and nobody said what it is: export its bundle again, "
+                "with --joints for what a bench identified, or give known_friction"
+            )
         parts = []
         for term in self.layout.terms:
             value = np.zeros((*self._batch, term.size)) if term.name in PLACEHOLDERS else np.asarray(raw[term.name])
@@ -97,3 +121,19 @@ class ObservationBuilder:
         self._history = np.where(self._empty[..., None, None], frame[..., None, :], self._history)
         self._empty = np.zeros(self._batch, dtype=bool)
         return self._history.reshape(*self._batch, self.layout.size).astype(np.float32)
+
+
+def told(layout: ObservationLayout, known_friction: np.ndarray, batch: tuple[int, ...]) -> np.ndarray:
+    """Return the known friction of every robot, shape (*batch, kinds); arguments and errors as of `ObservationBuilder`.
+
+    One number for each kind of joint stands for all robots.
+    """
+    value = np.asarray(known_friction, dtype=np.float64)
+    size = next((term.size for term in layout.terms if term.name == TERM), None)
+    if size is None:
+        raise StictionError(f"known friction {value.tolist()}: this policy observes none; leave it out")
+    if value.shape not in ((size,), (*batch, size)):
+        raise StictionError(f"known friction of shape {value.shape}; expected {(size,)} or {(*batch, size)}")
+    if not np.isfinite(value).all() or value.min() < 0:
+        raise StictionError(f"known friction {value.tolist()}: expected fractions of the torque limit, from 0 on")
+    return np.broadcast_to(value, (*batch, size))

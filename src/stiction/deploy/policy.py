@@ -83,13 +83,31 @@ class SensorError(StictionError):
 class Policy:
     """Sensors and command in, joint targets out; holds the history and the last action of every robot."""
 
-    def __init__(self, contract: Contract, network: Network, batch: tuple[int, ...] = ()) -> None:
-        """Start with an empty history; `batch` is `()` for one robot or `(N,)`."""
+    def __init__(
+        self,
+        contract: Contract,
+        network: Network,
+        batch: tuple[int, ...] = (),
+        known_friction: np.ndarray | None = None,
+    ) -> None:
+        """Start with an empty history.
+
+        Args:
+            contract: what the policy expects.
+            network: what it computes.
+            batch: `()` for one robot or `(N,)`.
+            known_friction: see `ObservationBuilder`; by default what the contract says.
+
+        Raises:
+            StictionError: as of `ObservationBuilder`.
+
+        """
         self.contract = contract
         self._network = network
         self._batch = batch
         self._standing = contract.array("standing")
-        self._builder = ObservationBuilder(contract.observation, self._standing, batch)
+        known = contract.told_friction if known_friction is None else known_friction
+        self._builder = ObservationBuilder(contract.observation, self._standing, batch, known)
         self._last_action = np.zeros((*batch, contract.num_joints), dtype=np.float32)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -111,6 +129,7 @@ class Policy:
 
         Raises:
             SensorError: a sensor or the command is NaN or infinite.
+            StictionError: the policy is told the friction of its joints, and neither contract nor caller says it.
 
         """
         for name, value in {**vars(sensors), "command": command}.items():
@@ -128,7 +147,13 @@ class Policy:
         return PolicyStep(observation, action, target)
 
 
-def load_policy(contract: Contract, model: bytes, batch: tuple[int, ...] = (), threads: int = 1) -> Policy:
+def load_policy(
+    contract: Contract,
+    model: bytes,
+    batch: tuple[int, ...] = (),
+    threads: int = 1,
+    known_friction: np.ndarray | None = None,
+) -> Policy:
     """Return the policy of a bundle's contract and network; see `Policy` and `Network` for shapes and errors."""
     network = Network(model, contract.observation.size, contract.num_joints, threads)
-    return Policy(contract, network, batch)
+    return Policy(contract, network, batch, known_friction)

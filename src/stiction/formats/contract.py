@@ -15,6 +15,7 @@ import numpy as np
 
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import LAWS, Law, has_coefficient
+from stiction.formats.known_friction import TERM, joint_kinds
 from stiction.formats.observation import ObservationLayout
 
 SCHEMA_VERSION = 2
@@ -25,6 +26,8 @@ LATER: dict[str, tuple[int, float | None]] = {
     "compensation_width": (1, 0.05),
     "stribeck": (2, None),
     "actuator": (2, None),
+    "known_friction": (2, None),
+    "known_friction_file": (2, None),
 }
 """Field that came later -> the last version in which it may be missing, and what it is then."""
 
@@ -124,6 +127,12 @@ class Contract:
     a + compensation * clip((a - position) / compensation_width, -1, 1), from the measured position."""
     stribeck: tuple[float, float] | None = None
     """Of the law `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s]; else None."""
+    known_friction: Mapping[str, float] | None = None
+    """Of a policy that is told its joints' friction (the observation has the term `known_friction`): what it is told
+    where nobody says otherwise, kind of joint -> dry friction as a fraction of the torque limit [-]. None of any other
+    policy; and of one that takes no step before it is told."""
+    known_friction_file: Mapping[str, str] | None = None
+    """`name` and `sha256` of the joints.json that `known_friction` is from; None: the nominal friction of training."""
     compensation_width: float = 0.05
     """Distance of the target at which all of it is added [rad]."""
     schema_version: int = SCHEMA_VERSION
@@ -133,12 +142,24 @@ class Contract:
         """Refuse what no runtime could obey."""
         _check_scalars(self)
         _check_joints(self)
-        _check_observation(self.observation, len(self.joint_names))
+        _check_observation(self.observation, self.joint_names)
+        _check_known_friction(self)
 
     @property
     def law(self) -> Law:
         """Law of the joint friction in training."""
         return Law(self.friction_law) if self.stribeck is None else Law(self.friction_law, *self.stribeck)
+
+    @property
+    def knows_friction(self) -> bool:
+        """Whether the policy is told the friction of its joints."""
+        return self.observation.has(TERM)
+
+    @property
+    def told_friction(self) -> np.ndarray | None:
+        """What it is told [-], shape (kinds,), in the order of `joint_kinds`; None where there is nothing to tell."""
+        told = self.known_friction
+        return None if told is None else np.array([told[kind] for kind in joint_kinds(self.joint_names)])
 
     @property
     def num_joints(self) -> int:
@@ -229,7 +250,7 @@ def _check_scalars(contract: Contract) -> None:
     _expect(math.isclose(period, c.control_period, rel_tol=1e-9), "control_period", c.control_period, f"{period}")
     _expect(c.action_offset == "standing", "action_offset", c.action_offset, "'standing'")
     _expect(c.quaternion_order == "wxyz", "quaternion_order", c.quaternion_order, "'wxyz'")
-    for name in ("joints_file", "actuator"):
+    for name in ("joints_file", "actuator", "known_friction_file"):
         file = getattr(c, name)
         if file is not None:
             named = isinstance(file, Mapping) and set(file) == {"name", "sha256"}
@@ -277,14 +298,29 @@ def _check_friction(contract: Contract) -> None:
     _expect(agrees, "friction_level", contract.friction_level, f"{mean:g}, {what}")
 
 
-def _check_observation(layout: ObservationLayout, num_joints: int) -> None:
+def _check_known_friction(contract: Contract) -> None:
+    """Check that what the policy is told is of its kinds of joints, and that only one that listens is told."""
+    told, kinds = contract.known_friction, joint_kinds(contract.joint_names)
+    if not contract.knows_friction or told is None:
+        _expect(told is None, "known_friction", told, f"null: the observation has no term {TERM!r}")
+        file = contract.known_friction_file
+        _expect(file is None, "known_friction_file", file, "null, as 'known_friction' is")
+        return
+    fits = (
+        isinstance(told, Mapping) and set(told) == set(kinds) and all(_is_number(x) and x >= 0 for x in told.values())
+    )
+    _expect(fits, "known_friction", told, f"an object with a number >= 0 for each of {', '.join(kinds)}, or null")
+
+
+def _check_observation(layout: ObservationLayout, joint_names: tuple[str, ...]) -> None:
     """Check that every term has the size and the numbers that a runtime can build."""
+    sizes = TERM_SIZES | dict.fromkeys(JOINT_TERMS, len(joint_names)) | {TERM: len(joint_kinds(joint_names))}
     names = [term.name for term in layout.terms]
     _expect(len(set(names)) == len(names) > 0, "observation.terms", names, "different terms, at least one")
     _expect(isinstance(layout.history_length, int), "observation.history_length", layout.history_length, "an integer")
     for term in layout.terms:
         where = f"observation.{term.name}"
-        expected = num_joints if term.name in JOINT_TERMS else TERM_SIZES.get(term.name, term.size)
+        expected = sizes.get(term.name, term.size)
         integer = isinstance(term.size, int) and not isinstance(term.size, bool) and term.size >= 1
         _expect(integer and term.size == expected, f"{where}.size", term.size, f"{expected}")
         for field in ("scale", "clip"):

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
+from stiction.formats.following import Following
 from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
 
@@ -117,8 +118,37 @@ class Verdict:
 
 
 @dataclass(frozen=True)
+class Change:
+    """A sentence of which the same rows are judged otherwise than before."""
+
+    id: str
+    """Section and number."""
+    before: Outcome
+    """What came out under the criterion of before."""
+    asked_before: str
+    """That criterion."""
+    now: Outcome
+    """What comes out."""
+    asked: str
+    """The criterion."""
+
+
+def changed_verdicts(
+    before: Sequence[Verdict], now: Sequence[Verdict], earlier: Sequence[dict[str, Any]] = ()
+) -> list[dict[str, Any]]:
+    """Return, as plain data, every `Change` between two judgements of the same rows.
+
+    earlier: changes that were known before: of such a sentence what it was at first is kept.
+    """
+    first = {verdict.id: (verdict.outcome, verdict.criterion) for verdict in before}
+    first |= {one["id"]: (one["before"], one["asked_before"]) for one in earlier}
+    changes = [Change(v.id, *first[v.id], v.outcome, v.criterion) for v in now if v.id in first]
+    return [asdict(change) for change in changes if change.before != change.now]
+
+
+@dataclass(frozen=True)
 class Onset:
-    """Where one condition falls under 80 % of the command."""
+    """Where one condition slows under 80 % of the command; above that it may be too fast."""
 
     condition: str
     """Way of training, and robot."""
@@ -165,6 +195,8 @@ class Experiment:
     """Learning curves."""
     verdicts: Sequence[Verdict]
     """One a sentence."""
+    following: Sequence[Following]
+    """Who follows, by condition and policy, `coulomb20-none/student`."""
     onsets: Sequence[Onset]
     """One a condition of the fourth part."""
     collapses: Sequence[Collapse]
@@ -175,9 +207,10 @@ class Experiment:
     """What was run, on what, and the settings of the evaluation."""
 
     def write(self, out: Path) -> None:
-        """Write results.csv, summary.json, and where a run is finished intervals.csv and curves.csv into a folder."""
+        """Write results.csv, summary.json, and where a run is finished intervals.csv, following.csv and curves.csv."""
         write_results(out / "results.csv", self.rows)
-        for name, records in (("intervals.csv", self.means), ("curves.csv", self.curves)):
+        tables = {"intervals.csv": self.means, "following.csv": self.following, "curves.csv": self.curves}
+        for name, records in tables.items():
             if records:
                 write_rows(out / name, records)
         names = ("conditions", "runs", "verdicts", "onsets", "collapses")

@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from stiction.formats.results import FOLLOWS
+End = Literal["alive", "too slow", "too fast", "fell", "too slow from the start", "too fast from the start"]
+"""How a life ended: not at all, it follows to the last; too slow or too fast for good; by a fall, before that; or it
+never was one: no window follows, and so was the first."""
 
-ENOUGH = FOLLOWS[0]
-"""Share of the commanded speed under which a policy's life ends."""
-
-End = Literal["slow", "fell", "alive", "slow from the start"]
-"""How a walk ended: under `ENOUGH` for good; by a fall, before that; neither; or never above `ENOUGH`."""
+NEVER = " from the start"
+"""What ends the name of an end without a life before it."""
 
 Notice = Literal["before", "after", "at once", "never"]
 """When a monitor noticed: before the life ended, after that, at its first reading, before any wear, or not at all. A
-life that was slow from the start has no before."""
+life that never was one has no before."""
 
 
 @dataclass(frozen=True)
@@ -80,10 +79,12 @@ class Life(Walk):
     """Speed ratio of the first window [-]; None where the robot fell before its end."""
     last_ratio: float | None
     """... and of the last one [-]."""
+    begin: float | None
+    """Wear at which it first follows [1]; None where it does in the first window, or never."""
     end: End
     """How it ended."""
     factor: float | None
-    """Wear at which the life ended [1]; None where it did not, or had ended before the wear began."""
+    """Wear at which the life ended [1]; None where it did not, or never was one."""
     time: float | None
     """When that was known [s]."""
     monitored: bool

@@ -28,7 +28,7 @@ class Term:
     clip: float
     """Symmetric bound after scaling."""
     frame: str
-    """`base` (x forward, y left, z up), `joint`, `command` or `none`."""
+    """`base` (x forward, y left, z up), `joint`, `kind` (of joint), `command` or `none`."""
     offset: str = "none"
     """What is subtracted before scaling: `none`, or `standing` for the standing pose."""
 
@@ -43,8 +43,10 @@ TERM_NAMES = (
     "joint_velocity",
     "last_action",
     "placeholder_contact",
+    "known_friction",
 )
-"""The paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always zero."""
+"""The paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always zero. Behind it
+what only some policies have: `known_friction`, f/τ_max of each kind of joint as somebody identified it [-]."""
 
 PLACEHOLDERS = frozenset(name for name in TERM_NAMES if name.startswith("placeholder"))
 
@@ -68,6 +70,10 @@ class ObservationLayout:
                 f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length}: "
                 "expected 'oldest_first', 'frame_major' and a length of at least 1"
             )
+
+    def has(self, name: str) -> bool:
+        """Say whether a frame has a term of this name."""
+        return any(term.name == name for term in self.terms)
 
     @property
     def frame_size(self) -> int:
@@ -94,14 +100,16 @@ class ObservationLayout:
             raise StictionError(f"the observation layout in the contract is malformed: {error}") from error
 
 
-def proprioception(num_joints: int, history_length: int = HISTORY_LENGTH) -> ObservationLayout:
+def proprioception(num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
 
-    `history_length`: frames in o_H, the present one included.
+    `history_length`: frames in o_H, the present one included. `known_kinds`: kinds of joints whose friction the policy
+    is told; 0: it is told nothing, as in the paper.
 
     Scales are those customary for legged robots: they bring each term near unit size, so that no running
     normalisation is needed, and the deployed observation is a fixed function of the sensors.
     """
+    known = (Term("known_friction", known_kinds, 5.0, 5.0, "kind"),) if known_kinds else ()
     return ObservationLayout(
         (
             Term("angular_velocity", 3, 0.25, 5.0, "base"),
@@ -113,6 +121,7 @@ def proprioception(num_joints: int, history_length: int = HISTORY_LENGTH) -> Obs
             Term("joint_velocity", num_joints, 0.05, 5.0, "joint"),
             Term("last_action", num_joints, 1.0, 10.0, "joint"),
             Term("placeholder_contact", 1, 1.0, 1.0, "none"),
+            *known,
         ),
         history_length,
     )

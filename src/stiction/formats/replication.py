@@ -10,6 +10,7 @@ from typing import Any
 
 from stiction.formats.errors import StictionError
 from stiction.formats.experiment import Verdict
+from stiction.formats.following import Following
 from stiction.formats.grid import MethodCell
 from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
@@ -26,6 +27,10 @@ BOTH = "both"
 
 CAUSES = ("physx+nominal", "physx+friction", "physx+rest")
 """Cells of the virtual robot by which causes are told apart: robots that nobody has, whose friction limits nobody."""
+
+
+SHARES = ("coulomb", "real")
+"""Laws under which a level is a share of the torque limit and nothing else, as a user knows it of a joint."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +112,10 @@ class ForwardPoint(BudgetPoint):
 
 @dataclass(frozen=True)
 class Onset:
-    """Where one way of training falls under 80 % of the command in one engine; a row of onsets.csv."""
+    """Where one way of training slows under 80 % of the command in one engine; a row of onsets.csv.
+
+    That it does not says nothing of being too fast: see `Following`.
+    """
 
     method: str
     """Way of training."""
@@ -163,7 +171,9 @@ class Replication:
     forward: Sequence[ForwardPoint]
     """Friction fed forward, and what it is held against, on the same robots."""
     onsets: Sequence[Onset]
-    """Where each way falls under 80 %."""
+    """Where each way slows under 80 %."""
+    following: Sequence[Following]
+    """Who follows."""
     verdicts: Sequence[Verdict]
     """One a sentence."""
     behind: Sequence[Behind]
@@ -173,9 +183,14 @@ class Replication:
     summary: dict[str, Any]
     """What was run, on what."""
 
+    @property
+    def needs(self) -> tuple[Following, ...]:
+        """Who follows where a user's robot may be, by shares of the torque limit."""
+        return tuple(one for one in self.following if one.friction_law in SHARES and one.engine not in CAUSES)
+
     def write(self, out: Path) -> None:
-        """Write results.csv, methods.csv, budget.csv, forward.csv, onsets.csv, verdicts.csv, evidence.csv and
-        summary.json.
+        """Write results.csv, methods.csv, budget.csv, forward.csv, onsets.csv, following.csv, verdicts.csv,
+        evidence.csv and summary.json.
         """
         write_results(out / "results.csv", [row for part in self.parts for row in part.rows])
         tables: dict[str, Sequence[Any]] = {
@@ -183,6 +198,7 @@ class Replication:
             "budget": self.budget,
             "forward": self.forward,
             "onsets": self.onsets,
+            "following": self.following,
             "verdicts": self.verdicts,
             "evidence": self.behind,
         }

@@ -127,6 +127,22 @@ def write_summary(path: Path, summary: dict[str, Any]) -> None:
     path.write_text(summary_text(summary), encoding="utf-8")
 
 
+def read_summary(path: Path) -> dict[str, Any]:
+    """Return what a summary.json has.
+
+    Raises:
+        StictionError: it cannot be read, or is none of this version.
+
+    """
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise StictionError(f"{path} cannot be read as a summary: {error}") from error
+    if not isinstance(found, dict) or found.get("schema_version") != SCHEMA_VERSION:
+        raise StictionError(f"{path} is no summary.json of schema version {SCHEMA_VERSION}")
+    return found
+
+
 def summary_text(summary: dict[str, Any]) -> str:
     """Return the text of summary.json, schema version first."""
     return json.dumps({"schema_version": SCHEMA_VERSION} | summary, indent=2, allow_nan=False) + "\n"

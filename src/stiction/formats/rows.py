@@ -42,7 +42,7 @@ def _cell(path: Path, name: str, value: Any) -> str:
 def read_rows(path: Path, kind: type[Row]) -> list[Row]:
     """Read records that `write_rows` wrote.
 
-    kind: their dataclass, whose fields are text, integers and floats, or one of these or None.
+    kind: their dataclass, whose fields are text, integers, floats and yes or no, or one of these or None.
 
     Raises:
         StictionError: the file cannot be read, or is not one of such records.
@@ -71,4 +71,13 @@ def _value(cell: str, kind: Any) -> str | int | float | None:
     kinds = get_args(kind) or (kind,)
     if cell == "" and type(None) in kinds:
         return None
+    if bool in kinds:
+        return _truth(cell)
     return next(one for one in (int, float, str) if one in kinds)(cell)
+
+
+def _truth(cell: str) -> bool:
+    """Return what a cell says of yes or no; raise `ValueError` where it is neither."""
+    if cell not in ("True", "False"):
+        raise ValueError(f"{cell!r} is neither True nor False")
+    return cell == "True"

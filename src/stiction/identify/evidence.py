@@ -1,14 +1,13 @@
-"""What the simulations so far say about joint friction, and what to train with because of it.
+"""What the simulations so far say about joint friction, and how much friction a training has to cover.
 
 The evidence is `results/replication`: one simulated 32 kg hexapod told to walk at 0.5 m/s, three training seeds, in the
-simulator of the training, in two other engines and on virtual robots; and for the way to train
-`results/friction-training`, five seeds. Every sentence that rests on it is called provisional.
+simulator of the training, in two other engines and on virtual robots. Every sentence that rests on it is called
+provisional. Which training to choose is another module's: `advice`.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
 
 from stiction.formats.joints import Estimate
 
@@ -27,8 +26,8 @@ MARGIN = 2.0
 
 EVIDENCE = (
     "Provisional: in simulations of one robot, three training seeds, friction of 1 % of the torque limit cost such "
-    "policies 2 to 3 % of 0.5 m/s. Their slower direction fell under 80 % of it with 8 % in the simulator that trained "
-    "them, with 4 % in PhysX and on virtual robots, and with 1 % in ODE, where it was at 80 % without friction."
+    "policies 2 to 3 % of 0.5 m/s. Their slower direction slowed under 80 % of it with 8 % in the simulator that "
+    "trained them, with 4 % in PhysX and on virtual robots, and with 1 % in ODE, where it was at 80 % without friction."
 )
 """What policies did that were trained without friction: the onsets in `results/replication`."""
 
@@ -41,12 +40,6 @@ BUDGET = (
 TRAINABLE = 0.8
 """Levels from here on leave the motor too little to walk with; training refuses them."""
 
-METHOD = "deception"
-"""Way to train: in `results/friction-training` it deviated least from the command, from no friction to 30 %."""
-
-RANGE = (0.0, 1.2)
-"""What `METHOD` multiplies the level with, as `stiction.locomotion.config` has it."""
-
 
 def effect(high: float) -> str:
     """Return what friction of `high` times the torque limit does to a policy that never met it."""
@@ -55,11 +48,6 @@ def effect(high: float) -> str:
     if high < SEVERE:
         return "It may slow down a policy that was trained without friction"
     return "A policy that was trained without friction will probably lose much of its speed"
-
-
-def friction_settings(level: float) -> dict[str, Any]:
-    """Return the fields of `FrictionCfg` that train at a level; at level 0 there is nothing to train for."""
-    return {"method": METHOD if level > 0 else "none", "level": level, "law": "coulomb", "per": "robot"}
 
 
 def friction_level(ratio: Estimate, condition: str | None) -> float:

@@ -6,21 +6,22 @@ from dataclasses import dataclass
 from typing import Any
 
 from stiction.formats.joints import Estimate
+from stiction.identify.advice import Advice, advise
 from stiction.identify.evidence import (
     BUDGET,
     EVIDENCE,
     FELT,
     FELT_BAND,
     MARGIN,
-    METHOD,
-    RANGE,
     TRAINABLE,
     effect,
     friction_level,
-    friction_settings,
 )
 from stiction.identify.reference import CONDITIONS, Placement, Quantity, place
 from stiction.identify.what_if import WhatIf, what_if
+
+WITHOUT: dict[str, Any] = {"method": "none", "level": 0.0, "law": "coulomb", "per": "robot"}
+"""The fields of `FrictionCfg` where there is no friction to train for."""
 
 
 @dataclass(frozen=True)
@@ -28,23 +29,31 @@ class Verdict:
     """What the friction of one joint means for training."""
 
     level: float | None
-    """`--friction-level` to train at, or None without a torque limit, and beyond what can be trained."""
+    """Friction that a training has to cover, as a share of the torque limit: the upper end, with the margin; None
+    without a torque limit, and beyond what can be trained."""
     text: str
     """The same in words, with the comparison."""
     placement: tuple[Placement, ...] = ()
     """Rank of ratio and dead band among public joints of the same condition."""
     what_if: tuple[WhatIf, ...] = ()
     """Seals removed, and wear."""
+    advice: Advice | None = None
+    """What to train with; None where there is nothing to cover."""
 
     @property
     def range(self) -> tuple[float, float] | None:
         """Friction that training then draws, as shares of the torque limit, lowest and highest."""
-        return None if self.level is None else (RANGE[0] * self.level, RANGE[1] * self.level)
+        if self.advice is None:
+            return None if self.level is None else (0.0, 0.0)
+        low, high = self.advice.range
+        return low, high
 
     @property
     def training(self) -> dict[str, Any] | None:
         """The fields of `task.friction` in a run's configuration; None where no level can be proposed."""
-        return None if self.level is None else friction_settings(self.level)
+        if self.advice is None:
+            return None if self.level is None else WITHOUT
+        return self.advice.settings
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for the diagnostics of `joints.json`."""
@@ -52,6 +61,7 @@ class Verdict:
             "friction_level": self.level,
             "range": None if self.range is None else list(self.range),
             "training": self.training,
+            "advice": self.advice and self.advice.to_dict(),
             "text": self.text,
             "placement": [item.to_dict() for item in self.placement],
             "what_if": [item.to_dict() for item in self.what_if],
@@ -92,9 +102,10 @@ def verdict(
             f"To cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}: mend the joint."
         )
         level = None
+    advice = advise(max(ratio.interval95[0], 0.0), level) if level and ratio is not None else None
     if level is not None:
-        parts.append(_proposal(level, condition))
-    return Verdict(level, " ".join(parts), placement, what_if(ratio, dead_band, condition) if leg else ())
+        parts.append(_proposal(level, condition, advice))
+    return Verdict(level, " ".join(parts), placement, what_if(ratio, dead_band, condition) if leg else (), advice)
 
 
 def _measured(
@@ -136,16 +147,12 @@ def _judgement(ratio: Estimate, dead_band: Estimate | None, condition: str | Non
     return [*parts, BUDGET]
 
 
-def _proposal(level: float, condition: str | None) -> str:
+def _proposal(level: float, condition: str | None, advice: Advice | None) -> str:
     """Say what to train with."""
-    margin = "" if condition == "loaded" else f" (the upper end times {MARGIN:g}, a margin chosen, not measured)"
-    if level == 0:
+    if advice is None:
         return "There is no friction to train for: --method none."
-    low, high = (100 * end * level for end in RANGE)
-    return (
-        f"To cover it, train with --method {METHOD} --friction-level {level:.2f}{margin}: the friction of each robot "
-        f"is then drawn between {low:g} and {high:.3g} % of the torque limit."
-    )
+    margin = "" if condition == "loaded" else f", the upper end times {MARGIN:g}, a margin chosen, not measured"
+    return f"A training has to cover {100 * level:.3g} % of the torque limit{margin}. {advice.text}"
 
 
 def _span(estimate: Estimate, factor: float, unit: str) -> str:

@@ -30,7 +30,7 @@ class WhatIf:
     dead_band: Estimate | None
     """f/kp then [rad]."""
     level: float | None
-    """`--friction-level` then; None where there is none."""
+    """Friction that a training has to cover then [-]; None where there is none."""
     text: str
     """The same in one sentence."""
 
@@ -66,7 +66,9 @@ def _case(
     if ratio and level is not None:
         said_of_it = effect(max(ratio.interval95[1], 0.0))
         text += f". {said_of_it}; " + (
-            f"level {level:.2f}" if level < TRAINABLE else f"level {level:.2f} is beyond training, mend the joint"
+            f"to cover: {level:.2f}"
+            if level < TRAINABLE
+            else f"to cover {level:.2f} is beyond training, mend the joint"
         )
         level = level if level < TRAINABLE else None
     return WhatIf(case, factor, ratio, dead_band, level, text + ".")

@@ -9,7 +9,8 @@ from tyro.conf import arg
 
 from stiction.formats.actuator import ActuatorNet
 from stiction.formats.errors import StictionError
-from stiction.formats.observation import HISTORY_LENGTH
+from stiction.formats.known_friction import joint_kinds
+from stiction.formats.observation import HISTORY_LENGTH, ObservationLayout, proprioception
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.robots.physics import PhysicsCfg
@@ -30,6 +31,10 @@ def check_spans(owner: object, lowest: dict[str, float]) -> None:
             raise StictionError(
                 f"{name} is the range [{low}, {high}]; expected a lower and an upper end, from {least} on"
             )
+
+
+NOT_NEGATIVE = ("damping", "ground_friction", "action_delay", "known_friction")
+"""Ranges of `RandomizationCfg` that begin at zero or above."""
 
 
 @dataclass(frozen=True)
@@ -59,12 +64,15 @@ class RandomizationCfg:
     """Delay between command and motor [s], in whole physics steps, one for all joints of a robot. Not in the paper."""
     encoder_offset: tuple[float, float] = (-0.02, 0.02)
     """Error of each joint's measured angle [rad]; the joint controller sees it too. Not in the paper's table."""
+    known_friction: tuple[float, float] = (0.7, 1.3)
+    """Multiplier of the friction that a policy is told (`TaskCfg.known_friction`), one a kind of joint: the error of
+    whoever identified it, and how much it has changed since."""
 
     def __post_init__(self) -> None:
         """Refuse multipliers that turn physics around."""
         positive = dict.fromkeys(("armature", "stiffness", "motor_strength"), 1e-3)
         free = dict.fromkeys(("payload", "center_of_mass", "encoder_offset"), float("-inf"))
-        check_spans(self, positive | dict.fromkeys(("damping", "ground_friction", "action_delay"), 0.0) | free)
+        check_spans(self, positive | dict.fromkeys(NOT_NEGATIVE, 0.0) | free)
         if self.push_interval < 0 or self.push_velocity < 0:
             raise StictionError(f"push every {self.push_interval} s with {self.push_velocity} m/s: expected at least 0")
 
@@ -194,11 +202,19 @@ class TaskCfg:
     history: int = HISTORY_LENGTH
     """Frames in o_H, the present one included, one a control period. The paper's H of 10 is eleven frames; more of them
     let a student look further back."""
+    known_friction: bool = False
+    """Whether the policy is told f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
+    every episode (`randomization.known_friction`), on the robot what its bench identified (`export --joints`)."""
 
     def __post_init__(self) -> None:
         """Refuse times that do not fit each other, and a history that is none."""
         if not 1 <= self.history <= LONGEST_HISTORY:
             raise StictionError(f"a history of {self.history} frames: expected 1 to {LONGEST_HISTORY}")
+        if self.known_friction and self.friction.method == "none":
+            raise StictionError(
+                "known_friction with the method 'none': there is no friction in training of which a policy could be "
+                "told; use another --method"
+            )
         if not 0 < self.timestep <= 0.02 or self.decimation < 1 or self.episode < self.control_period:
             raise StictionError(
                 f"physics step {self.timestep} s, decimation {self.decimation}, episode {self.episode} s: "
@@ -219,6 +235,11 @@ class TaskCfg:
                 f"the Actuator Net is of output-side torque, which contains the joints' friction, and the method "
                 f"{self.friction.method!r} would add it again; use --method none, or a net of motor-side torque"
             )
+
+    def layout(self, robot: RobotSpec) -> ObservationLayout:
+        """Return what a policy for a robot observes."""
+        kinds = len(joint_kinds(robot.joint_names)) if self.known_friction else 0
+        return proprioception(robot.num_joints, self.history, kinds)
 
     @property
     def control_period(self) -> float:

@@ -10,7 +10,7 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
 from stiction.formats.actuator import ActuatorNet
-from stiction.formats.observation import proprioception
+from stiction.formats.known_friction import kind_average
 from stiction.joints.pd import compensated
 from stiction.locomotion import rewards
 from stiction.locomotion.commands import CommandSampler
@@ -31,7 +31,7 @@ RESET_NOISE = (0.1, 0.3)
 ELEVATION_SCALE = 0.2
 """Unit of the elevation map [m]."""
 
-_BUFFERS = ("episode_length_buf", "last_action", "last_velocity", "air_time", "measured_position")
+_BUFFERS = ("episode_length_buf", "last_action", "last_velocity", "air_time", "measured_position", "bench_error")
 """The per-robot buffers that a checkpoint holds beside the simulation."""
 
 
@@ -84,7 +84,7 @@ class LocomotionEnv(VecEnv):
         self.compensation = None if extra is None else torch.tensor(extra)
         self.stage = 0
         self.commands = CommandSampler(cfg.commands, num_envs)
-        self.layout = proprioception(self.num_actions, cfg.history)
+        self.layout = cfg.layout(self.spec)
         self.standing = torch.from_numpy(self.fleet.standing).float()
         self.torque_limit = torch.from_numpy(self.fleet.torque_limit).float()
         self.group = torch.from_numpy(self.spec.groups())
@@ -100,6 +100,8 @@ class LocomotionEnv(VecEnv):
         self.last_action = torch.zeros(num_envs, self.num_actions)
         self.last_velocity = torch.zeros(num_envs, self.num_actions)
         self.air_time = torch.zeros(num_envs, len(self.spec.legs))
+        self.kind_average = torch.from_numpy(kind_average(self.spec.joint_names)).float()
+        self.bench_error = torch.ones(num_envs, self.kind_average.shape[1])
         self._reset(torch.arange(num_envs))
         self._observation = self._observe(torch.ones(num_envs, dtype=torch.bool))
 
@@ -222,6 +224,10 @@ class LocomotionEnv(VecEnv):
             self.fleet.place_terrain(ids.numpy(), difficulty, uniform)
         self.fleet.reset(ids.numpy(), joint_position, heading, velocity, start)
         self.commands.draw(ids, self.generator)
+        if self.cfg.known_friction:
+            low, high = self.cfg.randomization.known_friction
+            size = (num, self.bench_error.shape[1])
+            self.bench_error[ids] = low + (high - low) * torch.rand(size, generator=self.generator)
         self.unsync.reset(ids)
         self.episode_length_buf[ids] = 0
         for buffer in (self.last_action, self.last_velocity, self.air_time):
@@ -251,6 +257,8 @@ class LocomotionEnv(VecEnv):
             raw[name] = value + getattr(noise, name) * (2 * torch.rand(value.shape, generator=self.generator) - 1)
         self.measured_position = raw["joint_position"]
         raw |= {"command": self.commands.value, "last_action": self.last_action}
+        if self.cfg.known_friction:
+            raw["known_friction"] = self.randomizer.friction_share() @ self.kind_average * self.bench_error
         frame = self.frames(raw)
         velocity = to_tensor(fleet.base_linear_velocity)
         contact = to_tensor(fleet.foot_contact)

@@ -9,10 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+import numpy as np
 from tyro.conf import arg
 
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import Law, has_coefficient
+from stiction.robots.spec import RobotSpec
 
 FrictionMethod = Literal["none", "direct", "compensation", "finetune", "iterative", "deception"]
 FrictionLaw = Literal["coulomb", "stribeck", "load", "effort"]
@@ -165,3 +167,19 @@ class FrictionCfg:
         """Return the number of the stage that iteration `iteration` of `iterations` of the teacher belongs to."""
         begun = [k for k, stage in enumerate(self.schedule) if iteration >= round(stage.begin * iterations)]
         return begun[-1]
+
+
+def friction_share(law: str, friction: np.ndarray, spec: RobotSpec, weight: float) -> np.ndarray:
+    """Return dry friction as a fraction of each joint's torque limit, shape (..., joints): the same at every level.
+
+    Args:
+        law: of the friction. A coefficient of `effort` counts at the full torque of the motor, one of `load` where the
+            joint transmits an even share of the robot's weight and no torque.
+        friction: torque [N m], or coefficient, of each joint, shape (..., joints).
+        spec: the robot.
+        weight: its weight [N].
+
+    """
+    limit = spec.joint_values("torque_limit")
+    typical = {"effort": limit, "load": weight / len(spec.legs)}.get(law, 1.0)
+    return friction / limit * typical

@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from stiction.robots.spec import RobotSpec
-
 PAYLOAD_UNIT, MULTIPLIER_UNIT, FRICTION_UNIT = 3.0, 0.2, 0.1
 """What an entry of 1 stands for: 3 kg of payload, a multiplier of 1.2, dry friction of 0.1 of the torque limit."""
 
@@ -57,19 +55,3 @@ def nominal_privileged(friction: np.ndarray) -> torch.Tensor:
     share = torch.from_numpy(np.asarray(friction, dtype=np.float32))
     one, column = torch.ones_like(share), torch.ones(len(share), 1)
     return privileged_observation(0.0 * column, column, one, one, share)
-
-
-def friction_share(law: str, friction: np.ndarray, spec: RobotSpec, weight: float) -> np.ndarray:
-    """Return dry friction as a fraction of each joint's torque limit, shape (..., joints): the same at every level.
-
-    Args:
-        law: of the friction. A coefficient of `effort` counts at the full torque of the motor, one of `load` where the
-            joint transmits an even share of the robot's weight and no torque.
-        friction: torque [N m], or coefficient, of each joint, shape (..., joints).
-        spec: the robot.
-        weight: its weight [N].
-
-    """
-    limit = spec.joint_values("torque_limit")
-    typical = {"effort": limit, "load": weight / len(spec.legs)}.get(law, 1.0)
-    return friction / limit * typical

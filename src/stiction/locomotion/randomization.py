@@ -13,8 +13,8 @@ import torch
 
 from stiction.formats.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg
-from stiction.locomotion.friction import FrictionCfg, Mixture
-from stiction.locomotion.privileged import friction_share, privileged_observation
+from stiction.locomotion.friction import FrictionCfg, Mixture, friction_share
+from stiction.locomotion.privileged import privileged_observation
 from stiction.robots.spec import RobotSpec
 from stiction.sim.actuator import NetMotors
 from stiction.sim.fleet import Fleet
@@ -103,7 +103,7 @@ class Randomizer:
         self.law = joint_friction(fleet, friction.joint_law)
         weight = fleet.spec.mass * float(np.linalg.norm(fleet.model.opt.gravity))
         share = friction_share(friction.law, nominal.frictionloss, fleet.spec, weight)
-        self.friction_share = torch.from_numpy(share).float()
+        self.nominal_share = torch.from_numpy(share).float()
         self.base_mass = fleet.spec.base.mass
         cfg.check_robot(fleet.spec)
         size = np.array(fleet.spec.base.size)
@@ -166,9 +166,11 @@ class Randomizer:
         fleet.base_com[rows] = values["center_of_mass"]
         fleet.set_const(rows)
 
+    def friction_share(self) -> torch.Tensor:
+        """Return the dry friction of every joint as a fraction of its torque limit, shape (N, joints)."""
+        return self.draws.friction * self.nominal_share
+
     def privileged(self) -> torch.Tensor:
         """Return o_priv of every robot, shape (N, 2 + 3 joints); see `privileged_observation`."""
         d = self.draws
-        return privileged_observation(
-            d.payload, d.ground_friction, d.armature, d.damping, d.friction * self.friction_share
-        )
+        return privileged_observation(d.payload, d.ground_friction, d.armature, d.damping, self.friction_share())

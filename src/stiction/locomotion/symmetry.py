@@ -8,6 +8,7 @@ observes is what a robot so worn would. Groups and terms each have a rule below;
 * What has a direction in the base follows the reflection y -> -y: positions and velocities (x, -y, z), rates of turn
   (-x, y, -z), roll and pitch (-φ, ψ), commands (v_x, -v_y, -ω).
 * Angles, velocities and actions of joints are exchanged with those of the mirror image, with its sign.
+* What is known of a kind of joint is known of both sides: it stays.
 * Friction, rotor inertia and damping are exchanged without sign. The last two are observed as multipliers of each
   joint's own nominal value: where that differs from its image's, the multiplier is converted (factor and shift).
 * The elevation map is looked up at (x, -y); a history is mirrored frame by frame.
@@ -93,6 +94,8 @@ class TaskMirror(nn.Module):
     def __init__(self, groups: dict[str, Rows], action: Rows) -> None:
         """`groups`: of every observation group; `action`: of the action."""
         super().__init__()
+        self.rows = {**groups, "action": action}
+        """The rules as they came, for who builds more than a mirror of them."""
         self.groups = nn.ModuleDict({name: VectorMirror(rows) for name, rows in groups.items()})
         self.action = VectorMirror(action)
 
@@ -153,7 +156,7 @@ def _check_fixed_parts(env: LocomotionEnv, mirror: RobotMirror) -> None:
 
 def _term(term: Term, mirror: RobotMirror) -> Rows:
     """Return the rule of a term of a frame."""
-    if term.name in PLACEHOLDERS:
+    if term.name in PLACEHOLDERS or term.frame == "kind":
         return Rows.signed(np.ones(term.size))
     if term.frame == "joint":
         return Rows(mirror.joints, mirror.sign)

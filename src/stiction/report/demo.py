@@ -11,10 +11,12 @@ from markupsafe import Markup
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import METHODS
+from stiction.formats.following import BAND, LEAST, MOST, row_pace
 from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow
-from stiction.report.evaluation import budget_picture, definitions_table, follows, results_table, run_blocks
+from stiction.report.evaluation import budget_picture, definitions_table, results_table, run_blocks
 from stiction.report.evaluation_figures import draw_budget
+from stiction.report.following import paces_text
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, row, table
 
 
@@ -113,9 +115,10 @@ METHODS_TEXT = (
 )
 
 BUDGET_TEXT = (
-    "Read it from left to right, towards more friction in the joints: a policy that does not cope with it gets slower, "
-    "and its line leaves the green band. The highest tested level up to which each policy stayed within the band and "
-    "no robot fell:"
+    "Read it from left to right, towards more friction in the joints: every policy gets slower. One that was trained "
+    f"without friction leaves the green band, {BAND} of the command, at its lower edge; one that was trained with much "
+    f"of it may begin above. A policy follows within the band, where no robot falls; under {LEAST} it is too slow, "
+    f"over {MOST} too fast:"
 )
 
 CHECK_TEXT = (
@@ -137,7 +140,7 @@ def _lead(rows: Sequence[ResultRow], clips: DemoClips) -> str:
         found = [
             r for r in rows if r.policy == policy and r.friction_level == clips.level and r.speed_ratio is not None
         ]
-        reached = " and ".join(f"{r.speed_ratio:.0%} of {r.command}" for r in found)
+        reached = " and ".join(f"{_ratio_text(r)} of {r.command}" for r in found)
         if found:
             sentences.append(f"trained with “{found[0].method}”, it reached {reached}")
     if not sentences:
@@ -194,17 +197,22 @@ def _reached(rows: Sequence[ResultRow], policy: str, clips: DemoClips) -> str:
             clips.level,
             clips.command,
         ) and r.speed_ratio is not None:
-            return f"{r.speed_ratio:.0%}"
+            return _ratio_text(r)
     return "an unknown share"
 
 
+def _ratio_text(r: ResultRow) -> str:
+    """Return a row's speed ratio, and what is wrong with it: `43% (too slow)`."""
+    return f"{r.speed_ratio:.0%}" + (f" ({wrong})" if (wrong := row_pace(r)) != "follows" else "")
+
+
 def _budget_text(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
-    """Return how to read the figure, and for each policy the highest level at which it still follows."""
+    """Return how to read the figure, and for each policy the levels at which it follows, and what it does at others."""
     cells = []
     for policy in policies:
         own = [r for r in rows if r.policy == policy.bundle.name and r.speed_ratio is not None]
         commands = dict.fromkeys(r.command for r in own)
-        cells.append([policy.bundle.contract.method, *(_highest(own, command) for command in commands)])
+        cells.append([policy.bundle.contract.method, *(_where(own, command) for command in commands)])
     header = ["method", *dict.fromkeys(r.command for r in rows if r.speed_ratio is not None)]
     return (
         paragraph(BUDGET_TEXT),
@@ -212,14 +220,10 @@ def _budget_text(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> t
     )
 
 
-def _highest(rows: Sequence[ResultRow], command: str) -> str:
-    """Return the highest level up to which every tested level was followed, as text."""
-    best = None
-    for r in sorted((r for r in rows if r.command == command), key=lambda r: r.friction_level):
-        if not follows(r):
-            break
-        best = r.friction_level
-    return "none" if best is None else f"{best:.0%}"
+def _where(rows: Sequence[ResultRow], command: str) -> str:
+    """Return at which tested levels a command was followed, and at which the robot was too fast or too slow."""
+    own = sorted((r for r in rows if r.command == command), key=lambda r: r.friction_level)
+    return paces_text([(f"{r.friction_level:.0%}", {row_pace(r) or ""}) for r in own])
 
 
 def _check_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:

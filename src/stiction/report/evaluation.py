@@ -11,11 +11,13 @@ from markupsafe import Markup
 
 from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
+from stiction.formats.following import BAND, DEFINITION, LEAST, MOST, following, pace, row_pace
 from stiction.formats.friction import LAWS, has_coefficient, level_text
 from stiction.formats.replication import BOTH, Sample
-from stiction.formats.results import FOLLOWS, ResultRow, write_results, write_summary
+from stiction.formats.results import ResultRow, write_results, write_summary
 from stiction.formats.rows import write_rows
 from stiction.report.evaluation_figures import DEFAULT, draw_budget, place_of, place_text, places
+from stiction.report.following import counts_sheet, judged_text, paces_text
 from stiction.report.page import Section, figure_uri, paragraph, picture, render_page, table
 from stiction.report.replication_methods import sample_text
 
@@ -30,6 +32,10 @@ MOVING = "moving"
 
 DEFINITIONS = (
     ("speed ratio", "mean speed along the command over the commanded speed; after a fall the speed counts as zero"),
+    (
+        "pace",
+        f"follows: {BAND} of the commanded speed, and nobody fell; too slow: under {LEAST}; too fast: over {MOST}",
+    ),
     ("error", "mean distance of velocity and command, over windows of 1 s, in m/s (in rad/s for a pure turn)"),
     ("falls", "share of episodes with a fall; a simulation that became unstable counts as one"),
     (
@@ -85,7 +91,7 @@ OVER_SEEDS = (
     "A way of training with several seeds: a point is a seed's mean over episodes, the line the mean over seeds, the "
     "band its 95 % t-interval; circles on a line: one policy, its mean over episodes."
 )
-BAND = "The green band is 80 to 120 % of the commanded speed; below zero is the wrong way."
+GREEN = f"The green band is {BAND} of the commanded speed; below zero is the wrong way."
 """What the figure shows."""
 
 FIXED = {
@@ -128,13 +134,8 @@ def write_evaluation(
     return page
 
 
-def follows(row: ResultRow) -> bool:
-    """Say whether a row's policy followed its command: within `FOLLOWS`, and nobody fell."""
-    return row.speed_ratio is not None and FOLLOWS[0] <= row.speed_ratio <= FOLLOWS[1] and row.fall_rate == 0.0
-
-
 def lead(rows: Sequence[ResultRow]) -> str:
-    """Return the answer in a sentence for each policy: up to which level it follows all linear and turn commands."""
+    """Return the answer in a sentence for each policy: at which levels it follows all commands with a speed."""
     sentences = []
     several = len(places(rows)) > 1
     for policy in dict.fromkeys(row.policy for row in rows):
@@ -143,22 +144,18 @@ def lead(rows: Sequence[ResultRow]) -> str:
             if own:
                 where = f", {place_text(place)}," if several else ""
                 sentences.append(f"{policy}{where} {_follows_where(own)}")
-    return " ".join(sentences) + f" Following means {FOLLOWS[0]:.0%} to {FOLLOWS[1]:.0%} of the commanded speed."
+    return " ".join((*sentences, f"A policy is one training seed. {DEFINITION}"))
 
 
 def _follows_where(rows: Sequence[ResultRow]) -> str:
     """Return at which levels one policy follows in one place, as the end of a sentence."""
-    levels: dict[tuple[str, float], bool] = {}
+    levels: dict[tuple[str, float], set[str]] = {}
     for row in rows:
-        if row.speed_ratio is not None:
-            level = row.friction_law, row.friction_level
-            levels[level] = levels.get(level, True) and follows(row)
+        if (seen := row_pace(row)) is not None:
+            levels.setdefault((row.friction_law, row.friction_level), set()).add(seen)
     if not levels:
-        return "does at none: none asked it to move."
-    good = [_level(*level) for level, all_followed in sorted(levels.items()) if all_followed]
-    tested = ", ".join(_level(*level) for level in sorted(levels))
-    begin = f"follows every command without a fall at {', '.join(good)}" if good else "does at none"
-    return f"{begin} of the tested levels {tested}."
+        return "was not asked to move."
+    return f"{paces_text([(_level(*level), seen) for level, seen in sorted(levels.items())])}."
 
 
 def sections(
@@ -167,6 +164,8 @@ def sections(
     """Return the sections of the page: figure, ways of training, table, definitions, what was run."""
     found = [Section("Friction budget", (budget_picture(figure, samples),))]
     if any(sample.low is not None for sample in samples):
+        counts = following(rows, lambda row: summary["ways"][row.policy])
+        found.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))
         found.append(Section("Ways of training, over their seeds", (methods_table(samples),)))
     return [
         *found,
@@ -186,16 +185,28 @@ def methods_table(samples: Sequence[Sample]) -> Markup:
     rows = []
     for place, own in cells.items():
         speed = own.get("speed_ratio")
-        each = "–" if speed is None else ", ".join(f"{float(point):.2f}" for point in speed.each.split())
-        rows.append([*place, *(sample_text(own.get(column), form) for column, form in MEASURES.items()), each])
+        points = [] if speed is None else [float(point) for point in speed.each.split()]
+        each = ", ".join(f"{point:.2f}" for point in points) or "–"
+        numbers = (sample_text(own.get(column), form) for column, form in MEASURES.items())
+        rows.append([*place, *numbers, _paces(points), each])
     header = ["method", "engine", "ground", "friction", "command"]
-    return table([*header, "speed ratio", "error", "falls", "jitter", "speed ratio of each seed"], rows, SAMPLES)
+    return table(
+        [*header, "speed ratio", "error", "falls", "jitter", "pace of the seeds", "speed ratio of each seed"],
+        rows,
+        SAMPLES,
+    )
+
+
+def _paces(points: Sequence[float]) -> str:
+    """Return how many seeds have which pace under one command: `4 follow, 1 too fast`."""
+    found = [pace(point).replace("follows", "follow") for point in points]
+    return ", ".join(f"{found.count(one)} {one}" for one in dict.fromkeys(found)) or "–"
 
 
 def budget_picture(figure: Figure, samples: Sequence[Sample] = ()) -> Markup:
     """Return the friction budget as a block; figure: as `draw_budget` drew it with these samples."""
     seeds = any(sample.low is not None for sample in samples)
-    caption = f"{OVER_SEEDS if seeds else 'Mean over episodes.'} {BAND}"
+    caption = f"{OVER_SEEDS if seeds else 'Mean over episodes.'} {GREEN}"
     return picture(figure_uri(figure), caption)
 
 
@@ -209,7 +220,7 @@ def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] =
     cells = [_cells(row) for row in rows]
     for line, row, detail in zip(cells, rows, details, strict=bool(details)):
         line.insert(-1, _number(detail["moving_share"], ".0%"))
-        line[5] += _interval(detail.get("fall_interval"))
+        line[6] += _interval(detail.get("fall_interval"))
         if has_coefficient(row.friction_law) and detail.get("mean_friction") is not None:
             line[1] += f", {detail['mean_friction']:.2f} N m"
     header = ["policy", "friction", "command", *names, "episodes"]
@@ -251,6 +262,7 @@ def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
         paragraph(f"Settings: {json.dumps(evaluation)}"),
         table(["policy", "method", "seed", "revision", "digest", "made by"], policies),
         paragraph(f"Revision {summary['revision']}, {summary['seconds']:.0f} s on {summary['machine']['cpu']}."),
+        *((paragraph(again),) if (again := judged_text(summary)) else ()),
         paragraph("Everything here is simulation; one training seed is one sample. No robot was involved."),
     )
 
@@ -262,6 +274,7 @@ def _cells(row: ResultRow) -> list[str]:
         _level(row.friction_law, row.friction_level),
         row.command,
         _number(row.speed_ratio, ".2f"),
+        row_pace(row) or "–",
         _number(row.tracking_error, ".3f"),
         _number(row.fall_rate, ".0%"),
         _number(row.joint_jitter, ".0f"),

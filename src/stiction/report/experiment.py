@@ -12,14 +12,18 @@ from markupsafe import Markup
 
 from stiction.formats.errors import StictionError
 from stiction.formats.experiment import Experiment
+from stiction.formats.following import BAND
+from stiction.formats.friction import level_text
 from stiction.report.experiment_figures import draw_budget, draw_collapse, draw_conditions, draw_learning
 from stiction.report.experiment_tables import (
+    following_sheet,
     methods_sheet,
     onset_sheet,
     part_sheet,
     run_sheet,
     verdict_sheet,
 )
+from stiction.report.following import changes_sheet, judged_text
 from stiction.report.page import Section, figure_uri, fold, paragraph, picture, render_page
 from stiction.report.sheet import Sheet
 
@@ -29,7 +33,7 @@ if TYPE_CHECKING:
 TITLE = "Training with dry friction in the joints"
 
 CAPTIONS = {
-    "budget": "Thin: a seed. Thick: the mean over seeds, with its 95 % t-interval. Green: 80 to 120 % of the command.",
+    "budget": f"Thin: a seed. Thick: the mean over seeds, with its 95 % t-interval. Green: {BAND} of the command.",
     "learning": "Speed in training, randomised, noisy and pushed, under each method's own friction; all seeds, mean.",
     "conditions": "Students. A triangle is a seed and points where it is told to walk. A bar: the t-interval.",
     "collapse": "Friction of the shank on three axes. The axis on which curves agree is the one that predicts.",
@@ -47,6 +51,10 @@ HEADINGS = {
     "go1": "A robot that can fall",
 }
 """Figure -> heading of its section."""
+
+
+APART = ("following", "verdicts", "runs")
+"""Tables that are not folded away."""
 
 
 def write_experiment(out: Path, experiment: Experiment) -> Path:
@@ -95,6 +103,7 @@ def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
     first = [condition.name for condition in experiment.conditions if condition.part == "1"]
     sheets = {"verdicts": verdict_sheet(experiment)}
     if first:
+        sheets["following"] = following_sheet(experiment, first)
         sheets |= {f"methods-{who}": methods_sheet(experiment, first, who) for who in ("student", "teacher")}
     used = {condition.part for condition in experiment.conditions}
     sheets |= {f"part-{part}": part_sheet(experiment, part) for part in experiment.parts if part in used}
@@ -105,10 +114,13 @@ def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
 
 def sections(experiment: Experiment, figures: Mapping[str, Figure], sheets: Mapping[str, Sheet]) -> list[Section]:
     """Return the sections of the page: verdicts, figures, tables, what was run."""
-    page = [Section("What became of the paper's sentences", sheets["verdicts"].blocks())]
+    page = [Section(sheets["following"].title, sheets["following"].blocks())] if "following" in sheets else []
+    changes = changes_sheet(experiment.summary)
+    told = (fold(changes.title, changes.blocks()),) if changes else ()
+    page.append(Section("What became of the paper's sentences", (*sheets["verdicts"].blocks(), *told)))
     for name, figure in figures.items():
         page.append(Section(HEADINGS[name], (picture(figure_uri(figure), CAPTIONS[name]),)))
-    tables = [fold(sheet.title, sheet.blocks()) for name, sheet in sheets.items() if name not in ("verdicts", "runs")]
+    tables = [fold(sheet.title, sheet.blocks()) for name, sheet in sheets.items() if name not in APART]
     page.append(Section("Tables", tuple(tables)))
     return [*page, Section("What was run", _run_blocks(experiment, sheets["runs"]))]
 
@@ -121,6 +133,7 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
         paragraph(f"Command: {summary['command']}"),
         paragraph(f"Evaluation: {json.dumps(settings)}; held fixed: {json.dumps(summary['conditions_of_evaluation'])}"),
         paragraph(f"Revision {summary['revision']}, on {summary['machine']['cpu']}."),
+        *((paragraph(told),) if (told := judged_text(summary)) else ()),
         paragraph("Everything here is simulation. A training seed is one sample, however many episodes it walks."),
         fold(runs.title, (runs.html(),)),
     )
@@ -134,7 +147,20 @@ def lead(experiment: Experiment) -> str:
     return (
         f"{finished} of {len(experiment.runs)} runs are finished. Of {len(experiment.verdicts)} sentences of the paper "
         f"on training with friction: {said}."
+        f"{_follow_text(experiment)}"
     )
+
+
+def _follow_text(experiment: Experiment) -> str:
+    """Say at which levels the students of each condition of the first part follow with every seed."""
+    first = {f"{c.name}/student": c.name for c in experiment.conditions if c.part == "1"}
+    said = []
+    for way, name in first.items():
+        own = [cell for cell in experiment.following if cell.method == way]
+        sure = ", ".join(level_text("coulomb", cell.friction_level) for cell in own if cell.every_seed)
+        if own:
+            said.append(f"{name} at {sure or 'no tested level'}")
+    return f" With every seed follow: {'; '.join(said)}." if said else ""
 
 
 def warnings(experiment: Experiment) -> list[str]:

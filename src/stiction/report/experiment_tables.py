@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from stiction.formats.experiment import LIMITS, ConditionRecord, Experiment, SeedMean
+from stiction.formats.following import LEAST
 from stiction.formats.results import ResultRow
+from stiction.report.following import levels_sheet
 from stiction.report.sheet import Sheet
 
 WHO = ("student", "teacher")
@@ -36,6 +39,14 @@ def methods_sheet(experiment: Experiment, conditions: Sequence[str], who: str) -
     seeds = "1 seed" if counts == [1] else f"{' or '.join(map(str, counts))} seeds"
     note = f"Speed reached over commanded, mean and 95 % t-interval over {seeds}." if counts else ""
     return Sheet(f"Speed over friction, {who}", header, tuple(rows), note)
+
+
+def following_sheet(experiment: Experiment, conditions: Sequence[str]) -> Sheet:
+    """Return how many seeds of some conditions follow, students before teachers, over the levels up to 30 %."""
+    names = {f"{name}/{who}": f"{name}, {who}" for who in WHO for name in conditions}
+    own = [replace(cell, method=names[cell.method]) for cell in experiment.following if cell.method in names]
+    rank = list(names.values())
+    return levels_sheet(sorted(own, key=lambda cell: rank.index(cell.method)), "How many training seeds follow")
 
 
 def part_sheet(experiment: Experiment, part: str) -> Sheet:
@@ -94,7 +105,7 @@ def verdict_sheet(experiment: Experiment) -> Sheet:
 
 
 def onset_sheet(experiment: Experiment) -> Sheet:
-    """Return the friction at which each condition falls under 80 %, on every candidate axis."""
+    """Return the friction at which each condition slows under 80 %, on every candidate axis."""
     names = list(experiment.onsets[0].scales) if experiment.onsets else []
     rows = []
     for onset in experiment.onsets:
@@ -102,7 +113,9 @@ def onset_sheet(experiment: Experiment) -> Sheet:
         nowhere = "stays above" if onset.level is None else "under from the start"
         rows.append((onset.condition, *(nowhere if value is None else f"{value:.3f}" for value in values)))
     note = " ".join(f"{c.method}: {c.axis or 'no axis'}; {c.reason}." for c in experiment.collapses)
-    return Sheet("Friction at which the slower direction falls under 80 %", ("condition", *names), tuple(rows), note)
+    return Sheet(
+        f"Friction at which the slower direction slows under {LEAST}", ("condition", *names), tuple(rows), note
+    )
 
 
 def run_sheet(experiment: Experiment) -> Sheet:

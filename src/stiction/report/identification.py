@@ -224,6 +224,6 @@ def _meaning(name: str, record: JointRecord) -> list[Section]:
         for case in verdict.get("what_if", ())
     ]
     if rows:
-        header = ["", "f/τ_max", "f/kp", "--friction-level", ""]
+        header = ["", "f/τ_max", "f/kp", "friction to cover", ""]
         blocks.append(table(header, rows, "What if: nobody measured these"))
     return [Section(f"{name}: what it means", tuple(blocks))] if blocks else []

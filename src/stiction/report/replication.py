@@ -10,18 +10,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from stiction.formats.errors import StictionError
-from stiction.formats.friction import has_coefficient
+from stiction.formats.following import BAND, LEAST
 from stiction.formats.replication import Replication
+from stiction.report.following import (
+    changes_sheet,
+    judged_text,
+    needs_sentence,
+    needs_sheet,
+    places_sheet,
+)
 from stiction.report.page import Section, figure_uri, fold, paragraph, picture, render_page
 from stiction.report.page import table as page_table
 from stiction.report.replication_clips import ClipPair, clip_sections
-from stiction.report.replication_figures import curves, draw_budget, draw_needs, reach
+from stiction.report.replication_figures import curves, draw_budget, draw_needs
 from stiction.report.replication_methods import place_sheets, stairs_sheet
 from stiction.report.replication_tables import (
     counterpart_sheet,
     evidence_sheet,
     forward_sheet,
-    needs_sheet,
     onset_sheet,
     verdict_sheet,
 )
@@ -32,6 +38,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TITLE = "Does it transfer? The paper's comparison"
+
+SAID = 0.2
+"""Friction of which the first sentence says who follows [-]: that of the training."""
 
 REMEDY = (
     "A verdict takes several training seeds of every way that a sentence compares: give bundles or runs of each seed "
@@ -65,16 +74,17 @@ def write_replication(out: Path, result: Replication, clips: Sequence[ClipPair])
 
 
 def draw_figures(result: Replication) -> dict[str, Figure]:
-    """Return the friction budget and who follows up to where."""
+    """Return the friction budget and who follows where."""
     ways = list(dict.fromkeys(point.method for point in result.budget))
     found = {"budget": draw_budget(result.budget, ways, result.summary["dead_band"])} if curves(result.budget) else {}
-    torques = [onset for onset in result.onsets if not has_coefficient(onset.friction_law)]
-    return found | ({"needs": draw_needs(torques, ways)} if reach(torques) else {})
+    return found | ({"needs": draw_needs(result.needs, list(result.ways))} if result.needs else {})
 
 
 def sheets_of(result: Replication) -> list[Sheet]:
     """Return the tables that a README can take."""
-    first = [needs_sheet(result.onsets), onset_sheet(result.onsets), verdict_sheet(result.verdicts)]
+    needs = (needs_sheet(result.needs), places_sheet(result.needs)) if result.needs else ()
+    changes = changes_sheet(result.summary)
+    first = [*needs, onset_sheet(result.onsets), verdict_sheet(result.verdicts), *((changes,) if changes else ())]
     others = (*(forward_sheet(result.forward, virtual) for virtual in (True, False)), stairs_sheet(result.samples))
     return [*first, *(sheet for sheet in others if sheet), *place_sheets(result.samples)]
 
@@ -84,14 +94,15 @@ def sections(result: Replication, figures: Mapping[str, Figure], clips: Sequence
     page = []
     if "needs" in figures:
         caption = (
-            "Up to which friction each way follows: the bar to the lowest onset of the engines and virtual robot, a "
-            "mark in each. Hollow: at least so far, for nothing was tested beyond; half: at least so far for some seed."
+            "Training seeds that follow. ▼ too slow, ▲ too fast, × fell; a seed can be too slow one way, too fast "
         )
-        blocks = (picture(figure_uri(figures["needs"]), caption), *needs_sheet(result.onsets).blocks())
+        caption += "the other."
+        table = fold("The same place by place, in numbers", places_sheet(result.needs).blocks())
+        blocks = (*needs_sheet(result.needs).blocks(), picture(figure_uri(figures["needs"]), caption), table)
         page.append(Section("Which training does my joint need?", blocks))
     if "budget" in figures:
-        caption = "Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: 80 to 120 %."
-        table = fold("Where each way falls under 80 %, in numbers", onset_sheet(result.onsets).blocks())
+        caption = f"Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: {BAND}."
+        table = fold(f"Where each way slows under {LEAST}, in numbers", onset_sheet(result.onsets).blocks())
         page.append(Section("The friction budget", (picture(figure_uri(figures["budget"]), caption), table)))
     page += clip_sections(clips)
     if fed := forward_blocks(result):
@@ -120,7 +131,9 @@ def verdict_blocks(result: Replication) -> tuple[Markup, ...]:
         rows = evidence_sheet(verdict.id, result.behind)
         blocks = [paragraph(verdict.evidence), *(rows.blocks() if rows.rows else ())]
         folds.append(fold(f"{verdict.id}: {verdict.outcome}", blocks))
-    return (*short.blocks(), fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds))
+    changes = changes_sheet(result.summary)
+    told = (fold(changes.title, changes.blocks()),) if changes else ()
+    return (*short.blocks(), *told, fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds))
 
 
 def run_blocks(result: Replication) -> tuple[Markup, ...]:
@@ -137,6 +150,7 @@ def run_blocks(result: Replication) -> tuple[Markup, ...]:
         fold("Policies", [page_table(("policy", "method", "seed", "revision", "digest", "made by"), policies)]),
         fold("Grids", grids),
         paragraph(f"Revision {summary['revision']}, {summary['seconds']:.0f} s on {summary['machine']['cpu']}."),
+        *((paragraph(again),) if (again := judged_text(summary)) else ()),
         paragraph("Everything here is simulation. The virtual robot plays the real one; no robot was involved."),
     )
 
@@ -151,9 +165,7 @@ def lead(result: Replication) -> str:
         told = f"Of {len(result.verdicts)} sentences and explanations: {outcomes}."
     elif single:
         told = f"One training seed a way: numbers, no verdicts. {REMEDY}"
-    needs = {cells[0]: cells[1] for cells in needs_sheet(result.onsets).rows}
-    follow = f" With 20 % friction, who follows everywhere: {needs['20 %']}." if result.onsets else ""
-    return f"{told}{follow}".strip()
+    return f"{told} {needs_sentence(result.needs, SAID)}".strip()
 
 
 def seeds_of_ways(result: Replication) -> tuple[list[str], list[str]]:

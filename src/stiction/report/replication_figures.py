@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from stiction.formats.friction import has_coefficient, level_axis, level_number
-from stiction.formats.replication import CAUSES, FEWEST_LEVELS, BudgetPoint, Onset
+from stiction.formats.following import Following
+from stiction.formats.friction import has_coefficient, level_axis, level_number, level_text
+from stiction.formats.replication import FEWEST_LEVELS, BudgetPoint
 from stiction.formats.results import FOLLOWS
 from stiction.report.page import COLORS, INK, new_figure
-from stiction.report.seed_figures import Spread, color_of, draw_seeds
+from stiction.report.seed_figures import Spread, draw_seeds
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-MARKS = "osD^vP*X"
-"""One an engine."""
 
 
 def curves(points: Sequence[BudgetPoint]) -> dict[tuple[str, str], list[BudgetPoint]]:
@@ -73,51 +71,31 @@ def _dead_band(axis: Axes, band: float) -> None:
     top.tick_params(colors=INK, labelsize=7)
 
 
-def draw_needs(onsets: Sequence[Onset], ways: Sequence[str]) -> Figure:
-    """Return up to which friction each way of training follows: a bar to its `reach`, a mark an engine.
+def draw_needs(cells: Sequence[Following], ways: Sequence[str]) -> Figure:
+    """Return how many seeds of each way follow at each tested level, a panel for each place; at least one cell.
 
-    What is hollow is at least as far: nobody fell below 80 % up to there, and nothing was tested beyond.
-
-    onsets: none of a coefficient, at least one in an engine that is none of `CAUSES`.
+    The greener, the more seeds; ▼ so many are too slow, ▲ so many too fast, × so many fell.
     """
-    engines = list(dict.fromkeys(onset.engine for onset in onsets))
-    own = {way: [onset for onset in onsets if onset.method == way] for way in ways}
-    rows = {way: found for way in ways if (found := reach(own[way])) is not None}
-    figure, (axis,) = new_figure(1, 1, size=(9.0, 0.5 * max(1, len(rows)) + 1.6))
-    for height, (way, (level, falls)) in enumerate(rows.items()):
-        color = color_of(way, ways)
-        look = {"color": color, "alpha": 0.35} if falls else {"facecolor": "none", "edgecolor": color}
-        axis.barh(height, 100 * level, height=0.6, **look)
-        for onset in own[way]:
-            mark = MARKS[engines.index(onset.engine) % len(MARKS)]
-            axis.plot(100 * end(onset), height, marker=mark, color=color, markersize=6, fillstyle=_filled(onset))
-    for number, engine in enumerate(engines):
-        axis.plot([], [], linestyle="", marker=MARKS[number % len(MARKS)], color=INK, label=engine)
-    axis.set_yticks(range(len(rows)), rows)
-    axis.set(xlabel="dry friction, % of each joint's torque limit", ylim=(len(rows) - 0.5, -0.5), xlim=(0, None))
-    axis.legend(fontsize=8, labelcolor=INK, frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    places = list(dict.fromkeys(cell.engine for cell in cells))
+    levels = sorted({cell.friction_level for cell in cells})
+    shown = [way for way in ways if any(cell.method == way for cell in cells)]
+    columns = min(2, len(places))
+    height = -(-len(places) // columns)
+    figure, axes = new_figure(height, columns, size=(5.4 * columns, (0.62 * len(shown) + 1.1) * height))
+    for axis, place in zip(axes, places, strict=False):
+        for cell in (cell for cell in cells if cell.engine == place and cell.method in shown):
+            at, row = levels.index(cell.friction_level), shown.index(cell.method)
+            share = cell.follow / cell.seeds
+            axis.barh(row, 0.94, 0.9, at - 0.47, color=COLORS[2], alpha=0.05 + 0.6 * share, linewidth=0)
+            wrong = (("▼", cell.too_slow), ("▲", cell.too_fast), ("×", cell.fell))
+            text = " ".join(f"{mark}{number}" for mark, number in wrong if number)
+            said = f"{cell.follow} of {cell.seeds}" + (f"\n{text}" if text else "")
+            axis.text(at, row, said, ha="center", va="center", fontsize=7.5, color=INK)
+        axis.set_xticks(range(len(levels)), [level_text("coulomb", level) for level in levels])
+        axis.set_yticks(range(len(shown)), shown)
+        axis.grid(False)
+        axis.set(title=place, xlim=(-0.5, len(levels) - 0.5), ylim=(len(shown) - 0.5, -0.5))
+    for axis in axes[len(places) :]:
+        axis.set_visible(False)
+    figure.supxlabel("dry friction over each joint's torque limit", fontsize=9, color=INK)
     return figure
-
-
-def _filled(onset: Onset) -> Literal["full", "left", "none"]:
-    """Return how a mark is filled: where every seed falls, where some do, and where none does up to there."""
-    above = onset.each.count(">")
-    return "full" if not above else "none" if onset.level is None else "left"
-
-
-def end(onset: Onset) -> float:
-    """Return up to which friction a way is known to follow in an engine [-]: its onset, or else what was tested."""
-    return onset.tested if onset.level is None else onset.level
-
-
-def reach(onsets: Sequence[Onset]) -> tuple[float, bool] | None:
-    """Return up to which friction one way follows in all engines [-], and whether it falls there.
-
-    That is its lowest onset; where it has none, the highest friction that was tested anywhere: an engine in which it
-    was tested less limits nothing. None where it walked in no engine but `CAUSES`.
-    """
-    counting = [onset for onset in onsets if onset.engine not in CAUSES]
-    falls = [onset.level for onset in counting if onset.level is not None]
-    if falls:
-        return min(falls), True
-    return (max(onset.tested for onset in counting), False) if counting else None

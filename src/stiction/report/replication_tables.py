@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from stiction.formats.experiment import LIMITS, Verdict
-from stiction.formats.friction import has_coefficient, level_text
+from stiction.formats.following import LEAST, MOST
+from stiction.formats.friction import level_text
 from stiction.formats.grid import FED
-from stiction.formats.replication import CAUSES, Behind, BudgetPoint, ForwardPoint, Onset
+from stiction.formats.replication import Behind, BudgetPoint, ForwardPoint, Onset
 from stiction.report.replication_methods import friction_text
 from stiction.report.sheet import Sheet
-
-NEEDS = (0.01, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
-"""Friction over the torque limit for which it is said which training follows."""
 
 COUNTERPARTS = (
     ("Fig. 1, the robot on stairs", "clips of `stiction study stairs`; the table of stairs on this page"),
@@ -62,51 +60,8 @@ def evidence_sheet(claim: str, behind: Sequence[Behind]) -> Sheet:
     return Sheet(f"What {claim} was judged by", header, tuple(rows))
 
 
-def needs_sheet(onsets: Sequence[Onset]) -> Sheet:
-    """Return, for a joint of some friction, the ways of training that follow in every engine in which they walked."""
-    known = [one for one in onsets if not has_coefficient(one.friction_law) and one.engine not in CAUSES]
-    ways = {way: [onset for onset in known if onset.method == way] for way in (onset.method for onset in known)}
-    rows = []
-    for level in NEEDS:
-        fallen = [way for way, own in ways.items() if any(_falls(onset, level) for onset in own)]
-        follow = [way for way in ways if way not in fallen and any(level <= onset.tested for onset in ways[way])]
-        sure = [way for way in follow if all(_every_seed(onset, level) for onset in ways[way])]
-        named, others = (
-            ", ".join(_named(way, ways[way], level) for way in follow if (way in sure) == every)
-            for every in (True, False)
-        )
-        nobody = "not tested" if not fallen else "none of them" if len(fallen) == len(ways) else "none of those tested"
-        rows.append((f"{100 * level:g} %", named or nobody, others or "–"))
-    note = (
-        "Following: the slower direction falls under 80 % of the command beyond that friction, in every engine and on "
-        "the virtual robot as far as the way walked there: where it was not tested with so much, that is said. It may "
-        "be faster than commanded. Who follows: every training seed. On average: the mean over the seeds follows, and "
-        "some seed does not."
-    )
-    header = ("friction", "follows", "on average only")
-    return Sheet("My joint has this much friction: which training follows?", header, tuple(rows), note)
-
-
-def _named(way: str, own: Sequence[Onset], level: float) -> str:
-    """Return a way that follows at a level, and in brackets what that is not known of."""
-    remarks = ["one seed"] if min(onset.seeds for onset in own) == 1 else []
-    untested = [onset.engine for onset in own if onset.tested < level]
-    remarks += [f"not tested in {' and '.join(untested)}"] if untested else []
-    return f"{way} ({', '.join(remarks)})" if remarks else way
-
-
-def _falls(onset: Onset, level: float) -> bool:
-    """Say whether the mean over seeds has fallen at a level."""
-    return onset.level is not None and onset.level <= level
-
-
-def _every_seed(onset: Onset, level: float) -> bool:
-    """Say whether no seed has fallen at a level."""
-    return all(one.startswith(">") or float(one) > level for one in onset.each.split())
-
-
 def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
-    """Return where each way falls under 80 %, in every engine, with every seed."""
+    """Return where each way slows under 80 %, in every engine, with every seed."""
     rows = []
     for one in onsets:
         if one.level is None:
@@ -116,8 +71,9 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
         interval = "–" if one.low is None or one.high is None else f"{max(0.0, one.low):.3g} to {one.high:.3g}"
         band = "–" if one.dead_band is None else f"{1000 * one.dead_band:.0f}"
         rows.append((one.method, one.engine, one.friction_law, text, interval, band, one.each))
-    header = ("method", "engine", "law", "falls under 80 %", "95 % over seeds", "dead band [mrad]", "each seed")
-    return Sheet("Where each way of training falls under 80 % of the command", header, tuple(rows))
+    header = ("method", "engine", "law", f"slows under {LEAST}", "95 % over seeds", "dead band [mrad]", "each seed")
+    note = f"The slower of forward and backward. What is above {LEAST} may be over {MOST}, and then follows no more."
+    return Sheet(f"Where each way of training slows under {LEAST} of the command", header, tuple(rows), note)
 
 
 def forward_sheet(points: Sequence[ForwardPoint], virtual: bool) -> Sheet | None:

@@ -9,9 +9,11 @@ from typing import Any
 from markupsafe import Markup
 
 from stiction.formats.errors import StictionError
-from stiction.formats.life import ENOUGH, Life, Reading, Window
+from stiction.formats.following import BAND, LEAST, MOST, pace
+from stiction.formats.life import Life, Reading, Window
 from stiction.formats.results import write_summary
 from stiction.formats.rows import write_rows
+from stiction.report.following import judged_text
 from stiction.report.page import Section, figure_uri, paragraph, picture, render_page, table
 from stiction.report.wear_figures import draw_ratios, draw_readings
 
@@ -61,6 +63,7 @@ def sections(
         WHAT.format(joints=joints, **settings),
         f"Command: {summary['command']}",
         f"Revision {summary['revision']}, on {summary['machine']['cpu']}.",
+        *([judged_text(summary)] if "judged" in summary else []),
     )
     return [
         Section("Speed while friction grows", (ratios,)),
@@ -74,25 +77,27 @@ def sections(
 
 SPEED = (
     f"Speed over the commanded one, means over windows, against the wear in the middle of each; a thin line is a "
-    f"robot, a thick one their mean where all of them walk. The line is {ENOUGH:.0%}: from where a robot stays "
-    "under it, the policy's life is over."
+    f"robot, a thick one their mean where all of them walk. Green: {BAND}, where a robot follows. Above it has not "
+    "begun to, from where it stays below the policy's life is over."
 )
 
 WAYS = (
     "A policy is one sample: the geometric mean of the wear at which the lives of its robots end; then the mean of the "
     "logarithm over the policies, and its t-interval. Where a life goes on at the greatest wear that was tried, that "
-    "wear stands for it: the mean is at least so much. One that was over before the wear began stands with the least "
-    "wear: at most. Such means have no interval."
+    "wear stands for it: the mean is at least so much. One that never follows stands with the least wear: at most. "
+    "Such means have no interval."
 )
 
 HEADER = (
-    *("policy", "level", "robot", "ratio, first", "last", "life ends at", "how"),
+    *("policy", "level", "robot", "ratio, first", "last", "follows from", "life ends at", "how"),
     *("unusual reading at", "which is", "growth told at", "which is"),
 )
 
 ENDS = (
     "Wear is a factor on each joint's dry friction, as a bench without load would find it. An end is known at the end "
-    "of the first window that counts, and is reported at the wear in its middle."
+    "of the first window that counts, and is reported at the wear in its middle. A robot lives while it follows: from "
+    f"the first window within {BAND} of the command, and `follows from` where others came before it, to the last one. "
+    f"Too slow: under {LEAST} from there on; too fast: over {MOST}; from the start: no window follows."
 )
 
 MONITOR = (
@@ -109,12 +114,12 @@ CONTROLS = (
     "The same robots under the same policies, for as long, with friction that stays. At the wear at which the others "
     "begin, that is the same walk but for growth: what is noticed there would have been noticed without any. x1 is the "
     "level itself, which friction that grows only passes. Whatever a monitor notices there, at once or later, is a "
-    "false alarm; in brackets Wilson's 95 % interval over these robots. A life that ends there, or was slow from the "
-    "start, did not end by growth."
+    "false alarm; in brackets Wilson's 95 % interval over these robots. A life that ends there, or never was one, did "
+    "not end by growth."
 )
 
 CONTROL_HEADER = (
-    *("policy", "level", "friction stays at", "robots", "lives ended"),
+    *("policy", "level", "friction stays at", "robots", "how they end"),
     *("false alarms: unusual reading", "at once", "false alarms: growth told"),
 )
 
@@ -157,14 +162,14 @@ def _way_life(way: dict[str, Any]) -> tuple[str, str, str]:
     for name, words in (("at_least", "at least"), ("at_most", "at most")):
         if way[name] is not None:
             return f"its policies' lives end {words} at x{way[name]:.2f}", "", each
-    return "some lives do not end and some have ended before the wear begins, so that there is no mean", "", each
+    return "some lives do not end and some robots never follow, so that there is no mean", "", each
 
 
 def _policy_life(life: dict[str, Any]) -> str:
     """Return one policy's mean: after a sign where lives ended beyond what was tried, none where on both sides."""
-    if life["alive"] and life["slow_from_the_start"]:
+    if life["alive"] and life["never"]:
         return "no mean"
-    return f"{'≥ ' if life['alive'] else '≤ ' if life['slow_from_the_start'] else ''}x{life['mean']:.2f}"
+    return f"{'≥ ' if life['alive'] else '≤ ' if life['never'] else ''}x{life['mean']:.2f}"
 
 
 def _ways(ways: Sequence[dict[str, Any]]) -> tuple[Markup, ...]:
@@ -180,7 +185,7 @@ def _ways(ways: Sequence[dict[str, Any]]) -> tuple[Markup, ...]:
 def _ended(group: dict[str, Any], last: float) -> str:
     """Say when the lives of one policy's robots ended."""
     count, ends = group["robots"], group["ends"]
-    begin = f"{group['policy']} at level {group['friction_level']}:"
+    begin = f"{group['policy']} at level {group['friction_level']}:{_first_text(group)}"
     if group["mean"] is not None:
         spread = group["interval95"]
         of = f" (95 % over robots: x{spread[0]:.2f} to x{spread[1]:.2f})" if spread else ", one robot"
@@ -190,11 +195,22 @@ def _ended(group: dict[str, Any], last: float) -> str:
     return f"{begin} {', '.join(said)}{middle}."
 
 
+def _first_text(group: dict[str, Any]) -> str:
+    """Say how many robots do not follow at first, and from which wear on they do; nothing where all follow."""
+    wrong = [f"{number} of {group['robots']} {one}" for one, number in group["first"].items() if one != "follows"]
+    if not wrong:
+        return ""
+    later = "" if group["begin"] is None else f", and those that come to follow do so from x{group['begin']:.2f} on"
+    return f" at first {', '.join(wrong)}{later};"
+
+
 PLURAL = {
-    "alive": "robots still walk at x{last:g}",
-    "slow": f"fall under {ENOUGH:.0%} of the command before that",
+    "alive": "robots still follow at x{last:g}",
+    "too slow": f"slow under {LEAST} of the command before that",
+    "too fast": f"run at over {MOST} of it in the end",
     "fell": "fall over before that",
-    "slow from the start": f"never reach {ENOUGH:.0%} of the command",
+    "too slow from the start": f"never follow, at first under {LEAST} of the command",
+    "too fast from the start": f"never follow, at first over {MOST} of the command",
 }
 """What robots did."""
 
@@ -221,9 +237,17 @@ def _stayed(group: dict[str, Any]) -> list[str]:
     said = []
     for one in group["controls"]:
         alarms = f"; false alarms: an unusual reading for {_alarms(one, 'unusual')}, growth for {_alarms(one, 'grown')}"
-        ended = f"{one['ended']} of {one['robots']} lives ended"
-        said.append(f"Where friction stayed at x{one['steady']:g}, {ended}{alarms if group['monitored'] else ''}.")
+        said.append(
+            f"Where friction stayed at x{one['steady']:g}, {_ends_text(one)}{alarms if group['monitored'] else ''}."
+        )
     return said
+
+
+def _ends_text(control: dict[str, Any]) -> str:
+    """Return how robots ended whose friction stayed: `3 of 5 follow to the end, 2 too fast from the start`."""
+    ends = control["ends"]
+    others = (f"{number} {end}" for end, number in ends.items() if end != "alive")
+    return ", ".join((f"{ends.get('alive', 0)} of {control['robots']} follow to the end", *others))
 
 
 def _alarms(control: dict[str, Any], name: str) -> str:
@@ -239,7 +263,7 @@ def _controls(groups: Sequence[dict[str, Any]]) -> tuple[Markup, ...]:
         for one in group["controls"]:
             alarms = [_alarms(one, "unusual"), str(one["at_once"]["unusual"]), _alarms(one, "grown")]
             named = [group["policy"], group["friction_level"], f"x{one['steady']:g}"]
-            counts = [str(one["robots"]), str(one["ended"])]
+            counts = [str(one["robots"]), _ends_text(one)]
             rows.append([*named, *counts, *(alarms if group["monitored"] else ["no monitor", "–", "–"])])
     return (table(CONTROL_HEADER, rows), paragraph(CONTROLS)) if rows else (paragraph(NO_CONTROLS),)
 
@@ -266,5 +290,13 @@ def _cells(row: Life, last: float) -> list[str]:
     notices = []
     for factor, when in ((row.unusual_factor, row.unusual), (row.grown_factor, row.grown)):
         notices += ["no monitor", "–"] if not row.monitored else ["–" if factor is None else f"x{factor:.2f}", when]
-    first, final = ("–" if ratio is None else f"{ratio:.2f}" for ratio in (row.first_ratio, row.last_ratio))
-    return [row.policy, row.friction_level, str(row.robot), first, final, at, row.end, *notices]
+    begin = "–" if row.begin is None else f"x{row.begin:.2f}"
+    ratios = map(_ratio_text, (row.first_ratio, row.last_ratio))
+    return [row.policy, row.friction_level, str(row.robot), *ratios, begin, at, row.end, *notices]
+
+
+def _ratio_text(ratio: float | None) -> str:
+    """Return a speed ratio, and what is wrong with it."""
+    if ratio is None:
+        return "–"
+    return f"{ratio:.2f}" if pace(ratio) == "follows" else f"{ratio:.2f}, {pace(ratio)}"

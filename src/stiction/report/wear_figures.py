@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from stiction.formats.life import ENOUGH, Life, Reading, Window
-from stiction.report.page import COLORS, INK, legend, new_figure
+from stiction.formats.life import Life, Reading, Window
+from stiction.formats.results import FOLLOWS
+from stiction.report.page import COLORS, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -19,7 +20,7 @@ def draw_ratios(windows: Sequence[Window], lives: Sequence[Life]) -> Figure:
     policies = list(dict.fromkeys(row.policy for row in lives))
     figure, axes = new_figure(len(levels), 1, (8.0, 3.4 * len(levels)))
     for axis, level in zip(axes, levels, strict=True):
-        axis.axhline(ENOUGH, color=INK, linewidth=0.8, linestyle="--")
+        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
         for color, policy in zip(COLORS * len(policies), policies, strict=False):
             rows = [row for row in windows if (row.policy, row.friction_level) == (policy, level)]
             robots = list(dict.fromkeys(row.robot for row in rows))

@@ -14,7 +14,7 @@ from stiction.sim.protocol import DeviceName
 STD_RANGE = (0.05, 2.0)
 """Bounds of the actions' standard deviation."""
 
-SymmetryName = Literal["none", "batches", "half"]
+SymmetryName = Literal["none", "batches", "half", "network"]
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,9 @@ class NetworkCfg:
     """Width to which every frame of the history is reduced first, by the same weights for all frames."""
     history: tuple[int, ...] = (64,)
     """Hidden layers of f_ada of the student and of the critic's view of the history, after the frames."""
+    recurrent: bool = False
+    """Whether a gated recurrent unit as wide as the first of `history` reads the frames for z*, one after the other,
+    in place of an MLP that sees them side by side."""
     estimator_frame: int = 24
     """As `history_frame`, for f_est."""
     estimator: tuple[int, ...] = (64,)
@@ -172,7 +175,8 @@ class TrainCfg:
     """Seed of everything random in the run."""
     symmetry: SymmetryName = "none"
     """Left-right symmetry. `batches`: every sample of an update also as its mirror image, at twice the update's cost.
-    `half`: mirrored samples at no cost, PPO makes half as many passes. See `stiction.rma.symmetry`."""
+    `half`: mirrored samples at no cost, PPO makes half as many passes. `network`: actor and critic are symmetric by
+    construction. See `stiction.rma.symmetry` and `stiction.rma.equivariant`."""
     joints: str | None = None
     """A `joints.json` whose inertia, damping and friction become the robot's nominal ones."""
     actuator: str | None = None

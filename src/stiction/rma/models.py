@@ -21,19 +21,32 @@ VELOCITY = 3
 
 
 class HistoryEncoder(nn.Module):
-    """Reads o_H: every frame through one linear layer, then an MLP over all frames."""
+    """Reads o_H: every frame through one linear layer, then an MLP over all frames.
 
-    def __init__(self, history: int, frame: int, width: int, hidden: tuple[int, ...], output: int) -> None:
+    `recurrent`: a gated recurrent unit reads the frames one after the other instead, from the oldest on, and the MLP
+    reads its last state.
+    """
+
+    def __init__(
+        self, history: int, frame: int, width: int, hidden: tuple[int, ...], output: int, recurrent: bool = False
+    ) -> None:
         """`history`: size of the flattened history; `frame`: size of one frame; `width`: what a frame is reduced to."""
         super().__init__()
         self.frame = frame
         self.embed = nn.Sequential(nn.Linear(frame, width), nn.ELU())
-        self.mlp = MLP(history // frame * width, output, list(hidden), "elu")
+        self.memory = nn.GRUCell(width, hidden[0]) if recurrent else None
+        self.mlp = MLP(hidden[0] if recurrent else history // frame * width, output, list(hidden), "elu")
 
     def forward(self, history: torch.Tensor) -> torch.Tensor:
         """Map (N, history) to (N, output)."""
-        frames = history.unflatten(-1, (-1, self.frame))
-        return self.mlp(self.embed(frames).flatten(-2))
+        frames = self.embed(history.unflatten(-1, (-1, self.frame)))
+        if self.memory is None:
+            return self.mlp(frames.flatten(-2))
+        # Not len(frames): the exporter would take it for a number, and the network for one size of batch.
+        state = frames.new_zeros(frames.shape[0], self.memory.hidden_size)
+        for frame in frames.unbind(1):
+            state = self.memory(frame, state)
+        return self.mlp(state)
 
 
 class RMAActor(MLPModel):
@@ -72,6 +85,7 @@ class RMAActor(MLPModel):
         terrain: tuple[int, ...] = (),
         terrain_latent: int = 0,
         latent_source: str = "privileged",
+        recurrent: bool = False,
     ) -> None:
         """Build from the sizes of the observation groups."""
         size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
@@ -82,7 +96,7 @@ class RMAActor(MLPModel):
         encoder = (*frames, history_frame, history)
         self.latent_source = latent_source
         self.privileged_encoder = MLP(size["privileged"], latent, list(privileged), "elu")
-        self.adaptation = HistoryEncoder(*encoder, latent)
+        self.adaptation = HistoryEncoder(*encoder, latent, recurrent)
         self.estimator = HistoryEncoder(*frames, estimator_frame, estimator, size["explicit"])
         self.blind = False
         if self.sees_terrain:

@@ -27,7 +27,7 @@ from stiction.rma.ppo import AdaptationPPO
 from stiction.rma.quick import quicken
 from stiction.rma.run import RunDirectory
 from stiction.rma.stop import EarlyStop
-from stiction.rma.symmetry import mirrored_batches
+from stiction.rma.symmetry import make_symmetric
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
 """Called after every iteration with phase, iteration, iterations, figures."""
@@ -85,7 +85,7 @@ class PhaseRunner(OnPolicyRunner):
         with contextlib.redirect_stdout(io.StringIO()):
             super().__init__(self.env, self.rl_cfg, log_dir=None, device=self.env.device)
         quicken(self.alg)
-        self.alg.symmetry = mirrored_batches(self.rl_cfg["symmetry"], self.env)
+        make_symmetric(self.alg, self.rl_cfg["symmetry"], self.env)
         if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
             self.alg.symmetry.remembered = self.alg.actor.remembered
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))

@@ -14,9 +14,11 @@ from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import num_threads, stream_seed
 from stiction.locomotion.device import find_device
 from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.symmetry import task_mirror
 from stiction.rma.board import Board
 from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
 from stiction.rma.config import STD_RANGE, TrainCfg
+from stiction.rma.equivariant import make_dense, make_equivariant
 from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.phase import Film, PhaseRunner, Progress
 from stiction.rma.run import RunDirectory
@@ -41,6 +43,7 @@ def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
         "history": net.history,
         "estimator_frame": net.estimator_frame,
         "estimator": net.estimator,
+        "recurrent": net.recurrent,
         "distribution_cfg": {
             "class_name": "GaussianDistribution",
             "init_std": net.initial_std,
@@ -237,7 +240,10 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
     env = LocomotionEnv(cfg.task, 1, 0)
     model = {key: value for key, value in _models(cfg, phase)[phase].items() if key != "class_name"}
     actor = RMAActor(env.get_observations(), {phase: groups(cfg)}, phase, env.num_actions, **model)
+    if cfg.symmetry == "network":
+        make_equivariant(actor, task_mirror(env))
     actor.load_state_dict(state)
+    make_dense(actor)
     actor.blind = phase == "student" or cfg.teacher.latent == "history"
     actor.latent_source = "history" if actor.blind else "privileged"
     return actor.eval()

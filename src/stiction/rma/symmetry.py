@@ -1,4 +1,4 @@
-"""Left-right symmetry in training: mirrored samples in every mini-batch of teacher and student.
+"""Left-right symmetry in training: mirrored samples in every mini-batch of teacher and student, or symmetric networks.
 
 A mirrored transition is one of the mirrored robot: the task's rules (`stiction.locomotion.symmetry`) say what it
 observed and did, and its reward, return and advantage are those of the original. Latents and estimates are computed
@@ -28,6 +28,7 @@ from tensordict import TensorDict
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.symmetry import task_mirror
 from stiction.rma.config import SymmetryName
+from stiction.rma.equivariant import make_equivariant
 
 
 class MirroredBatches(Symmetry):
@@ -74,9 +75,14 @@ class MirroredBatches(Symmetry):
         return mixed, torch.cat([self.mirror.action(actions[:images]), actions[first_kept:]])
 
 
-def mirrored_batches(symmetry: SymmetryName, env: LocomotionEnv) -> MirroredBatches | None:
-    """Return what mirrors samples in a training, None where none are mirrored.
+def make_symmetric(algorithm: Any, symmetry: SymmetryName, env: LocomotionEnv) -> None:
+    """Give an algorithm, PPO's or the student's, its mirrored samples or its symmetric networks, as it was configured.
 
     Raises `StictionError` where robot or task has no mirror image.
     """
-    return MirroredBatches(env, symmetry) if symmetry in ("batches", "half") else None
+    algorithm.symmetry = MirroredBatches(env, symmetry) if symmetry in ("batches", "half") else None
+    if symmetry == "network":
+        mirror = task_mirror(env)
+        for name in ("actor", "critic", "student", "teacher"):
+            if hasattr(algorithm, name):
+                make_equivariant(getattr(algorithm, name), mirror)

@@ -26,6 +26,7 @@ from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
 from stiction.transfer.command import SETTLE, Command, parse_command
 from stiction.transfer.course import Course, line_up, parse_course, pilot, starts
+from stiction.transfer.known_friction import parse_told, told_at
 from stiction.transfer.metrics import Metrics, Recording, measure
 from stiction.transfer.record import record
 from stiction.transfer.rollout import Driver, Rollout, friction_at, robot_of
@@ -66,6 +67,8 @@ class EvaluationCfg:
     """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
     terrain: str = "flat"
     """Ground: `flat`, `stairs=0.1`, `slope=0.2`, `rough=0.05`; what is not flat is crossed at one speed forward."""
+    known_friction: str = "contract"
+    """What policies that observe their joints' friction are told, see `parse_told`: `contract`, `true`, `true*0.7`."""
     first_episode: int = 0
     """Number of the first episode: its start and noise are those of its number."""
 
@@ -91,6 +94,7 @@ class EvaluationCfg:
             )
         if not 0.0 <= self.action_delay < math.inf:
             raise StictionError(f"action delay {self.action_delay} s; expected a time of 0 s or more")
+        parse_told(self.known_friction)
         seed_streams(self.seed, ["episode"])
 
     @property
@@ -228,8 +232,11 @@ def drive_bundle(
         StictionError: as of `evaluate_bundle`.
 
     """
-    policy = load_policy(bundle.contract, bundle.policy, (cfg.num_robots,))
-    return drive(policy, bundle.contract, robot_of(bundle.contract, robot), cfg, threads, progress)
+    contract, spec = bundle.contract, robot_of(bundle.contract, robot)
+    friction = friction_at(contract, cfg.robot_levels, cfg.law)
+    known = told_at(contract, spec, parse_told(cfg.known_friction), cfg.law, friction)
+    policy = load_policy(contract, bundle.policy, (cfg.num_robots,), known_friction=known)
+    return drive(policy, contract, spec, cfg, threads, progress)
 
 
 def drive(

@@ -17,11 +17,13 @@ from stiction.formats.bundle import BundleError, write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import has_coefficient
-from stiction.formats.observation import proprioception
+from stiction.formats.known_friction import joint_kinds, kind_average
 from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.pd import COMPENSATION_WIDTH
+from stiction.locomotion.friction import friction_share
 from stiction.robots.catalog import find_robot
 from stiction.transfer.card import write_card
+from stiction.transfer.engines.engine import GRAVITY
 from stiction.transfer.golden import record_golden
 
 if TYPE_CHECKING:
@@ -92,6 +94,8 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         units = 1.0 if has_coefficient(law.name) else spec.joint_values("torque_limit")
         level = float((joints.frictionloss / units).mean())
     low, high = task.friction.last.range
+    known = friction_share(law.name, joints.frictionloss, spec, spec.mass * GRAVITY) @ kind_average(spec.joint_names)
+    kinds = dict(zip(joint_kinds(spec.joint_names), known.tolist(), strict=True))
     return Contract(
         robot=task.robot,
         terrain=task.terrain.kind,
@@ -114,7 +118,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         armature=tuple(joints.armature.tolist()),
         damping=tuple(joints.damping.tolist()),
         friction=tuple(joints.frictionloss.tolist()),
-        observation=proprioception(spec.num_joints, task.history),
+        observation=task.layout(spec),
         action_scale=spec.action_scale,
         action_clip=task.action_clip,
         compensation=friction_angle(task.friction, joints, spec),
@@ -122,6 +126,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         revision=str(header["revision"]),
         command=_without_folders(str(header["command"])),
         actuator=header.get("actuator"),
+        known_friction=kinds if task.known_friction else None,
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,
     )
 

@@ -17,8 +17,9 @@ from stiction.formats.reproducibility import made_by
 
 FLEET = (
     *("sim/*.py", "joints/pd.py", "robots/*.py", "locomotion/terrain.py"),
-    *(f"formats/{name}.py" for name in ("contract", "friction", "observation", "reproducibility")),
-    *(f"transfer/{name}.py" for name in ("command", "course", "evaluate", "record", "rollout", "metrics")),
+    *(f"formats/{name}.py" for name in ("contract", "friction", "known_friction", "observation", "reproducibility")),
+    *(f"transfer/{name}.py" for name in ("command", "course", "evaluate", "known_friction", "record")),
+    *(f"transfer/{name}.py" for name in ("rollout", "metrics")),
 )
 """Code that decides what robots do under a contract in the simulator of the training, whoever drives them."""
 

@@ -11,13 +11,14 @@ import torch
 
 from stiction.formats.errors import StictionError
 from stiction.formats.results import ResultRow
-from stiction.locomotion.friction import FrictionCfg
-from stiction.locomotion.privileged import friction_share, nominal_privileged
+from stiction.locomotion.friction import FrictionCfg, friction_share
+from stiction.locomotion.privileged import nominal_privileged
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import load_actor
 from stiction.sim.fleet import Fleet
 from stiction.transfer.evaluate import Evaluation, EvaluationCfg, drive, judge
 from stiction.transfer.export import contract_of
+from stiction.transfer.known_friction import parse_told, told_at
 from stiction.transfer.latents import Latent, LatentMean, lenders
 from stiction.transfer.rollout import friction_at, robot_of
 from stiction.transfer.teacher import LatentPolicy, Who
@@ -76,17 +77,18 @@ def walk_run(
     directory.check_finished(who)
     contract = contract_of(train, header)
     spec, actor = robot_of(contract, contract.robot), load_actor(directory, who)
-    privileged = None
+    privileged, friction = None, friction_at(contract, cfg.robot_levels, cfg.law)
+    known = told_at(contract, spec, parse_told(cfg.known_friction), cfg.law, friction)
     if who == "teacher" and actor.sees_terrain:
         raise StictionError(f"{run}: its teacher sees the ground, which is flat here; evaluate its student")
     if who == "teacher":
         weight = spec.mass * float(np.linalg.norm(Fleet(spec, 1).model.opt.gravity))
         nominal = friction_share(contract.friction_law, contract.array("friction"), spec, weight)
-        present = friction_share(cfg.law.name, friction_at(contract, cfg.robot_levels, cfg.law), spec, weight)
+        present = friction_share(cfg.law.name, friction, spec, weight)
         privileged = nominal_privileged(told_friction(train.task.friction, nominal, present))
 
     def walk(module: LatentPolicy, name: str, cfg: EvaluationCfg, progress: Progress) -> Evaluation:
-        driver = TrainedPolicy(module, contract, cfg.num_robots)
+        driver = TrainedPolicy(module, contract, cfg.num_robots, known)
         return judge(drive(driver, contract, spec, cfg, threads, progress), contract, name, cfg)
 
     name = f"{run.resolve().name}/{who}" + ("" if latent == "own" else f"+{latent}")

@@ -9,9 +9,10 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-from stiction.deploy.observation import Sensors
+from stiction.deploy.observation import Sensors, told
 from stiction.deploy.policy import PolicyStep
 from stiction.formats.contract import Contract
+from stiction.formats.known_friction import TERM
 from stiction.joints.pd import compensated
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
@@ -20,13 +21,20 @@ from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
 class TrainedPolicy:
     """Sensors and command in, joint targets out, by the modules of training."""
 
-    def __init__(self, module: torch.nn.Module, contract: Contract, num: int = 1) -> None:
+    def __init__(
+        self, module: torch.nn.Module, contract: Contract, num: int = 1, known_friction: np.ndarray | None = None
+    ) -> None:
         """Start with an empty history.
 
         Args:
             module: observations (num, size), float32 -> actions (num, J).
             contract: layout, standing pose, scale and clip of the action.
             num: robots side by side.
+            known_friction: f/τ_max of each kind of joint [-], shape (kinds,) or (num, kinds), for a policy that is told
+                it; by default what the contract says.
+
+        Raises:
+            StictionError: the friction does not fit the policy.
 
         """
         self._module = module.eval()
@@ -39,6 +47,8 @@ class TrainedPolicy:
         self._history = History(num, contract.observation)
         self._last_action = torch.zeros(num, contract.num_joints)
         self._fresh = torch.ones(num, dtype=torch.bool)
+        known = contract.told_friction if known_friction is None else known_friction
+        self._known = {} if known is None else {TERM: to_tensor(told(contract.observation, known, (num,)))}
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget the history and the last action of the robots in `mask` (bool, shape (num,)), of all without."""
@@ -56,6 +66,7 @@ class TrainedPolicy:
             "joint_velocity": to_tensor(sensors.joint_velocity),
             "command": to_tensor(command),
             "last_action": self._last_action,
+            **self._known,
         }
         observation = self._history.push(self._frames(raw), self._fresh)
         self._fresh = torch.zeros_like(self._fresh)

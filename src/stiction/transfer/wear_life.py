@@ -1,5 +1,8 @@
 """Judges a walk under growing friction: at how much wear a policy's life ended, and whether its monitor saw it coming.
 
+A policy lives while it follows its command: from the first window that does to the last one. Too fast at first it has
+not begun to, too slow in the end it has ended, and the two are told apart.
+
 A window, of the speed or of the monitor, is known at its end and speaks of its middle: events are put in order by when
 they are known, and reported at the wear in the middle. The wear grows by equal ratios, so the middle is the mean.
 """
@@ -15,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.climb import wilson
-from stiction.formats.life import ENOUGH, End, Life, Notice, Reading, Window
+from stiction.formats.following import pace
+from stiction.formats.life import NEVER, End, Life, Notice, Reading, Window
 from stiction.transfer.statistics import t_interval
 
 SIGNALS = ("unusual", "grown")
@@ -34,15 +38,16 @@ class Ending:
 def ending(windows: Sequence[Window], fell: tuple[float, float] | None) -> Ending:
     """Return how a life ended.
 
-    It ends with the first window from which on none reaches `ENOUGH`, or with a fall before that. windows: in order of
-    time; fell: time [s] and wear [1] of a fall.
+    It ends with the first window from which on none follows, or with a fall before that. windows: in order of time;
+    fell: time [s] and wear [1] of a fall.
     """
-    enough = [index for index, window in enumerate(windows) if window.ratio >= ENOUGH]
-    if windows and not enough:
-        return Ending("slow from the start")
-    if enough and enough[-1] + 1 < len(windows):
-        last = windows[enough[-1] + 1]
-        return Ending("slow", last.factor, last.time)
+    paces = [pace(window.ratio) for window in windows]
+    if paces and "follows" not in paces:
+        return Ending("too slow from the start" if paces[0] == "too slow" else "too fast from the start")
+    last = max((index for index, one in enumerate(paces) if one == "follows"), default=-1)
+    if last + 1 < len(windows):
+        over = windows[last + 1]
+        return Ending("too slow" if paces[last + 1] == "too slow" else "too fast", over.factor, over.time)
     if fell is not None:
         return Ending("fell", fell[1], fell[0])
     return Ending("alive")
@@ -64,13 +69,13 @@ def first_grown(readings: Sequence[Reading]) -> Reading | None:
 def notice(seen: Reading | None, readings: Sequence[Reading], ended: Ending) -> Notice:
     """Say when a reading came: one at once is no notice of wear, for there was none yet.
 
-    What comes later comes too late where the life had ended before the wear began.
+    What comes later comes too late where there was no life.
     """
     if seen is None:
         return "never"
     if seen is readings[0]:
         return "at once"
-    late = ended.end == "slow from the start" or (ended.time is not None and seen.time > ended.time)
+    late = ended.end.endswith(NEVER) or (ended.time is not None and seen.time > ended.time)
     return "after" if late else "before"
 
 
@@ -93,6 +98,7 @@ def life(
         **walk,
         first_ratio=windows[0].ratio if windows else None,
         last_ratio=windows[-1].ratio if windows else None,
+        begin=_begin(windows),
         **asdict(ended),
         monitored=monitored,
         unusual_factor=None if unusual is None else unusual.factor,
@@ -101,6 +107,31 @@ def life(
         grown=notice(grown, readings, ended),
         held=float(np.mean(holding)) if holding else None,
     )
+
+
+def _begin(windows: Sequence[Window]) -> float | None:
+    """Return the wear of the first window that follows, where others came before it."""
+    first = next((at for at, window in enumerate(windows) if pace(window.ratio) == "follows"), 0)
+    return windows[first].factor if first else None
+
+
+def judge_again(lives: Sequence[dict[str, Any]], windows: Sequence[Window], readings: Sequence[Reading]) -> list[Life]:
+    """Return the rows of walks that were judged before, by what was seen of them.
+
+    lives: as in summary.json, also of earlier definitions; windows, readings: of all of them.
+    """
+    names = ("policy", "friction_level", "robot", "steady")
+    what = (*names, "method", "engine", "command")
+    seen: dict[tuple[Any, ...], tuple[list[Window], list[Reading]]] = {}
+    for at, rows in enumerate((windows, readings)):
+        for row in rows:
+            seen.setdefault(tuple(getattr(row, name) for name in names), ([], []))[at].append(row)  # type: ignore[arg-type]
+    found = []
+    for before in lives:
+        own = seen.get(tuple(before[name] for name in names), ([], []))
+        fell = (before["time"], before["factor"]) if before["end"] == "fell" else None
+        found.append(life({name: before[name] for name in what}, *own, fell, before["monitored"]))
+    return found
 
 
 def groups(lives: Sequence[Life]) -> list[dict[str, Any]]:
@@ -124,8 +155,10 @@ def groups(lives: Sequence[Life]) -> list[dict[str, Any]]:
                 "policy": policy,
                 "friction_level": level,
                 "robots": len(rows),
-                "ends": {end: sum(row.end == end for row in rows) for end in dict.fromkeys(row.end for row in rows)},
-                "mean": exp(float(np.mean(np.log(ended)))) if whole else None,
+                "ends": _ends(rows),
+                "first": _first(rows),
+                "begin": _geometric([row.begin for row in rows if row.begin is not None]),
+                "mean": _geometric(ended) if whole else None,
                 "interval95": None if interval is None else [exp(end) for end in interval],
                 "median": _median(rows),
                 "monitored": rows[0].monitored,
@@ -147,7 +180,7 @@ def over_seeds(lives: Sequence[Life], ways: Mapping[str, str], tried: tuple[floa
     A policy is one sample: the geometric mean of the wear at which its robots' lives ended. `mean` is that of the
     policies, `interval95` its t-interval, of the logarithm. Both are None where a life did not end within the wear that
     was tried. Then `at_least` is the mean with the greatest wear for each life that goes on, and `at_most` that with
-    the least for each that was over before the wear began; with lives of both kinds there is neither.
+    the least for each that never was one; with lives of both kinds there is neither.
 
     ways: policy -> way of training under which its seeds stand alone, as of `ways_of`; tried: least and greatest wear.
     """
@@ -161,7 +194,7 @@ def over_seeds(lives: Sequence[Life], ways: Mapping[str, str], tried: tuple[floa
         if len(policies) < 2:
             continue
         each = {name: _policy_life(own, tried) for name, own in policies.items()}
-        above, below = (any(life[count] for life in each.values()) for count in ("alive", "slow_from_the_start"))
+        above, below = (any(life[count] for life in each.values()) for count in ("alive", "never"))
         means = [log(life["mean"]) for life in each.values()]
         middle, interval = exp(float(np.mean(means))), t_interval(means)
         whole = not above and not below
@@ -189,7 +222,7 @@ def _policy_life(rows: Sequence[Life], tried: tuple[float, float]) -> dict[str, 
     return {
         "mean": exp(float(np.mean([log(_within(row, tried)) for row in rows]))),
         "alive": sum(row.end == "alive" for row in rows),
-        "slow_from_the_start": sum(row.end == "slow from the start" for row in rows),
+        "never": sum(row.end.endswith(NEVER) for row in rows),
     }
 
 
@@ -202,16 +235,32 @@ def control(rows: Sequence[Life]) -> dict[str, Any]:
     return {
         "steady": rows[0].steady,
         "robots": len(rows),
-        "ended": sum(row.end != "alive" for row in rows),
+        "ends": _ends(rows),
         "alarms": {name: len(came) for name, came in alarms.items()},
         "at_once": {name: came.count("at once") for name, came in alarms.items()},
         "interval95": {name: list(wilson(len(came), len(rows))) for name, came in alarms.items()},
     }
 
 
+def _ends(rows: Sequence[Life]) -> dict[str, int]:
+    """Return how often each end came."""
+    return {end: sum(row.end == end for row in rows) for end in dict.fromkeys(row.end for row in rows)}
+
+
+def _first(rows: Sequence[Life]) -> dict[str, int]:
+    """Return what the robots were in their first window, and how many of them."""
+    paces = [pace(row.first_ratio) for row in rows if row.first_ratio is not None]
+    return {one: paces.count(one) for one in dict.fromkeys(paces)}
+
+
+def _geometric(factors: Sequence[float]) -> float | None:
+    """Return the geometric mean; None of nothing."""
+    return exp(float(np.mean(np.log(factors)))) if factors else None
+
+
 def _median(rows: Sequence[Life]) -> float | None:
-    """Return the median wear at the end: those slow from the start before all, those alive after all."""
-    order = sorted(rows, key=lambda row: (row.end == "alive", row.end != "slow from the start", row.factor or 0.0))
+    """Return the median wear at the end: those that never lived before all, those alive after all."""
+    order = sorted(rows, key=lambda row: (row.end == "alive", not row.end.endswith(NEVER), row.factor or 0.0))
     middle = order[(len(order) - 1) // 2 : len(order) // 2 + 1]
     factors = [row.factor for row in middle if row.factor is not None]
     return float(np.mean(factors)) if len(factors) == len(middle) else None

@@ -108,6 +108,20 @@ def test_falls_are_counted_in_the_direction_that_the_sentence_names() -> None:
         assert judged(falls, *parts).outcome == outcome
 
 
+def test_one_seed_that_does_not_follow_refutes_that_a_way_follows() -> None:
+    """The mean of three is within the band; one is over it, or falls, or is slow in one direction: that is named."""
+    follows = criteria.follows("none+forward")
+    found = judged(follows, *(rows("none+forward", spot, 1.0) for spot in REAL))
+    assert found.outcome == "reproduces" and "3 of 3 seeds follow" in found.evidence
+    fast = judged(follows, *(rows("none+forward", spot, 1.195) for spot in REAL))
+    assert fast.outcome == "does not" and "2 of 3 seeds follow, 1 too fast" in fast.evidence
+    slow = judged(follows, *(rows("none+forward", spot, 1.0, 0.801) for spot in REAL))
+    assert slow.outcome == "does not" and "2 of 3 seeds follow, 1 too slow" in slow.evidence
+    fell = judged(follows, *(rows("none+forward", spot, 1.0, fall_rate=0.1) for spot in REAL))
+    assert fell.outcome == "does not" and "0 of 3 seeds follow, 3 fell" in fell.evidence
+    assert judged(follows, *(rows("none+forward", spot, 1.3, seeds=(1,)) for spot in REAL)).outcome == "not tested"
+
+
 def test_stable_is_both_ways_and_upright() -> None:
     """One direction at 1.4, or a fall in two, is not stable."""
     stable = criteria.walks_stably("deception")
@@ -411,10 +425,10 @@ def test_ways_are_compared_on_the_robots_on_which_both_walked() -> None:
 def test_robots_on_which_nothing_was_fed_forward_are_counted() -> None:
     """A policy that walks on three robots of five, the easy ones, would read as one that walks on all."""
     fed, none = on_robots("none+forward", REAL[0], 0.9, 0.91, 0.89), on_robots("none", REAL[0], 0.9, 0.9, 0.9, 0.3, 0.3)
-    found = judged(criteria.walks_both_ways("none+forward"), fed, none)
+    found = judged(criteria.follows("none+forward"), fed, none)
     assert found.outcome == "reproduces"
     assert found.evidence.endswith("; at 0.1 (real) robots counted: 3, left out: 2")
-    assert "left out" not in judged(criteria.walks_both_ways("none+forward"), fed).evidence
+    assert "left out" not in judged(criteria.follows("none+forward"), fed).evidence
 
 
 def test_a_range_is_held_against_the_value_alone_where_there_is_such_a_policy() -> None:

@@ -16,6 +16,7 @@ from stiction.cli.jobs import jobs_of
 from stiction.formats.errors import StictionError
 
 if TYPE_CHECKING:
+    from stiction.formats.experiment import Experiment
     from stiction.transfer.experiment.places import Place
 
 DESCRIPTION = """The experiment on training with dry friction: every run of its manifest, and what follows from them.
@@ -31,7 +32,8 @@ class FrictionStudy:
     runs: Path = Path("runs")
     """Folder of the training runs, one folder each."""
     out: Path = Path("results/friction-training")
-    """Folder of results.csv, intervals.csv, curves.csv, summary.json, tables.md, figures and report.html."""
+    """Folder of results.csv, intervals.csv, following.csv, curves.csv, summary.json, tables.md, figures,
+    report.html."""
     parts: tuple[str, ...] = ()
     """Parts of the experiment: 1 to 6, gait, history; all of them by default."""
     train: bool = False
@@ -44,6 +46,10 @@ class FrictionStudy:
     """Episodes per level and command."""
     seconds: float = 10.0
     """Length of an episode [s]; its first 2 s are not measured."""
+    judge_again: bool = False
+    """Train and evaluate nothing: judge what --out has by today's criteria, and draw its page anew."""
+    advice: Path | None = None
+    """Also write who follows into this file of what `stiction identify` advises by."""
     ship: Path | None = None
     """Export the median seed of each way of training of the first part into this folder."""
     list: bool = False
@@ -70,11 +76,15 @@ def main(arguments: list[str]) -> int:
     from stiction.cli.terminal import print_warnings, work_progress
     from stiction.formats.folder import make_folder
     from stiction.formats.origin import Origin
-    from stiction.report.experiment import lead, write_experiment
+    from stiction.transfer.experiment.again import judge_again
     from stiction.transfer.experiment.assemble import assemble, ship
     from stiction.transfer.experiment.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction.transfer.experiment.training import train_missing
 
+    command = shlex.join(["stiction", "study", "friction", *arguments])
+    if options.judge_again:
+        tell(options, judge_again(options.out, {"command": command, **Origin.now().provenance}))
+        return 0
     places = places_of(options)
     states = {place.run.name: place.state() for place in places}
     if options.list:
@@ -97,21 +107,30 @@ def main(arguments: list[str]) -> int:
         finished = [place for place in places if place.state() == "finished"]
         rows, unevaluated = evaluate_tasks(tasks_for(finished, base, options.cache), jobs, progress)
     failed |= unevaluated
-    command = shlex.join(["stiction", "study", "friction", *arguments])
     made = {"command": command, "failed": failed, **origin.provenance, "warnings": origin.warnings()}
     print_warnings("study friction", made["warnings"])
-    experiment = assemble(places, rows, base, made)
-    page = write_experiment(options.out, experiment)
+    tell(options, assemble(places, rows, base, made))
     for name, reason in failed.items():
         say(f"{name}: {reason}")
     if options.ship is not None:
         for folder in ship(places, rows, options.ship):
             say(f"shipped {folder}")
+    return 1 if failed else 0
+
+
+def tell(options: FrictionStudy, experiment: Experiment) -> None:
+    """Write the experiment's files, and its part of the advice if asked to; print the outcome."""
+    from stiction.formats.advice import TRAINING, write_source
+    from stiction.report.experiment import lead, write_experiment
+    from stiction.transfer.experiment.advice import source_of
+
+    page = write_experiment(options.out, experiment)
+    if options.advice is not None:
+        write_source(options.advice, TRAINING, source_of(experiment))
     if options.json:
         print(json.dumps({verdict.id: verdict.outcome for verdict in experiment.verdicts}))
     else:
         print(f"{lead(experiment)}\nreport: {page}")
-    return 1 if failed else 0
 
 
 def say(text: str) -> None:

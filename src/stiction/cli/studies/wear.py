@@ -6,16 +6,25 @@ import shlex
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
 from stiction.cli.jobs import jobs_of
 from stiction.cli.virtual_robots import RobotSeeds
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from stiction.formats.life import Life, Reading, Window
+
+Summary = dict[str, Any]
+"""What stands in summary.json."""
+
 DESCRIPTION = """Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
 
-A policy's life is the factor at which its speed falls under 80 % of the command for good, or at which the robot falls.
+A policy lives while it follows its command, from the first to the last time: its life ends where it is too slow for
+good, under 80 %, or where the robot falls. Too fast at first, over 120 %, it has not begun to follow.
 A bundle's wear monitor, if it has one, listens to what the policy sees: does it notice before that? And would it have
 noticed as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the walks in progress,
 one a core, under a minute each in PhysX.
@@ -57,6 +66,8 @@ class WearStudy:
     out: Path = Path("stiction-wear")
     """Directory for lives.csv, windows.csv, readings.csv, summary.json, figures, report.html; and for robots, a file
     for every walk."""
+    judge_again: bool = False
+    """Walk nothing: judge what --out has by today's criteria, and draw its page anew. No bundle is needed."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -64,6 +75,10 @@ class WearStudy:
 def main(arguments: list[str]) -> int:
     """Wear robots out under the bundles, write the results, print the answers."""
     options = tyro.cli(WearStudy, args=arguments, prog="stiction study wear", description=DESCRIPTION)
+    command = shlex.join(["stiction", "study", "wear", *arguments])
+    if options.judge_again:
+        judge_again(options, command)
+        return 0
     if not options.bundles:
         print("stiction study wear: no bundle given; --help shows the usage", file=sys.stderr)
         return 2
@@ -71,9 +86,7 @@ def main(arguments: list[str]) -> int:
     from stiction.deploy.check import check_bundle
     from stiction.formats.folder import make_folder
     from stiction.formats.origin import Origin
-    from stiction.formats.results import summary_text
     from stiction.formats.shipped import find_bundle
-    from stiction.report.wear import answers, write_wear
     from stiction.transfer.grid.table import ways_of
     from stiction.transfer.robot.seeds import warnings_on
     from stiction.transfer.robot.wear import Wear
@@ -93,7 +106,7 @@ def main(arguments: list[str]) -> int:
     with work_progress() as progress:
         lives, windows, readings = study_wear(bundles, paths, cfg, options.out / "robots", jobs, progress)
     summary = {
-        "command": shlex.join(["stiction", "study", "wear", *arguments]),
+        "command": command,
         "settings": asdict(cfg),
         "warnings": [*origin.warnings(), *warnings_on(cfg.robots)],
         **origin.provenance,
@@ -103,10 +116,51 @@ def main(arguments: list[str]) -> int:
         "lives": [asdict(one) for one in lives],
     }
     print_warnings("study wear", summary["warnings"])
+    tell(options, lives, windows, readings, summary)
+    return 0
+
+
+def judge_again(options: WearStudy, command: str) -> None:
+    """Judge the walks of a folder anew, by what was seen of them."""
+    from stiction.formats.errors import StictionError
+    from stiction.formats.life import Reading, Window
+    from stiction.formats.origin import Origin
+    from stiction.formats.results import read_summary
+    from stiction.formats.rows import read_rows
+    from stiction.transfer import wear_life
+
+    before = read_summary(options.out / "summary.json")
+    windows = read_rows(options.out / "windows.csv", Window)
+    heard = options.out / "readings.csv"
+    readings = read_rows(heard, Reading) if heard.exists() else []
+    try:
+        lives = wear_life.judge_again(before["lives"], windows, readings)
+        tried = before["settings"]["wear"]["start"], before["settings"]["wear"]["end"]
+        ways = {policy: way["way"] for way in before["ways"] for policy in way["policies"]}
+    except KeyError as error:
+        raise StictionError(f"{options.out / 'summary.json'} is none of `stiction study wear`: no {error}") from error
+    known = [row for row in lives if row.policy in ways]
+    tell(
+        options,
+        lives,
+        windows,
+        readings,
+        {name: value for name, value in before.items() if name != "schema_version"}
+        | {"judged": {"command": command, **Origin.now().provenance}, "groups": wear_life.groups(lives)}
+        | {"ways": wear_life.over_seeds(known, ways, tried), "lives": [asdict(one) for one in lives]},
+    )
+
+
+def tell(
+    options: WearStudy, lives: Sequence[Life], windows: Sequence[Window], readings: Sequence[Reading], summary: Summary
+) -> None:
+    """Write the files and the page; print the answers."""
+    from stiction.formats.results import summary_text
+    from stiction.report.wear import answers, write_wear
+
     page = write_wear(options.out, lives, windows, readings, summary)
     if options.json:
         print(summary_text(summary), end="")
     else:
-        print("\n".join(answers(summary["groups"], cfg.wear.end, summary["ways"])))
+        print("\n".join(answers(summary["groups"], summary["settings"]["wear"]["end"], summary["ways"])))
         print(f"report: {page}")
-    return 0

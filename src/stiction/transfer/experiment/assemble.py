@@ -14,6 +14,7 @@ from stiction.formats.metrics import read_metrics
 from stiction.formats.results import ResultRow
 from stiction.rma.run import RunDirectory
 from stiction.transfer.evaluate import EvaluationCfg
+from stiction.transfer.experiment.advice import who_follows
 from stiction.transfer.experiment.claims import judge_all
 from stiction.transfer.experiment.criteria import Evidence
 from stiction.transfer.experiment.evaluation import COMMANDS, training_mean
@@ -55,6 +56,7 @@ def assemble(
         means=table.means(),
         curves=[point for points in curves.values() for point in points],
         verdicts=judge_all(Evidence(table, curves)),
+        following=who_follows(rows),
         onsets=found,
         collapses=[collapse(method, found) for method in CANDIDATES],
         parts=PARTS,

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from stiction.formats.experiment import Verdict
+from stiction.formats.following import BAND, LEAST
 from stiction.transfer.experiment import criteria
 from stiction.transfer.experiment.criteria import Evidence
 from stiction.transfer.experiment.judging import Finding
@@ -33,7 +34,7 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "V1",
         "the inclusion of f_j introduced nonlinearity, significantly increasing training difficulty",
-        "iterations until the teacher walks at 80 % both ways, under its own friction: direct takes more than none",
+        f"iterations until the teacher reaches {LEAST} both ways, under its own friction: direct takes more than none",
         criteria.harder,
     ),
     Claim(
@@ -64,8 +65,8 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "V5",
         "fine-tuning a pre-trained model (trained without static friction) by introducing f_j also failed",
-        "finetune, level 0.2: under 80 % of the command in its slower direction",
-        criteria.failed("coulomb20-finetune"),
+        f"finetune, level 0.2: too slow, under {LEAST} of the command in its slower direction",
+        criteria.too_slow("coulomb20-finetune"),
     ),
     Claim(
         "V6",
@@ -88,7 +89,7 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "V9",
         "we significantly expanded the randomization range of f_j. This approach successfully enabled ... deployment",
-        "deception: 80 to 120 % both ways at 0 and at 0.2, falls in under 5 % of episodes; in simulation",
+        f"deception follows at 0 and at 0.2: {BAND} both ways by every seed, and nobody falls; in simulation",
         criteria.deception_works,
     ),
     Claim(
@@ -107,13 +108,14 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "A1",
         "conventional domain randomization approaches resulted in significantly underperforming real-world models",
-        "none: under 80 % of the command in its slower direction, at each level of friction above 0; in simulation",
+        f"none: too slow, under {LEAST} of the command in its slower direction, at each level of friction above 0; in "
+        "simulation",
         criteria.underperforms,
     ),
     Claim(
         "A2",
         "recognizing the increased training difficulty ..., a simple and novel solution to reduce learning complexity",
-        "iterations until the teacher walks at 80 % both ways: deception takes fewer than direct",
+        f"iterations until the teacher reaches {LEAST} both ways: deception takes fewer than direct",
         criteria.easier,
     ),
     Claim(
@@ -125,7 +127,8 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "I1",
         "only by incorporating static friction into the randomization could we achieve satisfactory performance",
-        "at 0.2, none is under 80 % in its slower direction and deception within 80 to 120 % both ways",
+        f"at 0.2, none is too slow, under {LEAST} in its slower direction, and deception follows: {BAND} both ways by "
+        "every seed, and nobody falls",
         criteria.only_with_friction,
     ),
     Claim(
@@ -138,8 +141,8 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "C1",
         "the introduction of static friction will cause the model to fail to train",
-        "direct, level 0.2: under 80 % of the command in its slower direction",
-        criteria.failed(criteria.DIRECT),
+        f"direct, level 0.2: too slow, under {LEAST} of the command in its slower direction",
+        criteria.too_slow(criteria.DIRECT),
     ),
 )
 """In the order of the paper's section on training with friction, then the other sections."""

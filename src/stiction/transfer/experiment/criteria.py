@@ -12,7 +12,16 @@ import numpy as np
 
 from stiction.formats.experiment import CurvePoint
 from stiction.formats.results import DIRECTIONS, FOLLOWS
-from stiction.transfer.experiment.judging import Finding, all_of, any_of, describe, larger, over_levels, within
+from stiction.transfer.experiment.judging import (
+    Finding,
+    all_follow,
+    all_of,
+    any_of,
+    describe,
+    larger,
+    over_levels,
+    within,
+)
 from stiction.transfer.experiment.learning import iterations_by_seed
 from stiction.transfer.experiment.manifest import LEVEL, LOAD_COEFFICIENTS
 from stiction.transfer.experiment.table import Points, Table
@@ -48,6 +57,11 @@ class Evidence:
         """Return the mean of |speed ratio - 1| over the levels up to 0.3, with a label."""
         levels = [level for level in self.table.levels(condition) if level <= 0.3]
         return condition.removeprefix("coulomb20-"), self.table.speed_error(condition, levels)
+
+    def falls(self, condition: str, level: float) -> Points:
+        """Return the larger share of episodes with a fall, forward or backward, of every seed."""
+        forward, backward = (self.table.points(condition, level, vx, "fall_rate") for vx in DIRECTIONS)
+        return {seed: max(forward[seed], backward[seed]) for seed in forward if seed in backward}
 
     def iterations(self, condition: str) -> tuple[str, Points]:
         """Return the iterations until the teacher walks both ways, with a label that says how many seeds never do:
@@ -102,8 +116,8 @@ def filtered(e: Evidence) -> Finding:
     return Finding(judged.outcome, f"{judged.evidence}; {describe('default', e.table.slower(DIRECT, LEVEL))}")
 
 
-def failed(condition: str) -> Callable[[Evidence], Finding]:
-    """The policy does not follow in both directions at the nominal friction."""
+def too_slow(condition: str) -> Callable[[Evidence], Finding]:
+    """The policy is too slow in its slower direction at the nominal friction, however fast it is elsewhere."""
 
     def judge(e: Evidence) -> Finding:
         label = f"{condition.removeprefix('coulomb20-')}, slower direction"
@@ -127,30 +141,23 @@ def stands_badly(e: Evidence) -> Finding:
 
 
 def follows_at(condition: str, level: float) -> Callable[[Evidence], Finding]:
-    """Both directions follow the command at a level."""
+    """Every seed follows the command at a level, in both directions, and nobody falls."""
 
     def judge(e: Evidence) -> Finding:
         name = condition.removeprefix("coulomb20-")
         slower, faster = (choose(condition, level) for choose in (e.table.slower, e.table.faster))
-        return all_of(
+        mean = all_of(
             within(f"{name} at {level:g}, slower direction", slower, *FOLLOWS),
             within("faster direction", faster, *FOLLOWS),
         )
+        return all_follow(mean, slower, faster, e.falls(condition, level))
 
     return judge
 
 
 def deception_works(e: Evidence) -> Finding:
-    """The policy trained with the wide range follows without friction and with all of it, and nobody falls."""
-    falls = {
-        seed: max(
-            e.table.points(DECEPTION, level, vx, "fall_rate")[seed] for level in (0.0, LEVEL) for vx in DIRECTIONS
-        )
-        for seed in e.table.faster(DECEPTION, LEVEL)
-        if seed in e.table.faster(DECEPTION, 0.0)
-    }
-    none_falls = within("share of episodes with a fall", falls, 0.0, 0.05)
-    return all_of(follows_at(DECEPTION, 0.0)(e), follows_at(DECEPTION, LEVEL)(e), none_falls)
+    """The policy trained with the wide range follows without friction and with all of it."""
+    return all_of(follows_at(DECEPTION, 0.0)(e), follows_at(DECEPTION, LEVEL)(e))
 
 
 def easy_robots(e: Evidence) -> Finding:
@@ -173,7 +180,7 @@ def superior(e: Evidence) -> Finding:
 
 
 def underperforms(e: Evidence) -> Finding:
-    """The conventional policy does not follow in the slower direction, at each level."""
+    """The conventional policy is too slow in its slower direction, at each level."""
     return over_levels(
         [
             (level, within("none, slower direction", e.table.slower(NONE, level), -np.inf, FOLLOWS[0]))
@@ -184,8 +191,8 @@ def underperforms(e: Evidence) -> Finding:
 
 
 def only_with_friction(e: Evidence) -> Finding:
-    """At nominal friction the wide range follows and conventional randomisation does not."""
-    return all_of(failed(NONE)(e), follows_at(DECEPTION, LEVEL)(e))
+    """At nominal friction the wide range follows, and conventional randomisation is too slow."""
+    return all_of(too_slow(NONE)(e), follows_at(DECEPTION, LEVEL)(e))
 
 
 def sacrifice(e: Evidence) -> Finding:

@@ -21,6 +21,7 @@ import numpy as np
 
 from stiction.formats.climb import wilson
 from stiction.formats.experiment import Outcome
+from stiction.formats.following import pace
 from stiction.transfer.experiment.table import Points
 from stiction.transfer.statistics import Interval, difference_interval, t_interval
 
@@ -95,6 +96,23 @@ def within(label: str, points: Points, low: float, high: float) -> Finding:
     if interval is None:
         return Finding("not tested", evidence)
     return Finding(side(interval, low, high), evidence)
+
+
+def all_follow(found: Finding, slower: Points, faster: Points, falls: Points) -> Finding:
+    """Judge that every training seed follows, where `found` says that their mean does: one that does not refutes it.
+
+    slower, faster: speed ratios of each seed's two directions; falls: share of its walks that end in a fall.
+    """
+    if found.outcome == "not tested":
+        return found
+    wrong = {
+        "too slow": [seed for seed, ratio in slower.items() if pace(ratio) == "too slow"],
+        "too fast": [seed for seed, ratio in faster.items() if pace(ratio) == "too fast"],
+        "fell": [seed for seed, rate in falls.items() if rate > 0.0],
+    }
+    follow = len(slower.keys() - {seed for seeds in wrong.values() for seed in seeds})
+    said = (f"{follow} of {len(slower)} seeds follow", *(f"{len(own)} {name}" for name, own in wrong.items() if own))
+    return Finding(found.outcome if follow == len(slower) else "does not", f"{found.evidence}; {', '.join(said)}")
 
 
 def rate_within(label: str, rate: Rate, low: float, high: float) -> Finding:

@@ -16,7 +16,7 @@ Rows = Sequence[dict[str, Any]]
 """The lines of one run's metrics.jsonl."""
 
 WALKS = FOLLOWS[0]
-"""Speed ratio in training from which a teacher counts as walking [-]."""
+"""Speed ratio in training from which a teacher counts as walking, however fast [-]."""
 
 WINDOW = 10
 """Iterations that are averaged: 240 control steps of 512 robots."""

@@ -1,4 +1,4 @@
-"""At which friction a policy stops following, and on which axis that is the same for different robots.
+"""At which friction a policy slows under 80 % of its command, and on which axis that is one number for all robots.
 
 Candidates: friction over torque limit, f/τ_max; over the gain, f/kp, the dead band; over what the first actions ask
 for, f/(kp · action scale · σ). The three differ once gains, limits and σ are varied one at a time.
@@ -32,9 +32,10 @@ CANDIDATES = {
 
 
 def onset_level(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
-    """Return the level at which the speed ratio first falls under 80 % (`FOLLOWS`), interpolated between levels.
+    """Return the level at which the speed ratio first slows under 80 %, the lower of `FOLLOWS`, between levels.
 
-    0 where it is under from the start, None where it never falls. `levels` rise from 0.
+    That it does not says nothing of being too fast. 0 where it is under from the start, None where it never is.
+    `levels` rise from 0.
     """
     for index, ratio in enumerate(ratios):
         if ratio < FOLLOWS[0]:

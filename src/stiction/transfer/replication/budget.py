@@ -1,4 +1,4 @@
-"""The friction budget: how speed falls with friction for each way of training, and where it falls under 80 %."""
+"""The friction budget: how speed falls with friction for each way of training, and where it slows under 80 %."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def _point(evidence: Evidence, way: str, spot: Spot) -> BudgetPoint | None:
 
 
 def onsets(evidence: Evidence, spec: RobotSpec) -> list[Onset]:
-    """Return where every way falls under 80 % of the command. `spec`: the robot, for the dead band of its shank.
+    """Return where every way slows under 80 % of the command. `spec`: the robot, for the dead band of its shank.
 
     The onset is found for each seed and then averaged: a mean of curves has another one. A seed that stays above counts
     with the highest level that it was tested at itself, which is less than the truth; there is no interval then. A

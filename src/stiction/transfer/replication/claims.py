@@ -14,6 +14,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from stiction.formats.experiment import Verdict
+from stiction.formats.following import BAND, LEAST
 from stiction.formats.grid import FED
 from stiction.formats.replication import Behind
 from stiction.formats.results import DIRECTIONS
@@ -115,7 +116,8 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "E10",
         "domain randomization with static friction achieved stable walking on flat ground",
-        "deception, virtual robot: 80 to 120 % both ways and falls in under a third of walks, at each level",
+        f"deception follows on the virtual robot: {BAND} both ways by every seed and no fall, and falls shown to be in "
+        "under a third of walks, at each level",
         criteria.walks_stably("deception"),
     ),
     Claim(
@@ -159,8 +161,8 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "V5",
         "fine-tuning a model that was trained without static friction also failed",
-        "finetune, virtual robot: under 80 % of the command in the slower direction, at each level",
-        criteria.fails("finetune"),
+        f"finetune, virtual robot: too slow, under {LEAST} of the command in the slower direction, at each level",
+        criteria.too_slow("finetune"),
     ),
     Claim(
         "V7",
@@ -210,15 +212,16 @@ CLAIMS: tuple[Claim, ...] = (
     Claim(
         "X4",
         "on the real robot friction under load was far above the bench's value",
-        "none, virtual robot: at least 80 % in the slower direction at the bench's value, less with 0.1 of the load",
+        f"none, virtual robot: in the slower direction not under {LEAST} at the bench's value, and under it with 0.1 "
+        "of the load",
         explanations.load_above_bench,
     ),
     Claim(
         "X5",
         "what a user would try: friction fed forward in the joint controllers makes a conventional policy walk",
-        f"{FED}, virtual robot, friction as identified on its bench: at least 80 % in the slower direction, at each "
-        "level; robots whose bench does not tell the friction are left out, and counted",
-        criteria.walks_both_ways(FED),
+        f"{FED} follows on the virtual robot, friction as identified on its bench: {BAND} both ways by every seed and "
+        "no fall, at each level; robots whose bench does not tell the friction are left out, and counted",
+        criteria.follows(FED),
     ),
     Claim(
         "X6",

@@ -10,7 +10,7 @@ from stiction.formats.climb import ENOUGH
 from stiction.formats.results import DIRECTIONS, FOLLOWS
 from stiction.transfer.command import STAND
 from stiction.transfer.experiment.criteria import JITTER, STATIONARY
-from stiction.transfer.experiment.judging import Finding, all_of, any_of, rate_within
+from stiction.transfer.experiment.judging import Finding, all_follow, all_of, any_of, rate_within
 from stiction.transfer.experiment.judging import larger as larger_over_seeds
 from stiction.transfer.experiment.table import Points
 from stiction.transfer.grid.plan import REAL
@@ -195,14 +195,19 @@ def walks(way: str, command: str) -> Judge:
     return judge
 
 
-def walks_both_ways(way: str) -> Judge:
-    """A way reaches 80 % of the command in both directions on the virtual robots on which it walked, however fast."""
+def follows(way: str) -> Judge:
+    """Every seed of a way follows on the virtual robots on which it walked."""
+    return lambda e: _counted(e, on_robot(e, way, lambda spot: _follows(e, way, spot)), way)
 
-    def judge(e: Evidence) -> Finding:
-        found = on_robot(e, way, lambda s: within(f"{way}, slower", e.slower(way, s), FOLLOWS[0], np.inf))
-        return _counted(e, found, way)
 
-    return judge
+def _follows(e: Evidence, way: str, spot: Spot) -> Finding:
+    """Judge that every seed of a way follows in both directions at a spot, and never falls."""
+    slower, faster = e.slower(way, spot), e.faster(way, spot)
+    mean = all_of(
+        within(f"{way}, slower direction", slower, *FOLLOWS),
+        within("faster direction", faster, *FOLLOWS),
+    )
+    return all_follow(mean, slower.seeds, faster.seeds, e.worst(way, spot, "fall_rate").seeds)
 
 
 def falls(way: str, command: str) -> Judge:
@@ -216,15 +221,11 @@ def unsteady(way: str, than: str, command: str) -> Judge:
 
 
 def walks_stably(way: str) -> Judge:
-    """A way follows in both directions on the virtual robot, and stays upright."""
+    """Every seed of a way follows on the virtual robot, on robots enough to show that it is stable."""
 
     def judge(e: Evidence) -> Finding:
         def at(spot: Spot) -> Finding:
-            return all_of(
-                within(f"{way}, slower direction", e.slower(way, spot), *FOLLOWS),
-                within("faster direction", e.faster(way, spot), *FOLLOWS),
-                *_falls(e, way, spot, DIRECTIONS, -np.inf, STABLE),
-            )
+            return all_of(_follows(e, way, spot), *_falls(e, way, spot, DIRECTIONS, -np.inf, STABLE))
 
         return on_robot(e, way, at)
 
@@ -265,8 +266,8 @@ def stands(e: Evidence, way: str, spot: Spot) -> Finding:
     return all_of(still, *upright(e, way, spot))
 
 
-def fails(way: str) -> Judge:
-    """A way does not follow in both directions on the virtual robot."""
+def too_slow(way: str) -> Judge:
+    """A way is too slow in its slower direction on the virtual robot."""
     return lambda e: on_robot(e, way, lambda s: within(way, e.slower(way, s), -np.inf, FOLLOWS[0]))
 
 

@@ -74,13 +74,13 @@ def frozen_by(law: str) -> Judge:
 def load_above_bench(e: Evidence) -> Finding:
     """The bench's friction does not trouble the conventional policy, a share of the load does."""
     levels = {law: level for w, at, law, level, *_ in e.cells if (w, at) == ("none", ROBOT) and law.startswith(REAL)}
-    asked: Sequence[tuple[str, bool]] = ((BENCHED, True), (f"{BENCHED}{LOADED}0.1", False))
+    asked: Sequence[tuple[str, bool]] = ((BENCHED, False), (f"{BENCHED}{LOADED}0.1", True))
     if any(law not in levels for law, _ in asked):
         return Finding("not tested", "the virtual robot was not walked at the bench's friction with 0.1 of the load")
-    return all_of(*(_follows_or_not(e, Spot(ROBOT, levels[law], law), follows) for law, follows in asked))
+    return all_of(*(_slow_or_not(e, Spot(ROBOT, levels[law], law), slow) for law, slow in asked))
 
 
-def _follows_or_not(e: Evidence, spot: Spot, follows: bool) -> Finding:
-    """Judge that the conventional policy follows in its slower direction, or that it does not."""
-    ends = (FOLLOWS[0], np.inf) if follows else (-np.inf, FOLLOWS[0])
+def _slow_or_not(e: Evidence, spot: Spot, slow: bool) -> Finding:
+    """Judge that the conventional policy is too slow in its slower direction, or that it is not, however fast."""
+    ends = (-np.inf, FOLLOWS[0]) if slow else (FOLLOWS[0], np.inf)
     return within(f"none at {spot.law} {spot.level:g}", e.slower("none", spot), *ends)

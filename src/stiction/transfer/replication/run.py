@@ -11,6 +11,7 @@ from typing import Any
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
+from stiction.formats.following import following
 from stiction.formats.replication import SUMMARY, PartRecord, Replication
 from stiction.robots.spec import RobotSpec
 from stiction.transfer.engines.catalog import what_is_missing
@@ -68,7 +69,19 @@ def replicate(
     start = time.perf_counter()
     records = _once(_records(bundles, parts, out, jobs, progress, asked))
     by_name = {part.name: part for part in parts}
-    shank = robot_of(bundles[0].contract).shank
+    spec = robot_of(bundles[0].contract)
+    made = {
+        **(summary or {}),
+        "dead_band": spec.shank.torque_limit / spec.shank.stiffness,
+        "grids": {record.name: _settings(by_name[record.name], record) for record in records},
+        "seconds": time.perf_counter() - start,
+        "policies": {bundle.name: describe(bundle) | {"way": way_of(bundle.contract)} for bundle in bundles},
+    }
+    return judged(records, spec, made)
+
+
+def judged(records: Sequence[PartRecord], spec: RobotSpec, summary: dict[str, Any]) -> Replication:
+    """Return what rows come to. records: no row twice; spec: the policies' robot; summary: how the rows were made."""
     evidence = Evidence.of(row for record in records for row in record.details)
     verdicts, behind = judge_all(evidence)
     return Replication(
@@ -76,17 +89,12 @@ def replicate(
         samples(evidence),
         budget(evidence),
         beside_forward(evidence),
-        onsets(evidence, robot_of(bundles[0].contract)),
+        onsets(evidence, spec),
+        following((row for record in records for row in record.rows), lambda row: row.method),
         verdicts,
         behind,
         {way: text for way, text in WAYS.items() if way in evidence.ways()},
-        {
-            **(summary or {}),
-            "dead_band": shank.torque_limit / shank.stiffness,
-            "grids": {record.name: _settings(by_name[record.name], record) for record in records},
-            "seconds": time.perf_counter() - start,
-            "policies": {bundle.name: describe(bundle) | {"way": way_of(bundle.contract)} for bundle in bundles},
-        },
+        summary,
     )
 
 
@@ -173,6 +181,7 @@ def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
     return {
         "title": part.title,
         **({"kept": record.kept} if record.kept else {}),
+        **({"warnings": list(record.warnings)} if record.warnings else {}),
         "engines": list(grid.engines),
         "terrains": list(grid.terrains),
         "robots": grid.used_robots,

@@ -1,0 +1,90 @@
+"""What `stiction identify` advises by: who follows after which training, a part from each study that looked.
+
+A study writes its own part, from its rows, with the command, the revision and the policies that they are of.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from stiction.formats.errors import StictionError
+from stiction.formats.following import Following
+
+SCHEMA_VERSION = 1
+"""Version of the file."""
+
+TRAINING, TRANSFER = "friction-training", "replication"
+"""Names of the parts: in the simulator of the training, and elsewhere."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """How one way of training was trained."""
+
+    method: str
+    """`--method`."""
+    level: float
+    """`--friction-level` [-]; 0 without friction."""
+    low: float
+    """Least friction in training, over that level [-]."""
+    high: float
+    """Most of it [-]."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """The part of one study."""
+
+    command: str
+    """Command that made its rows."""
+    revision: str
+    """Code that did."""
+    policies: tuple[str, ...]
+    """Names of the policies."""
+    ways: Mapping[str, Way]
+    """Way of training -> how it was trained."""
+    cells: tuple[Following, ...]
+    """Who follows, by way, engine and friction."""
+
+
+def read_advice(path: Path) -> dict[str, Source]:
+    """Return every study's part.
+
+    Raises:
+        StictionError: the file cannot be read, or is none of this version.
+
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["schema_version"] != SCHEMA_VERSION:
+            raise ValueError(f"schema version {data['schema_version']}; expected {SCHEMA_VERSION}")
+        return {name: _source(one) for name, one in data["sources"].items()}
+    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
+        raise StictionError(f"{path} is not what `stiction identify` advises by: {error!r}") from error
+
+
+def _source(data: dict[str, Any]) -> Source:
+    """Return one part."""
+    ways = {name: Way(**way) for name, way in data["ways"].items()}
+    cells = tuple(Following(**cell) for cell in data["cells"])
+    return Source(data["command"], data["revision"], tuple(data["policies"]), ways, cells)
+
+
+def write_source(path: Path, name: str, source: Source) -> None:
+    """Put one study's part into the file, which need not exist; the others stay.
+
+    Raises:
+        StictionError: the file is another one, or cannot be written.
+
+    """
+    sources = (read_advice(path) if path.exists() else {}) | {name: source}
+    plain = {key: asdict(one) for key, one in sorted(sources.items())}
+    text = json.dumps({"schema_version": SCHEMA_VERSION, "sources": plain}, indent=1, allow_nan=False)
+    try:
+        path.write_text(text + "\n", encoding="utf-8")
+    except OSError as error:
+        raise StictionError(f"{path} cannot be written: {error}; choose another --advice") from error

@@ -1,0 +1,129 @@
+"""Following: 80 to 120 % of the commanded speed, forward and backward, by every training seed, and nobody falls.
+
+The one definition. A speed ratio alone is too slow, follows, or is too fast; a policy, which is one training seed,
+follows where it does so in both directions and never falls; of a way of training the seeds that follow are counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
+
+Pace = Literal["too slow", "follows", "too fast"]
+"""What a speed ratio is."""
+
+LEAST, MOST = (f"{100 * end:g} %" for end in FOLLOWS)
+"""The ends of the band as people read them."""
+
+BAND = f"{100 * FOLLOWS[0]:g} to {MOST}"
+"""The band as people read it."""
+
+DEFINITION = (
+    f"Following is {BAND} of the commanded speed, forward and backward, by every training seed, and nobody falls. "
+    f"Too slow: under {LEAST} in the slower direction; too fast: over {MOST} in the faster one; a seed can be both."
+)
+"""For pages."""
+
+
+def pace(ratio: float) -> Pace:
+    """Return what a speed ratio is [-]; the ends of the band belong to it."""
+    return "too slow" if ratio < FOLLOWS[0] else "too fast" if ratio > FOLLOWS[1] else "follows"
+
+
+def row_pace(row: ResultRow) -> Pace | Literal["fell"] | None:
+    """Return what a row is: `fell` if anybody fell in it, None where no speed is commanded."""
+    if row.speed_ratio is None:
+        return None
+    return "fell" if row.fall_rate > 0.0 else pace(row.speed_ratio)
+
+
+@dataclass(frozen=True)
+class Following:
+    """Which training seeds of a way follow under one friction in one engine on flat ground; a row of following.csv.
+
+    A seed counts that walked both ways; of virtual robots it is known by its mean over them.
+    """
+
+    method: str
+    """Way of training."""
+    engine: str
+    """Engine, and what of a virtual robot is real in it."""
+    friction_law: str
+    """Law of the friction."""
+    friction_level: float
+    """Friction over the torque limit, or a coefficient [-]."""
+    seeds: int
+    """Training seeds."""
+    follow: int
+    """Those that follow in both directions, and never fall."""
+    too_slow: int
+    """Those that are too slow in at least one direction."""
+    too_fast: int
+    """Those that are too fast in at least one direction."""
+    fell: int
+    """Those that fell."""
+    deviation: float
+    """Mean of |speed ratio - 1| over both directions and the seeds [-]."""
+    each: str
+    """Forward and backward speed ratio of every seed, `1.15/1.05 1.09/1.02`."""
+
+    @property
+    def every_seed(self) -> bool:
+        """Whether the way follows."""
+        return self.follow == self.seeds
+
+    @property
+    def text(self) -> str:
+        """Seeds that follow, and what is wrong with the others: `4 of 5, 1 too fast`."""
+        return together([self])
+
+
+def together(cells: Sequence[Following]) -> str:
+    """Return the same over several cells of one way: pairs of a seed and a cell."""
+    wrong = {
+        "too slow": sum(cell.too_slow for cell in cells),
+        "too fast": sum(cell.too_fast for cell in cells),
+        "fell": sum(cell.fell for cell in cells),
+    }
+    follow, seeds = sum(cell.follow for cell in cells), sum(cell.seeds for cell in cells)
+    return ", ".join((f"{follow} of {seeds}", *(f"{number} {what}" for what, number in wrong.items() if number)))
+
+
+def count(cell: tuple[str, str, str, float], seeds: Iterable[Mapping[str, ResultRow]]) -> Following | None:
+    """Return who follows of the seeds of one cell; None where none of them walked both ways.
+
+    cell: method, engine, law, level; seeds: command -> row, of each.
+    """
+    walked = [[rows[command] for command in DIRECTIONS] for rows in seeds if all(vx in rows for vx in DIRECTIONS)]
+    ratios = [[row.speed_ratio or 0.0 for row in rows] for rows in walked]
+    paces = [{pace(ratio) for ratio in both} for both in ratios]
+    fell = [any(row.fall_rate > 0.0 for row in rows) for rows in walked]
+    if not walked:
+        return None
+    return Following(
+        *cell,
+        seeds=len(walked),
+        follow=sum(own == {"follows"} and not down for own, down in zip(paces, fell, strict=True)),
+        too_slow=sum("too slow" in own for own in paces),
+        too_fast=sum("too fast" in own for own in paces),
+        fell=sum(fell),
+        deviation=sum(abs(ratio - 1.0) for both in ratios for ratio in both) / (2 * len(ratios)),
+        each=" ".join(f"{forward:.2f}/{backward:.2f}" for forward, backward in ratios),
+    )
+
+
+def following(rows: Iterable[ResultRow], way_of: Callable[[ResultRow], str]) -> list[Following]:
+    """Return who follows of every way of training, in every engine and under every friction, in the order of the rows.
+
+    way_of: row -> its way; each of its policies is one training seed.
+    """
+    cells: dict[tuple[str, str, str, float], dict[str, dict[str, ResultRow]]] = {}
+    for row in rows:
+        if row.terrain == "flat" and row.command in DIRECTIONS and row.speed_ratio is not None:
+            cell = way_of(row), row.engine, row.friction_law, round(row.friction_level, 6)
+            cells.setdefault(cell, {}).setdefault(row.policy, {})[row.command] = row
+    found = (count(cell, policies.values()) for cell, policies in cells.items())
+    return [one for one in found if one is not None]

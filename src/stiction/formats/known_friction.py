@@ -1,0 +1,97 @@
+"""What a policy is told of its joints' dry friction: f/τ_max of each kind of joint, as a bench identifies it.
+
+A kind is what a joint's name ends in: `FL_shank` and `RR_shank` are shanks. Joints of a kind are alike by design, one
+number each is what a log of one leg already gives, and a robot's own joints differ from it as training lets them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.formats.errors import StictionError
+from stiction.formats.joints import JointRecord, JointsFile
+
+TERM = "known_friction"
+"""Name of the observation's term."""
+
+
+def joint_kinds(joint_names: Sequence[str]) -> tuple[str, ...]:
+    """Return the kinds of joints in the order in which the names have them: `hip`, `thigh`, `shank`."""
+    return tuple(dict.fromkeys(map(kind_of, joint_names)))
+
+
+def kind_of(joint: str) -> str:
+    """Return the kind of a joint: `shank` of `FL_shank`."""
+    return joint.rpartition("_")[2]
+
+
+def kind_average(joint_names: Sequence[str]) -> np.ndarray:
+    """Return the matrix that makes means over the joints of a kind, shape (joints, kinds): values @ matrix."""
+    kinds = joint_kinds(joint_names)
+    member = np.array([[kind_of(name) == kind for kind in kinds] for name in joint_names], dtype=np.float64)
+    return member / member.sum(axis=0)
+
+
+@dataclass(frozen=True)
+class BenchFriction:
+    """What a bench says of the friction of each kind of joint."""
+
+    share: dict[str, float]
+    """Kind of joint -> f/τ_max [-]."""
+    notes: tuple[str, ...]
+    """What the bench could not tell, and what stands in its place."""
+
+
+def bench_friction(
+    file: JointsFile, joint_names: Sequence[str], torque_limit: np.ndarray, otherwise: np.ndarray
+) -> BenchFriction:
+    """Return the mean f/τ_max of each kind of joint as it was identified; below zero it is zero.
+
+    A record stands for the joint of its name, or for all of its kind. Where a joint has none, or its friction is null,
+    the mean of that kind's other joints is taken; where all of a kind are so, what stands there otherwise.
+
+    Args:
+        file: the `joints.json`.
+        joint_names: the robot's, in its order.
+        torque_limit: of each joint [N m], shape (joints,).
+        otherwise: f/τ_max of each kind where the bench tells none, that of training, shape (kinds,).
+
+    Raises:
+        StictionError: nothing is told of any joint.
+
+    """
+    shares: dict[str, list[float]] = {kind: [] for kind in joint_kinds(joint_names)}
+    missing: dict[str, list[str]] = {kind: [] for kind in shares}
+    for name, limit in zip(joint_names, torque_limit, strict=True):
+        key = file.key(name)
+        share = None if key is None else _share(file.joints[key], float(limit))
+        if share is None:
+            missing[kind_of(name)].append(name)
+        else:
+            shares[kind_of(name)].append(share)
+    if not any(shares.values()):
+        raise StictionError(
+            f"the file has {', '.join(file.joints)}, and the friction of none of {', '.join(joint_names[:3])} and so "
+            "on; identify at least one joint of this robot"
+        )
+    values, notes = {}, []
+    for (kind, known), other in zip(shares.items(), otherwise, strict=True):
+        values[kind] = float(np.mean(known)) if known else float(other)
+        if missing[kind]:
+            instead = "the mean of the other joints of the kind" if known else "the nominal friction of training"
+            names = ", ".join(missing[kind])
+            notes.append(
+                f"the friction of {names} was not identified: {instead} is told, {100 * values[kind]:.3g} % of the "
+                "torque limit"
+            )
+    return BenchFriction(values, tuple(notes))
+
+
+def _share(record: JointRecord, limit: float) -> float | None:
+    """Return f/τ_max of a joint whose motor gives `limit` [N m]; None where its record does not tell."""
+    if record.coulomb_friction is not None:
+        return max(0.0, record.coulomb_friction.value) / limit
+    return None if record.friction_ratio is None else max(0.0, record.friction_ratio.value)

@@ -1,0 +1,169 @@
+"""Which training to choose for a joint's friction: the one that follows with the most seeds where it was tested.
+
+It rests on `advice.json` beside this module, which the studies write from their rows; see `stiction.formats.advice`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from stiction.formats.advice import TRAINING, TRANSFER, Source, Way, read_advice
+from stiction.formats.following import BAND, Following, together
+from stiction.formats.friction import level_text
+
+SHIPPED = Path(__file__).parent / "advice.json"
+"""The file that comes with the package."""
+
+TRAINED_IN = "mujoco"
+"""Engine of the training: the others are elsewhere."""
+
+
+@dataclass(frozen=True)
+class Advice:
+    """What to train with, and what that rests on."""
+
+    way: Way
+    """How the policies were trained that follow with the most seeds."""
+    levels: tuple[float, ...]
+    """Tested friction at which the ways were held against each other [-]."""
+    cells: Mapping[str, tuple[Following, ...]]
+    """Way of training -> who follows at these levels, in the simulator of the training."""
+    elsewhere: tuple[Following, ...]
+    """Who follows of the chosen way in other engines and on virtual robots, at the tested level nearest to the top."""
+    source: Source
+    """The study."""
+    text: str
+    """The same in words."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Fields of `FrictionCfg` that train so."""
+        return {"method": self.way.method, "level": self.way.level, "law": "coulomb", "per": "robot"}
+
+    @property
+    def range(self) -> list[float]:
+        """Friction that training then draws, least and most, over the torque limit [-]."""
+        return [self.way.low * self.way.level, self.way.high * self.way.level]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for `training.json`: the counts, and the command and revision that they came from."""
+        return {
+            "levels": list(self.levels),
+            "seeds_that_follow": {
+                name: {level_text("coulomb", cell.friction_level): cell.text for cell in own}
+                for name, own in self.cells.items()
+            },
+            "elsewhere": {cell.engine: cell.text for cell in self.elsewhere},
+            "command": self.source.command,
+            "revision": self.source.revision,
+            "policies": list(self.source.policies),
+        }
+
+
+@cache
+def shipped() -> dict[str, Source]:
+    """Return what comes with the package."""
+    return read_advice(SHIPPED)
+
+
+def advise(low: float, high: float, sources: Mapping[str, Source] | None = None) -> Advice:
+    """Return which training to choose for friction from `low` to `high`, shares of the torque limit [-].
+
+    The ways are held against each other at the tested levels from the one nearest to `low` to the one nearest to
+    `high`: the most seeds that follow, added up over them; between equals the least deviation from the command.
+
+    sources: as of `read_advice`; by default what comes with the package.
+    """
+    sources = shipped() if sources is None else sources
+    source = sources[TRAINING]
+    tested = sorted({cell.friction_level for cell in source.cells})
+    first, last = (_nearest(tested, end) for end in (low, high))
+    levels = tuple(level for level in tested if first <= level <= last)
+    cells = {
+        name: tuple(cell for cell in source.cells if cell.method == name and cell.friction_level in levels)
+        for name in source.ways
+    }
+    best = max(cells, key=lambda name: _rank(cells[name]))
+    others = [cell for cell in sources[TRANSFER].cells if cell.method == best and cell.engine != TRAINED_IN]
+    top = _nearest(sorted({cell.friction_level for cell in others}), high) if others else high
+    elsewhere = tuple(cell for cell in others if cell.friction_level == top)
+    text = _text(source.ways[best], best, levels, cells, elsewhere, high, tested[-1])
+    return Advice(source.ways[best], levels, cells, elsewhere, source, text)
+
+
+def _nearest(tested: Sequence[float], level: float) -> float:
+    """Return the tested level nearest to one; of two as near the lower."""
+    return min(tested, key=lambda one: (round(abs(one - level), 9), one))
+
+
+def _rank(cells: Sequence[Following]) -> tuple[int, float]:
+    """Return what a way is chosen by: seeds that follow, and less deviation."""
+    return sum(cell.follow for cell in cells), -sum(cell.deviation for cell in cells)
+
+
+def _text(
+    way: Way,
+    name: str,
+    levels: Sequence[float],
+    cells: Mapping[str, Sequence[Following]],
+    elsewhere: Sequence[Following],
+    high: float,
+    beyond: float,
+) -> str:
+    """Say what to train with, how many seeds stand behind it, which side fails, and what was not tried.
+
+    beyond: highest level that was tested [-].
+    """
+    nobody = "" if any(cell.follow for cell in cells[name]) else "no way of training follows with any seed there, and "
+    parts = [
+        f"For up to {level_text('coulomb', round(high, 4))}, {nobody}{name} "
+        + ("deviates least from the command: " if nobody else "follows with the most seeds: ")
+        + f"train with {_words(way)}.",
+        f"Seeds that follow, {BAND} of the command both ways, {_asked(levels)}, in the simulator of the training: "
+        + "; ".join(f"{one} {_by_level(own)}" for one, own in cells.items())
+        + ".",
+    ]
+    if way.level > 0 and way.level != high:
+        parts.append(
+            f"Those policies were trained at level {way.level:g}; training at {high:.2g} itself has not been tried."
+        )
+    if high > beyond:
+        parts.append(f"Nothing was tested beyond {level_text('coulomb', beyond)}.")
+    if elsewhere:
+        at, seeds = level_text("coulomb", elsewhere[0].friction_level), max(cell.seeds for cell in elsewhere)
+        parts.append(
+            f"In other engines and on virtual robots at {at}, pairs of a seed and a place: "
+            f"{_bracketed(together(elsewhere))}, of {'one seed' if seeds == 1 else f'{seeds} seeds'}."
+        )
+    return " ".join(parts)
+
+
+def _words(way: Way) -> str:
+    """Return the flags of a way."""
+    return f"--method {way.method}" + (f" --friction-level {way.level:g}" if way.level > 0 else "")
+
+
+def _asked(levels: Sequence[float]) -> str:
+    """Return the tested levels in words."""
+    if len(levels) == 1:
+        return f"at the nearest level that was tested, {level_text('coulomb', levels[0])}"
+    return f"at the levels that were tested from {level_text('coulomb', levels[0])} to " + (
+        level_text("coulomb", levels[-1])
+    )
+
+
+def _by_level(cells: Sequence[Following]) -> str:
+    """Return the counts of a way, with their level where there are several."""
+    if len(cells) == 1:
+        return _bracketed(cells[0].text)
+    return ", ".join(f"{_bracketed(cell.text)} at {level_text('coulomb', cell.friction_level)}" for cell in cells)
+
+
+def _bracketed(text: str) -> str:
+    """Return `4 of 5, 1 too slow` as `4 of 5 (1 too slow)`."""
+    count, _, wrong = text.partition(", ")
+    return f"{count} ({wrong})" if wrong else count

@@ -1,0 +1,144 @@
+"""Who follows, as tables: for a joint of some friction, place by place, and over the levels of an experiment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from stiction.formats.following import DEFINITION, LEAST, Following, together
+from stiction.report.replication_methods import friction_text
+from stiction.report.sheet import Sheet
+
+NEEDS = "My joint has this much friction: which training follows?"
+
+
+def by_level(cells: Sequence[Following]) -> dict[float, dict[str, list[Following]]]:
+    """Return level -> way -> its cells, levels from low to high, ways in the order of the rows."""
+    ways = list(dict.fromkeys(cell.method for cell in cells))
+    levels = sorted({cell.friction_level for cell in cells})
+    at = {level: [cell for cell in cells if cell.friction_level == level] for level in levels}
+    return {level: {way: [one for one in at[level] if one.method == way] for way in ways} for level in levels}
+
+
+def everywhere(ways: Mapping[str, Sequence[Following]]) -> list[str]:
+    """Return the ways that follow with every seed in every place where others were tried at that level too."""
+    places = {cell.engine for own in ways.values() for cell in own}
+    return [
+        way
+        for way, own in ways.items()
+        if own and {cell.engine for cell in own} == places and all(cell.every_seed for cell in own)
+    ]
+
+
+def most(ways: Mapping[str, Sequence[Following]]) -> list[str]:
+    """Return the ways of which the largest share of seeds follows, over all places; none where nobody does."""
+    shares = {
+        way: sum(cell.follow for cell in own) / sum(cell.seeds for cell in own) for way, own in ways.items() if own
+    }
+    best = max(shares.values(), default=0.0)
+    return [way for way, share in shares.items() if share == best > 0.0]
+
+
+def _named(way: str, cells: Sequence[Following]) -> str:
+    """Return a way, and that it has one seed where it does."""
+    return f"{way} (one seed)" if max(cell.seeds for cell in cells) == 1 else way
+
+
+def needs_sheet(cells: Sequence[Following]) -> Sheet:
+    """Return, for every level that was tested, who follows everywhere, and how many seeds of each way over all places.
+
+    cells: shares of the torque limit, in places where a user's robot may be.
+    """
+    levels = by_level(cells)
+    own = {way: [cell for cell in cells if cell.method == way] for way in dict.fromkeys(c.method for c in cells)}
+    rows = []
+    for level, ways in levels.items():
+        sure = ", ".join(_named(way, own[way]) for way in everywhere(ways))
+        counts = (together(ways[way]) if ways[way] else "not tested" for way in own)
+        rows.append((friction_text("coulomb", level), sure or "nobody", *counts))
+    header = ("friction", "every seed, everywhere", *(_named(way, found) for way, found in own.items()))
+    note = (
+        f"{DEFINITION} Levels are those that were tested. The columns of ways count pairs of a seed and a place: the "
+        "engines, and the virtual robots, of which a seed is known by its mean over them. One seed is no evidence."
+    )
+    return Sheet(NEEDS, header, tuple(rows), note)
+
+
+def places_sheet(cells: Sequence[Following]) -> Sheet:
+    """Return how many seeds of each way follow, place by place."""
+    ways = list(dict.fromkeys(cell.method for cell in cells))
+    at: dict[tuple[float, str], dict[str, Following]] = {}
+    for cell in sorted(cells, key=lambda one: one.friction_level):
+        at.setdefault((cell.friction_level, cell.engine), {})[cell.method] = cell
+    rows = []
+    for (level, engine), own in at.items():
+        texts = (own[way].text if way in own else "–" for way in ways)
+        rows.append((friction_text("coulomb", level), engine, *texts))
+    return Sheet("Who follows, place by place", ("friction", "place", *ways), tuple(rows), DEFINITION)
+
+
+def counts_sheet(cells: Sequence[Following]) -> Sheet:
+    """Return how many seeds of each way follow, a row for each engine and friction."""
+    rows = [
+        (cell.method, cell.engine, friction_text(cell.friction_law, cell.friction_level), cell.text, cell.each)
+        for cell in cells
+    ]
+    header = ("method", "engine", "friction", "seeds that follow", "forward/backward of each seed")
+    return Sheet("Seeds that follow", header, tuple(rows), DEFINITION)
+
+
+def levels_sheet(cells: Sequence[Following], title: str, most_friction: float = 0.3) -> Sheet:
+    """Return how many seeds of each way follow, a column for each level up to `most_friction`; cells: of one place."""
+    levels = sorted({cell.friction_level for cell in cells if cell.friction_level <= most_friction})
+    at = {(cell.method, cell.friction_level): cell.text for cell in cells}
+    rows = [
+        (way, *(at.get((way, level), "–") for level in levels)) for way in dict.fromkeys(cell.method for cell in cells)
+    ]
+    header = ("friction in % of the torque limit", *(f"{100 * level:g}" for level in levels))
+    return Sheet(title, header, tuple(rows), DEFINITION)
+
+
+def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:
+    """Say where something follows and where it does what else: `follows at 20 %, is too fast at 0 %, 10 %`.
+
+    found: a place in words, and all that was seen there, as of `row_pace`; it follows where nothing else was seen.
+    """
+    where = {"follows": [at for at, seen in found if seen == {"follows"}]}
+    where |= {one: [at for at, seen in found if one in seen] for one in ("too fast", "too slow", "fell")}
+    words = {"follows": "follows", "too fast": "is too fast", "too slow": "is too slow", "fell": "falls"}
+    said = [f"{words[one]} at {', '.join(places)}" for one, places in where.items() if places]
+    return "; ".join(said if where["follows"] else ["follows nowhere", *said])
+
+
+def needs_sentence(cells: Sequence[Following], level: float) -> str:
+    """Say who follows at a level: with every seed everywhere, and who does with most seeds. Empty if not tested."""
+    ways = by_level(cells).get(level)
+    if ways is None:
+        return ""
+    sure = ", ".join(_named(way, ways[way]) for way in everywhere(ways)) or "nobody"
+    best = ", ".join(f"{_named(way, ways[way])}, {together(ways[way])}" for way in most(ways))
+    seeds = f"; the largest share of seeds over all places: {best}" if best else ""
+    return f"With {friction_text('coulomb', level)} friction, who follows everywhere with every seed: {sure}{seeds}."
+
+
+def changes_sheet(summary: Mapping[str, Any]) -> Sheet | None:
+    """Return the sentences of which the same rows are judged otherwise than before; None where there are none."""
+    changes: Sequence[Mapping[str, str]] = summary.get("changed", ())
+    rows = tuple((one["id"], one["before"], one["asked_before"], one["now"], one["asked"]) for one in changes)
+    header = ("", "before", "what was asked", "now", "what is asked")
+    note = (
+        f"The rows are the same. Before, following asked for {LEAST} or more, or for the mean over seeds to be within "
+        f"the band. {DEFINITION}"
+    )
+    return Sheet("Verdicts that changed with the definition of following", header, rows, note) if rows else None
+
+
+def judged_text(summary: Mapping[str, Any]) -> str:
+    """Say by which command rows of before were judged; empty where the command that made them did."""
+    judged = summary.get("judged")
+    return (
+        ""
+        if judged is None
+        else f"Judged and drawn anew, from the same rows, by {judged['command']}"
+        + (f", revision {judged['revision']}.")
+    )

@@ -1,0 +1,141 @@
+"""Networks that are left-right symmetric by construction: π(M o) = M π(o), and a critic with V(M o) = V(o).
+
+Every linear layer is the average of itself and of its mirror image,
+
+    y = ½ (W x + b) + ½ M_out (W M_in x + b),
+
+which is a linear layer again. Its weights are averaged, not its outputs: a pass costs what one without symmetry does,
+where the average of two passes of a whole network would cost twice as much. M of an observation or action is the
+task's; hidden units, z and z*, and the terrain's latent come in two halves, left and right, which the mirror exchanges,
+so that any activation commutes with it.
+
+The layers of a network are replaced in place and keep their parameters: who holds these, an optimizer, notices nothing.
+What is deployed has the averaged weights written out: `StudentPolicy` and its file are those of any other student.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import nn
+
+from stiction.formats.errors import StictionError
+from stiction.locomotion.symmetry import Rows, TaskMirror, VectorMirror
+from stiction.rma.models import HistoryEncoder, RMAActor, RMACritic
+
+
+class EquivariantLinear(nn.Linear):
+    """A linear layer averaged with its mirror image."""
+
+    def __init__(self, layer: nn.Linear, into: Rows, out: Rows) -> None:
+        """Take over a layer's parameters; `into`, `out`: the mirror of its inputs and outputs.
+
+        The average of two independent weights has half their variance: it is restored.
+        """
+        super().__init__(layer.in_features, layer.out_features, device="meta")
+        self.weight, self.bias = layer.weight, layer.bias
+        self.into, self.out = VectorMirror(into), VectorMirror(out)
+        self.to(layer.weight.device)
+        with torch.no_grad():
+            self.weight.mul_(2**0.5)
+
+    def averaged(self) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return the averaged weight, shape (outputs, inputs), and bias, shape (outputs,)."""
+        into, out = self.into, self.out
+        # M_out takes row i from row index_i, times factor_i. M_in is its own inverse: it takes columns in the same way.
+        image = self.weight.index_select(0, out.index).index_select(1, into.index)
+        image = image * (out.factor[:, None] * into.factor[into.index])
+        bias = self.bias if into.shift is None else self.bias + self.weight @ into.shift
+        return 0.5 * (self.weight + image), 0.5 * (self.bias + bias.index_select(0, out.index) * out.factor)
+
+    def forward(self, value: torch.Tensor) -> torch.Tensor:
+        """Map (..., inputs) to (..., outputs)."""
+        return nn.functional.linear(value, *self.averaged())
+
+
+def make_equivariant(model: RMAActor | RMACritic, mirror: TaskMirror) -> None:
+    """Make a network symmetric, in place; actions get the same standard deviation left and right.
+
+    Raises `StictionError` where a layer has an odd number of units, or a part of the network has no rule here.
+    """
+    rows = mirror.rows
+    if isinstance(model, RMAActor):
+        _actor(model, rows)
+    else:
+        inputs = [rows[name] for name in model.seen]
+        encoded = halves(_last(model.history_encoder.mlp).out_features)
+        _encoder(model.history_encoder, rows, encoded)
+        _mlp(model.mlp, Rows.joined([*inputs, encoded]), Rows.signed(np.ones(1)))
+    for name, layer in model.named_modules():
+        if isinstance(layer, nn.Linear) and not isinstance(layer, EquivariantLinear):
+            raise StictionError(f"{type(model).__name__}: the layer {name!r} has no rule for --symmetry network")
+
+
+def make_dense(model: nn.Module) -> None:
+    """Write the averaged weights out as ordinary layers, in place: to deploy or to look at, not to train."""
+    for module in list(model.modules()):
+        for name, layer in list(module.named_children()):
+            if isinstance(layer, EquivariantLinear):
+                dense = nn.Linear(layer.in_features, layer.out_features, device=layer.weight.device)
+                with torch.no_grad():
+                    for parameter, value in zip((dense.weight, dense.bias), layer.averaged(), strict=True):
+                        parameter.copy_(value)
+                setattr(module, name, dense)
+
+
+def halves(size: int) -> Rows:
+    """Return the mirror of `size` units, a left and a right half that are exchanged.
+
+    Raises `StictionError` where they are odd in number.
+    """
+    if size % 2:
+        raise StictionError(f"a layer of {size} units has no left and right half; --symmetry network needs even sizes")
+    return Rows.exchanged(np.roll(np.arange(size), size // 2))
+
+
+def _actor(actor: RMAActor, rows: dict[str, Rows]) -> None:
+    """Make an actor symmetric, its encoders, estimator and adaptation too."""
+    latent = halves(_last(actor.privileged_encoder).out_features)
+    _mlp(actor.privileged_encoder, rows["privileged"], latent)
+    _encoder(actor.adaptation, rows, latent)
+    _encoder(actor.estimator, rows, rows["explicit"])
+    inputs = [rows["proprioception"], rows["explicit"], latent]
+    if actor.sees_terrain:
+        ground = halves(_last(actor.terrain_encoder[0]).out_features)
+        _mlp(actor.terrain_encoder[0], rows["elevation"], ground)
+        _encoder(actor.terrain_history[0], rows, ground)
+        inputs.append(ground)
+    _mlp(actor.mlp, Rows.joined(inputs), rows["action"])
+    exchanged = torch.as_tensor(rows["action"].index)
+    std = actor.distribution.std_param
+    # Left and right begin equal, and equal steps keep them so.
+    std.register_hook(lambda gradient: 0.5 * (gradient + gradient[exchanged.to(gradient.device)]))
+
+
+def _encoder(encoder: nn.Module, rows: dict[str, Rows], out: Rows) -> None:
+    """Make an encoder of the history symmetric: every frame is mirrored for itself."""
+    assert isinstance(encoder, HistoryEncoder)
+    width = _last(encoder.embed).out_features
+    frames = _first(encoder.mlp).in_features // width
+    _mlp(encoder.embed, rows["proprioception"], halves(width))
+    _mlp(encoder.mlp, Rows.joined([halves(width)] * frames), out)
+
+
+def _mlp(mlp: nn.Module, into: Rows, out: Rows) -> None:
+    """Make a chain of linear layers and activations symmetric."""
+    layers = {name: layer for name, layer in mlp.named_children() if isinstance(layer, nn.Linear)}
+    last = _last(mlp)
+    for name, layer in layers.items():
+        result = out if layer is last else halves(layer.out_features)
+        setattr(mlp, name, EquivariantLinear(layer, into, result))
+        into = result
+
+
+def _first(mlp: nn.Module) -> nn.Linear:
+    """Return the first linear layer of a chain."""
+    return next(layer for layer in mlp.children() if isinstance(layer, nn.Linear))
+
+
+def _last(mlp: nn.Module) -> nn.Linear:
+    """Return the last linear layer of a chain."""
+    return [layer for layer in mlp.children() if isinstance(layer, nn.Linear)][-1]

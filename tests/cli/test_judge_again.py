@@ -1,0 +1,116 @@
+"""`--judge-again` of every verb that has it, on copies of the committed results: nothing is trained, nothing walks."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import main
+from stiction.formats.advice import TRAINING, TRANSFER, read_advice
+from stiction.formats.following import Following
+from stiction.formats.results import read_results, write_results
+from stiction.formats.rows import read_rows
+from stiction.identify.advice import advise, shipped
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed")
+pytest.importorskip("torch", reason="torch, of the extra 'train', is needed")
+
+RESULTS = Path(__file__).parents[2] / "results"
+
+
+def copy(name: str, *files: str, out: Path) -> Path:
+    """Copy files of a folder of results."""
+    out.mkdir(parents=True)
+    for file in files:
+        shutil.copy(RESULTS / name / file, out)
+    return out
+
+
+def test_rows_that_change_turn_verdict_and_advice(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Deception at 1 % within the band with all seeds, in place of too fast: it is advised, and counted five of five.
+
+    If this failed, what `identify` says would not come from the rows of the study.
+    """
+    out = copy("friction-training", "results.csv", "curves.csv", "summary.json", out=tmp_path / "study")
+    rows = read_results(out / "results.csv")
+    tame = [
+        replace(row, speed_ratio=1.0)
+        if row.policy.startswith("coulomb20-deception-s") and row.friction_level in (0.0, 0.01, 0.2) and row.speed_ratio
+        else row
+        for row in rows
+    ]
+    write_results(out / "results.csv", tame)
+    words = ["study", "friction", "--judge-again", "--out", str(out), "--advice", str(tmp_path / "advice.json")]
+    assert main([*words, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["V9"] == "reproduces"
+    found = {(one.method, one.friction_level): one for one in read_rows(out / "following.csv", Following)}
+    assert found["coulomb20-deception/student", 0.01].text == "5 of 5"
+    assert found["coulomb20-none/student", 0.01].text == "4 of 5, 1 too fast"
+    changed = {
+        one["id"]: (one["before"], one["now"]) for one in json.loads((out / "summary.json").read_text())["changed"]
+    }
+    assert changed["V9"] == ("does not", "reproduces")
+    assert "stiction study friction --judge-again" in (out / "report.html").read_text()
+    sources = shipped() | read_advice(tmp_path / "advice.json")
+    assert advise(0.01, 0.01).way.method == "none" and advise(0.01, 0.01, sources).way.method == "deception"
+    assert sources[TRAINING].revision == "e0231d6ae9e5"
+
+
+def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The same rows and means come out, byte for byte; the tables have each tested level; the advice is written."""
+    out = copy("replication", "summary.json", out=tmp_path / "comparison")
+    words = ["replicate", "--judge-again", "--no-clips", "--out", str(out), "--advice", str(tmp_path / "advice.json")]
+    assert main(words) == 0
+    assert "who follows everywhere with every seed: nobody" in capsys.readouterr().out
+    for name in ("results.csv", "methods.csv", "budget.csv", "onsets.csv", "following.csv"):
+        assert (out / name).read_bytes() == (RESULTS / "replication" / name).read_bytes(), name
+    assert read_advice(tmp_path / "advice.json") == {TRANSFER: shipped()[TRANSFER]}
+    before, now = (json.loads((folder / "summary.json").read_text()) for folder in (RESULTS / "replication", out))
+    assert (now["revision"], now["command"], now["changed"]) == (
+        before["revision"],
+        before["command"],
+        before["changed"],
+    )
+
+
+def test_worn_robots_are_judged_from_their_windows(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A policy that is too fast until x1.5 is said to be; so is one where friction stays."""
+    names = ("summary.json", "windows.csv", "readings.csv")
+    out = copy("wear", *names, out=tmp_path / "wear")
+    assert main(["study", "wear", "--judge-again", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert (
+        "deception-0.2 at level 0.1: at first 5 of 5 too fast, and those that come to follow do so from x1.57" in said
+    )
+    assert "Where friction stayed at x1, 0 of 5 follow to the end, 5 too fast from the start" in said
+    with (out / "lives.csv").open(newline="") as file:
+        ends = {(row["policy"], row["steady"], row["end"]) for row in csv.DictReader(file)}
+    assert ("saturn_lite-flat-none-0.2", "", "too slow") in ends
+    assert ("saturn_lite-flat-direct-0.2", "0.3", "too fast from the start") in ends
+
+
+def test_an_evaluation_of_before_is_drawn_again(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Its summary lacks what later ones have; the rows are told too fast from too slow."""
+    out = copy("flat-ground", "results.csv", "summary.json", out=tmp_path / "flat")
+    assert main(["evaluate", "--judge-again", "--out", str(out)]) == 0
+    assert "too fast" in capsys.readouterr().out
+    page = (out / "report.html").read_text()
+    assert "saturn_lite-flat-direct-0.2 follows at 15 %, 20 %, 25 %; is too fast at 0 %, 1 %, 5 %, 10 %" in page
+    assert (out / "results.csv").read_bytes() == (RESULTS / "flat-ground" / "results.csv").read_bytes()
+
+
+@pytest.mark.parametrize("verb", [["study", "friction"], ["study", "wear"], ["replicate", "--no-clips"], ["evaluate"]])
+def test_a_folder_without_results_is_one_line(verb: list[str], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """If this failed, a wrong --out would end in a traceback."""
+    assert main([*verb, "--judge-again", "--out", str(tmp_path)]) == 1
+    error = capsys.readouterr().err
+    assert "cannot be read as" in error and error.count("\n") == 1
+    (tmp_path / "summary.json").write_text('{"schema_version": 1}')
+    (tmp_path / "results.csv").write_text("")
+    assert main([*verb, "--judge-again", "--out", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.count("\n") == 1

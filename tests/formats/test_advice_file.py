@@ -1,0 +1,39 @@
+"""The file that `identify` advises by."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from stiction.formats.advice import Source, Way, read_advice, write_source
+from stiction.formats.errors import StictionError
+from stiction.formats.following import Following
+
+CELL = Following("none", "mujoco", "coulomb", 0.01, 5, 4, 0, 1, 0, 0.1, "1.00/1.00 1.25/1.00")
+SOURCE = Source("stiction study friction", "abc", ("p/student",), {"none": Way("none", 0.0, 0.0, 0.0)}, (CELL,))
+
+
+def test_a_study_writes_its_own_part_and_leaves_the_others(tmp_path: Path) -> None:
+    """Whoever repeats one study must not lose what the other found."""
+    path = tmp_path / "advice.json"
+    write_source(path, "replication", SOURCE)
+    write_source(path, "friction-training", replace(SOURCE, revision="def"))
+    write_source(path, "replication", replace(SOURCE, revision="ghi"))
+    assert read_advice(path) == {
+        "friction-training": replace(SOURCE, revision="def"),
+        "replication": replace(SOURCE, revision="ghi"),
+    }
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"schema_version": 2, "sources": {}}', '{"schema_version": 1}'])
+def test_another_file_is_refused_in_one_line(text: str, tmp_path: Path) -> None:
+    """It would be advised by nonsense, or overwritten."""
+    path = tmp_path / "advice.json"
+    path.write_text(text)
+    with pytest.raises(StictionError, match=r"advice\.json is not what"):
+        read_advice(path)
+    with pytest.raises(StictionError):
+        write_source(path, "replication", SOURCE)
+    assert path.read_text() == text
