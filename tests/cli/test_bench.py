@@ -41,7 +41,7 @@ def test_the_summary_says_what_the_ratios_were_computed_from(capsys: pytest.Capt
     assert (measured["robot"], measured["num_envs"], measured["blocks"]) == ("go1", 4, 1)
     assert set(summary["multiply_adds_per_env_step"]) == {"actor", "critic"}
     assert summary["identification_seconds"] > 0
-    assert list(summary["parts"]) == ["rows", "rows, impedance 0.9", "plastic", "plastic, PGS"]
+    assert list(summary["parts"]) == ["rows", "rows, impedance 0.9", "plastic, Newton", "plastic"]
     for parts in summary["parts"].values():
         assert sum(parts[name] for name in PARTS) == pytest.approx(parts["iteration"])
         assert min(parts[name] for name in PARTS if name != "other") > 0

@@ -100,3 +100,22 @@ def test_damping_writes_tables_figure_and_page(bundle: Path, tmp_path: Path, cap
     assert (out / "damping.png").stat().st_size > 1000
     page = (out / "report.html").read_text()
     assert "Actuator Net" in page and "http" not in page.replace("http://www.w3.org", "")
+
+
+def test_physics_writes_its_rows_and_says_how_far_they_are(bundle: Path, tmp_path: Path, capsys, monkeypatch) -> None:
+    """The numbers behind the sentence, a row a policy, level, direction and physics."""
+    from stiction.robots.physics import EXACT, FAST
+    from stiction.transfer import physics_study
+
+    settings = {physics_study.REFERENCE: (EXACT, 0.005), "rows": (EXACT, 0.005), "plastic": (FAST, 0.005)}
+    monkeypatch.setattr(physics_study, "SETTINGS", settings)
+    out = tmp_path / "physics"
+    options = ["--friction-levels", "0", "0.1", "--episodes", "2", "--seconds", "3", "--out", str(out)]
+    assert main(["study", "physics", str(bundle), *options]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    assert [line.partition("  ")[0] for line in printed] == list(settings)
+    rows = read(out / "physics.csv")
+    assert len(rows) == 3 * 2 * 2 and {row["policy"] for row in rows} == {"toy"}
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["walks"]["episodes"] == 2 and summary["bias"].keys() == settings.keys()
+    assert main(["study", "physics", *options]) == 2

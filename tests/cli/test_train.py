@@ -10,6 +10,7 @@ import pytest
 from stiction.cli.interruption import stop_requests
 from stiction.cli.main import main
 from stiction.cli.progress import Display
+from stiction.cli.train import parse
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.formats.training import write_training
 from stiction.identify.proposal import propose
@@ -205,6 +206,19 @@ def test_help_teaches(capsys: pytest.CaptureFixture) -> None:
         assert word in text, word
     for flag in ("--video-every", "--stop-at-tracking-error"):
         assert flag in text, flag
+
+
+def test_presets_train_on_sliders_where_there_are_some() -> None:
+    """On a GPU they would be refused; the paper's preset, and a word of one's own, have rows."""
+    for words, friction in (
+        (["--preset", "quick"], "plastic"),
+        ([], "plastic"),
+        (["--preset=paper"], "rows"),
+        (["--physics", "rows"], "rows"),
+        (["--device", "warp-cpu"], "rows"),
+        (["--preset", "quick", "--device=cuda"], "rows"),
+    ):
+        assert parse(words).config.task.physics.friction == friction, words
 
 
 def test_resume_with_other_options_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

@@ -70,13 +70,14 @@ def main(arguments: list[str]) -> int:
 
     from stiction.formats.actuator import read_actuator
     from stiction.formats.origin import Origin
-    from stiction.rma.config import PRESETS
+    from stiction.rma.config import preset
     from stiction.transfer.bench import bench_cfg, measure_training
     from stiction.transfer.bench_parts import measure_parts, parts_summary
 
     note, origin = Console(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")
-    cfg = bench_cfg(replace(PRESETS["full"], num_envs=options.num_envs), options.method, options.friction_level)
+    base = replace(preset("full", options.device), num_envs=options.num_envs)
+    cfg = bench_cfg(base, options.method, options.friction_level)
     friction = replace(cfg.task.friction, law=options.friction_law)
     terrain = replace(cfg.task.terrain, kind=options.terrain)
     task = replace(cfg.task, robot=options.robot, friction=friction, terrain=terrain)

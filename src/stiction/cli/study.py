@@ -14,6 +14,7 @@ STUDIES: dict[str, str] = {
     "bench": "what identification finds of virtual robots on their benches, held against the truth",
     "engines": "whether every physics engine does what it should, and how the same policy walks in each",
     "friction": "which way to train with joint friction works, and at how much of it; a verdict a claim",
+    "physics": "what a faster simulation of joint friction does to the speed of a walk",
     "wear": "how long a policy lives while friction grows, and whether its monitor notices in time",
 }
 """Study -> what it answers. The module is `stiction.cli.studies.<name>`."""

@@ -14,7 +14,7 @@ import tyro
 
 from stiction.formats.errors import StictionError
 from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.config import PRESETS, TrainCfg
+from stiction.rma.config import PRESETS, TrainCfg, preset
 
 if TYPE_CHECKING:
     from stiction.rma.run import RunDirectory
@@ -47,7 +47,8 @@ class Train:
     """The whole configuration."""
     preset: Literal["full", "quick", "paper"] = "full"
     """Defaults for everything else. `full`: what results are made with, 700 iterations of the teacher and 240 of the
-    student. `quick`: for a first look, 350 and 80. `paper`: as `full`, and randomises the paper's table and no more."""
+    student. `quick`: for a first look, 350 and 80. `paper`: as `full`, randomises the paper's table and no more, with
+    friction by rows as in every evaluation."""
     out: Path = Path("runs/train")
     """Folder of the run."""
     friction_from: Path | None = None
@@ -58,14 +59,19 @@ class Train:
     """Print the summary on standard output, and nothing else there; progress goes to standard error."""
 
 
-def _preset(arguments: list[str]) -> str:
-    """Find the preset first: it changes the defaults that the parser then shows."""
+def _named(arguments: list[str], flag: str) -> str | None:
+    """Return the word that a flag has, None without it."""
     for index, word in enumerate(arguments):
         name, _, value = word.partition("=")
-        if name == "--preset":
-            value = value or (arguments[index + 1] if index + 1 < len(arguments) else "")
-            return value if value in PRESETS else "full"
-    return "full"
+        if name == flag:
+            return value or (arguments[index + 1] if index + 1 < len(arguments) else "")
+    return None
+
+
+def _defaults(arguments: list[str]) -> TrainCfg:
+    """Find preset and device first: they change the defaults that the parser then shows."""
+    name = _named(arguments, "--preset")
+    return preset(name if name in PRESETS else "full", _named(arguments, "--device") or "cpu")
 
 
 def _identified(file: str | None, robot: str) -> dict[str, Any] | None:
@@ -114,7 +120,7 @@ def _only_resume(arguments: list[str]) -> None:
 
 def parse(arguments: list[str]) -> Train:
     """Return the options that `stiction train` has when it is given these arguments."""
-    default = Train(config=PRESETS[_preset(arguments)])
+    default = Train(config=_defaults(arguments))
     return tyro.cli(Train, args=arguments, prog="stiction train", description=DESCRIPTION, default=default)
 
 

@@ -116,8 +116,8 @@ def build(
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
-    spec.option.solver = SOLVERS[physics.solver]
-    spec.option.iterations = physics.iterations
+    spec.option.solver = SOLVERS[physics.solver_name]
+    spec.option.iterations = physics.solver_iterations
     _add_scene(spec)
     _add_obstacles(spec, np.zeros((0, 3)) if obstacles is None else obstacles)
     base = spec.worldbody.add_body(

@@ -27,6 +27,9 @@ FrictionPhysics = Literal["rows", "plastic"]
 
 Solver = Literal["newton", "pgs"]
 
+SOLVERS: dict[FrictionPhysics, tuple[Solver, int]] = {"rows": ("newton", 100), "plastic": ("pgs", 10)}
+"""Solver and most iterations where none are named. Newton needs five or so on rows; PGS takes all that it is given."""
+
 FRICTION_D0 = 0.999
 """Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2.
 Measured under 90 % of a friction of 30 % of the torque limit, time constant two steps, the fastest joint of either
@@ -47,27 +50,28 @@ class PhysicsCfg:
     """Impedance d0 of the rows, see `FRICTION_D0`; no meaning for `plastic`."""
     stiffness: float = 1000.0
     """Stiffness k of the slider [N m/rad]; no meaning for `rows`."""
-    solver: Solver = "newton"
-    """Of contacts, limits and rows. `pgs` is for `plastic`: on the few rows that are left it is faster than Newton."""
-    iterations: int = 100
-    """Most iterations of the solver in a physics step. Newton needs five or so; PGS takes all that it is given."""
+    solver: Solver | None = None
+    """Of contacts, limits and rows; None: Newton for `rows`, and for `plastic` PGS, which on the few rows that are left
+    is faster and as good."""
+    iterations: int | None = None
+    """Most iterations of the solver in a physics step; None: see `SOLVERS`."""
 
     def __post_init__(self) -> None:
         """Refuse what has no meaning."""
         for name, value, names in (
             ("friction", self.friction, get_args(FrictionPhysics)),
-            ("solver", self.solver, get_args(Solver)),
+            ("solver", self.solver or "newton", get_args(Solver)),
         ):
             if value not in names:
                 raise StictionError(f"physics.{name} is {value!r}; expected one of {', '.join(names)}")
         if not 0 < self.impedance < 1:
             raise StictionError(f"physics.impedance is {self.impedance}; expected a number in (0, 1)")
-        if not self.stiffness > 0 or self.iterations < 1:
+        if not self.stiffness > 0 or self.solver_iterations < 1:
             raise StictionError(
-                f"physics: stiffness {self.stiffness} N m/rad, {self.iterations} iterations; "
+                f"physics: stiffness {self.stiffness} N m/rad, {self.solver_iterations} iterations; "
                 "expected a positive stiffness and at least one iteration"
             )
-        if self.friction == "rows" and self.solver != "newton":
+        if self.friction == "rows" and self.solver_name != "newton":
             raise StictionError(
                 f"physics.solver {self.solver!r} does not converge on rows of joint friction; "
                 "use it with --physics plastic"
@@ -78,9 +82,19 @@ class PhysicsCfg:
         """Whether the joints hang on sliders."""
         return self.friction == "plastic"
 
+    @property
+    def solver_name(self) -> Solver:
+        """The solver that is used."""
+        return self.solver or SOLVERS[self.friction][0]
+
+    @property
+    def solver_iterations(self) -> int:
+        """Its most iterations."""
+        return SOLVERS[self.friction][1] if self.iterations is None else self.iterations
+
 
 EXACT = PhysicsCfg()
 """What evaluation and every claim have."""
 
-FAST = PhysicsCfg("plastic", solver="pgs", iterations=10)
+FAST = PhysicsCfg("plastic")
 """The fastest that trains: sliders, and ten iterations of PGS for the contacts."""

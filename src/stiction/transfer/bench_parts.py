@@ -31,8 +31,8 @@ from stiction.sim.native import NativeSimulation
 PHYSICS = {
     "rows": EXACT,
     "rows, impedance 0.9": PhysicsCfg(impedance=0.9),
-    "plastic": PhysicsCfg("plastic"),
-    "plastic, PGS": FAST,
+    "plastic, Newton": PhysicsCfg("plastic", solver="newton"),
+    "plastic": FAST,
 }
 """What is compared, the physics of every evaluation first."""
 

@@ -18,6 +18,7 @@ from stiction.formats.errors import StictionError
 from stiction.formats.friction import Law, has_coefficient
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.catalog import find_robot
+from stiction.robots.physics import EXACT, PhysicsCfg
 from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import joint_friction, needs_sensors
@@ -99,6 +100,8 @@ class Rollout:
         action_delay: float = 0.0,
         terrain: Terrain | None = None,
         law: Law = COULOMB,
+        physics: PhysicsCfg = EXACT,
+        timestep: float | None = None,
     ) -> None:
         """Put the robots into their standing pose.
 
@@ -114,30 +117,36 @@ class Rollout:
             action_delay: delay between target and motor [s], in whole physics steps as in training.
             terrain: courses of the robots, flat ground by default.
             law: law of the dry friction.
+            physics: how dry friction is simulated, and
+            timestep: the physics step [s], a part of the contract's control period: other ones than evaluation's only
+                to see what they do to a walk.
 
         Raises:
             StictionError: the delay is longer than the model holds.
 
         """
         num = len(friction)
-        longest = DELAY_SAMPLES * contract.physics_timestep
+        timestep = contract.physics_timestep if timestep is None else timestep
+        decimation = round(contract.physics_timestep * contract.decimation / timestep)
+        longest = DELAY_SAMPLES * timestep
         if not 0.0 <= action_delay <= longest:
             raise StictionError(f"action delay {action_delay} s; expected 0 to {longest:g} s, what the model holds")
         sensors = needs_sensors(law)
         self.fleet = Fleet(
             spec,
             num,
-            contract.physics_timestep,
-            contract.decimation,
+            timestep,
+            decimation,
             threads,
             terrain=terrain,
             joint_sensors=sensors,
+            physics=physics,
         )
         self.fleet.set_gains(contract.array("kp"), contract.array("kd"))
         joint_friction(self.fleet, law).set_level(friction)
         self.fleet.damping[:] = contract.array("damping")
         self.fleet.armature[:] = contract.array("armature")
-        self.fleet.delay[:] = round(action_delay / contract.physics_timestep) * contract.physics_timestep
+        self.fleet.delay[:] = round(action_delay / timestep) * timestep
         self.fleet.set_const(np.arange(num))
         self._policy = policy
         self._contract = contract
