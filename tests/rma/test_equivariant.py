@@ -249,3 +249,9 @@ def test_a_part_without_a_rule_is_refused(tmp_path: Path) -> None:
     plain.alg.actor.gait = torch.nn.Linear(3, 3)
     with pytest.raises(StictionError, match="RMAActor: the layer 'gait' has no rule for --symmetry network"):
         make_equivariant(plain.alg.actor, task_mirror(plain.env))
+    plain = phase(tmp_path, "teacher", replace(CFG, symmetry="none"))
+    plain.alg.actor.gait = torch.nn.GRUCell(4, 4)
+    with pytest.raises(StictionError, match="RMAActor: the layer 'gait'"):
+        make_equivariant(plain.alg.actor, task_mirror(plain.env))
+    with pytest.raises(StictionError, match="a recurrent encoder has no rule"):
+        phase(tmp_path, "teacher", replace(CFG, network=replace(CFG.network, recurrent=True)))

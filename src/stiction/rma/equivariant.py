@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+from rsl_rl.modules import Distribution
 from torch import nn
 
 from stiction.formats.errors import StictionError
@@ -67,8 +68,11 @@ def make_equivariant(model: RMAActor | RMACritic, mirror: TaskMirror) -> None:
         _encoder(model.history_encoder, rows, encoded)
         _mlp(model.mlp, Rows.joined([*inputs, encoded]), Rows.signed(np.ones(1)))
     for name, layer in model.named_modules():
-        if isinstance(layer, nn.Linear) and not isinstance(layer, EquivariantLinear):
-            raise StictionError(f"{type(model).__name__}: the layer {name!r} has no rule for --symmetry network")
+        trained = any(True for _ in layer.parameters(recurse=False))
+        if trained and not isinstance(layer, EquivariantLinear | Distribution):
+            raise StictionError(
+                f"{type(model).__name__}: the layer {name!r} has no rule for --symmetry network; use batches or half"
+            )
 
 
 def make_dense(model: nn.Module) -> None:
@@ -115,6 +119,8 @@ def _actor(actor: RMAActor, rows: dict[str, Rows]) -> None:
 def _encoder(encoder: nn.Module, rows: dict[str, Rows], out: Rows) -> None:
     """Make an encoder of the history symmetric: every frame is mirrored for itself."""
     assert isinstance(encoder, HistoryEncoder)
+    if encoder.memory is not None:
+        raise StictionError("a recurrent encoder has no rule for --symmetry network; use batches or half")
     width = _last(encoder.embed).out_features
     frames = _first(encoder.mlp).in_features // width
     _mlp(encoder.embed, rows["proprioception"], halves(width))
