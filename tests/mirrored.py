@@ -66,12 +66,16 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
 
 
 def mirrored_frames(frames: torch.Tensor, mirror: RobotMirror) -> torch.Tensor:
-    """Return frames of the paper's layout in the mirror, shape (..., 11 + 3 joints), entry by entry."""
+    """Return frames of the paper's layout in the mirror, shape (..., 11 + 3 joints), entry by entry.
+
+    What is known of kinds of joints stands behind it, if anything, and is the same on both sides.
+    """
     ahead = torch.tensor([-1.0, 1, -1, -1, 1, 1, 1, -1, -1, 1])  # rates; roll, pitch; nothing; command; nothing
     parts = [frames[..., :10] * ahead]
-    for values in frames[..., 10:-1].tensor_split(3, dim=-1):
+    end = 10 + 3 * len(mirror.joints)
+    for values in frames[..., 10:end].tensor_split(3, dim=-1):
         parts.append(values[..., mirror.joints] * torch.from_numpy(mirror.sign).float())
-    return torch.cat([*parts, frames[..., -1:]], -1)
+    return torch.cat([*parts, frames[..., end:]], -1)
 
 
 def mirrored_qpos(qpos: np.ndarray, mirror: RobotMirror) -> np.ndarray:

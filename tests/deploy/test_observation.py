@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from stiction.deploy.observation import ObservationBuilder, Sensors, roll_pitch
+from stiction.formats.errors import StictionError
 from stiction.formats.observation import ObservationLayout, Term, proprioception
 
 STANDING = np.array([0.5, -1.0])
@@ -105,3 +106,39 @@ def test_sensors_of_the_wrong_shape_are_refused() -> None:
     wrong = Sensors(sensors().quaternion, sensors().angular_velocity, np.zeros(1), np.zeros(2))
     with pytest.raises(ValueError, match="joint_position"):
         builder.step(wrong, np.zeros(3), np.zeros(2))
+
+
+TOLD = ObservationLayout((*LAYOUT.terms, Term("known_friction", 2, 5.0, 5.0, "kind")), 3)
+
+
+def test_known_friction_by_hand() -> None:
+    """Five times f/τ_max in every frame, cut off at 100 % of the limit; the same for all robots, or each its own."""
+    builder = ObservationBuilder(TOLD, STANDING, (), np.array([0.1, 1.5]))
+    stacked = builder.step(sensors(), np.zeros(3), np.zeros(2)).reshape(3, -1)
+    np.testing.assert_allclose(stacked[:, -2:], [[0.5, 5.0]] * 3)
+    two = Sensors(*(np.stack([value] * 2) for value in vars(sensors()).values()))
+    for known, expected in (([0.1, 0.2], [[0.5, 1.0]] * 2), ([[0.1, 0.2], [0.0, 0.4]], [[0.5, 1.0], [0.0, 2.0]])):
+        frame = ObservationBuilder(TOLD, STANDING, (2,), np.array(known)).frame(two, np.zeros((2, 3)), np.zeros((2, 2)))
+        np.testing.assert_allclose(frame[:, -2:], expected)
+
+
+def test_a_policy_that_nobody_told_takes_no_step() -> None:
+    """Zeros would tell it that its joints are free of friction."""
+    with pytest.raises(StictionError, match="nobody said what it is: export its bundle again, with --joints"):
+        ObservationBuilder(TOLD, STANDING).step(sensors(), np.zeros(3), np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("layout", "known", "message"),
+    [
+        (TOLD, [0.1], r"shape \(1,\); expected \(2,\) or \(3, 2\)"),
+        (TOLD, [[0.1, 0.1]], r"shape \(1, 2\)"),
+        (TOLD, [0.1, -0.1], "from 0 on"),
+        (TOLD, [0.1, np.nan], "from 0 on"),
+        (LAYOUT, [0.1, 0.1], "observes none; leave it out"),
+    ],
+)
+def test_known_friction_that_does_not_fit_is_refused(layout: ObservationLayout, known: list, message: str) -> None:
+    """NumPy would broadcast one number over all kinds of joints without a word."""
+    with pytest.raises(StictionError, match=message):
+        ObservationBuilder(layout, STANDING, (3,), np.array(known))

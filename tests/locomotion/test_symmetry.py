@@ -157,6 +157,17 @@ def test_symmetry(check, terrain: str, robot: str) -> None:
     check(env, robot_mirror(env.spec))
 
 
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("check", CHECKS)
+def test_what_is_known_of_a_kind_of_joint_is_known_of_both_sides(check, robot: str) -> None:
+    """Friction differs joint by joint, and its mean over a kind is that of the mirrored robot."""
+    env = make(robot, known_friction=True)
+    known = env.get_observations()["proprioception"][:, -3:]
+    assert (known > 0).all() and len(known.unique()) == 3 * NUM
+    torch.testing.assert_close(task_mirror(env)(env.get_observations())["proprioception"][:, -3:], known)
+    check(env, robot_mirror(env.spec))
+
+
 @pytest.mark.parametrize("wrong", [wrong_sign, wrong_legs])
 @pytest.mark.parametrize("check", CHECKS)
 def test_a_wrong_map_fails_every_check(check, wrong, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,6 +8,7 @@ import pytest
 from bundles import make_contract
 from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.deploy.policy import Network, load_policy
+from stiction.formats.observation import proprioception
 from stiction.locomotion.config import NoiseCfg, TaskCfg
 from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
 
@@ -70,6 +71,27 @@ def test_robots_start_as_in_training() -> None:
     from stiction.transfer.rollout import INITIAL_ANGLE
 
     assert RESET_NOISE[0] == INITIAL_ANGLE
+
+
+@pytest.mark.parametrize("known", [None, np.array([0.1, 0.0, 0.3]), np.array([[0.1, 0.0, 0.3], [0.2, 0.4, 1.2]])])
+def test_both_twins_are_told_the_same_friction(known: np.ndarray | None) -> None:
+    """By the contract, one number for all robots, or each robot its own; in every frame of the history."""
+    from stiction.transfer.export import export_network
+    from stiction.transfer.twin import TrainedPolicy
+
+    told = {"hip": 0.05, "thigh": 0.1, "shank": 0.2}
+    contract = make_contract(observation=proprioception(18, known_kinds=3), known_friction=told)
+    module = torch.nn.Linear(contract.observation.size, contract.num_joints)
+    model = export_network(module, contract.observation.size)
+    twins = TrainedPolicy(module, contract, 2, known), load_policy(contract, model, (2,), known_friction=known)
+    still = np.zeros((2, 18))
+    sensors = Sensors(np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)), np.zeros((2, 3)), still, still)
+    trained, deployed = (twin.step(sensors, np.zeros((2, 3))) for twin in twins)
+    np.testing.assert_allclose(trained.observation, deployed.observation, atol=1e-6)
+    np.testing.assert_allclose(trained.target, deployed.target, atol=1e-5)
+    expected = np.array([0.05, 0.1, 0.2]) if known is None else known
+    frames = deployed.observation.reshape(2, 11, -1)[..., -3:]
+    np.testing.assert_allclose(frames, np.broadcast_to(5 * np.atleast_2d(expected)[:, None], (2, 11, 3)).clip(0, 5))
 
 
 @pytest.mark.parametrize("compensation", [None, tuple(np.linspace(0.0, 0.3, 18).tolist())])
