@@ -101,6 +101,8 @@ def check_canonical_state(env: LocomotionEnv, mirror: RobotMirror) -> None:
         env.course.heading[:] = 0.0
     env.commands.value = torch.tensor([0.5, 0.0, 0.0]).repeat(NUM, 1)
     env.last_action[:] = 0.0
+    if env.slow is not None:
+        env.slow.sums[:], env.slow.weight[:] = 0.0, 0.0
     for _ in range(30):
         obs = env.step(torch.zeros(NUM, env.num_actions))[0]
     frame = obs["proprioception"][:, 10:-1]
@@ -165,6 +167,14 @@ def test_what_is_known_of_a_kind_of_joint_is_known_of_both_sides(check, robot: s
     known = env.get_observations()["proprioception"][:, -3:]
     assert (known > 0).all() and len(known.unique()) == 3 * NUM
     torch.testing.assert_close(task_mirror(env)(env.get_observations())["proprioception"][:, -3:], known)
+    check(env, robot_mirror(env.spec))
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("check", CHECKS)
+def test_slow_means_are_exchanged_without_a_sign(check, robot: str) -> None:
+    """|e|, |θ'| and e θ' of a left hip become those of the right one, whatever the sign of its angle becomes."""
+    env = make(robot, slow_means=0.5)
     check(env, robot_mirror(env.spec))
 
 

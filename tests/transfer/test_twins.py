@@ -18,13 +18,13 @@ pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', 
 SILENT = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("robot", ["saturn_lite", "go1"])
-def test_the_runtime_builds_the_observation_of_training(robot: str) -> None:
+@pytest.mark.parametrize(("robot", "slow"), [("saturn_lite", None), ("go1", None), ("go1", 1.0)])
+def test_the_runtime_builds_the_observation_of_training(robot: str, slow: float | None) -> None:
     """Also for what golden vectors do not reach: the environment's own resets and commands."""
     from stiction.locomotion.env import LocomotionEnv
 
-    env = LocomotionEnv(TaskCfg(robot=robot, noise=SILENT, episode=0.5), num_envs=4, seed=1)
-    builder = ObservationBuilder(env.layout, env.fleet.standing, (4,))
+    env = LocomotionEnv(TaskCfg(robot=robot, noise=SILENT, episode=0.5, slow_means=slow), num_envs=4, seed=1)
+    builder = ObservationBuilder(env.layout, env.fleet.standing, (4,), action_scale=env.spec.action_scale)
     generator = np.random.default_rng(0)
     resets = 0
     observation = env.get_observations()["history"].numpy()
@@ -37,7 +37,7 @@ def test_the_runtime_builds_the_observation_of_training(robot: str) -> None:
             fleet.joint_velocity,
         )
         built = builder.step(sensors, env.commands.value.numpy(), env.last_action.numpy())
-        np.testing.assert_allclose(built, observation, atol=2e-6)
+        np.testing.assert_allclose(built, observation, atol=2e-6, rtol=2e-6)
         actions = torch.from_numpy(generator.uniform(-6.0, 6.0, (4, env.num_actions)).astype(np.float32))
         stepped, _, dones, _ = env.step(actions)
         observation = stepped["history"].numpy()
@@ -94,13 +94,14 @@ def test_both_twins_are_told_the_same_friction(known: np.ndarray | None) -> None
     np.testing.assert_allclose(frames, np.broadcast_to(5 * np.atleast_2d(expected)[:, None], (2, 11, 3)).clip(0, 5))
 
 
+@pytest.mark.parametrize("slow", [None, 0.98])
 @pytest.mark.parametrize("compensation", [None, tuple(np.linspace(0.0, 0.3, 18).tolist())])
-def test_the_twin_forgets_a_robot_that_is_reset(compensation: tuple[float, ...] | None) -> None:
-    """Over resets of one robot of two, history, last action and compensated targets agree with the runtime's."""
+def test_the_twin_forgets_a_robot_that_is_reset(compensation: tuple[float, ...] | None, slow: float | None) -> None:
+    """Over resets of one robot of two, history, last action, slow means and targets agree with the runtime's."""
     from stiction.transfer.export import export_network
     from stiction.transfer.twin import TrainedPolicy
 
-    contract = make_contract(compensation=compensation)
+    contract = make_contract(compensation=compensation, observation=proprioception(18, slow_kept=slow))
     module = torch.nn.Linear(contract.observation.size, contract.num_joints)
     model = export_network(module, contract.observation.size)
     twins = TrainedPolicy(module, contract, 2), load_policy(contract, model, (2,))
