@@ -45,6 +45,8 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
     buffers["air_time"] = buffers["air_time"][:, feet]
 
     state["history"] = mirrored_frames(state["history"], mirror)
+    if env.slow is not None:
+        state["slow"]["sums"] = state["slow"]["sums"][..., joints]
     groups = env.spec.groups()
     if (groups != groups[feet]).any():
         state["unsync"] = {**state["unsync"], "window": -state["unsync"]["window"]}
@@ -75,12 +77,23 @@ def mirrored_state(env: LocomotionEnv, mirror: RobotMirror) -> dict[str, Any]:
 
 
 def mirrored_frames(frames: torch.Tensor, mirror: RobotMirror) -> torch.Tensor:
-    """Return frames of the paper's layout in the mirror, shape (..., 11 + 3 joints), entry by entry."""
+    """Return frames of the paper's layout in the mirror, shape (..., 11 + 3 joints), entry by entry.
+
+    What is known of kinds of joints, or slow means, stand behind it, if anything: the first are the same on both sides,
+    the second have no sign.
+    """
     ahead = torch.tensor([-1.0, 1, -1, -1, 1, 1, 1, -1, -1, 1])  # rates; roll, pitch; nothing; command; nothing
     parts = [frames[..., :10] * ahead]
-    for values in frames[..., 10:-1].tensor_split(3, dim=-1):
+    end = 10 + 3 * len(mirror.joints)
+    for values in frames[..., 10:end].tensor_split(3, dim=-1):
         parts.append(values[..., mirror.joints] * torch.from_numpy(mirror.sign).float())
-    return torch.cat([*parts, frames[..., -1:]], -1)
+    parts.append(frames[..., end : end + 1])
+    rest = frames[..., end + 1 :]
+    if rest.shape[-1] >= len(mirror.joints):
+        parts += [values[..., mirror.joints] for values in rest.tensor_split(3, dim=-1)]
+    else:
+        parts.append(rest)
+    return torch.cat(parts, -1)
 
 
 def mirrored_qpos(qpos: np.ndarray, mirror: RobotMirror) -> np.ndarray:

@@ -1,10 +1,13 @@
 """The deployed observation, against numbers worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from stiction.deploy.observation import ObservationBuilder, Sensors, roll_pitch
-from stiction.formats.observation import ObservationLayout, Term, proprioception
+from stiction.formats.errors import StictionError
+from stiction.formats.observation import SLOW_TERMS, ObservationLayout, Term, proprioception
 
 STANDING = np.array([0.5, -1.0])
 
@@ -105,3 +108,100 @@ def test_sensors_of_the_wrong_shape_are_refused() -> None:
     wrong = Sensors(sensors().quaternion, sensors().angular_velocity, np.zeros(1), np.zeros(2))
     with pytest.raises(ValueError, match="joint_position"):
         builder.step(wrong, np.zeros(3), np.zeros(2))
+
+
+TOLD = ObservationLayout((*LAYOUT.terms, Term("known_friction", 2, 5.0, 5.0, "kind")), 3)
+
+
+def test_known_friction_by_hand() -> None:
+    """Five times f/τ_max in every frame, cut off at 100 % of the limit; the same for all robots, or each its own."""
+    builder = ObservationBuilder(TOLD, STANDING, (), np.array([0.1, 1.5]))
+    stacked = builder.step(sensors(), np.zeros(3), np.zeros(2)).reshape(3, -1)
+    np.testing.assert_allclose(stacked[:, -2:], [[0.5, 5.0]] * 3)
+    two = Sensors(*(np.stack([value] * 2) for value in vars(sensors()).values()))
+    for known, expected in (([0.1, 0.2], [[0.5, 1.0]] * 2), ([[0.1, 0.2], [0.0, 0.4]], [[0.5, 1.0], [0.0, 2.0]])):
+        frame = ObservationBuilder(TOLD, STANDING, (2,), np.array(known)).frame(two, np.zeros((2, 3)), np.zeros((2, 2)))
+        np.testing.assert_allclose(frame[:, -2:], expected)
+
+
+def test_a_policy_that_nobody_told_takes_no_step() -> None:
+    """Zeros would tell it that its joints are free of friction."""
+    with pytest.raises(StictionError, match="nobody said what it is: export its bundle again, with --joints"):
+        ObservationBuilder(TOLD, STANDING).step(sensors(), np.zeros(3), np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("layout", "known", "message"),
+    [
+        (TOLD, [0.1], r"shape \(1,\); expected \(2,\) or \(3, 2\)"),
+        (TOLD, [[0.1, 0.1]], r"shape \(1, 2\)"),
+        (TOLD, [0.1, -0.1], "from 0 on"),
+        (TOLD, [0.1, np.nan], "from 0 on"),
+        (LAYOUT, [0.1, 0.1], "observes none; leave it out"),
+    ],
+)
+def test_known_friction_that_does_not_fit_is_refused(layout: ObservationLayout, known: list, message: str) -> None:
+    """NumPy would broadcast one number over all kinds of joints without a word."""
+    with pytest.raises(StictionError, match=message):
+        ObservationBuilder(layout, STANDING, (3,), np.array(known))
+
+
+SLOW = replace(
+    LAYOUT,
+    terms=tuple(Term(name, 2, 1.0, 5.0, "joint_size") for name in SLOW_TERMS),
+    slow_kept=0.5,
+    history_length=1,
+)
+
+
+def slowly(errors: list[float], velocity: float = 2.0) -> list[np.ndarray]:
+    """Return |e|, |θ'| and e θ' of the first joint as they are observed, step by step; its errors are given [rad]."""
+    builder, seen = ObservationBuilder(SLOW, STANDING, (), None, 0.25), []
+    for error in errors:
+        asked = np.full(2, 0.4)
+        position = STANDING + 0.25 * asked - error
+        reading = replace(sensors(), joint_position=position, joint_velocity=np.array([velocity, 0.0]))
+        seen.append(builder.step(reading, np.zeros(3), asked)[::2])
+    return seen
+
+
+def test_slow_means_by_hand() -> None:
+    """Errors of 0.4, −0.1, 0.3 rad at 2 rad/s, each of half the weight of the next; weights sum up to 1, 1.5, 1.75."""
+    first, second, third = slowly([0.4, -0.1, 0.3])
+    np.testing.assert_allclose(first, [0.4, 2.0, 0.8], rtol=1e-6)
+    np.testing.assert_allclose(second, [(0.2 + 0.1) / 1.5, 2.0, (0.4 - 0.2) / 1.5], rtol=1e-6)
+    np.testing.assert_allclose(third, [(0.1 + 0.05 + 0.3) / 1.75, 2.0, (0.2 - 0.1 + 0.6) / 1.75], rtol=1e-6)
+
+
+def test_slow_means_tell_the_friction_of_a_joint_that_is_moved_slowly() -> None:
+    """The controller pulls with f in the direction of motion, kp e = f sign(θ'): power over speed is f/kp, here 0.1."""
+    builder = ObservationBuilder(SLOW, STANDING, (), None, 0.25)
+    for step in range(20):
+        velocity = np.array([2.0, 0.5]) * (1 if step // 3 % 2 else -1)
+        reading = replace(sensors(), joint_position=STANDING - 0.1 * np.sign(velocity), joint_velocity=velocity)
+        error, speed, power = builder.step(reading, np.zeros(3), np.zeros(2)).reshape(3, 2)
+        np.testing.assert_allclose(power / speed, 0.1, rtol=1e-5)
+        np.testing.assert_allclose(error, 0.1, rtol=1e-5)
+
+
+def test_a_reset_forgets_slow_means_of_that_robot_alone() -> None:
+    """A robot that was lifted and put down again would walk on the friction of its fall."""
+    two = Sensors(*(np.stack([value] * 2) for value in vars(sensors(0.3)).values()))
+    other = replace(two, joint_position=two.joint_position + 1.0)
+    builder = ObservationBuilder(SLOW, STANDING, (2,), None, 0.25)
+    builder.step(two, np.zeros((2, 3)), np.zeros((2, 2)))
+    builder.reset(np.array([True, False]))
+    fresh, going = builder.step(other, np.zeros((2, 3)), np.zeros((2, 2)))
+    assert fresh[0] == pytest.approx(abs(STANDING[0] - 1.3)) and fresh[0] != pytest.approx(going[0])
+    assert going[0] == pytest.approx((0.5 * abs(STANDING[0] - 0.3) + abs(STANDING[0] - 1.3)) / 1.5)
+
+
+def test_slow_means_need_the_scale_of_the_action_and_a_time() -> None:
+    """Without them the error would be of another target, or the mean of another time."""
+    with pytest.raises(ValueError, match="action_scale"):
+        ObservationBuilder(SLOW, STANDING)
+    for kept in (None, 1.0, 0.0):
+        with pytest.raises(StictionError, match="slow_kept"):
+            replace(SLOW, slow_kept=kept)
+    with pytest.raises(StictionError, match=r"slow_kept 0\.5 without a slow term"):
+        replace(LAYOUT, slow_kept=0.5)

@@ -10,6 +10,8 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.onnx_file import OnnxError, external_tensors
 from stiction.deploy.policy import Network, SensorError, load_policy
 from stiction.formats.contract import Contract
+from stiction.formats.errors import StictionError
+from stiction.formats.observation import proprioception
 
 onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
 
@@ -106,3 +108,20 @@ def test_a_sensor_that_is_not_finite_is_named(contract: Contract, name: str) -> 
         policy.step(Sensors(**readings), command)
     after = policy.step(standing_still(contract), np.zeros(3)).observation
     np.testing.assert_array_equal(after, good, err_msg="what is not finite stays out of the history")
+
+
+def test_a_policy_is_told_what_its_contract_says_unless_the_caller_knows_better() -> None:
+    """The bench's numbers act without anyone passing them on; an evaluation passes others, one for each robot."""
+    layout = proprioception(18, known_kinds=3)
+    weights = np.zeros((layout.size, 18), np.float32)
+    weights[-1, 0] = 1.0
+    contract = make_contract(observation=layout, known_friction={"hip": 0.0, "thigh": 0.0, "shank": 0.2})
+    model, still, command = linear_network(onnx, weights), standing_still(contract, (2,)), np.zeros((2, 3))
+    given = {"contract": None, "all": np.array([0.0, 0.0, 0.1]), "each": np.array([[0.0, 0.0, 0.3], [0.0, 0.0, 0.0]])}
+    expected = {"contract": [1.0, 1.0], "all": [0.5, 0.5], "each": [1.5, 0.0]}
+    for name, known in given.items():
+        step = load_policy(contract, model, (2,), known_friction=known).step(still, command)
+        np.testing.assert_allclose(step.action[:, 0], expected[name], atol=1e-6)
+    untold = load_policy(make_contract(observation=layout), model, (2,))
+    with pytest.raises(StictionError, match="told the friction of its joints"):
+        untold.step(still, command)

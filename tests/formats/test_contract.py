@@ -6,7 +6,9 @@ import pytest
 
 from bundles import make_contract
 from stiction.formats.contract import Contract, ContractError, read_contract
+from stiction.formats.errors import StictionError
 from stiction.formats.friction import Law
+from stiction.formats.observation import proprioception
 
 
 def edited(contract: Contract, field: str, value: object) -> bytes:
@@ -150,3 +152,70 @@ def test_stribeck_friction_names_its_shape() -> None:
     data = json.loads(make_contract().to_json())
     del data["stribeck"]
     assert read_contract(json.dumps(data).encode()).stribeck is None
+
+
+def told(**changes) -> Contract:
+    """Return the contract of a policy that is told its joints' friction."""
+    values = {
+        "observation": proprioception(18, known_kinds=3),
+        "known_friction": {"hip": 0.1, "thigh": 0.2, "shank": 0},
+    }
+    return make_contract(**(values | changes))
+
+
+def test_what_a_policy_is_told_goes_with_it() -> None:
+    """In the order of the kinds of joints, from whichever file; a bundle may also say that nobody knows."""
+    contract = told(known_friction_file={"name": "joints.json", "sha256": "0" * 64})
+    assert read_contract(contract.to_json().encode()) == contract
+    assert contract.knows_friction and contract.told_friction.tolist() == [0.1, 0.2, 0.0]
+    unknown = told(known_friction=None)
+    assert read_contract(unknown.to_json().encode()).told_friction is None and unknown.knows_friction
+
+
+def test_a_contract_from_before_policies_were_told_anything_is_read(contract: Contract) -> None:
+    """All shipped bundles are so."""
+    data = json.loads(contract.to_json())
+    del data["known_friction"], data["known_friction_file"]
+    assert read_contract(json.dumps(data).encode()) == contract and not contract.knows_friction
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("known_friction", {"hip": 0.1, "thigh": 0.1}),
+        ("known_friction", {"hip": 0.1, "thigh": 0.1, "elbow": 0.1}),
+        ("known_friction", {"hip": 0.1, "thigh": 0.1, "shank": -0.1}),
+        ("known_friction", {"hip": 0.1, "thigh": 0.1, "shank": None}),
+        ("known_friction", [0.1, 0.1, 0.1]),
+        ("known_friction_file", {"name": "joints.json"}),
+    ],
+)
+def test_what_is_told_is_of_the_robots_own_kinds_of_joints(field: str, value: object) -> None:
+    """A number of another joint, or none at all, would be observed as if it were right."""
+    with pytest.raises(ContractError, match=field):
+        read_contract(edited(told(), field, value))
+
+
+def test_only_a_policy_that_observes_it_is_told(contract: Contract) -> None:
+    """A number that has no effect misleads; so does a source of no number, and a term of another size."""
+    with pytest.raises(ContractError, match=r"known_friction.*has no term"):
+        read_contract(edited(contract, "known_friction", {"hip": 0.1, "thigh": 0.1, "shank": 0.1}))
+    with pytest.raises(ContractError, match="known_friction_file"):
+        told(known_friction=None, known_friction_file={"name": "joints.json", "sha256": "0" * 64})
+    with pytest.raises(ContractError, match=r"observation\.known_friction\.size"):
+        told(observation=proprioception(18, known_kinds=2))
+
+
+def test_slow_means_go_with_their_time(contract: Contract) -> None:
+    """The runtime weighs the past as training did; without the number, or with another size, it would not."""
+    slow = make_contract(observation=proprioception(18, slow_kept=0.98))
+    assert read_contract(slow.to_json().encode()) == slow and slow.observation.frame_size == 65 + 3 * 18
+    data = json.loads(slow.to_json())
+    data["observation"]["slow_kept"] = None
+    with pytest.raises(StictionError, match="slow_error, slow_speed, slow_power with slow_kept None"):
+        read_contract(json.dumps(data).encode())
+    data = json.loads(contract.to_json())
+    del data["observation"]["slow_kept"]
+    assert read_contract(json.dumps(data).encode()) == contract
+    with pytest.raises(ContractError, match=r"observation\.\w+\.size"):
+        make_contract(observation=proprioception(17, slow_kept=0.98))

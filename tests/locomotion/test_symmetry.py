@@ -102,6 +102,8 @@ def check_canonical_state(env: LocomotionEnv, mirror: RobotMirror) -> None:
         env.course.heading[:] = 0.0
     env.commands.value = torch.tensor([0.5, 0.0, 0.0]).repeat(NUM, 1)
     env.last_action[:] = 0.0
+    if env.slow is not None:
+        env.slow.sums[:], env.slow.weight[:] = 0.0, 0.0
     for _ in range(30):
         obs = env.step(torch.zeros(NUM, env.num_actions))[0]
     frame = obs["proprioception"][:, 10:-1]
@@ -155,6 +157,25 @@ CHECKS = [check_involution, check_canonical_state, check_commuting]
 def test_symmetry(check, terrain: str, robot: str) -> None:
     """Involution, a state that is its own mirror, and physics that commutes, on the plane and on stairs."""
     env = make(robot, terrain)
+    check(env, robot_mirror(env.spec))
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("check", CHECKS)
+def test_what_is_known_of_a_kind_of_joint_is_known_of_both_sides(check, robot: str) -> None:
+    """Friction differs joint by joint, and its mean over a kind is that of the mirrored robot."""
+    env = make(robot, known_friction=True)
+    known = env.get_observations()["proprioception"][:, -3:]
+    assert (known > 0).all() and len(known.unique()) == 3 * NUM
+    torch.testing.assert_close(task_mirror(env)(env.get_observations())["proprioception"][:, -3:], known)
+    check(env, robot_mirror(env.spec))
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("check", CHECKS)
+def test_slow_means_are_exchanged_without_a_sign(check, robot: str) -> None:
+    """|e|, |θ'| and e θ' of a left hip become those of the right one, whatever the sign of its angle becomes."""
+    env = make(robot, slow_means=0.5)
     check(env, robot_mirror(env.spec))
 
 

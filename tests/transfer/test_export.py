@@ -11,12 +11,13 @@ from stiction.deploy.policy import Network
 from stiction.formats.bundle import BundleError
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import StudentCfg, TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.transfer.card import write_card
-from stiction.transfer.export import contract_of, export_network, export_policy, export_run
+from stiction.transfer.export import contract_of, export_network, export_policy, export_run, with_bench
 from stiction.transfer.golden import record_golden
 
 torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to export")
@@ -101,6 +102,63 @@ def test_golden_vectors_are_recorded_under_the_law_of_training() -> None:
     coulomb = make_contract(friction_level=float(np.mean(0.4 / load.array("torque_limit"))), **numbers)
     found, other = (record_golden(c, TrainedPolicy(make_module(c), c), find_robot(c.robot)) for c in (load, coulomb))
     assert np.abs(found.joint_velocity[1]).mean() < 0.6 * np.abs(other.joint_velocity[1]).mean()
+
+
+TOLD = TrainCfg(task=TaskCfg(friction=FrictionCfg("deception", 0.2), known_friction=True))
+
+
+def bench(folder: Path, **joints: JointRecord) -> Path:
+    """Write what a bench found."""
+    JointsFile(joints).write(folder / "joints.json")
+    return folder / "joints.json"
+
+
+def found(friction: float | None) -> JointRecord:
+    """A joint of which the friction is known [N m], or nothing."""
+    return JointRecord(coulomb_friction=None if friction is None else Estimate(friction, 0.1, (0.0, 9.0)))
+
+
+def test_a_policy_that_is_told_its_friction_is_exported_with_a_number(tmp_path: Path) -> None:
+    """The nominal friction of training until a robot has been on its bench; then 1 of 25 N m, 2 of 25, 9 of 45."""
+    contract = contract_of(TOLD, HEADER)
+    assert contract.knows_friction and contract.known_friction == pytest.approx(
+        {"hip": 0.2, "thigh": 0.2, "shank": 0.2}
+    )
+    assert "| hip 20 %, thigh 20 %, shank 20 % of the torque limit, from the nominal friction" in write_card(contract)
+    path = bench(tmp_path, hip=found(1.0), thigh=found(2.0), shank=found(9.0))
+    told = with_bench(contract, path)
+    assert told.known_friction == pytest.approx({"hip": 0.04, "thigh": 0.08, "shank": 0.2})
+    assert told.known_friction_file is not None and told.known_friction_file["name"] == "joints.json"
+    assert "hip 4 %, thigh 8 %, shank 20 % of the torque limit, from joints.json, SHA-256" in write_card(told)
+    assert replace(told, known_friction=None, known_friction_file=None) == replace(contract, known_friction=None)
+
+
+def test_a_joint_that_the_bench_does_not_tell_is_named(tmp_path: Path) -> None:
+    """Who exports must know that the thighs are told what training had."""
+    notes: list[str] = []
+    path = bench(tmp_path, hip=found(1.0), thigh=found(None), shank=found(9.0))
+    told = with_bench(contract_of(TOLD, HEADER), path, notes.append)
+    assert told.known_friction == pytest.approx({"hip": 0.04, "thigh": 0.2, "shank": 0.2})
+    assert len(notes) == 1 and "FL_thigh, FR_thigh" in notes[0] and "nominal friction of training" in notes[0]
+
+
+def test_a_bench_that_has_no_effect_is_refused(tmp_path: Path, contract: Contract) -> None:
+    """For a policy that is told nothing, and where the file says nothing of this robot."""
+    path = bench(tmp_path, hip=found(1.0))
+    with pytest.raises(StictionError, match=r"train with --task\.known-friction"):
+        with_bench(contract, path)
+    with pytest.raises(StictionError, match="has elbow, and no friction of FL_hip, FL_thigh, FL_shank"):
+        with_bench(contract_of(TOLD, HEADER), bench(tmp_path, elbow=found(1.0)))
+
+
+def test_golden_vectors_hold_what_the_policy_is_told(tmp_path: Path) -> None:
+    """What verify replays is the observation with the bench's numbers in it: five times 4 % are 0.2."""
+    path = bench(tmp_path, hip=found(1.0), thigh=found(2.0), shank=found(9.0))
+    told = with_bench(contract_of(TOLD, HEADER), path)
+    check = export_policy(make_module(told), told, tmp_path / "toy")
+    assert check.summary()["known_friction"] == told.known_friction
+    frames = check.bundle.golden.observation.reshape(600, 11, -1)
+    np.testing.assert_allclose(frames[..., -3:], np.broadcast_to([0.2, 0.4, 1.0], (600, 11, 3)), atol=1e-6)
 
 
 def test_without_a_level_the_measured_friction_is_the_nominal_one() -> None:

@@ -219,3 +219,22 @@ def test_one_command_studies_what_adaptation_does(run: RunDirectory, tmp_path: P
     assert (out / "report.html").read_text().count("data:image") == 2
     assert main([*arguments[:2], str(tmp_path / "tiny"), *arguments[2:]]) == 1
     assert "two runs are called 'tiny'" in capsys.readouterr().err
+
+
+def test_a_student_is_told_the_friction_of_each_robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the option of the task through networks and driver: robots at 0 and 20 % observe 0 and 20 %."""
+    cfg = replace(CFG, task=replace(CFG.task, known_friction=True))
+    directory = RunDirectory.create(tmp_path / "told", cfg, "stiction train", None)
+    train(cfg, directory)
+    seen: dict[str, list[np.ndarray]] = {"true": [], "contract": []}
+    for text, frames in seen.items():
+
+        def watch(policy: LatentPolicy, observation: torch.Tensor, frames=frames) -> torch.Tensor:
+            frames.append(observation[:, -3:].numpy())
+            return policy.policy(observation)
+
+        monkeypatch.setattr(LatentPolicy, "forward", watch)
+        rows = evaluate_run(directory.path, "student", replace(SHORT, known_friction=text))
+        assert {row.method for row in rows} == {"told"}
+    np.testing.assert_allclose(seen["true"][-1], [[0.0] * 3] * 2 + [[1.0] * 3] * 2, atol=1e-6)
+    np.testing.assert_allclose(seen["contract"][-1], [[1.0] * 3] * 4, atol=1e-6)

@@ -8,6 +8,7 @@ import pytest
 from bundles import make_contract
 from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.deploy.policy import Network, load_policy
+from stiction.formats.observation import proprioception
 from stiction.locomotion.config import NoiseCfg, TaskCfg
 from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
 
@@ -17,13 +18,13 @@ pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', 
 SILENT = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("robot", ["saturn_lite", "go1"])
-def test_the_runtime_builds_the_observation_of_training(robot: str) -> None:
+@pytest.mark.parametrize(("robot", "slow"), [("saturn_lite", None), ("go1", None), ("go1", 1.0)])
+def test_the_runtime_builds_the_observation_of_training(robot: str, slow: float | None) -> None:
     """Also for what golden vectors do not reach: the environment's own resets and commands."""
     from stiction.locomotion.env import LocomotionEnv
 
-    env = LocomotionEnv(TaskCfg(robot=robot, noise=SILENT, episode=0.5), num_envs=4, seed=1)
-    builder = ObservationBuilder(env.layout, env.fleet.standing, (4,))
+    env = LocomotionEnv(TaskCfg(robot=robot, noise=SILENT, episode=0.5, slow_means=slow), num_envs=4, seed=1)
+    builder = ObservationBuilder(env.layout, env.fleet.standing, (4,), action_scale=env.spec.action_scale)
     generator = np.random.default_rng(0)
     resets = 0
     observation = env.get_observations()["history"].numpy()
@@ -36,7 +37,7 @@ def test_the_runtime_builds_the_observation_of_training(robot: str) -> None:
             fleet.joint_velocity,
         )
         built = builder.step(sensors, env.commands.value.numpy(), env.last_action.numpy())
-        np.testing.assert_allclose(built, observation, atol=2e-6)
+        np.testing.assert_allclose(built, observation, atol=2e-6, rtol=2e-6)
         actions = torch.from_numpy(generator.uniform(-6.0, 6.0, (4, env.num_actions)).astype(np.float32))
         stepped, _, dones, _ = env.step(actions)
         observation = stepped["history"].numpy()
@@ -72,13 +73,35 @@ def test_robots_start_as_in_training() -> None:
     assert RESET_NOISE[0] == INITIAL_ANGLE
 
 
-@pytest.mark.parametrize("compensation", [None, tuple(np.linspace(0.0, 0.3, 18).tolist())])
-def test_the_twin_forgets_a_robot_that_is_reset(compensation: tuple[float, ...] | None) -> None:
-    """Over resets of one robot of two, history, last action and compensated targets agree with the runtime's."""
+@pytest.mark.parametrize("known", [None, np.array([0.1, 0.0, 0.3]), np.array([[0.1, 0.0, 0.3], [0.2, 0.4, 1.2]])])
+def test_both_twins_are_told_the_same_friction(known: np.ndarray | None) -> None:
+    """By the contract, one number for all robots, or each robot its own; in every frame of the history."""
     from stiction.transfer.export import export_network
     from stiction.transfer.twin import TrainedPolicy
 
-    contract = make_contract(compensation=compensation)
+    told = {"hip": 0.05, "thigh": 0.1, "shank": 0.2}
+    contract = make_contract(observation=proprioception(18, known_kinds=3), known_friction=told)
+    module = torch.nn.Linear(contract.observation.size, contract.num_joints)
+    model = export_network(module, contract.observation.size)
+    twins = TrainedPolicy(module, contract, 2, known), load_policy(contract, model, (2,), known_friction=known)
+    still = np.zeros((2, 18))
+    sensors = Sensors(np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)), np.zeros((2, 3)), still, still)
+    trained, deployed = (twin.step(sensors, np.zeros((2, 3))) for twin in twins)
+    np.testing.assert_allclose(trained.observation, deployed.observation, atol=1e-6)
+    np.testing.assert_allclose(trained.target, deployed.target, atol=1e-5)
+    expected = np.array([0.05, 0.1, 0.2]) if known is None else known
+    frames = deployed.observation.reshape(2, 11, -1)[..., -3:]
+    np.testing.assert_allclose(frames, np.broadcast_to(5 * np.atleast_2d(expected)[:, None], (2, 11, 3)).clip(0, 5))
+
+
+@pytest.mark.parametrize("slow", [None, 0.98])
+@pytest.mark.parametrize("compensation", [None, tuple(np.linspace(0.0, 0.3, 18).tolist())])
+def test_the_twin_forgets_a_robot_that_is_reset(compensation: tuple[float, ...] | None, slow: float | None) -> None:
+    """Over resets of one robot of two, history, last action, slow means and targets agree with the runtime's."""
+    from stiction.transfer.export import export_network
+    from stiction.transfer.twin import TrainedPolicy
+
+    contract = make_contract(compensation=compensation, observation=proprioception(18, slow_kept=slow))
     module = torch.nn.Linear(contract.observation.size, contract.num_joints)
     model = export_network(module, contract.observation.size)
     twins = TrainedPolicy(module, contract, 2), load_policy(contract, model, (2,))

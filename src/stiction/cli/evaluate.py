@@ -44,6 +44,11 @@ class EvaluateCfg:
     """Names of bundles that also walk with friction fed forward in the joint controllers, as policies of their own,
     NAME+forward. Of the data sheet's robot that is the friction of the level, of a virtual robot what identify finds
     on that robot's bench, which takes minutes a robot and level. Not in the engine mujoco."""
+    known_friction: str = "contract"
+    """What policies are told that observe their joints' friction (`train --task.known-friction`), f/τ_max of each kind
+    of joint. contract: what their bundles say; true: what each robot has; bench: of a virtual robot what identify finds
+    on its own bench, which takes minutes a robot and level, else as true; 0.1: that, of every joint; true*0.7,
+    bench*1.3: with an error. Other policies are told nothing."""
     terrains: tuple[str, ...] = ("flat",)
     """Grounds: flat, stairs=0.1 (step height [m]), slope=0.2 (angle [rad]), rough=0.05 (highest slab [m]). What is not
     flat is crossed blind, straight on, by the commands that lead forward."""
@@ -74,7 +79,7 @@ class EvaluateCfg:
     out: Path = Path("stiction-evaluation")
     """Directory for results.csv, methods.csv (every column over the seeds of one training), summary.json,
     friction_budget.svg and .png, and report.html; for walks.jsonl, by which an interrupted command goes on where it
-    was; and for bench, what was identified for --forward."""
+    was; and for bench, what was identified for --forward and --known-friction."""
     judge_again: bool = False
     """Walk nothing: read results.csv and summary.json in --out, and draw its page anew. No bundle is needed."""
     json: bool = False
@@ -112,6 +117,7 @@ def main(arguments: list[str]) -> int:
         friction_law=cfg.friction_law,
         static_ratio=cfg.static_ratio,
         stribeck_velocity=cfg.stribeck_velocity,
+        known_friction=cfg.known_friction,
     )
     settings = GridCfg(base, cfg.engines, cfg.terrains, cfg.robots, cfg.robot_levels, cfg.forward)
     if cfg.forward and any(place.is_batch for place in settings.places):
@@ -165,5 +171,5 @@ DESCRIPTION = (
     "robot of the data sheet or on a virtual one with joints of its own, from the bundles alone. A bundle is a "
     "directory, or the name of one that comes with the package. Stop it at any time: the same command goes on. What is "
     "lost is the walks in progress, one a core; of the engine mujoco a batch, some three seconds of computing; of "
-    "--forward the bench in progress, minutes."
+    "--forward and --known-friction bench the bench in progress, minutes."
 )

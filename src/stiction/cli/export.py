@@ -35,6 +35,9 @@ class ExportCfg:
     wear: Path | None = None
     """Of a bundle: the RUN-wear.json that `stiction study adaptation` wrote for this run; it then also watches for
     wear."""
+    joints: Path | None = None
+    """Of a bundle whose policy is told its joints' friction: the joints.json of the robot that it is for. Without it,
+    the policy is told the nominal friction of training."""
     friction_level: float | None = None
     """Of a Webots project: dry friction of the joints as a fraction of each one's torque limit [-], 0 by default. It
     can be changed in the worlds."""
@@ -47,7 +50,7 @@ class ExportCfg:
     """Print the summary as JSON on standard output, and nothing else."""
 
 
-BELONGS = {"wear": "bundle", "friction_level": "webots", "step_height": "webots", "robot": "webots"}
+BELONGS = {"wear": "bundle", "joints": "bundle", "friction_level": "webots", "step_height": "webots", "robot": "webots"}
 """Option -> what it is an option of."""
 
 
@@ -68,7 +71,11 @@ def _to_bundle(cfg: ExportCfg) -> None:
     from stiction.transfer.export import export_run
 
     out = cfg.out or cfg.source / "bundle"
-    check = export_run(cfg.source, out, cfg.wear)
+
+    def say(note: str) -> None:
+        print(f"stiction export: {note}", file=sys.stderr)
+
+    check = export_run(cfg.source, out, cfg.wear, cfg.joints, say)
     if cfg.json:
         print(json.dumps(check.summary() | {"path": str(out)}, indent=2))
     else:

@@ -46,6 +46,7 @@ def _print(check) -> None:
     from rich.table import Table
 
     from stiction.deploy.check import TOLERANCE
+    from stiction.formats.known_friction import told_text
 
     bundle, contract = check.bundle, check.bundle.contract
     rows = {
@@ -57,6 +58,10 @@ def _print(check) -> None:
         "replay": f"{check.steps} steps; largest difference {check.observation_error:.1e} in the observation, "
         f"{check.action_error:.1e} in the action, {check.target_error:.1e} rad in the target (allowed {TOLERANCE:g})",
     }
+    if contract.known_friction is not None:
+        file = contract.known_friction_file
+        source = "nominal in its training" if file is None else f"as {file['name']} says"
+        rows["told friction"] = f"{told_text(contract.known_friction)}, {source}"
     table = Table(title=f"{bundle.name}: every check passed", title_justify="left", show_header=False)
     for name, text in rows.items():
         table.add_row(name, text)

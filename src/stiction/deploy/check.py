@@ -44,6 +44,7 @@ class BundleCheck:
             "method": contract.method,
             "friction_law": contract.friction_law,
             "friction_level": contract.friction_level,
+            "known_friction": contract.known_friction,
             "wear": told_by_wear(self.bundle),
             "steps": self.steps,
             "tolerance": TOLERANCE,

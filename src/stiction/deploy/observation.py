@@ -11,7 +11,7 @@ import numpy as np
 
 from stiction.formats.errors import StictionError
 from stiction.formats.known_friction import TERM
-from stiction.formats.observation import PLACEHOLDERS, ObservationLayout
+from stiction.formats.observation import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,7 @@ class ObservationBuilder:
         standing: np.ndarray,
         batch: tuple[int, ...] = (),
         known_friction: np.ndarray | None = None,
+        action_scale: float | None = None,
     ) -> None:
         """Start with an empty history.
 
@@ -57,9 +58,11 @@ class ObservationBuilder:
             batch: leading shape, `()` for one robot or `(N,)`.
             known_friction: f/τ_max of each kind of joint [-], shape (kinds,), or of each robot, (*batch, kinds); for a
                 layout with that term, which builds no frame without.
+            action_scale: joint angle per unit of action [rad], for a layout with slow means.
 
         Raises:
             StictionError: the friction has another shape, is not finite or negative, or the layout has no term for it.
+            ValueError: the layout has slow means, and there is no scale of the action.
 
         """
         self.layout = layout
@@ -69,6 +72,11 @@ class ObservationBuilder:
         self._clip = np.concatenate([np.full(term.size, term.clip) for term in layout.terms])
         self._history = np.zeros((*batch, layout.history_length, layout.frame_size))
         self._empty = np.ones(batch, dtype=bool)
+        self._slow: SlowMeans | None = None
+        if layout.slow_kept is not None:
+            if action_scale is None:
+                raise ValueError("a layout with slow means needs action_scale, the joint angle per unit of action")
+            self._slow, self._action_scale = SlowMeans((*batch, len(standing)), layout.slow_kept), action_scale
         self._known = None if known_friction is None else told(layout, known_friction, batch)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -76,7 +84,7 @@ class ObservationBuilder:
         self._empty |= True if mask is None else np.asarray(mask, dtype=bool)
 
     def frame(self, sensors: Sensors, command: np.ndarray, last_action: np.ndarray) -> np.ndarray:
-        """Return one frame, o_t^prio, scaled and clipped, shape (*batch, frame size).
+        """Return one frame, o_t^prio, scaled and clipped, shape (*batch, frame size). Slow means are as of `step`.
 
         Args:
             sensors: what the robot measures now.
@@ -95,6 +103,8 @@ class ObservationBuilder:
             "joint_velocity": sensors.joint_velocity,
             "last_action": last_action,
         }
+        if self._slow is not None:
+            raw |= self._slow.terms()
         if self._known is not None:
             raw[TERM] = self._known
         elif self.layout.has(TERM):
@@ -115,12 +125,39 @@ class ObservationBuilder:
 
         After a reset every frame of the history is the present one.
         """
+        if self._slow is not None:
+            error = self._standing + self._action_scale * last_action - sensors.joint_position
+            self._slow.step(error, np.asarray(sensors.joint_velocity), self._empty)
         frame = self.frame(sensors, command, last_action)
         self._history[..., :-1, :] = self._history[..., 1:, :]
         self._history[..., -1, :] = frame
         self._history = np.where(self._empty[..., None, None], frame[..., None, :], self._history)
         self._empty = np.zeros(self._batch, dtype=bool)
         return self._history.reshape(*self._batch, self.layout.size).astype(np.float32)
+
+
+class SlowMeans:
+    """Means of products of error and velocity that tell a joint's dry friction, see `SLOW_TERMS`."""
+
+    def __init__(self, shape: tuple[int, ...], kept: float) -> None:
+        """Start with nothing; `shape`: (*batch, J); `kept`: see `ObservationLayout.slow_kept`."""
+        self._kept = kept
+        self._sums = np.zeros((len(SLOW_TERMS), *shape))
+        self._weight = np.ones((*shape[:-1], 1))
+
+    def step(self, error: np.ndarray, velocity: np.ndarray, fresh: np.ndarray) -> None:
+        """Take in a frame.
+
+        error: of the last target [rad], velocity [rad/s], shape (*batch, J); fresh: whose past is forgotten, bool, the
+        batch's shape.
+        """
+        products = np.stack([np.abs(error), np.abs(velocity), error * velocity])
+        self._sums = products + np.where(fresh[..., None], 0.0, self._kept * self._sums)
+        self._weight = 1.0 + np.where(fresh[..., None], 0.0, self._kept * self._weight)
+
+    def terms(self) -> dict[str, np.ndarray]:
+        """Return the means by term, each of shape (*batch, J)."""
+        return dict(zip(SLOW_TERMS, self._sums / self._weight, strict=True))
 
 
 def told(layout: ObservationLayout, known_friction: np.ndarray, batch: tuple[int, ...]) -> np.ndarray:

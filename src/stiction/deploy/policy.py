@@ -107,7 +107,8 @@ class Policy:
         self._batch = batch
         self._standing = contract.array("standing")
         known = contract.told_friction if known_friction is None else known_friction
-        self._builder = ObservationBuilder(contract.observation, self._standing, batch, known)
+        scale = contract.action_scale
+        self._builder = ObservationBuilder(contract.observation, self._standing, batch, known, scale)
         self._last_action = np.zeros((*batch, contract.num_joints), dtype=np.float32)
 
     def reset(self, mask: np.ndarray | None = None) -> None:

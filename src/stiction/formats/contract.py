@@ -16,7 +16,7 @@ import numpy as np
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import LAWS, Law, has_coefficient
 from stiction.formats.known_friction import TERM, joint_kinds
-from stiction.formats.observation import ObservationLayout
+from stiction.formats.observation import SLOW_TERMS, ObservationLayout
 
 SCHEMA_VERSION = 2
 """Version of contract.json. Version 1 is read as well; any other is refused."""
@@ -50,7 +50,7 @@ METHODS = {
 TERM_SIZES = {"angular_velocity": 3, "roll_pitch": 2, "command": 3}
 """Sizes that do not depend on the robot."""
 
-JOINT_TERMS = ("joint_position", "joint_velocity", "last_action")
+JOINT_TERMS = ("joint_position", "joint_velocity", "last_action", *SLOW_TERMS)
 """Terms with one entry per joint."""
 
 

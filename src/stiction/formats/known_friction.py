@@ -6,7 +6,7 @@ number each is what a log of one leg already gives, and a robot's own joints dif
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,44 +41,46 @@ class BenchFriction:
 
     share: dict[str, float]
     """Kind of joint -> f/τ_max [-]."""
+    missing: tuple[str, ...]
+    """Joints whose friction the bench does not tell."""
     notes: tuple[str, ...]
-    """What the bench could not tell, and what stands in its place."""
+    """What stands in their place, in words for people."""
+
+    @property
+    def array(self) -> np.ndarray:
+        """What is said [-], shape (kinds,), in the order of `joint_kinds`."""
+        return np.array(list(self.share.values()))
 
 
 def bench_friction(
-    file: JointsFile, joint_names: Sequence[str], torque_limit: np.ndarray, otherwise: np.ndarray
+    file: JointsFile, joint_names: Sequence[str], torque_limit: np.ndarray, nominal: np.ndarray
 ) -> BenchFriction:
     """Return the mean f/τ_max of each kind of joint as it was identified; below zero it is zero.
 
     A record stands for the joint of its name, or for all of its kind. Where a joint has none, or its friction is null,
-    the mean of that kind's other joints is taken; where all of a kind are so, what stands there otherwise.
+    the mean of that kind's other joints is taken; where all of a kind are so, the nominal friction of training.
 
     Args:
         file: the `joints.json`.
         joint_names: the robot's, in its order.
         torque_limit: of each joint [N m], shape (joints,).
-        otherwise: f/τ_max of each kind where the bench tells none, that of training, shape (kinds,).
+        nominal: f/τ_max of each kind in training, shape (kinds,).
 
     Raises:
-        StictionError: nothing is told of any joint.
+        StictionError: a joint was identified as a linear axis.
 
     """
     shares: dict[str, list[float]] = {kind: [] for kind in joint_kinds(joint_names)}
     missing: dict[str, list[str]] = {kind: [] for kind in shares}
     for name, limit in zip(joint_names, torque_limit, strict=True):
         key = file.key(name)
-        share = None if key is None else _share(file.joints[key], float(limit))
+        share = None if key is None else _share(name, file.joints[key], float(limit))
         if share is None:
             missing[kind_of(name)].append(name)
         else:
             shares[kind_of(name)].append(share)
-    if not any(shares.values()):
-        raise StictionError(
-            f"the file has {', '.join(file.joints)}, and the friction of none of {', '.join(joint_names[:3])} and so "
-            "on; identify at least one joint of this robot"
-        )
     values, notes = {}, []
-    for (kind, known), other in zip(shares.items(), otherwise, strict=True):
+    for (kind, known), other in zip(shares.items(), nominal, strict=True):
         values[kind] = float(np.mean(known)) if known else float(other)
         if missing[kind]:
             instead = "the mean of the other joints of the kind" if known else "the nominal friction of training"
@@ -87,11 +89,18 @@ def bench_friction(
                 f"the friction of {names} was not identified: {instead} is told, {100 * values[kind]:.3g} % of the "
                 "torque limit"
             )
-    return BenchFriction(values, tuple(notes))
+    return BenchFriction(values, tuple(name for names in missing.values() for name in names), tuple(notes))
 
 
-def _share(record: JointRecord, limit: float) -> float | None:
+def _share(name: str, record: JointRecord, limit: float) -> float | None:
     """Return f/τ_max of a joint whose motor gives `limit` [N m]; None where its record does not tell."""
+    if record.axis != "rotary":
+        raise StictionError(f"joint {name!r} was identified as a linear axis (kg, N); expected a rotary one")
     if record.coulomb_friction is not None:
         return max(0.0, record.coulomb_friction.value) / limit
     return None if record.friction_ratio is None else max(0.0, record.friction_ratio.value)
+
+
+def told_text(told: Mapping[str, float]) -> str:
+    """Return what a policy is told, for people: `hip 1 %, thigh 2 % of the torque limit`."""
+    return f"{', '.join(f'{kind} {100 * share:.3g} %' for kind, share in told.items())} of the torque limit"

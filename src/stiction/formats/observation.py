@@ -6,7 +6,7 @@ o_H, flattened, oldest frame first. Right after a reset every frame of the histo
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from stiction.formats.errors import StictionError
@@ -28,7 +28,8 @@ class Term:
     clip: float
     """Symmetric bound after scaling."""
     frame: str
-    """`base` (x forward, y left, z up), `joint`, `kind` (of joint), `command` or `none`."""
+    """`base` (x forward, y left, z up), `joint`, `joint_size` (of joints, the same where an axis points the other way),
+    `kind` (of joint), `command` or `none`."""
     offset: str = "none"
     """What is subtracted before scaling: `none`, or `standing` for the standing pose."""
 
@@ -44,9 +45,23 @@ TERM_NAMES = (
     "last_action",
     "placeholder_contact",
     "known_friction",
+    "slow_error",
+    "slow_speed",
+    "slow_power",
 )
 """The paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always zero. Behind it
-what only some policies have: `known_friction`, f/τ_max of each kind of joint as somebody identified it [-]."""
+what only some policies have: `known_friction`, f/τ_max of each kind of joint as somebody identified it [-]; and slow
+means, see `SLOW_TERMS`."""
+
+SLOW_TERMS = ("slow_error", "slow_speed", "slow_power")
+"""Means over the last second or so of |e| [rad], |θ'| [rad/s] and e θ' [rad²/s] of each joint, where e is how far its
+angle is from the last target, standing + action_scale a_{t-1} − θ.
+
+kp e θ' is the power that dry friction and damping use up in the mean, f |θ'| + (B + kd) θ'²; of a joint that is stuck,
+kp |e| is up to f. So the three together tell f, and no frame alone does. Since the last reset frame i weighs
+
+    mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_kept`
+"""
 
 PLACEHOLDERS = frozenset(name for name in TERM_NAMES if name.startswith("placeholder"))
 
@@ -59,6 +74,9 @@ class ObservationLayout:
     history_length: int = HISTORY_LENGTH
     direction: str = "oldest_first"
     layout: str = "frame_major"
+    slow_kept: float | None = None
+    """What slow means keep of their weights from one frame to the next, exp(−control period/time constant) [1]; None
+    where there are none."""
 
     def __post_init__(self) -> None:
         """Refuse terms that nobody can compute."""
@@ -70,6 +88,12 @@ class ObservationLayout:
                 f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length}: "
                 "expected 'oldest_first', 'frame_major' and a length of at least 1"
             )
+
+        slow, kept = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_kept
+        if slow and not (isinstance(kept, float) and 0 < kept < 1):
+            raise StictionError(f"observation terms {', '.join(slow)} with slow_kept {kept!r}: expected one in (0, 1)")
+        if not slow and kept is not None:
+            raise StictionError(f"observation slow_kept {kept!r} without a slow term: expected none")
 
     def has(self, name: str) -> bool:
         """Say whether a frame has a term of this name."""
@@ -100,17 +124,25 @@ class ObservationLayout:
             raise StictionError(f"the observation layout in the contract is malformed: {error}") from error
 
 
-def proprioception(num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0) -> ObservationLayout:
+def proprioception(
+    num_joints: int,
+    history_length: int = HISTORY_LENGTH,
+    known_kinds: int = 0,
+    slow_kept: float | None = None,
+) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
-
-    `history_length`: frames in o_H, the present one included. `known_kinds`: kinds of joints whose friction the policy
-    is told; 0: it is told nothing, as in the paper.
 
     Scales are those customary for legged robots: they bring each term near unit size, so that no running
     normalisation is needed, and the deployed observation is a fixed function of the sensors.
+
+    Args:
+        num_joints: of the robot.
+        history_length: frames in o_H, the present one included.
+        known_kinds: kinds of joints whose friction the policy is told; 0: it is told nothing, as in the paper.
+        slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
+
     """
-    known = (Term("known_friction", known_kinds, 5.0, 5.0, "kind"),) if known_kinds else ()
-    return ObservationLayout(
+    layout = ObservationLayout(
         (
             Term("angular_velocity", 3, 0.25, 5.0, "base"),
             Term("roll_pitch", 2, 1.0, 3.2, "base"),
@@ -121,7 +153,15 @@ def proprioception(num_joints: int, history_length: int = HISTORY_LENGTH, known_
             Term("joint_velocity", num_joints, 0.05, 5.0, "joint"),
             Term("last_action", num_joints, 1.0, 10.0, "joint"),
             Term("placeholder_contact", 1, 1.0, 1.0, "none"),
-            *known,
         ),
         history_length,
     )
+    terms = layout.terms
+    if known_kinds:
+        terms += (Term("known_friction", known_kinds, 5.0, 5.0, "kind"),)
+    if slow_kept is not None:
+        terms += tuple(
+            Term(name, num_joints, scale, 5.0, "joint_size")
+            for name, scale in zip(SLOW_TERMS, (4.0, 0.5, 2.0), strict=True)
+        )
+    return replace(layout, terms=terms, slow_kept=slow_kept)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -18,6 +19,9 @@ from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 
 LONGEST_HISTORY = 200
 """Most frames in o_H: 4 s at 50 Hz. The rollout storage holds every robot's history at every step."""
+
+SLOWEST = 20.0
+"""Longest time constant of slow means [s]: an episode."""
 
 
 def check_spans(owner: object, lowest: dict[str, float]) -> None:
@@ -206,10 +210,19 @@ class TaskCfg:
     """Whether the policy is told f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
     every episode (`randomization.known_friction`), on the robot what its bench identified (`export --joints`)."""
 
+    slow_means: float | None = None
+    """Time constant [s] of means, of products of target, angle and velocity, that tell each joint's dry friction where
+    no frame does: 1, say. They are in every frame, see `SLOW_TERMS`. None: there are none."""
+
     def __post_init__(self) -> None:
         """Refuse times that do not fit each other, and a history that is none."""
         if not 1 <= self.history <= LONGEST_HISTORY:
             raise StictionError(f"a history of {self.history} frames: expected 1 to {LONGEST_HISTORY}")
+        if self.slow_means is not None and not self.control_period <= self.slow_means <= SLOWEST:
+            raise StictionError(
+                f"slow means over {self.slow_means} s: expected from one control period, {self.control_period} s, to "
+                f"{SLOWEST:g} s"
+            )
         if self.known_friction and self.friction.method == "none":
             raise StictionError(
                 "known_friction with the method 'none': there is no friction in training of which a policy could be "
@@ -239,7 +252,12 @@ class TaskCfg:
     def layout(self, robot: RobotSpec) -> ObservationLayout:
         """Return what a policy for a robot observes."""
         kinds = len(joint_kinds(robot.joint_names)) if self.known_friction else 0
-        return proprioception(robot.num_joints, self.history, kinds)
+        return proprioception(robot.num_joints, self.history, kinds, self._slow_kept)
+
+    @property
+    def _slow_kept(self) -> float | None:
+        """What slow means keep from one frame to the next; None where there are none."""
+        return None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)
 
     @property
     def control_period(self) -> float:

@@ -17,7 +17,7 @@ from stiction.locomotion.commands import CommandSampler
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.device import CPU, Device
 from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
-from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
+from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.locomotion.randomization import Randomizer, friction_angle, nominal_joints
 from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
@@ -90,6 +90,8 @@ class LocomotionEnv(VecEnv):
         self.group = torch.from_numpy(self.spec.groups())
         self.frames = FrameBuilder(self.layout, self.standing)
         self.history = History(num_envs, self.layout)
+        kept = self.layout.slow_kept
+        self.slow = None if kept is None else SlowMeans(num_envs, self.num_actions, kept)
         self.unsync = UnsyncWindow(num_envs, len(self.spec.legs))
         self.terms = [(term, float(getattr(cfg.rewards, term.__name__))) for term in rewards.TERMS]
         self.terms = [(term, weight) for term, weight in self.terms if weight]
@@ -259,6 +261,9 @@ class LocomotionEnv(VecEnv):
         raw |= {"command": self.commands.value, "last_action": self.last_action}
         if self.cfg.known_friction:
             raw["known_friction"] = self.randomizer.friction_share() @ self.kind_average * self.bench_error
+        if self.slow is not None:
+            error = self.standing + self.spec.action_scale * self.last_action - self.measured_position
+            raw |= self.slow.push(error, raw["joint_velocity"], fresh)
         frame = self.frames(raw)
         velocity = to_tensor(fleet.base_linear_velocity)
         contact = to_tensor(fleet.foot_contact)
@@ -296,6 +301,7 @@ class LocomotionEnv(VecEnv):
             "buffers": {name: getattr(self, name) for name in _BUFFERS},
             "command": self.commands.value,
             "history": self.history.frames,
+            "slow": {} if self.slow is None else {"sums": self.slow.sums, "weight": self.slow.weight},
             "unsync": {"window": self.unsync.window, "cursor": self.unsync.cursor},
             "observation": dict(self._observation.items()),
             "generator": self.generator.get_state(),
@@ -327,6 +333,8 @@ class LocomotionEnv(VecEnv):
             setattr(self, name, value.clone())
         self.commands.value = state["command"].clone()
         self.history.frames = state["history"].clone()
+        if self.slow is not None:
+            self.slow.sums, self.slow.weight = (state["slow"][name].clone() for name in ("sums", "weight"))
         self.unsync.window, self.unsync.cursor = state["unsync"]["window"].clone(), state["unsync"]["cursor"]
         self._observation = self._hand_out(state["observation"])
         self.generator.set_state(state["generator"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from stiction.formats.observation import PLACEHOLDERS, ObservationLayout
+from stiction.formats.observation import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
 
 
 def roll_pitch(quaternion: torch.Tensor) -> torch.Tensor:
@@ -49,3 +49,26 @@ class History:
         if len(ids):
             self.frames[ids] = frame[ids, None]
         return self.frames.flatten(1)
+
+
+class SlowMeans:
+    """Means of products of error and velocity that tell a joint's dry friction, see `SLOW_TERMS`."""
+
+    def __init__(self, num_envs: int, num_joints: int, kept: float) -> None:
+        """Start with nothing; `kept`: see `ObservationLayout.slow_kept`."""
+        self.kept = kept
+        self.sums = torch.zeros(num_envs, len(SLOW_TERMS), num_joints)
+        """Σ k^(t-i) x_i."""
+        self.weight = torch.zeros(num_envs, 1)
+        """Σ k^(t-i)."""
+
+    def push(self, error: torch.Tensor, velocity: torch.Tensor, fresh: torch.Tensor) -> dict[str, torch.Tensor]:
+        """Take in a frame and return the means by term, each (N, joints).
+
+        `error`: of the last target [rad], `velocity` [rad/s], (N, joints); where `fresh`, (N,) bool, what was before is
+        forgotten.
+        """
+        products = torch.stack((error.abs(), velocity.abs(), error * velocity), 1)
+        self.sums = products + torch.where(fresh[:, None, None], 0.0, self.kept * self.sums)
+        self.weight = 1.0 + torch.where(fresh[:, None], 0.0, self.kept * self.weight)
+        return dict(zip(SLOW_TERMS, (self.sums / self.weight[..., None]).unbind(1), strict=True))

@@ -8,6 +8,7 @@ observes is what a robot so worn would. Groups and terms each have a rule below;
 * What has a direction in the base follows the reflection y -> -y: positions and velocities (x, -y, z), rates of turn
   (-x, y, -z), roll and pitch (-φ, ψ), commands (v_x, -v_y, -ω).
 * Angles, velocities and actions of joints are exchanged with those of the mirror image, with its sign.
+* Means without a sign, of |e|, |θ'| and e θ', are exchanged as they are.
 * What is known of a kind of joint is known of both sides: it stays.
 * Friction, rotor inertia and damping are exchanged without sign. The last two are observed as multipliers of each
   joint's own nominal value: where that differs from its image's, the multiplier is converted (factor and shift).
@@ -160,6 +161,8 @@ def _term(term: Term, mirror: RobotMirror) -> Rows:
         return Rows.signed(np.ones(term.size))
     if term.frame == "joint":
         return Rows(mirror.joints, mirror.sign)
+    if term.frame == "joint_size":
+        return Rows.exchanged(mirror.joints)
     rules = {
         "angular_velocity": ROTATION,
         "roll_pitch": ROTATION[:2],

@@ -138,7 +138,7 @@ class PhaseRunner(OnPolicyRunner):
                 obs, reward, dones, extras = self.env.step(actions)
                 self.alg.process_env_step(obs, reward, dones, extras)
                 rollout.add({"reward": reward.mean(), "action": actions.abs().mean(), **extras["log"]})
-                rollout.end(age, dones)
+                rollout.end(age, dones.cpu())
             self.alg.compute_returns(obs)
         seconds = time.perf_counter() - start
         losses = self.alg.update()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from stiction.formats.contract import METHODS, Contract
 from stiction.formats.friction import LAWS, has_coefficient, level_text
+from stiction.formats.known_friction import told_text
 
 TEMPLATE = """\
 # {robot}, {terrain}, {method}, {title}
@@ -20,7 +21,7 @@ attitude and its own last actions, and follows a commanded velocity.
 | joints | {joints} ({joint_count}) |
 | control period | {period:g} s |
 | identification used | {identification} |
-| joint torque in training | {torque} |
+{told}| joint torque in training | {torque} |
 | seed | {seed} |
 | code | {revision} |
 | made by | `{command}` |
@@ -54,6 +55,7 @@ def write_card(contract: Contract) -> str:
         joint_count=contract.num_joints,
         period=contract.control_period,
         identification=f"{used['name']}, SHA-256 {used['sha256']}" if used else "none",
+        told=_told(contract),
         torque=f"Actuator Net {net['name']}, SHA-256 {net['sha256']}"
         if net
         else "PD law with the gains of the contract",
@@ -61,3 +63,12 @@ def write_card(contract: Contract) -> str:
         revision=contract.revision,
         command=contract.command,
     )
+
+
+def _told(contract: Contract) -> str:
+    """Return the line on the friction that the policy is told; nothing for one that is told none."""
+    told, file = contract.known_friction, contract.known_friction_file
+    if told is None:
+        return ""
+    source = f"{file['name']}, SHA-256 {file['sha256']}" if file else "the nominal friction of training, of no robot"
+    return f"| friction that it is told | {told_text(told)}, from {source} |\n"

@@ -26,7 +26,7 @@ from stiction.robots.spec import RobotSpec
 from stiction.sim.fleet import Fleet
 from stiction.transfer.command import SETTLE, Command, parse_command
 from stiction.transfer.course import Course, line_up, parse_course, pilot, starts
-from stiction.transfer.known_friction import parse_told, told_at
+from stiction.transfer.known_friction import parse_told, told_in_batch
 from stiction.transfer.metrics import Metrics, Recording, measure
 from stiction.transfer.record import record
 from stiction.transfer.rollout import Driver, Rollout, friction_at, robot_of
@@ -234,7 +234,7 @@ def drive_bundle(
     """
     contract, spec = bundle.contract, robot_of(bundle.contract, robot)
     friction = friction_at(contract, cfg.robot_levels, cfg.law)
-    known = told_at(contract, spec, parse_told(cfg.known_friction), cfg.law, friction)
+    known = told_in_batch(contract, spec, parse_told(cfg.known_friction), cfg.law, friction)
     policy = load_policy(contract, bundle.policy, (cfg.num_robots,), known_friction=known)
     return drive(policy, contract, spec, cfg, threads, progress)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import logging
 import shlex
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,14 +19,14 @@ from stiction.formats.bundle import BundleError, write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.friction import has_coefficient
-from stiction.formats.known_friction import joint_kinds, kind_average
+from stiction.formats.joints import load_joints
+from stiction.formats.known_friction import bench_friction, joint_kinds
 from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.pd import COMPENSATION_WIDTH
-from stiction.locomotion.friction import friction_share
 from stiction.robots.catalog import find_robot
 from stiction.transfer.card import write_card
-from stiction.transfer.engines.engine import GRAVITY
 from stiction.transfer.golden import record_golden
+from stiction.transfer.known_friction import nominal_known
 
 if TYPE_CHECKING:
     import torch
@@ -39,13 +41,25 @@ EXAMPLE_BATCH = 2
 """Batch of the example input: with one, the exporter would take the batch for a constant."""
 
 
-def export_run(run: Path, out: Path, wear: Path | None = None) -> BundleCheck:
+def export_run(
+    run: Path,
+    out: Path,
+    wear: Path | None = None,
+    joints: Path | None = None,
+    say: Callable[[str], None] = lambda note: None,
+) -> BundleCheck:
     """Export the student of a training run, write its bundle, and check what was written.
 
-    `wear`: the wear.json that `stiction study adaptation` made for the run, to go into the bundle.
+    Args:
+        run: directory of the run.
+        out: directory to make.
+        wear: the wear.json that `stiction study adaptation` made for the run, to go into the bundle.
+        joints: the joints.json of a robot, for a policy that is told its joints' friction.
+        say: called with what the joints.json does not tell, and what stands in its place.
 
     Raises:
-        StictionError: not a run, a run that is not finished, a wear.json of another student, or `out` exists already.
+        StictionError: not a run, a run that is not finished, a wear.json of another student, a joints.json of another
+            robot or for a policy that is told nothing, or `out` exists already.
 
     """
     from stiction.rma.run import RunDirectory
@@ -59,7 +73,36 @@ def export_run(run: Path, out: Path, wear: Path | None = None) -> BundleCheck:
             f"{run} is not finished, it has no summary.json; finish it with `stiction train --resume {run}`"
         )
     model = None if wear is None else _wear_of(directory, wear)
-    return export_policy(load_student(directory), contract_of(cfg, header), out, model)
+    contract = contract_of(cfg, header)
+    if joints is not None:
+        contract = with_bench(contract, joints, say)
+    return export_policy(load_student(directory), contract, out, model)
+
+
+def with_bench(contract: Contract, path: Path, say: Callable[[str], None] = lambda note: None) -> Contract:
+    """Return a contract that tells the policy the friction that a bench identified; arguments as of `export_run`.
+
+    Raises:
+        StictionError: the policy is told nothing, the file cannot be read, or tells no friction of this robot's joints.
+
+    """
+    if not contract.knows_friction:
+        raise StictionError(
+            "this policy is not told its joints' friction, --joints would have no effect; leave it out, or train with "
+            "--task.known-friction"
+        )
+    file, limits = load_joints(path), contract.array("torque_limit")
+    nominal = nominal_known(contract, find_robot(contract.robot))
+    found = bench_friction(file, contract.joint_names, limits, nominal)
+    if len(found.missing) == contract.num_joints:
+        raise StictionError(
+            f"{path} has {', '.join(file.joints)}, and no friction of {', '.join(contract.joint_names[:3])} and so on; "
+            "identify joints of this robot"
+        )
+    for note in found.notes:
+        say(note)
+    source = {"name": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+    return replace(contract, known_friction=found.share, known_friction_file=source)
 
 
 def _wear_of(run: RunDirectory, path: Path) -> WearModel:
@@ -94,9 +137,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         units = 1.0 if has_coefficient(law.name) else spec.joint_values("torque_limit")
         level = float((joints.frictionloss / units).mean())
     low, high = task.friction.last.range
-    known = friction_share(law.name, joints.frictionloss, spec, spec.mass * GRAVITY) @ kind_average(spec.joint_names)
-    kinds = dict(zip(joint_kinds(spec.joint_names), known.tolist(), strict=True))
-    return Contract(
+    contract = Contract(
         robot=task.robot,
         terrain=task.terrain.kind,
         method=task.friction.method,
@@ -126,9 +167,12 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         revision=str(header["revision"]),
         command=_without_folders(str(header["command"])),
         actuator=header.get("actuator"),
-        known_friction=kinds if task.known_friction else None,
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,
     )
+    if not contract.knows_friction:
+        return contract
+    nominal = zip(joint_kinds(spec.joint_names), nominal_known(contract, spec).tolist(), strict=True)
+    return replace(contract, known_friction=dict(nominal))
 
 
 def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: WearModel | None = None) -> BundleCheck:

@@ -61,13 +61,25 @@ def parse_told(text: str) -> Told:
     return told
 
 
-def told_at(contract: Contract, spec: RobotSpec, told: Told, law: Law, friction: np.ndarray) -> np.ndarray | None:
-    """Return what each robot of the data sheet is told [-], shape (N, kinds); None: what its contract says, or nothing.
+def nominal_known(contract: Contract, spec: RobotSpec) -> np.ndarray:
+    """Return the nominal friction of training as it would be told: mean f/τ_max of each kind of joint, (kinds,)."""
+    share = friction_share(contract.friction_law, contract.array("friction"), spec, spec.mass * GRAVITY)
+    return share @ kind_average(contract.joint_names)
 
-    friction: of each robot's joints, torques [N m] or the law's coefficients, shape (N, joints).
-    """
+
+def told_in_batch(contract: Contract, spec: RobotSpec, told: Told, law: Law, friction: np.ndarray) -> np.ndarray | None:
+    """Return `told_at` for a policy that observes its joints' friction; None: what its contract says, or nothing."""
     if not contract.knows_friction or told.source == "contract":
         return None
+    return told_at(contract, spec, told, law, friction)
+
+
+def told_at(contract: Contract, spec: RobotSpec, told: Told, law: Law, friction: np.ndarray) -> np.ndarray:
+    """Return what is told on each of N robots of the data sheet [-], shape (N, kinds).
+
+    friction: of each robot's joints, torques [N m] or the law's coefficients, shape (N, joints); told: other than
+    `contract`.
+    """
     average = kind_average(contract.joint_names)
     if not isinstance(told.source, str):
         return np.full((len(friction), average.shape[1]), told.source)

@@ -18,7 +18,7 @@ from stiction.rma.runner import load_actor
 from stiction.sim.fleet import Fleet
 from stiction.transfer.evaluate import Evaluation, EvaluationCfg, drive, judge
 from stiction.transfer.export import contract_of
-from stiction.transfer.known_friction import parse_told, told_at
+from stiction.transfer.known_friction import parse_told, told_in_batch
 from stiction.transfer.latents import Latent, LatentMean, lenders
 from stiction.transfer.rollout import friction_at, robot_of
 from stiction.transfer.teacher import LatentPolicy, Who
@@ -78,7 +78,7 @@ def walk_run(
     contract = contract_of(train, header)
     spec, actor = robot_of(contract, contract.robot), load_actor(directory, who)
     privileged, friction = None, friction_at(contract, cfg.robot_levels, cfg.law)
-    known = told_at(contract, spec, parse_told(cfg.known_friction), cfg.law, friction)
+    known = told_in_batch(contract, spec, parse_told(cfg.known_friction), cfg.law, friction)
     if who == "teacher" and actor.sees_terrain:
         raise StictionError(f"{run}: its teacher sees the ground, which is flat here; evaluate its student")
     if who == "teacher":

@@ -14,6 +14,7 @@ from stiction.formats.origin import Origin
 from stiction.formats.results import ResultRow
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.forward import not_told
+from stiction.transfer.grid.known import not_identified
 from stiction.transfer.grid.run import BENCHES, Progress, walk_grid
 from stiction.transfer.grid.table import rows_of, ways_of
 from stiction.transfer.robot.seeds import warnings_on
@@ -35,7 +36,8 @@ def evaluate_all(
     """
     check_names([bundle.name for bundle in bundles])
     origin, start = Origin.now(), time.perf_counter()
-    rows, details = rows_of(walk_grid(bundles, cfg, out, jobs, robot, progress), bundles, robot)
+    done = walk_grid(bundles, cfg, out, jobs, robot, progress)
+    rows, details = rows_of(done, bundles, robot)
     summary = {
         "evaluation": asdict(cfg.base),
         "engines": list(cfg.engines),
@@ -45,6 +47,7 @@ def evaluate_all(
             *origin.warnings(),
             *warnings_on(cfg.used_robots),
             *not_told(bundles, cfg, out / BENCHES, robot),
+            *not_identified(done, bundles, cfg, out / BENCHES, robot),
         ],
         "forward": list(cfg.forward),
         "conditions": cfg.base.conditions,
@@ -78,6 +81,7 @@ def describe(bundle: Bundle) -> dict[str, Any]:
         "friction_range": contract.friction_range,
         "joints_file": contract.joints_file,
         "actuator": contract.actuator,
+        "known_friction": contract.known_friction,
         "seed": contract.seed,
         "revision": contract.revision,
         "command": contract.command,

@@ -15,7 +15,7 @@ from stiction.formats.contract import Contract
 from stiction.formats.known_friction import TERM
 from stiction.joints.pd import compensated
 from stiction.locomotion.env import to_tensor
-from stiction.locomotion.observations import FrameBuilder, History, roll_pitch
+from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
 
 
 class TrainedPolicy:
@@ -45,6 +45,8 @@ class TrainedPolicy:
         self._width = contract.compensation_width
         self._frames = FrameBuilder(contract.observation, self._standing)
         self._history = History(num, contract.observation)
+        kept = contract.observation.slow_kept
+        self._slow = None if kept is None else SlowMeans(num, contract.num_joints, kept)
         self._last_action = torch.zeros(num, contract.num_joints)
         self._fresh = torch.ones(num, dtype=torch.bool)
         known = contract.told_friction if known_friction is None else known_friction
@@ -68,6 +70,9 @@ class TrainedPolicy:
             "last_action": self._last_action,
             **self._known,
         }
+        if self._slow is not None:
+            error = self._standing + self._scale * self._last_action - raw["joint_position"]
+            raw |= self._slow.push(error, raw["joint_velocity"], self._fresh)
         observation = self._history.push(self._frames(raw), self._fresh)
         self._fresh = torch.zeros_like(self._fresh)
         action = self._module(observation).clamp(-self._clip, self._clip)

@@ -26,7 +26,7 @@ from stiction.formats.walk import WalkHeader, WalkLog, write_walk
 from stiction.sim.fleet import BASE_DOFS, Fleet, rotate_inverse
 from stiction.sim.friction_meter import FrictionMeter
 from stiction.transfer.evaluate import EvaluationCfg
-from stiction.transfer.known_friction import parse_told, told_at
+from stiction.transfer.known_friction import parse_told, told_in_batch
 from stiction.transfer.rollout import Rollout, friction_at, robot_of, tilted
 
 ENGINE = "mujoco"
@@ -157,7 +157,7 @@ def record_walks(
     velocity = np.tile(np.repeat([c.velocity for c in commands], number, axis=0), (len(evaluation.friction_levels), 1))
     streams = seed_streams(evaluation.seed, [f"episode {index}" for index in range(number)])
     friction = friction_at(contract, level, evaluation.law)
-    known = told_at(contract, spec, parse_told(evaluation.known_friction), evaluation.law, friction)
+    known = told_in_batch(contract, spec, parse_told(evaluation.known_friction), evaluation.law, friction)
     rollout = Rollout(
         contract,
         load_policy(contract, bundle.policy, (len(level),), known_friction=known),

@@ -14,7 +14,7 @@ from stiction.formats.errors import StictionError
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.robots.catalog import find_robot
 from stiction.transfer.evaluate import EvaluationCfg
-from stiction.transfer.grid import forward
+from stiction.transfer.grid import benches as benches_module
 from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.forward import forwarded, not_told
 from stiction.transfer.grid.ledger import Ledger
@@ -49,8 +49,8 @@ def benches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         found = [Estimate(float(n), 0.1, (n - 0.2, n + 0.2)) for n in range(1, SPEC.num_joints + 1)]
         JointsFile(dict(zip(SPEC.joint_names, map(record, found), strict=True))).write(folder / "joints.json")
 
-    monkeypatch.setattr(forward, "make_bench", make)
-    monkeypatch.setattr(forward, "is_made", lambda bench, folder: (folder / "joints.json").is_file())
+    monkeypatch.setattr(benches_module, "make_bench", make)
+    monkeypatch.setattr(benches_module, "is_made", lambda bench, folder: (folder / "joints.json").is_file())
     return seen
 
 
@@ -86,7 +86,7 @@ def test_a_virtual_robot_gets_what_its_own_bench_found_and_is_put_there_once(
 @pytest.fixture
 def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
     """Let the bench of robot 4 tell nothing of one joint."""
-    make = forward.make_bench
+    make = benches_module.make_bench
 
     def make_some(bench: Bench, folder: Path, workers: int) -> None:
         make(bench, folder, workers)
@@ -95,7 +95,7 @@ def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
             joints["ML_hip"] = JointRecord(warnings=("not identified: it hardly moves",))
             JointsFile(joints).write(folder / "joints.json")
 
-    monkeypatch.setattr(forward, "make_bench", make_some)
+    monkeypatch.setattr(benches_module, "make_bench", make_some)
 
 
 def test_a_robot_that_cannot_be_identified_is_left_out_and_named(still: Bundle, tmp_path: Path, hidden: None) -> None:

@@ -15,15 +15,11 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.errors import StictionError
 from stiction.formats.joints import JointsError, load_joints
 from stiction.robots.spec import RobotSpec
-from stiction.transfer.grid.config import ALONE, GridCfg
+from stiction.transfer.grid.benches import all_made, bench_of, make_benches
+from stiction.transfer.grid.config import GridCfg
 from stiction.transfer.grid.plan import Walk, plan_forward
-from stiction.transfer.robot.factorial import Case, parse_level
-from stiction.transfer.robot.identification import JOINTS, Bench, identified_friction, is_made, make_bench
+from stiction.transfer.robot.identification import JOINTS, Bench, identified_friction
 from stiction.transfer.rollout import robot_of
-from stiction.transfer.workers import spread
-
-BENCH_WORK = "benches"
-"""What progress calls the benches."""
 
 
 def forwarded(
@@ -53,13 +49,7 @@ def forwarded(
             raise StictionError(f"{name} compensates friction in its targets; it cannot be fed forward once more")
     specs = {name: robot_of(by_name[name].contract, robot) for name in cfg.forward}
     benches = {walk: bench_of(walk, specs[walk.policy]) for walk in plan_forward(cfg)}
-    missing = {
-        bench.label: bench for bench in benches.values() if bench is not None and not is_made(bench, out / bench.label)
-    }
-    workers = max(1, jobs // max(1, len(missing)))
-    tasks = [(bench, out / label, workers) for label, bench in missing.items()]
-    for count, _ in enumerate(spread(make_bench, tasks, jobs), 1):
-        progress(BENCH_WORK, count / len(missing))
+    make_benches([bench for bench in benches.values() if bench is not None], out, jobs, progress)
     found = {bench.label: told(bench, out) for bench in benches.values() if bench is not None}
     friction = {
         walk: law_friction(walk, specs[walk.policy]) if bench is None else found[bench.label]
@@ -87,19 +77,12 @@ def not_told(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | No
     """
     specs = {bundle.name: robot_of(bundle.contract, robot) for bundle in bundles if bundle.name in cfg.forward}
     benches = [bench for walk in plan_forward(cfg) if (bench := bench_of(walk, specs[walk.policy])) is not None]
-    made = {bench.label: bench for bench in benches if is_made(bench, out / bench.label)}
+    made = {bench.label: bench for bench in benches if all_made([bench], out)}
     return [
         f"Friction is not fed forward on {label}, its walks are left out: {why}"
         for label, bench in made.items()
         if isinstance(why := told(bench, out), str)
     ]
-
-
-def bench_of(walk: Walk, spec: RobotSpec) -> Bench | None:
-    """Return the bench of the robot of a walk; None for the robot of the data sheet."""
-    if walk.robot is None or walk.place.cell is None:
-        return None
-    return Bench(ALONE[walk.place.engine], Case(walk.robot, walk.place.cell, parse_level(walk.level)), spec)
 
 
 def law_friction(walk: Walk, spec: RobotSpec) -> tuple[float, ...]:

@@ -44,6 +44,9 @@ class Walk:
     """Seed of the virtual robot."""
     forward: tuple[float, ...] | None = None
     """Friction that the joint controllers feed forward [N m], of each joint; None: they do not."""
+    known: tuple[float, ...] | None = None
+    """What a policy that observes its joints' friction is told, f/τ_max of each kind of joint [-]; None: what its
+    contract says, or nothing."""
 
     @property
     def name(self) -> str:

@@ -11,6 +11,7 @@ from stiction.formats.errors import StictionError
 from stiction.transfer.engines.catalog import what_is_missing
 from stiction.transfer.grid.config import ALONE, GridCfg
 from stiction.transfer.grid.forward import forwarded
+from stiction.transfer.grid.known import informed
 from stiction.transfer.grid.ledger import Ledger
 from stiction.transfer.grid.plan import Unit, Walk, plan, units
 from stiction.transfer.grid.walk import walk_unit
@@ -22,7 +23,7 @@ LEDGER = "walks.jsonl"
 """Name of the ledger in the folder of the results."""
 
 BENCHES = "bench"
-"""Name of the folder beside it for what was identified of virtual robots, where friction is fed forward."""
+"""Name of the folder beside it for what was identified of virtual robots, where friction is fed forward or told."""
 
 Progress = Callable[[str, float], None]
 """Called with the name of an engine and the share of its walks that is done."""
@@ -59,6 +60,7 @@ def walk_grid(
     ledger = Ledger(out / LEDGER, cfg, {bundle.name: bundle.digest for bundle in bundles}, robot)
     walks = plan([bundle.name for bundle in bundles], cfg)
     walks += forwarded(bundles, cfg, out / BENCHES, jobs, robot, progress)
+    walks = informed(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
     done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
     tally = _Tally(walks, progress)
     tally.add(list(done))

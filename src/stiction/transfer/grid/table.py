@@ -28,7 +28,8 @@ def rows_of(
 
     Intervals there are Wilson's, of `fall_rate`, and of `crossed` over a course: over episodes; over virtual robots
     where those walk, for one that falls falls again. A row of those also has, of each robot, its speed ratio, by its
-    seed, and in the same order `robot_fall_rates`, `robot_tracking_errors` and `robot_crossed`.
+    seed, and in the same order `robot_fall_rates`, `robot_tracking_errors` and `robot_crossed`. Where a policy was told
+    its joints' friction, `known_friction` says what, by robot: f/τ_max of each kind of joint.
     """
     contracts = {bundle.name: bundle.contract for bundle in bundles}
     cells: dict[tuple[str, ...], list[Walk]] = {}
@@ -84,6 +85,10 @@ def _beside(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, An
         beside["robot_fall_rates"] = [one.fall_rate for one in samples]
         beside["robot_tracking_errors"] = [one.tracking_error for one in samples]
         beside["robot_crossed"] = crossed or None
+    if known := {walk.robot: walk.known for walk in walks if walk.known is not None}:
+        beside["known_friction"] = {
+            "data sheet" if robot is None else str(robot): told for robot, told in known.items()
+        }
     return beside
 
 

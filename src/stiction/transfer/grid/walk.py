@@ -61,9 +61,9 @@ def _alone(bundle: Bundle, one: Walk, cfg: GridCfg, robot: str | None) -> Metric
         case = DataSheet(asked.seed, asked.law, float(one.level))
     else:
         case = Case(one.robot, one.place.cell, parse_level(one.level))
-    friction = None if one.forward is None else np.array(one.forward)
+    friction, known = (None if told is None else np.array(told) for told in (one.forward, one.known))
     seed = 0 if one.robot is None else asked.seed
-    return walk_once(bundle, case, world, asked, one.episode, robot_of(bundle.contract, robot), friction, seed)
+    return walk_once(bundle, case, world, asked, one.episode, robot_of(bundle.contract, robot), friction, seed, known)
 
 
 def walk_once(
@@ -75,6 +75,7 @@ def walk_once(
     spec: RobotSpec,
     friction: np.ndarray | None = None,
     seed: int = 0,
+    known: np.ndarray | None = None,
 ) -> Metrics:
     """Walk one episode with one robot, and return what it was worth.
 
@@ -83,7 +84,7 @@ def walk_once(
     """
     (command,), period = asked.parsed_commands, bundle.contract.control_period
     steps = round(asked.duration / period)
-    trial = walk(bundle, case, world, steer(command, asked.course), steps, episode, None, spec, friction, seed)
+    trial = walk(bundle, case, world, steer(command, asked.course), steps, episode, None, spec, friction, seed, known)
     part = trial.recording.lasting(steps).of(slice(0, 1), round(asked.settle / period))
     return measure(part, command, spec.groups(), spec.mass * GRAVITY, asked.course)
 

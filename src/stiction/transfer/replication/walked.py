@@ -13,15 +13,16 @@ from stiction.formats.contract import Contract
 from stiction.formats.errors import StictionError
 from stiction.formats.folder import make_folder
 from stiction.formats.replication import PartRecord, read_parts
+from stiction.transfer.grid.benches import all_made, bench_of
 from stiction.transfer.grid.config import GridCfg
-from stiction.transfer.grid.forward import bench_of, forwarded, not_told
+from stiction.transfer.grid.forward import forwarded, not_told
+from stiction.transfer.grid.known import benches_of, informed, not_identified
 from stiction.transfer.grid.ledger import Ledger
 from stiction.transfer.grid.plan import Walk, plan, plan_forward
 from stiction.transfer.grid.run import BENCHES, LEDGER, walk_grid
 from stiction.transfer.grid.table import number, real_law, rows_of
 from stiction.transfer.metrics import Metrics
 from stiction.transfer.replication.plan import Part, conventional
-from stiction.transfer.robot.identification import is_made
 from stiction.transfer.rollout import robot_of
 
 Progress = Callable[[str, float], None]
@@ -42,8 +43,7 @@ def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progr
     make_folder(out)
     grid = _grid(part, bundles)
     done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
-    left_out = not_told(bundles, grid, out / BENCHES)
-    return PartRecord(part.name, part.title, *rows_of(done, bundles), warnings=left_out)
+    return PartRecord(part.name, part.title, *rows_of(done, bundles), warnings=_not_known(done, bundles, grid, out))
 
 
 def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
@@ -59,8 +59,8 @@ def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | 
     done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
     rows, details = rows_of(_whole(walks, done), bundles)
     kept = f"not asked for: {len(rows)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
-    left_out = not_told(bundles, grid, out / BENCHES)
-    return PartRecord(part.name, part.title, rows, details, kept, left_out) if rows else None
+    not_known = _not_known(walks, bundles, grid, out)
+    return PartRecord(part.name, part.title, rows, details, kept, not_known) if rows else None
 
 
 def check_nothing_lost(now: Iterable[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
@@ -129,9 +129,16 @@ def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
     specs = {bundle.name: robot_of(bundle.contract) for bundle in bundles}
     walks = plan(list(specs), grid)
     benches = [bench for walk in plan_forward(grid) if (bench := bench_of(walk, specs[walk.policy])) is not None]
-    if all(is_made(bench, out / BENCHES / bench.label) for bench in benches):
+    if all_made(benches, out / BENCHES):
         walks += forwarded(bundles, grid, out / BENCHES)
-    return walks
+    told = all_made(benches_of(walks, bundles, grid), out / BENCHES)
+    return informed(walks, bundles, grid, out / BENCHES) if told else walks
+
+
+def _not_known(walks: Collection[Walk], bundles: Sequence[Bundle], grid: GridCfg, out: Path) -> list[str]:
+    """Return sentences for what the benches did not tell: friction that is not fed forward, or told otherwise."""
+    benches = out / BENCHES
+    return [*not_told(bundles, grid, benches), *not_identified(walks, bundles, grid, benches)]
 
 
 def _whole(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[Walk, Metrics]:

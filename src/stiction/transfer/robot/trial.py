@@ -126,13 +126,15 @@ def walk(
     spec: RobotSpec | None = None,
     friction: np.ndarray | None = None,
     seed: int = 0,
+    known: np.ndarray | None = None,
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
     steer: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells, at
     all levels, and in the training's simulator (`Rollout`) under the case's seed; wear: of the robot's joints; spec:
     the robot, by default the shipped one that the bundle names; friction: what the joint controllers feed forward, see
-    `Pilot`; seed: 0, or of other episodes of the same robot.
+    `Pilot`; seed: 0, or of other episodes of the same robot; known: what a policy that observes its joints' friction is
+    told, see `ObservationBuilder`, by default what its contract says.
 
     Raises:
         StictionError: the bundle does not fit the robot, or friction is to be fed forward to one that compensates it.
@@ -148,7 +150,7 @@ def walk(
     height = spec.standing_height + world.height(np.array(world.start))
     robot.place(standing, np.array([*world.start, height]), about(2, world.heading))
     port = robot.plug if world.noise is None else Noisy(robot.plug, world.noise, walking)
-    pilot = Pilot(port, load_policy(contract, bundle.policy), friction)
+    pilot = Pilot(port, load_policy(contract, bundle.policy, known_friction=known), friction)
     referee = Referee(robot.witness, spec, contract.control_period)
     turns: list[Turn] = []
     while len(turns) < steps and referee.upright:
