@@ -206,6 +206,9 @@ class TaskCfg:
     history: int = HISTORY_LENGTH
     """Frames in o_H, the present one included, one a control period. The paper's H of 10 is eleven frames; more of them
     let a student look further back."""
+    estimated_friction: bool = False
+    """Whether o_exp, which the policy estimates from its history, holds the dry friction of each kind of joint too, in
+    units of 0.1 of the torque limit: supervised learning finds it long before a policy's reward would ask for it."""
     known_friction: bool = False
     """Whether the policy is told f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
     every episode (`randomization.known_friction`), on the robot what its bench identified (`export --joints`)."""
@@ -223,6 +226,8 @@ class TaskCfg:
                 f"slow means over {self.slow_means} s: expected from one control period, {self.control_period} s, to "
                 f"{SLOWEST:g} s"
             )
+        if self.estimated_friction and self.friction.method == "none":
+            raise StictionError("estimated_friction with the method 'none': training has no friction to estimate")
         if self.known_friction and self.friction.method == "none":
             raise StictionError(
                 "known_friction with the method 'none': there is no friction in training of which a policy could be "

@@ -18,6 +18,7 @@ from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.device import CPU, Device
 from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
+from stiction.locomotion.privileged import FRICTION_UNIT
 from stiction.locomotion.randomization import Randomizer, friction_angle, nominal_joints
 from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
@@ -44,8 +45,9 @@ class LocomotionEnv(VecEnv):
     """Velocity tracking for any legged robot.
 
     Observation groups, all float32 and fresh at every step: `proprioception` (o_prio), `history` (o_H, flattened,
-    oldest frame first), `privileged` (o_priv), `explicit` (o_exp: base velocity [m/s] and foot contacts), and on other
-    than flat ground `elevation` (e_t: how far the ground lies below the standing height, in units of 0.2 m).
+    oldest frame first), `privileged` (o_priv), `explicit` (o_exp: base velocity [m/s], foot contacts, and with
+    `estimated_friction` that of each kind of joint), and on other than flat ground `elevation` (e_t: how far the ground
+    lies below the standing height, in units of 0.2 m).
     """
 
     def __init__(
@@ -266,12 +268,14 @@ class LocomotionEnv(VecEnv):
             raw |= self.slow.push(error, raw["joint_velocity"], fresh)
         frame = self.frames(raw)
         velocity = to_tensor(fleet.base_linear_velocity)
-        contact = to_tensor(fleet.foot_contact)
+        explicit = [velocity, to_tensor(fleet.foot_contact)]
+        if self.cfg.estimated_friction:
+            explicit.append(self.randomizer.friction_share() @ self.kind_average / FRICTION_UNIT)
         groups = {
             "proprioception": frame,
             "history": self.history.push(frame, fresh),
             "privileged": self.randomizer.privileged(),
-            "explicit": torch.cat((velocity, contact), -1),
+            "explicit": torch.cat(explicit, -1),
             **elevation,
         }
         return self._hand_out(groups)

@@ -214,8 +214,9 @@ def _ratio(name: str, nominal: np.ndarray, joint_names: tuple[str, ...], mirror:
 
 
 def _explicit(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
-    """Return the rule of o_exp: the base's velocity, and which feet carry load."""
-    return Rows.joined([Rows.signed(POSITION), Rows.exchanged(mirror.feet)])
+    """Return the rule of o_exp: the base's velocity, which feet carry load, and the friction of kinds of joints."""
+    kinds = env.kind_average.shape[1] if env.cfg.estimated_friction else 0
+    return Rows.joined([Rows.signed(POSITION), Rows.exchanged(mirror.feet), Rows.exchanged(np.arange(kinds))])
 
 
 def _elevation(env: LocomotionEnv, mirror: RobotMirror) -> Rows:

@@ -8,6 +8,7 @@ import torch
 from tensordict import TensorDict
 
 from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.privileged import FRICTION_UNIT
 from stiction.rma.models import VELOCITY, RMAActor
 
 
@@ -47,13 +48,14 @@ class RolloutFigures:
         return figures
 
 
-def adaptation_figures(actor: RMAActor, obs: TensorDict) -> dict[str, float]:
+def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str, float]:
     """Return how well the history tells what only simulation knows, over one step of all robots.
 
     `latent/explained`: 1 - MSE(z, z*) / Var(z), both summed over the latent's entries: 1 is perfect, 0 is what the mean
     would reach. It is missing where z does not vary, and where z* is PPO's own and guesses no z.
     `estimator/velocity_error`: mean length of the velocity's error [m/s]. `estimator/contact_error`: share of feet
-    whose contact is misjudged.
+    whose contact is misjudged, of as many as there are `feet`. `estimator/friction_error`: mean size of the error of
+    the joints' friction [fraction of the torque limit], where it is estimated.
     """
     figures = {}
     with torch.no_grad():
@@ -63,8 +65,12 @@ def adaptation_figures(actor: RMAActor, obs: TensorDict) -> dict[str, float]:
             figures["latent/explained"] = 1.0 - float((z - star).square().mean(0).sum()) / variance
         guess, truth = actor.estimator(obs["history"]), obs["explicit"]
         figures["estimator/velocity_error"] = float((guess - truth)[:, :VELOCITY].norm(dim=-1).mean())
-        wrong = (guess[:, VELOCITY:] > 0.5) != (truth[:, VELOCITY:] > 0.5)
+        contact, friction = slice(VELOCITY, VELOCITY + feet), slice(VELOCITY + feet, None)
+        wrong = (guess[:, contact] > 0.5) != (truth[:, contact] > 0.5)
         figures["estimator/contact_error"] = float(wrong.float().mean())
+        if truth[:, friction].numel():
+            error = FRICTION_UNIT * (guess - truth)[:, friction].abs()
+            figures["estimator/friction_error"] = float(error.mean())
     return figures
 
 
