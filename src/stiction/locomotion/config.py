@@ -226,8 +226,6 @@ class TaskCfg:
                 f"slow means over {self.slow_means} s: expected from one control period, {self.control_period} s, to "
                 f"{SLOWEST:g} s"
             )
-        if self.estimated_friction and self.friction.method == "none":
-            raise StictionError("estimated_friction with the method 'none': training has no friction to estimate")
         if self.known_friction and self.friction.method == "none":
             raise StictionError(
                 "known_friction with the method 'none': there is no friction in training of which a policy could be "

@@ -70,8 +70,9 @@ class TeacherCfg:
     both_ways: bool = False
     """Whether L_ada trains the privileged encoder too, as the paper says: z then becomes what a history can tell."""
     final_std: float | None = None
-    """Bound of the actions' standard deviation at the end of the phase, to which it falls on a straight line from that
-    of the first actions; None: free. A policy is deployed without noise, and noise shakes joints loose."""
+    """Bound of the actions' standard deviation in the last quarter of the phase, to which it falls on a straight line
+    from that of the first actions; None: free. A policy is deployed without noise, and noise shakes joints loose: one
+    that was trained with more of it may stand still without."""
     iterations: int = 700
     """Rollouts, each followed by an update."""
     steps: int = 24

@@ -24,6 +24,11 @@ from stiction.rma.phase import Film, PhaseRunner, Progress
 from stiction.rma.run import RunDirectory
 
 
+QUIET_FROM = 0.75
+"""Share of the first phase after which the noise has fallen to `TeacherCfg.final_std`: the rest of it learns to walk as
+what is deployed walks."""
+
+
 def groups(cfg: TrainCfg) -> list[str]:
     """Return the observation groups of a run."""
     return [*GROUPS, ELEVATION] if cfg.task.terrain.kind != "flat" else GROUPS
@@ -60,7 +65,7 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
     noise = None
     if teacher.final_std is not None:
         start = net.initial_std if first else teacher.final_std
-        noise = (start, teacher.final_std, teacher.iterations)
+        noise = (start, teacher.final_std, round(QUIET_FROM * teacher.iterations))
     fewer = 2 if cfg.symmetry == "half" else 1
     return {
         "symmetry": cfg.symmetry,
