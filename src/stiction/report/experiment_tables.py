@@ -124,7 +124,7 @@ def run_sheet(experiment: Experiment) -> Sheet:
     rows = tuple(
         (
             run.name,
-            f"--preset quick {arguments[run.condition]} --seed {run.seed}",
+            f"--preset two-phase {arguments[run.condition]} --seed {run.seed}",
             run.state,
             run.revision or "–",
             "–" if run.minutes is None else f"{run.minutes:.0f}",

@@ -23,7 +23,6 @@ from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.phase import Film, PhaseRunner, Progress
 from stiction.rma.run import RunDirectory
 
-
 QUIET_FROM = 0.75
 """Share of the first phase after which the noise has fallen to `TeacherCfg.final_std`: the rest of it learns to walk as
 what is deployed walks."""

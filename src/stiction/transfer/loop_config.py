@@ -35,8 +35,8 @@ VARIANTS = {
 
 
 def conventional() -> TrainCfg:
-    """Return the training of f0 and of every f1: the preset `quick`, without friction in the simulation."""
-    return replace(PRESETS["quick"], task=TaskCfg(friction=FrictionCfg(method="none")))
+    """Return the training of f0 and of every f1: the preset `two-phase`, without friction in the simulation."""
+    return replace(PRESETS["two-phase"], task=TaskCfg(friction=FrictionCfg(method="none")))
 
 
 @dataclass(frozen=True)

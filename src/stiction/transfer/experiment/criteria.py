@@ -35,7 +35,7 @@ JITTER = 1.5
 NONE, DIRECT, DECEPTION = "coulomb20-none", "coulomb20-direct", "coulomb20-deception"
 
 BUDGET = 350
-"""Iterations of the teacher with the preset `quick`."""
+"""Iterations of the teacher with the preset `two-phase`."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Every run of the experiment, with the reason for it. Data; what is computed from it stands elsewhere.
 
-All conditions have the preset `quick`, without its clips: the same budget, no early stop. Three ask what three times
-as much would do. They differ from `stiction train --preset quick --video-every 0` in the options that stand here and in
+All conditions have the preset `two-phase`, without its clips: the same budget, no early stop. Three ask what three times
+as much would do. They differ from `stiction train --preset two-phase --video-every 0` in the options that stand here and in
 nothing else.
 
 The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
@@ -78,7 +78,7 @@ class Run:
     @property
     def arguments(self) -> tuple[str, ...]:
         """Words for `stiction train`, without the folder. Nobody looks at the clips of an experiment."""
-        return "--preset", "quick", *self.condition.options, "--seed", str(self.seed), "--video-every", "0"
+        return "--preset", "two-phase", *self.condition.options, "--seed", str(self.seed), "--video-every", "0"
 
 
 def condition_of(run: str) -> tuple[str, int]:
