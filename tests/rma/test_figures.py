@@ -39,7 +39,7 @@ def test_explained_share_and_estimator_errors_by_hand() -> None:
     z, star = [[-1.0, 0.0], [1.0, 4.0]], [[-1.0, 1.0], [1.0, 3.0]]
     guess = [[3.0, 4.0, 0.0, 0.9, 0.1], [0.0, 0.0, 0.0, 0.6, 0.4]]
     truth = [[0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0, 1.0]]
-    figures = adaptation_figures(KnownActor(z, star, guess), observation(truth))
+    figures = adaptation_figures(KnownActor(z, star, guess), observation(truth), 2)
     assert figures["latent/explained"] == pytest.approx(0.8)
     assert figures["estimator/velocity_error"] == pytest.approx(2.5)
     assert figures["estimator/contact_error"] == pytest.approx(0.25)
@@ -47,7 +47,7 @@ def test_explained_share_and_estimator_errors_by_hand() -> None:
 
 def test_a_latent_that_does_not_vary_has_no_share() -> None:
     """One robot, or a dead encoder: 0/0 would stop the run as diverged."""
-    figures = adaptation_figures(KnownActor([[1.0]], [[1.0]], [[0.0] * 4]), observation([[0.0] * 4]))
+    figures = adaptation_figures(KnownActor([[1.0]], [[1.0]], [[0.0] * 4]), observation([[0.0] * 4]), 1)
     assert "latent/explained" not in figures
 
 

@@ -151,7 +151,7 @@ def test_student_starts_as_the_teacher_on_its_own_latent(env: LocomotionEnv, tmp
     teacher.iterate()
     actor = teacher.alg.get_policy()
     student = phase(env, tmp_path, "student")
-    student.alg.warm_start(actor.state_dict())
+    student.alg.warm_start(actor.state_dict(), {})
     obs = env.get_observations()
     actor.latent_source = "history"
     torch.testing.assert_close(student.alg.student(obs), actor(obs))
@@ -168,7 +168,7 @@ def test_distillation_brings_the_student_to_the_teacher(env: LocomotionEnv, tmp_
     with torch.no_grad():
         for parameter in teacher.alg.actor.privileged_encoder.parameters():
             parameter.mul_(3.0)
-    student.alg.warm_start(teacher.alg.get_policy().state_dict())
+    student.alg.warm_start(teacher.alg.get_policy().state_dict(), {})
     kept = [p.clone() for p in student.alg.teacher.parameters()]
     losses = [student.iterate() for _ in range(40)]
     for name in ("clone", "adaptation", "estimator"):

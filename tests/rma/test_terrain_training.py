@@ -76,7 +76,7 @@ def test_ratio_is_one_before_the_first_step(tmp_path: Path, iteration: int) -> N
 def test_the_teacher_sees_the_ground_and_the_student_does_not(tmp_path: Path) -> None:
     """A student that peeks at the elevation map climbs in training and nowhere else."""
     teacher, student = phase(tmp_path, "teacher").alg, phase(tmp_path, "student").alg
-    student.warm_start(teacher.get_policy().state_dict())
+    student.warm_start(teacher.get_policy().state_dict(), {})
     obs = phase(tmp_path, "teacher").env.get_observations()
     other = obs.clone()
     for name in ("elevation", "privileged", "explicit"):

@@ -22,6 +22,7 @@ def test_mass_joints_and_limits_are_the_papers(name: str, mass: float, joints: i
     """Table I: every result in fractions of the torque limit rests on these."""
     spec, model = find_robot(name), build_model(find_robot(name))
     assert model.body_mass.sum() == pytest.approx(mass) == spec.mass
+    assert spec.weight == pytest.approx(9.81 * mass) and model.opt.gravity.tolist() == [0.0, 0.0, -9.81]
     assert spec.num_joints == joints == model.nu
     assert tuple(spec.joint_values("torque_limit")[:3]) == limits
     np.testing.assert_array_equal(model.actuator_forcerange[:3, 1], limits)

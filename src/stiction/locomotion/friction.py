@@ -169,7 +169,7 @@ class FrictionCfg:
         return begun[-1]
 
 
-def friction_share(law: str, friction: np.ndarray, spec: RobotSpec, weight: float) -> np.ndarray:
+def friction_share(law: str, friction: np.ndarray, spec: RobotSpec) -> np.ndarray:
     """Return dry friction as a fraction of each joint's torque limit, shape (..., joints): the same at every level.
 
     Args:
@@ -177,9 +177,8 @@ def friction_share(law: str, friction: np.ndarray, spec: RobotSpec, weight: floa
             joint transmits an even share of the robot's weight and no torque.
         friction: torque [N m], or coefficient, of each joint, shape (..., joints).
         spec: the robot.
-        weight: its weight [N].
 
     """
     limit = spec.joint_values("torque_limit")
-    typical = {"effort": limit, "load": weight / len(spec.legs)}.get(law, 1.0)
+    typical = {"effort": limit, "load": spec.weight / len(spec.legs)}.get(law, 1.0)
     return friction / limit * typical

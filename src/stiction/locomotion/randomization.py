@@ -101,8 +101,7 @@ class Randomizer:
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
         self.law = joint_friction(fleet, friction.joint_law)
-        weight = fleet.spec.mass * float(np.linalg.norm(fleet.model.opt.gravity))
-        share = friction_share(friction.law, nominal.frictionloss, fleet.spec, weight)
+        share = friction_share(friction.law, nominal.frictionloss, fleet.spec)
         self.nominal_share = torch.from_numpy(share).float()
         self.base_mass = fleet.spec.base.mass
         cfg.check_robot(fleet.spec)

@@ -17,6 +17,9 @@ JOINT_KINDS = ("hip", "thigh", "shank")
 
 JOINTS_PER_LEG = len(JOINT_KINDS)
 
+GRAVITY = 9.81
+"""Of every robot's model, downward [m/s²]."""
+
 DELAY_SAMPLES = 8
 """Room for delayed controls in every robot's model, in physics steps."""
 
@@ -140,6 +143,11 @@ class RobotSpec:
     def mass(self) -> float:
         """Mass of the whole robot [kg]."""
         return self.base.mass + len(self.legs) * (self.hip_link.mass + self.thigh_link.mass + self.shank_link.mass)
+
+    @property
+    def weight(self) -> float:
+        """Weight of the whole robot [N]."""
+        return self.mass * GRAVITY
 
     def joint_values(self, field: str) -> np.ndarray:
         """Return one field of `JointSpec` for every joint, shape (num_joints,)."""

@@ -16,7 +16,7 @@ from stiction.formats.errors import StictionError
 from stiction.formats.reproducibility import made_by
 
 FLEET = (
-    *("sim/*.py", "joints/pd.py", "robots/*.py", "locomotion/terrain.py"),
+    *("sim/*.py", "joints/pd.py", "robots/*.py", "locomotion/friction.py", "locomotion/terrain.py"),
     *(f"formats/{name}.py" for name in ("contract", "friction", "known_friction", "observation", "reproducibility")),
     *(f"transfer/{name}.py" for name in ("command", "course", "evaluate", "known_friction", "record")),
     *(f"transfer/{name}.py" for name in ("rollout", "metrics")),
@@ -31,7 +31,7 @@ WALKING = (
 
 RUN_WALKING = (
     *(*FLEET, "deploy/observation.py", "rma/models.py", "rma/runner.py"),
-    *(f"locomotion/{name}.py" for name in ("friction", "observations", "privileged")),
+    *("locomotion/observations.py", "locomotion/privileged.py", "locomotion/symmetry.py", "rma/equivariant.py"),
     *(f"transfer/{name}.py" for name in ("export", "latents", "run_evaluation", "teacher", "twin", "ways")),
 )
 """The same of the teacher and the student of a run, both in the simulator of the training."""

@@ -19,7 +19,6 @@ from stiction.formats.friction import MAX_LEVEL, Law
 from stiction.formats.known_friction import kind_average
 from stiction.locomotion.friction import friction_share
 from stiction.robots.spec import RobotSpec
-from stiction.transfer.engines.engine import GRAVITY
 
 Source = Literal["contract", "true", "bench"]
 """Where the friction that is told comes from, if it is not a number."""
@@ -63,7 +62,7 @@ def parse_told(text: str) -> Told:
 
 def nominal_known(contract: Contract, spec: RobotSpec) -> np.ndarray:
     """Return the nominal friction of training as it would be told: mean f/τ_max of each kind of joint, (kinds,)."""
-    share = friction_share(contract.friction_law, contract.array("friction"), spec, spec.mass * GRAVITY)
+    share = friction_share(contract.friction_law, contract.array("friction"), spec)
     return share @ kind_average(contract.joint_names)
 
 
@@ -83,4 +82,4 @@ def told_at(contract: Contract, spec: RobotSpec, told: Told, law: Law, friction:
     average = kind_average(contract.joint_names)
     if not isinstance(told.source, str):
         return np.full((len(friction), average.shape[1]), told.source)
-    return told.factor * friction_share(law.name, friction, spec, spec.mass * GRAVITY) @ average
+    return told.factor * friction_share(law.name, friction, spec) @ average

@@ -15,7 +15,6 @@ from stiction.locomotion.friction import FrictionCfg, friction_share
 from stiction.locomotion.privileged import nominal_privileged
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import load_actor
-from stiction.sim.fleet import Fleet
 from stiction.transfer.evaluate import Evaluation, EvaluationCfg, drive, judge
 from stiction.transfer.export import contract_of
 from stiction.transfer.known_friction import parse_told, told_in_batch
@@ -82,9 +81,8 @@ def walk_run(
     if who == "teacher" and actor.sees_terrain:
         raise StictionError(f"{run}: its teacher sees the ground, which is flat here; evaluate its student")
     if who == "teacher":
-        weight = spec.mass * float(np.linalg.norm(Fleet(spec, 1).model.opt.gravity))
-        nominal = friction_share(contract.friction_law, contract.array("friction"), spec, weight)
-        present = friction_share(cfg.law.name, friction, spec, weight)
+        nominal = friction_share(contract.friction_law, contract.array("friction"), spec)
+        present = friction_share(cfg.law.name, friction, spec)
         privileged = nominal_privileged(told_friction(train.task.friction, nominal, present))
 
     def walk(module: LatentPolicy, name: str, cfg: EvaluationCfg, progress: Progress) -> Evaluation:

@@ -33,7 +33,7 @@ JOINTS, TRAINING = "joints.json", "training.json"
 
 MAKING = (
     *("identify/*.py", "identify/excite/motion.py", "joints/*.py", "robots/*.py", "sim/fall.py", "sim/friction.py"),
-    *("transfer/engines/*.py", "transfer/robot/*.py"),
+    *("formats/advice.py", "formats/following.py", "transfer/engines/*.py", "transfer/robot/*.py"),
     *(
         f"formats/{name}.py"
         for name in ("fit", "friction", "joints", "log", "made", "reproducibility", "sidecar", "training")
