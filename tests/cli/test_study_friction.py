@@ -53,7 +53,7 @@ def test_one_command_trains_evaluates_and_judges(
 def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """If this failed, nobody could see what the experiment is before it takes the machine for a day."""
     assert main(["study", "friction", "--list", "--runs", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.startswith("missing        0%  stiction train --preset quick --robot go1")
+    assert capsys.readouterr().out.startswith("missing        0%  stiction train --preset two-phase --robot go1")
     assert main(["study", "friction", "--runs", str(tmp_path / "nosuch"), "--out", str(tmp_path / "out")]) == 1
     assert "is finished; train them with --train" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

@@ -18,7 +18,7 @@ from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
 
 SMALL = [
-    *("--robot", "go1", "--num-envs", "4", "--json"),
+    *("--preset", "two-phase", "--video-every", "0", "--robot", "go1", "--num-envs", "4", "--json"),
     *("--teacher.iterations", "1", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
     *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
 ]
@@ -243,7 +243,7 @@ def test_bad_input_is_one_line_and_status_one(tmp_path: Path, capsys: pytest.Cap
         (["--checkpoint-every", "0"], "checkpoint_every"),
         (["--video-every", "-1"], "video_every"),
         (["--stop-at-tracking-error", "0"], "stop.tracking_error"),
-        (["--student.iterations", "0"], "student.iterations"),
+        (["--student.iterations", "-1"], "student.iterations"),
         (["--task.commands.interval", "0"], "new commands every 0.0 s"),
         (["--terrain", "stairs", "--task.terrain.speed", "0.3", "inf"], "speed on terrain"),
         (["--stop-at-tracking-error", "0.2", "--stop.terrain-level", "3"], "stop.terrain_level"),

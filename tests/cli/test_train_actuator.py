@@ -19,6 +19,7 @@ from stiction.rma.runner import PhaseRunner
 
 SMALL = [
     *("--robot", "go1", "--num-envs", "4", "--json", "--checkpoint-every", "1", "--method", "none"),
+    *("--preset", "two-phase", "--video-every", "0"),
     *("--teacher.iterations", "2", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
     *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
 ]

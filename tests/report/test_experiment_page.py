@@ -31,7 +31,7 @@ def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) ->
             name = f"coulomb20-{method}" if part == "1" else f"part{part}-{method}"
             options = ("--method", method, "--friction-level", "0.2")
             condition = Condition(name, part, "a purpose", options, tuple(range(seeds)))
-            cfg = parse(["--preset", "quick", *options, "--teacher.iterations", "1", "--student.iterations", "1"])
+            cfg = parse(["--preset", "two-phase", *options, "--teacher.iterations", "1", "--student.iterations", "1"])
             for seed in range(seeds):
                 places.append(Place(Run(condition, seed), cfg.config, folder / f"{name}-s{seed}"))
                 write_run(places[-1])

@@ -17,6 +17,7 @@ warp.config.optimization_level = 0  # Compiling takes longer than all that is co
 
 SMALL = [
     *("--robot", "go1", "--num-envs", "4", "--terrain", "slopes", "--friction-level", "0.1", "--checkpoint-every", "1"),
+    *("--preset", "two-phase", "--video-every", "0"),
     *("--teacher.iterations", "2", "--teacher.steps", "4", "--teacher.mini-batches", "2"),
     *("--student.iterations", "1", "--student.steps", "4", "--student.mini-batches", "2"),
 ]

@@ -19,17 +19,21 @@ from stiction.rma.config import PRESETS, TrainCfg, preset
 if TYPE_CHECKING:
     from stiction.rma.run import RunDirectory
 
-DESCRIPTION = """Train a teacher (PPO, sees everything) and its student (sees what the robot measures) for a robot.
+DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
-A first look, some ten minutes on two cores; then results, some twenty:
+A first look, some ten minutes of one core; then results, some twenty:
   stiction train --preset quick --method deception --friction-level 0.2 --out runs/first
   stiction train --method deception --friction-level 0.2 --out runs/deception
+These learn in one phase. The paper's two, a teacher (PPO, sees everything) and its student (behaviour cloning):
+  stiction train --preset two-phase --method deception --friction-level 0.2 --out runs/paper
+On terrain take that one: its teacher sees the ground, and what one phase learns there has not been tried.
 
 Watch it: the terminal shows the time left and how the robots walk (`nohup stiction train ... 2> train.log &` writes a
 line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
-terms), walk/* (tracking error, tripod share, falls), latent/explained (1: the history tells all that the privileged
-encoder says), estimator/velocity_error [m/s], friction/low, high and mean (multipliers of the nominal friction),
-terrain/*. A short clip of the policy at 0.5 m/s appears in clips/ every 100 iterations.
+terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
+privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
+(multipliers of the nominal friction), terrain/*. A short clip of the policy at 0.5 m/s appears in clips/ every 100
+iterations.
 
 Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
 iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for

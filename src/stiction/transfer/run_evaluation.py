@@ -74,6 +74,10 @@ def walk_run(
     directory = RunDirectory(run)
     header, train = directory.header(), directory.config()
     directory.check_finished(who)
+    if who == "teacher" and train.teacher.latent == "history":
+        raise StictionError(
+            f"{run} has one phase and no teacher; evaluate its student, or train with --preset two-phase"
+        )
     contract = contract_of(train, header)
     spec, actor = robot_of(contract, contract.robot), load_actor(directory, who)
     privileged, friction = None, friction_at(contract, cfg.robot_levels, cfg.law)

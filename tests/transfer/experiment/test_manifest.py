@@ -41,7 +41,7 @@ def test_no_two_conditions_are_the_same_run() -> None:
 
 def test_part_one_is_the_runs_that_were_begun_by_hand() -> None:
     """If this failed, runs that exist would be trained again: the commands must be these, word by word."""
-    words = "--preset quick --method direct --friction-level 0.2 --seed 3 --video-every 0"
+    words = "--preset two-phase --method direct --friction-level 0.2 --seed 3 --video-every 0"
     assert [" ".join(r.arguments) for r in runs_of(["1"]) if r.name == "coulomb20-direct-s3"] == [words]
     methods = ["none", "direct", "deception"]
     assert [r.name for r in runs_of(["1"])] == [f"coulomb20-{m}-s{seed}" for seed in range(5) for m in methods]
@@ -49,13 +49,13 @@ def test_part_one_is_the_runs_that_were_begun_by_hand() -> None:
 
 def test_budget_is_the_same_unless_it_is_the_question() -> None:
     """If this failed, a method would win by training longer."""
-    quick = PRESETS["quick"]
+    budget = PRESETS["two-phase"]
     for name, cfg in CONFIGURED.items():
         factor = 3 if name.endswith("-long") else 1
         student = 3 if name == "coulomb20-deception-student240" else factor
-        assert cfg.teacher.iterations == factor * quick.teacher.iterations, name
-        assert cfg.student.iterations == student * quick.student.iterations, name
-        assert (cfg.num_envs, cfg.teacher.steps) == (quick.num_envs, quick.teacher.steps), name
+        assert cfg.teacher.iterations == factor * budget.teacher.iterations, name
+        assert cfg.student.iterations == student * budget.student.iterations, name
+        assert (cfg.num_envs, cfg.teacher.steps) == (budget.num_envs, budget.teacher.steps), name
 
 
 def test_what_is_varied_is_what_the_purpose_says() -> None:

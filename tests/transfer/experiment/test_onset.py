@@ -19,7 +19,7 @@ def test_the_onset_is_interpolated() -> None:
 
 def test_axes_by_hand() -> None:
     """Shank 45 N m, kp 100, action scale 0.25, σ 0.8: level 0.2 is 0.09 rad, and 9 / 20 of the first actions."""
-    scales = axis_scales(parse(["--preset", "quick"]).config)
+    scales = axis_scales(parse(["--preset", "two-phase"]).config)
     assert [0.2 * scales[axis] for axis in AXES] == pytest.approx([0.2, 0.09, 0.45])
 
 
@@ -55,7 +55,7 @@ def test_missing_onsets_decide_nothing() -> None:
 def test_onset_is_that_of_the_slower_direction_over_seeds() -> None:
     """Backward, means of two seeds: 0.99 at 0, 0.63 at 20 %, so 0.8 at 0.2 * 0.19 / 0.36; forward is faster."""
     rows = condition_rows("coulomb20-deception", {0.0: (1.2, 1.0), 0.2: (0.9, 0.5)}, backward=0.9)
-    cfg = parse(["--preset", "quick"]).config
+    cfg = parse(["--preset", "two-phase"]).config
     found = onsets(Table.of(rows), {"coulomb20-deception": cfg})
     assert [o.condition for o in found] == ["coulomb20-deception"]
     assert found[0].level == pytest.approx(0.2 * 0.19 / 0.36)

@@ -76,7 +76,7 @@ def test_the_cache_can_lie_elsewhere(tmp_path: Path, walked: list) -> None:
 
 def test_levels_follow_the_torque_and_hold_the_mean_of_training() -> None:
     """Twice the limit at half the level is the same friction in N m; a mixture's mean, 0.16, is evaluated too."""
-    quick = ["--preset", "quick", "--friction-level"]
+    quick = ["--preset", "two-phase", "--friction-level"]
     doubled = settings_for(parse([*quick, "0.1", "--robot", "saturn_lite@torque=2"]).config)
     assert doubled.friction_levels == pytest.approx([level / 2 for level in LEVELS])
     mixture = ["--task.friction.mixture", "0.2", "0", "0", "0.8", "1", "1"]
@@ -85,11 +85,11 @@ def test_levels_follow_the_torque_and_hold_the_mean_of_training() -> None:
 
 def test_a_policy_is_evaluated_under_its_own_law() -> None:
     """Trained with 0.1 (|F| + |T|), U(0, 1.2): its coefficients, and the mean 0.06; nothing in torque limits."""
-    found = settings_for(parse(["--preset", "quick", "--friction-law", "load", "--friction-level", "0.1"]).config)
+    found = settings_for(parse(["--preset", "two-phase", "--friction-law", "load", "--friction-level", "0.1"]).config)
     assert found.friction_law == "load" and found.friction_levels == (0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.3, 0.442)
 
 
 def test_a_run_with_the_robots_own_friction_is_refused() -> None:
     """If this failed, a level that differs from joint to joint would be reported as one number."""
     with pytest.raises(StictionError, match="--friction-level"):
-        settings_for(parse(["--preset", "quick", "--method", "direct"]).config)
+        settings_for(parse(["--preset", "two-phase", "--method", "direct"]).config)

@@ -1,8 +1,8 @@
 """Every run of the experiment, with the reason for it. Data; what is computed from it stands elsewhere.
 
-All conditions have the preset `two-phase`, without its clips: the same budget, no early stop. Three ask what three times
-as much would do. They differ from `stiction train --preset two-phase --video-every 0` in the options that stand here and in
-nothing else.
+All conditions have the preset `two-phase`, without its clips: the same budget, no early stop. Three ask what three
+times as much would do. They differ from `stiction train --preset two-phase --video-every 0` in the options that stand
+here and in nothing else.
 
 The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
 kp · action scale · σ = 100 N m/rad · 0.25 rad · 0.8 = 20 N m, one standard deviation, against 5 N m (hip, thigh) and
