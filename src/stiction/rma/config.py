@@ -278,7 +278,7 @@ _ONE_PHASE = replace(
     teacher=TeacherCfg(latent="history", iterations=1000, final_std=0.2, velocity_weight=10.0),
     student=StudentCfg(iterations=0),
     network=NetworkCfg(estimator_frame=32, estimator=(128, 64)),
-    symmetry="half",
+    symmetry="network",
 )
 
 PRESETS = {
