@@ -76,7 +76,7 @@ def main(arguments: list[str]) -> int:
 
     note, origin = Console(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")
-    base = replace(preset("full", options.device), num_envs=options.num_envs)
+    base = replace(preset("two-phase", options.device), num_envs=options.num_envs)
     cfg = bench_cfg(base, options.method, options.friction_level)
     friction = replace(cfg.task.friction, law=options.friction_law)
     terrain = replace(cfg.task.terrain, kind=options.terrain)

@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
 
-A first look, some ten minutes of one core; then results, some twenty:
+A first look, some ten minutes of one core; then results, some twenty-five:
   stiction train --preset quick --method deception --friction-level 0.2 --out runs/first
   stiction train --method deception --friction-level 0.2 --out runs/deception
 These learn in one phase. The paper's two, a teacher (PPO, sees everything) and its student (behaviour cloning):
   stiction train --preset two-phase --method deception --friction-level 0.2 --out runs/paper
-On terrain take that one: its teacher sees the ground, and what one phase learns there has not been tried.
+Terrain wants that one: its teacher sees the ground.
 
 Watch it: the terminal shows the time left and how the robots walk (`nohup stiction train ... 2> train.log &` writes a
 line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
@@ -142,6 +142,7 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
     from stiction.locomotion.device import find_device
     from stiction.rma.run import RunDirectory
     from stiction.robots.catalog import find_robot
+    from stiction.robots.mirror import robot_mirror
 
     cfg = options.config
     if options.friction_from is not None:
@@ -153,6 +154,8 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
         )
     cfg.task.randomization.check_robot(find_robot(cfg.task.robot))
     find_device(cfg.device, cfg.contacts)
+    if cfg.symmetry != "none":
+        robot_mirror(find_robot(cfg.task.robot))
     identified = _identified(cfg.joints, cfg.task.robot)
     command = shlex.join(["stiction", "train", *arguments])
     return RunDirectory.create(options.out, cfg, command, identified), cfg

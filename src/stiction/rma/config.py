@@ -165,7 +165,7 @@ class StopCfg:
 
 @dataclass(frozen=True)
 class TrainCfg:
-    """One training run: a teacher, then its student."""
+    """One training run: a first phase by PPO, and where it has iterations a second one that makes the student."""
 
     task: TaskCfg = field(default_factory=TaskCfg)
     network: NetworkCfg = field(default_factory=NetworkCfg)
@@ -223,7 +223,7 @@ class TrainCfg:
             raise StictionError(f"video_every is {self.video_every}; expected a number of iterations, or 0 for none")
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             samples = self.num_envs * cfg.steps
-            if samples < cfg.mini_batches:
+            if samples < max(cfg.mini_batches, 2 * self.teacher.mini_batches * (self.symmetry == "half")):
                 raise StictionError(
                     f"{phase}: {samples} samples a rollout for {cfg.mini_batches} mini-batches; use more robots"
                 )
@@ -236,8 +236,13 @@ class TrainCfg:
     def _check_phases(self) -> None:
         """Refuse phases that nobody could mean."""
         teacher, student = self.teacher, self.student
-        if student.iterations == 0 and teacher.latent == "alternate" and self.task.terrain.kind != "flat":
+        if student.iterations == 0 and teacher.latent != "history" and self.task.terrain.kind != "flat":
             raise StictionError("student.iterations is 0, and on terrain a teacher that sees the ground is no student")
+        if self.task.terrain.kind != "flat" and (teacher.latent == "history" or student.algorithm == "ppo"):
+            raise StictionError(
+                f"on terrain {self.task.terrain.kind!r} one phase, and PPO on the student, have no encoder of the "
+                "ground to learn from; use --preset two-phase"
+            )
         if teacher.latent == "history" and student.iterations and student.algorithm == "distill":
             raise StictionError(
                 f"with --teacher.latent history there is no teacher to distil for {student.iterations} iterations; "
@@ -251,6 +256,11 @@ class TrainCfg:
         for name, std in (("teacher.final_std", teacher.final_std), ("network.initial_std", self.network.initial_std)):
             if std is not None and not low <= std <= high:
                 raise StictionError(f"{name} is {std}; expected a standard deviation from {low} to {high}")
+        if teacher.final_std is not None and teacher.final_std > self.network.initial_std:
+            raise StictionError(
+                f"teacher.final_std {teacher.final_std} is above network.initial_std {self.network.initial_std}: noise "
+                "falls, it does not grow"
+            )
         if not teacher.velocity_weight > 0:
             raise StictionError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
 

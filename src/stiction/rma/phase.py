@@ -89,7 +89,9 @@ class PhaseRunner(OnPolicyRunner):
         if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
             self.alg.symmetry.remembered = self.alg.actor.remembered
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
-        self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1)
+        noise = self.rl_cfg["algorithm"].get("noise")
+        quiet = noise[2] if noise is not None and self.phase == "teacher" else 0
+        self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, quiet)
 
     @property
     def finished(self) -> bool:
@@ -149,8 +151,9 @@ class PhaseRunner(OnPolicyRunner):
     def _policy_figures(self) -> dict[str, float]:
         """Return what the updated policy is like."""
         policy = self.alg.get_policy()
-        figures = {"action_std": float(policy.distribution.std_param.detach().mean())}
-        if self.phase == "teacher":
+        distribution = policy.distribution
+        figures = {"action_std": float(distribution.std_param.detach().clamp(*distribution.std_range).mean())}
+        if isinstance(self.alg, AdaptationPPO):
             figures["kl"] = self.alg.kl
         if not all(bool(parameter.isfinite().all()) for parameter in policy.parameters()):
             figures["parameters"] = math.nan
@@ -163,7 +166,7 @@ class PhaseRunner(OnPolicyRunner):
         diagnosis = self.health.check(it, row)
         if diagnosis is not None:
             raise StictionError(self._describe(diagnosis))
-        self.stopped = self.early_stop.check(row)
+        self.stopped = self.early_stop.check(row, it)
         self.run.log({"phase": self.phase, "iteration": it, **row})
         self.board.add(it, figures)
         self.progress(self.phase, it, self.iterations, figures)
@@ -256,4 +259,4 @@ class PhaseRunner(OnPolicyRunner):
             if row["phase"] == self.phase and row["iteration"] <= tree["iteration"]:
                 figures = {name: value for name, value in row.items() if name not in ("phase", "iteration")}
                 self.health.check(row["iteration"], figures)
-                self.early_stop.check(figures)
+                self.early_stop.check(figures, row["iteration"])

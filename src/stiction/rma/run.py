@@ -114,7 +114,7 @@ class RunDirectory:
         iterations = {"teacher": cfg.teacher.iterations, "student": cfg.student.iterations}[phase]
         iterations = self.summary().get("stopped", {}).get(phase, {}).get("iteration", iterations)
         stands = int(newest.stem.rpartition("_")[2]) if newest else 0
-        if stands != iterations:
+        if newest is None or stands != iterations:
             raise StictionError(
                 f"{self.path} is not finished, its {phase} stands at iteration {stands} of {iterations}; "
                 f"finish it with `stiction train --resume {self.path}`"

@@ -1,4 +1,4 @@
-"""Runs the training: a teacher by PPO, then its student by distillation, resumable at every checkpoint."""
+"""Runs the training: a first phase by PPO, and the student after it, resumable at every checkpoint."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def groups(cfg: TrainCfg) -> list[str]:
     return [*GROUPS, ELEVATION] if cfg.task.terrain.kind != "flat" else GROUPS
 
 
-def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
-    """Return rsl_rl's configuration of the named actors."""
+def _models(cfg: TrainCfg, *names: str, loudest: float = STD_RANGE[1]) -> dict[str, Any]:
+    """Return rsl_rl's configuration of the named actors; `loudest`: bound of their actions' standard deviation."""
     net = cfg.network
     actor: dict[str, Any] = {
         "class_name": "stiction.rma.models:RMAActor",
@@ -51,7 +51,7 @@ def _models(cfg: TrainCfg, *names: str) -> dict[str, Any]:
         "distribution_cfg": {
             "class_name": "GaussianDistribution",
             "init_std": net.initial_std,
-            "std_range": STD_RANGE,
+            "std_range": (STD_RANGE[0], loudest),
         },
     }
     return {name: copy.deepcopy(actor) for name in names}  # rsl_rl takes its configuration apart while it reads it
@@ -106,7 +106,7 @@ def distillation_cfg(cfg: TrainCfg) -> dict[str, Any]:
         "symmetry": cfg.symmetry,
         "num_steps_per_env": student.steps,
         "obs_groups": {"student": groups(cfg), "teacher": groups(cfg)},
-        **_models(cfg, "student", "teacher"),
+        **_models(cfg, "student", "teacher", loudest=cfg.teacher.final_std or STD_RANGE[1]),
         "algorithm": {
             "class_name": "stiction.rma.distillation:StudentDistillation",
             "num_learning_epochs": student.epochs,

@@ -14,16 +14,20 @@ Row = Mapping[str, float]
 class EarlyStop:
     """Averages the last iterations of one phase. Given the same rows it says the same: a resumed run too."""
 
-    def __init__(self, cfg: StopCfg, last_stage: int) -> None:
-        """`last_stage`: number of the friction stage that every averaged iteration must belong to."""
-        self.cfg, self.last_stage = cfg, last_stage
+    def __init__(self, cfg: StopCfg, last_stage: int, not_before: int = 0) -> None:
+        """Remember which iterations count.
+
+        `last_stage`: number of the friction stage that every averaged iteration must belong to; `not_before`: the first
+        iteration that counts, that from which a robot walks with its least noise.
+        """
+        self.cfg, self.last_stage, self.not_before = cfg, last_stage, not_before
         self._rows: deque[Row] = deque(maxlen=cfg.iterations)
 
-    def check(self, row: Row) -> dict[str, float] | None:
+    def check(self, row: Row, iteration: int = 0) -> dict[str, float] | None:
         """Take the figures of an iteration; return the means that met the target, or None."""
         if self.cfg.tracking_error is None:
             return None
-        if row["friction/stage"] != self.last_stage:
+        if row["friction/stage"] != self.last_stage or iteration < self.not_before:
             self._rows.clear()
             return None
         self._rows.append(row)
