@@ -64,3 +64,16 @@ def test_targets_that_mean_nothing_are_refused(bad: dict) -> None:
     """A level alone would never stop anything."""
     with pytest.raises(StictionError, match="stop"):
         StopCfg(**bad)
+
+
+def test_a_loud_walk_does_not_end_a_phase() -> None:
+    """What is deployed walks without noise: a target that was met with it is not met."""
+    rule = EarlyStop(StopCfg(tracking_error=0.1, iterations=2), 0, not_before=3)
+    assert [rule.check(row(0.05), number) is not None for number in range(6)] == [
+        False,
+        False,
+        False,
+        False,
+        True,
+        True,
+    ]

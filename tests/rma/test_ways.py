@@ -9,6 +9,7 @@ from stiction.formats.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.board import Board
 from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
 from stiction.rma.config import StopCfg, StudentCfg, TeacherCfg, TrainCfg
@@ -161,6 +162,13 @@ def test_only_these_robots_walk_with_noise(noise: str, loud: int, env: Locomotio
     assert int(((actions - runner.alg.student(obs)).abs().amax(-1) > 1e-6).sum()) == loud
 
 
+def test_the_logged_noise_is_what_walked(env: LocomotionEnv, tmp_path) -> None:
+    """Not the free parameter above its bound: health, curves and people read it."""
+    runner = runner_of(ONE_PHASE, env, tmp_path)
+    runner.alg.actor.distribution.std_range = [0.05, 0.3]
+    assert runner._policy_figures()["action_std"] == pytest.approx(0.3)
+
+
 def test_one_phase_leaves_a_student_that_can_be_deployed(tmp_path) -> None:
     """The policy that walked is the student: same weights, on its own latent, in the file that export reads."""
     run = RunDirectory.create(tmp_path / "run", ONE_PHASE, "test", None)
@@ -199,6 +207,8 @@ def test_ppo_goes_on_from_the_teacher_on_the_students_own_latent(env: Locomotion
         ({"teacher": TeacherCfg(latent="history", final_std=0.0)}, "final_std"),
         ({"teacher": TeacherCfg(latent="history", velocity_weight=0.0)}, "velocity_weight"),
         ({"student": StudentCfg(iterations=-1)}, "student.iterations"),
+        ({"teacher": TeacherCfg(latent="history", final_std=1.0)}, "noise"),
+        ({"task": replace(TASK, terrain=TerrainCfg(kind="stairs"))}, "encoder of the ground"),
     ],
 )
 def test_phases_that_nobody_could_mean_are_refused(change: dict, named: str) -> None:
