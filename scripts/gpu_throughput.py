@@ -21,9 +21,7 @@ from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.device import find_device
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
-
-CONTACTS = 32
-"""Room for contacts a robot, as in training."""
+from stiction.rma.config import TrainCfg
 
 
 def seconds(work: Callable[[], object], times: int) -> float:
@@ -39,7 +37,7 @@ def seconds(work: Callable[[], object], times: int) -> float:
 def measure(device: str, robots: int, times: int = 50) -> dict[str, float]:
     """Return the figures of a fleet of `robots` on flat ground with friction up to 24 % of the torque limit."""
     task = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))
-    env = LocomotionEnv(task, robots, 0, num_threads(), None, find_device(device, CONTACTS))
+    env = LocomotionEnv(task, robots, 0, num_threads(), None, find_device(device, TrainCfg().contacts))
     simulation, steps = env.fleet.simulation, task.decimation
     start = time.perf_counter()
     for _ in range(4):

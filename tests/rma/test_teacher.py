@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from rollouts import rollout
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
@@ -38,16 +39,6 @@ def phase(env: LocomotionEnv, tmp_path, name: str = "teacher", cfg: TrainCfg = C
     settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
     iterations = cfg.teacher.iterations if name == "teacher" else cfg.student.iterations
     return PhaseRunner(name, env, run, settings, iterations, (100, 0), cfg.stop, Board(tmp_path / "tb"))
-
-
-def rollout(runner: PhaseRunner) -> None:
-    """Fill the storage."""
-    with torch.no_grad():
-        obs = runner.env.get_observations()
-        for _ in range(runner.cfg["num_steps_per_env"]):
-            obs, reward, dones, extras = runner.env.step(runner.alg.act(obs))
-            runner.alg.process_env_step(obs, reward, dones, extras)
-        runner.alg.compute_returns(obs)
 
 
 @pytest.mark.parametrize("iteration", [0, 1])

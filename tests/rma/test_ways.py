@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from rollouts import rollout
 from stiction.formats.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
@@ -42,16 +43,6 @@ def runner_of(cfg: TrainCfg, env: LocomotionEnv, tmp_path, name: str = "teacher"
     settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
     board, run = Board(tmp_path / "board"), RunDirectory(tmp_path)
     return PhaseRunner(name, env, run, settings, 4, (10, 0), StopCfg(), board)
-
-
-def rollout(runner: PhaseRunner) -> None:
-    """Collect one rollout, without an update."""
-    obs = runner.env.get_observations()
-    with torch.no_grad():
-        for _ in range(runner.cfg["num_steps_per_env"]):
-            obs, *rest = runner.env.step(runner.alg.act(obs))
-            runner.alg.process_env_step(obs, *rest)
-        runner.alg.compute_returns(obs)
 
 
 @pytest.mark.parametrize("cfg", [ONE_PHASE, GROUPS, IN_TURN], ids=["history", "groups", "alternate"])

@@ -152,10 +152,11 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
             f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
             "use --method none, or a level above 0"
         )
-    cfg.task.randomization.check_robot(find_robot(cfg.task.robot))
+    robot = find_robot(cfg.task.robot)
+    cfg.task.randomization.check_robot(robot)
     find_device(cfg.device, cfg.contacts)
     if cfg.symmetry != "none":
-        robot_mirror(find_robot(cfg.task.robot))
+        robot_mirror(robot)
     identified = _identified(cfg.joints, cfg.task.robot)
     command = shlex.join(["stiction", "train", *arguments])
     return RunDirectory.create(options.out, cfg, command, identified), cfg

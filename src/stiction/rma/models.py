@@ -170,17 +170,21 @@ class RMAActor(MLPModel):
         supervised = {id(parameter) for parameter in self.supervised_parameters()}
         return [parameter for parameter in self.parameters() if id(parameter) not in supervised]
 
-    def latents(self, obs: TensorDict) -> tuple[torch.Tensor, torch.Tensor]:
-        """Return z, held fixed, and z*, each (N, latent)."""
-        with torch.no_grad():
+    @property
+    def std(self) -> torch.Tensor:
+        """Standard deviation of the actions, (joints,): the parameter within the bounds of the moment, no gradient."""
+        return self.distribution.std_param.detach().clamp(*self.distribution.std_range)
+
+    def latents(self, obs: TensorDict, both_ways: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return z, held fixed unless `both_ways`, and z*, each (N, latent)."""
+        with torch.set_grad_enabled(both_ways and torch.is_grad_enabled()):
             target = self.privileged_encoder(obs["privileged"])
         return target, self.adaptation(obs["history"])
 
     def adaptation_loss(self, obs: TensorDict, both_ways: bool = False) -> torch.Tensor:
         """L_ada = MSE(z, z*), z held fixed unless `both_ways`."""
-        with torch.set_grad_enabled(both_ways and torch.is_grad_enabled()):
-            target = self.privileged_encoder(obs["privileged"])
-        return nn.functional.mse_loss(self.adaptation(obs["history"]), target)
+        target, guess = self.latents(obs, both_ways)
+        return nn.functional.mse_loss(guess, target)
 
     def terrain_loss(self, obs: TensorDict) -> torch.Tensor:
         """L_hist = MSE(e_t*, f_hist(o_H)), e_t* held fixed."""
@@ -191,8 +195,6 @@ class RMAActor(MLPModel):
     def estimator_loss(self, obs: TensorDict, velocity_weight: float = 1.0) -> torch.Tensor:
         """L_est = mean of w (o_exp* - o_exp)², w = `velocity_weight` for the base's velocity and 1 for contacts."""
         error = (self.estimator(obs["history"]) - obs["explicit"]).square()
-        if velocity_weight == 1.0:
-            return error.mean()
         return error.mean() + (velocity_weight - 1.0) * error[:, :VELOCITY].sum(-1).mean() / error.shape[-1]
 
 

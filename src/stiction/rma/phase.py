@@ -89,8 +89,7 @@ class PhaseRunner(OnPolicyRunner):
         if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
             self.alg.symmetry.remembered = self.alg.actor.remembered
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
-        noise = self.rl_cfg["algorithm"].get("noise")
-        quiet = noise[2] if noise is not None and self.phase == "teacher" else 0
+        quiet = self.alg.quiet_from if isinstance(self.alg, AdaptationPPO) else 0
         self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, quiet)
 
     @property
@@ -151,8 +150,7 @@ class PhaseRunner(OnPolicyRunner):
     def _policy_figures(self) -> dict[str, float]:
         """Return what the updated policy is like."""
         policy = self.alg.get_policy()
-        distribution = policy.distribution
-        figures = {"action_std": float(distribution.std_param.detach().clamp(*distribution.std_range).mean())}
+        figures = {"action_std": float(policy.std.mean())}
         if isinstance(self.alg, AdaptationPPO):
             figures["kl"] = self.alg.kl
         if not all(bool(parameter.isfinite().all()) for parameter in policy.parameters()):

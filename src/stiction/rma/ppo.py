@@ -67,7 +67,7 @@ class AdaptationPPO(PPO):
             self.room["walks_blind"] = blind.float()[:, None].to(self.device)
         self.iteration = 0
         self.kl = 0.0
-        self.actor.adapts = self.actor.blind = latent == "history"
+        self.actor.adapts = latent == "history"
         policy = chain(self.actor.policy_parameters(), self.critic.parameters())
         self.optimizer = torch.optim.Adam(policy, lr=self.learning_rate)
         self.adaptation_optimizer = torch.optim.Adam(self._supervised_parameters(), lr=adaptation_learning_rate)
@@ -104,6 +104,11 @@ class AdaptationPPO(PPO):
         self._prepare_rollout()
         return losses
 
+    @property
+    def quiet_from(self) -> int:
+        """Iteration from which robots walk with the least noise of the phase."""
+        return 0 if self.noise is None else self.noise[2]
+
     def _prepare_rollout(self) -> None:
         """Set where the next rollout's latent comes from, and how much noise it may have."""
         in_turn = self.alternate > 0 and self.iteration % self.alternate == self.alternate - 1
@@ -122,7 +127,7 @@ class AdaptationPPO(PPO):
         storage, distribution = self.storage, self.actor.distribution
         with torch.no_grad():
             mean = self.actor(storage.observations[-1])
-            std = distribution.std_param.clamp(*distribution.std_range).expand_as(mean)
+            std = self.actor.std.expand_as(mean)
             before = tuple(parameter[-1] for parameter in storage.distribution_params)
             return float(distribution.kl_divergence(before, (mean, std)).mean())
 

@@ -63,8 +63,8 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
     first = phase == "teacher"
     noise = None
     if teacher.final_std is not None:
-        start = net.initial_std if first else teacher.final_std
-        noise = (start, teacher.final_std, round(QUIET_FROM * teacher.iterations))
+        end = teacher.final_std
+        noise = (net.initial_std, end, round(QUIET_FROM * teacher.iterations)) if first else (end, end, 0)
     fewer = 2 if cfg.symmetry == "half" else 1
     return {
         "symmetry": cfg.symmetry,
