@@ -13,7 +13,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
-# One thread policy (formats/reproducibility.py): the libraries' own pools have one thread, the simulator and torch are
+# One thread policy (core/provenance.py): the libraries' own pools have one thread, the simulator and torch are
 # given STICTION_THREADS, or every core.
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
@@ -32,7 +32,7 @@ endif
 help:
 	@echo "make demo    run the whole line on small real input; prints where the report is (ARGS=\"--train\" trains its own)"
 	@echo "make test    run every test (ARGS=\"-m 'not slow'\" leaves out the slow ones)"
-	@echo "make check   lint, formatting and types"
+	@echo "make check   lint, formatting, types and the walls of the house"
 	@echo "make bench   measure the throughput ratios on this machine"
 	@echo "make format  format the code"
 	@echo "make lock    write requirements.lock from what .venv holds"
@@ -49,6 +49,7 @@ check: $(READY)
 	$(BIN)/ruff check src tests scripts
 	$(BIN)/ruff format --check src tests scripts
 	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
 
 bench: $(READY)
 	$(BIN)/stiction bench $(ARGS)

@@ -16,7 +16,7 @@ from collections.abc import Callable
 import torch
 import warp as wp
 
-from stiction.formats.reproducibility import num_threads
+from stiction.core.provenance import num_threads
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.device import find_device
 from stiction.locomotion.env import LocomotionEnv

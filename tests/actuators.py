@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stiction.formats.actuator import ActuatorNet
-from stiction.joints.actuator import kinds
+from stiction.joints.net import ActuatorNet, kinds
 from stiction.robots.catalog import find_robot
 
 

@@ -12,10 +12,8 @@ import pytest
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS
-from stiction.formats.bundle import FILES, write_bundle
-from stiction.formats.contract import Contract
-from stiction.formats.golden import Golden
-from stiction.formats.observation import proprioception
+from stiction.formats.bundle import FILES, Golden, write_bundle
+from stiction.formats.contract import Contract, proprioception
 from stiction.formats.wear import WearModel
 from stiction.robots.catalog import find_robot
 

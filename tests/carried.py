@@ -8,7 +8,7 @@ import numpy as np
 
 from stiction.formats.log import Log
 from stiction.identify.example import Excitation, Motor, SensorNoise, example_log
-from stiction.joints.gravity import Gravity
+from stiction.joints.simulate import Gravity
 
 QUIET = SensorNoise.white(0.0, 0.0)
 

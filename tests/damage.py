@@ -23,7 +23,7 @@ import numpy as np
 from mcap.writer import CompressionType
 
 import logfiles
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.log import Log
 from stiction.identify.logs import open_log
 

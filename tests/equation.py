@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stiction.identify.rows import Rows
+from stiction.identify.prepare import Rows
 from stiction.identify.setup import Payload
 
 

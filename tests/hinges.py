@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from stiction.transfer.engines.engine import Body, Motion
-from stiction.transfer.engines.ground import Ground
+from stiction.engines.engine import Body, Motion
+from stiction.engines.ground import Ground
 
 
 class Hinges:

@@ -7,12 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stiction.cli.train import parse
-from stiction.formats.configuration import to_plain
-from stiction.formats.experiment import CurvePoint
+from stiction.core.records import to_plain
 from stiction.formats.results import ResultRow
-from stiction.transfer.experiment.manifest import Condition, Run
-from stiction.transfer.experiment.places import Place
+from stiction.rma.arguments import parse
+from stiction.studies.friction.manifest import Condition, Place, Run
+from stiction.studies.friction.records import CurvePoint
 
 
 def row(policy: str, level: float, command: str, ratio: float | None, **columns: Any) -> ResultRow:

@@ -17,8 +17,8 @@ pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is
 
 from stiction.deploy.check import check_bundle
 from stiction.deploy.policy import load_policy
-from stiction.transfer.rollout import Rollout
-from stiction.transfer.walk import LogNoiseCfg, measure_walk, record_motion
+from stiction.evaluate.rollout import Rollout
+from stiction.evaluate.walk_logs import LogNoiseCfg, measure_walk, record_motion
 
 SPEC = find_robot("saturn_lite")
 

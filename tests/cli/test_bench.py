@@ -51,7 +51,7 @@ def test_the_summary_says_what_the_ratios_were_computed_from(capsys: pytest.Capt
 
 def test_a_device_without_a_bare_counterpart_has_rates_and_no_ratios() -> None:
     """A ratio of two devices would say nothing about what the task costs."""
-    from stiction.transfer.bench import Timing
+    from stiction.evaluate.throughput import Timing
 
     summary = Timing(bare=(), rollout=(10.0, 30.0, 20.0), iteration=(8.0, 6.0, 7.0)).summary()
     assert summary["rollout_ratio"] is None and summary["iteration_ratio"] is None and summary["spread"] == {}
@@ -64,8 +64,8 @@ def test_a_device_without_a_bare_counterpart_has_rates_and_no_ratios() -> None:
 @pytest.mark.parametrize("with_net", [False, True])
 def test_the_replay_leaves_the_task_as_it_was(with_net: bool) -> None:
     """A robot that was never replayed and one that was take the same next steps, resets included; also with a net."""
+    from stiction.evaluate.throughput import _timed_replay, _timed_rollout
     from stiction.locomotion.env import LocomotionEnv
-    from stiction.transfer.bench import _timed_replay, _timed_rollout
 
     cfg, net = TaskCfg(robot="go1", episode=0.3), pd_net("go1") if with_net else None
     replayed, untouched = (LocomotionEnv(cfg, num_envs=4, seed=1, actuator=net) for _ in range(2))

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.cli.terminal import print_rows
 from stiction.formats.results import ResultRow, read_results
+from stiction.report.terminal import print_rows
 
 WITHOUT = """
 import sys
@@ -152,7 +152,7 @@ def test_demo_runs_without_torch(bundle: Path, tmp_path: Path, monkeypatch: pyte
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["nothing"], "does not exist"),
+        (["nothing"], "unknown policy 'nothing'"),
         (["{bundle}", "--friction-levels", "2"], "friction level"),
         (["{bundle}", "--commands", "forward"], "not understood"),
         (["{bundle}", "{bundle}"], "two bundles"),

@@ -106,7 +106,7 @@ def test_warnings_of_an_identification_stand_on_the_page(tmp_path: Path) -> None
 def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three quarters of an hour of training must survive an interruption."""
     train = pytest.importorskip("stiction.cli.train", reason="the extra 'train' is needed to train")
-    export = pytest.importorskip("stiction.transfer.export", reason="the extra 'train' is needed to export")
+    export = pytest.importorskip("stiction.evaluate.export", reason="the extra 'train' is needed to export")
     called: list[list[str]] = []
     monkeypatch.setattr(train, "main", lambda arguments: called.append(arguments))
     monkeypatch.setattr(export, "export_run", lambda run, bundle: bundle.mkdir(parents=True))

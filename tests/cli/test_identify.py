@@ -90,7 +90,7 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
     ("arguments", "said"),
     [
         (["none.csv"], "no log at"),
-        (["swing.csv", "--joint", "hip"], "no joint 'hip'"),
+        (["swing.csv", "--joint", "hip"], "unknown joint 'hip'"),
         (["swing.csv", "--columns", "position"], "ROLE=NAME"),
         (["swing.csv", "--torque-scale", "-1"], "must be positive"),
         (["swing.csv", "--kp", "-3"], "kp -3.0"),

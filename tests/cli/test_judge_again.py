@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
+from stiction.core.records import read_rows
 from stiction.formats.advice import TRAINING, TRANSFER, read_advice
 from stiction.formats.following import Following
 from stiction.formats.results import read_results, write_results
-from stiction.formats.rows import read_rows
 from stiction.identify.advice import advise, shipped
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed")
@@ -57,7 +57,7 @@ def test_rows_that_change_turn_verdict_and_advice(tmp_path: Path, capsys: pytest
     assert changed["V9"] == ("does not", "reproduces")
     assert "stiction study friction --judge-again" in (out / "report.html").read_text()
     sources = shipped() | read_advice(tmp_path / "advice.json")
-    assert advise(0.01, 0.01).way.method == "none" and advise(0.01, 0.01, sources).way.method == "deception"
+    assert advise(0.01, 0.01).training.method == "none" and advise(0.01, 0.01, sources).training.method == "deception"
     assert sources[TRAINING].revision == "e0231d6ae9e5"
 
 
@@ -71,6 +71,8 @@ def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys:
         assert (out / name).read_bytes() == (RESULTS / "replication" / name).read_bytes(), name
     assert read_advice(tmp_path / "advice.json") == {TRANSFER: shipped()[TRANSFER]}
     before, now = (json.loads((folder / "summary.json").read_text()) for folder in (RESULTS / "replication", out))
+    judged = [{one["id"]: one["outcome"] for one in summary["verdicts"]} for summary in (before, now)]
+    assert judged[0] == judged[1]
     assert (now["revision"], now["command"], now["changed"]) == (
         before["revision"],
         before["command"],

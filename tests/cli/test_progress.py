@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 from rich.console import Console
 
-from stiction.cli.eta import RunClock, span
-from stiction.cli.progress import Display, figures_line
+from stiction.cli.progress import Display, RunClock, figures_line, span
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.cli.replicate import ReplicateCfg, train_all
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.results import read_results
+from stiction.studies.replication.study import ReplicateOptions, train_all
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -35,7 +35,7 @@ def test_a_part_is_walked_judged_and_gone_on_with(
         behind = [row for row in csv.DictReader(file) if (row["claim"], row["column"]) == ("X1", "speed_ratio")]
     by_command = {row.command: row.speed_ratio for row in rows if row.friction_level == 0.442}
     assert {row["command"]: float(row["each"]) for row in behind} == pytest.approx(by_command, rel=1e-5)
-    monkeypatch.setattr("stiction.transfer.grid.run.walk_unit", lambda *rest: pytest.fail("walked again"))
+    monkeypatch.setattr("stiction.evaluate.run.walk_unit", lambda *rest: pytest.fail("walked again"))
     assert main([*arguments, "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("One training seed a way: numbers, no verdicts.")
@@ -56,8 +56,8 @@ def test_help_says_what_gives_verdicts(capsys: pytest.CaptureFixture) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--parts", "moon"], "expected some of training, engines, robot"),
-        ([*LOAD, "--policies", "nothing"], "does not exist"),
+        (["--parts", "moon"], "known: training, engines, robot"),
+        ([*LOAD, "--policies", "nothing"], "unknown policy"),
         ([*LOAD, "--policies", "{bundle}", "{bundle}"], "two bundles"),
         (["--jobs", "0"], "at least 1"),
         (["--num-robots", "0"], "--num-robots 0: expected at least 1"),
@@ -79,18 +79,19 @@ def test_bad_input_is_one_line(
     assert captured.out == ""
 
 
-def test_a_training_that_fails_stops_nobody(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
-) -> None:
+def test_a_training_that_fails_stops_nobody(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """One diverged run would cost the days of all others; a net of a policy that is not there cannot be made."""
+    said: list[str] = []
     broken = {"stairs-none-s1": "training diverged", "coulomb20-none-s2": "training diverged"}
-    monkeypatch.setattr("stiction.cli.replicate.known_joints", lambda *rest: tmp_path / "joints.json")
-    monkeypatch.setattr("stiction.cli.replicate.known_net", lambda runs, first, *rest: runs / f"net of {first.name}")
+    monkeypatch.setattr("stiction.studies.replication.study.known_joints", lambda *rest: tmp_path / "joints.json")
     monkeypatch.setattr(
-        "stiction.transfer.experiment.training.train_missing",
+        "stiction.studies.replication.study.known_net", lambda runs, first, *rest: runs / f"net of {first.name}"
+    )
+    monkeypatch.setattr(
+        "stiction.studies.friction.training.train_missing",
         lambda places, *rest, **more: {at.run.name: broken[at.run.name] for at in places if at.run.name in broken},
     )
-    found = train_all(ReplicateCfg("full", runs=tmp_path), 1, lambda *share: None)
+    found = train_all(ReplicateOptions(preset="full", runs=tmp_path), 1, lambda *share: None, said.append)
     assert not isinstance(found, int)
     folders, failed = found
     assert set(failed) == {*broken, "coulomb20-actuator-s2"}
@@ -98,11 +99,10 @@ def test_a_training_that_fails_stops_nobody(
     names = {folder.name for folder in folders}
     assert {"stairs-none-s0", "coulomb20-actuator-s1", "coulomb20-direct-s2"} <= names
     assert not names & set(failed)
-    told = capsys.readouterr().err
-    assert all(f"{name} is left out: {reason}" in told for name, reason in failed.items())
+    assert all(f"{name} is left out: {reason}" in said for name, reason in failed.items())
     monkeypatch.setattr(
-        "stiction.transfer.experiment.training.train_missing",
+        "stiction.studies.friction.training.train_missing",
         lambda places, *rest, **more: {at.run.name: "no room" for at in places},
     )
     with pytest.raises(StictionError, match="could be trained"):
-        train_all(ReplicateCfg("full", runs=tmp_path), 1, lambda *share: None)
+        train_all(ReplicateOptions(preset="full", runs=tmp_path), 1, lambda *share: None, said.append)

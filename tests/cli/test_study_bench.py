@@ -10,13 +10,14 @@ from pathlib import Path
 import pytest
 
 from stiction.cli.main import main
-from stiction.cli.train import _friction_from, parse
+from stiction.cli.train import _friction_from
+from stiction.deploy.pilot import Port
 from stiction.formats.joints import load_joints
 from stiction.formats.log import Log
-from stiction.robots.spec import RobotSpec
-from stiction.transfer.robot import bench_study
-from stiction.transfer.robot.bench import BenchCfg, bench_log
-from stiction.transfer.robot.port import Port
+from stiction.rma.arguments import parse
+from stiction.robots.model import RobotSpec
+from stiction.studies.bench import robots as bench_study
+from stiction.virtual.bench import BenchCfg, bench_log
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
@@ -81,7 +82,7 @@ def test_the_next_step_is_one_that_training_takes(out: Path, capsys: pytest.Capt
         (["--robots", "5", "5"], "each once"),
         (["--levels", "2"], "up to 0.9"),
         (["--levels", "0.1", "0.10"], "each once"),
-        (["--cell", "wings"], "'wings' is unknown"),
+        (["--cell", "wings"], "unknown group 'wings'"),
         (["--seconds", "1"], "expected 4 to 600 s"),
         (["--jobs", "0"], "at least 1"),
     ],

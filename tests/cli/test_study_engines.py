@@ -12,9 +12,9 @@ from stiction.cli.main import main
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
-from stiction.transfer.engines.catalog import ENGINES
-from stiction.transfer.engines.checks import flight
-from stiction.transfer.engines.checks.rig import Figure
+from stiction.engines.catalog import ENGINES
+from stiction.engines.conformance import flight
+from stiction.engines.conformance.rig import Figure
 
 GONE = "the engine 'physx' needs the package sapien; install it with: pip install 'stiction[engines]'"
 
@@ -25,10 +25,10 @@ def value(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     wanted = [0.5]
     checks = {
         "long fall": flight.long_fall,
-        "the list": lambda make, timestep: (Figure("its number", wanted[0], "m", 1.0),),
+        "the list": lambda make, spec, timestep: (Figure("its number", wanted[0], "m", 1.0),),
     }
-    for module in ("conformance", "study"):
-        monkeypatch.setattr(f"stiction.transfer.engines.{module}.CHECKS", checks)
+    for module in ("engines.conformance.suite", "studies.engines.run"):
+        monkeypatch.setattr(f"stiction.{module}.CHECKS", checks)
     return wanted
 
 
@@ -36,7 +36,7 @@ def value(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 def only_mujoco(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of all engines MuJoCo alone can be had."""
     monkeypatch.setattr(
-        "stiction.transfer.engines.study.what_is_missing", lambda name, spec: None if name == "mujoco" else GONE
+        "stiction.studies.engines.run.what_is_missing", lambda name, spec: None if name == "mujoco" else GONE
     )
 
 
@@ -105,7 +105,7 @@ def test_an_engine_that_was_asked_for_and_is_not_here_is_an_error(only_mujoco: N
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["--engines", "bullet"], "engine 'bullet' is unknown; expected one of mujoco"),
+        (["--engines", "bullet"], "unknown engine 'bullet'; known: mujoco"),
         (["--engines", "mujoco", "mujoco"], "each once"),
         (["--timesteps", "0.003"], "whole number of steps"),
         (["--timesteps", "0.002", "0.002"], "each once"),

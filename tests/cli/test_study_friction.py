@@ -8,7 +8,7 @@ import pytest
 
 from stiction.cli.main import main
 from stiction.formats.results import read_results
-from stiction.transfer.experiment import evaluation, manifest
+from stiction.studies.friction import evaluation, manifest
 
 SMALL = (
     *("--robot", "go1", "--num-envs", "4", "--method", "deception", "--friction-level", "0.2"),
@@ -50,6 +50,36 @@ def test_one_command_trains_evaluates_and_judges(
     assert "seed is 5, expected 0" in error and error.count("\n") == 1
 
 
+def test_runs_of_several_machines_make_one_experiment(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """If this failed, trainings of yesterday's machine would be lost, or those of two presets mixed."""
+    words = (*SMALL[: SMALL.index("--student.iterations")],)
+    monkeypatch.setattr(
+        manifest, "MANIFEST", (manifest.Condition("coulomb20-deception", "1", "a test", words, (0, 1)),)
+    )
+    monkeypatch.setattr(evaluation, "WINDOW", 1)
+    monkeypatch.setattr(evaluation, "BASE", replace(evaluation.BASE, friction_levels=(0.0, 0.2)))
+    monkeypatch.chdir(tmp_path)
+    options = ["study", "friction", "--preset", "quick", "--jobs", "1", "--episodes", "2", "--seconds", "3.1"]
+    assert main([*options, "--train"]) == 0
+    out = tmp_path / "results/friction-training"
+    tables = {name: (out / name).read_text() for name in ("results.csv", "curves.csv", "intervals.csv")}
+    assert {row.policy for row in read_results(out / "results.csv")} == {
+        f"coulomb20-deception-s{s}/student" for s in (0, 1)
+    }
+    runs = json.loads((out / "summary.json").read_text())["runs"]
+    (tmp_path / "runs/coulomb20-deception-s0").rename(tmp_path / "elsewhere")
+    assert main([*options, "--add"]) == 0
+    assert tables == {name: (out / name).read_text() for name in tables}
+    assert json.loads((out / "summary.json").read_text())["runs"] == runs
+    assert main(options) == 0
+    assert {row.policy for row in read_results(out / "results.csv")} == {"coulomb20-deception-s1/student"}
+    capsys.readouterr()
+    assert main(["study", "friction", "--add", "--train", "--runs", "other"]) == 1
+    assert "has runs of the preset 'quick', not 'two-phase'" in capsys.readouterr().err
+
+
 def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """If this failed, nobody could see what the experiment is before it takes the machine for a day."""
     assert main(["study", "friction", "--list", "--runs", str(tmp_path)]) == 0
@@ -58,5 +88,5 @@ def test_listing_begins_nothing(small: None, tmp_path: Path, capsys: pytest.Capt
     assert "is finished; train them with --train" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
     assert main(["study", "friction", "--parts", "7"]) == 1
-    assert "part '7' is none of the experiment's" in capsys.readouterr().err
+    assert "unknown part '7'" in capsys.readouterr().err
     assert main(["study", "friction", "--jobs", "0"]) == 1

@@ -40,10 +40,10 @@ def test_it_writes_tables_figure_and_page_and_does_nothing_twice(tmp_path: Path,
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--joint", "knee"), "wear of 'knee': expected some of"),
+        (("--joint", "knee"), "unknown joint 'knee'; known: "),
         (("--levels", "2"), "friction level '2'"),
         (("--command", "stand"), "asks for motion"),
-        (("--engine", "bullet"), "engine 'bullet' is unknown"),
+        (("--engine", "bullet"), "unknown engine 'bullet'"),
         (("--start", "0"), "three positive numbers"),
         (("--jobs", "0"), "--jobs 0"),
     ],

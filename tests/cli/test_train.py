@@ -7,15 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from stiction.cli.interruption import stop_requests
 from stiction.cli.main import main
 from stiction.cli.progress import Display
-from stiction.cli.train import parse
-from stiction.formats.joints import Estimate, JointRecord, JointsFile
-from stiction.formats.training import write_training
-from stiction.identify.proposal import propose
+from stiction.formats.joints import Estimate, JointRecord, JointsFile, write_training
+from stiction.identify.verdict import propose
 from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
+from stiction.report.terminal import stop_requests
+from stiction.rma.arguments import parse
+from stiction.rma.run import latest_checkpoint, load_checkpoint
 
 SMALL = [
     *("--preset", "two-phase", "--video-every", "0", "--robot", "go1", "--num-envs", "4", "--json"),

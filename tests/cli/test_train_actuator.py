@@ -11,10 +11,9 @@ import numpy as np
 
 from actuators import pd_net
 from stiction.cli.main import main
+from stiction.core.errors import StictionError
 from stiction.formats.actuator import FILE, write_actuator
-from stiction.formats.errors import StictionError
-from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
-from stiction.rma.run import RunDirectory
+from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.rma.runner import PhaseRunner
 
 SMALL = [

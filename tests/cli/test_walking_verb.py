@@ -12,9 +12,8 @@ import pytest
 import walks
 from stiction.cli import evaluate, walking
 from stiction.cli.main import main
-from stiction.formats.errors import StictionError
-from stiction.formats.joints import load_joints
-from stiction.formats.training import read_training
+from stiction.core.errors import StictionError
+from stiction.formats.joints import load_joints, read_training
 from stiction.formats.walk import read_walk, write_walk
 from stiction.identify.walking.setup import WalkSetup
 
@@ -65,20 +64,30 @@ WITHOUT = """
 import sys
 class Refuse:
     def find_spec(self, name, path=None, target=None):
-        if name.split(".")[0] in {"torch", "mujoco"}:
+        if name.split(".")[0] in sys.argv[1].split(","):
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Refuse())
-from stiction.cli.walking import from_arguments
-sys.exit(from_arguments(sys.argv[1:]))
+from stiction.cli.main import main
+sys.exit(main(["identify", *sys.argv[2:]]))
 """
 
 
-def test_neither_torch_nor_a_simulator_is_needed(log: Path, tmp_path: Path) -> None:
-    """The base install on the robot's computer identifies its own walk."""
-    arguments = [sys.executable, "-c", WITHOUT, str(log), "--out", str(tmp_path), "--json"]
-    done = subprocess.run(arguments, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert "FL_shank" in json.loads(done.stdout)["joints"]
+def test_the_base_install_says_which_extra_a_walk_needs(log: Path, tmp_path: Path) -> None:
+    """Its links' dynamics are MuJoCo's: without it one line names what to install, and torch is never needed."""
+    missing = ["torch", "mujoco"], ["torch"]
+    lacking, enough = (
+        subprocess.run(
+            [sys.executable, "-c", WITHOUT, ",".join(names), str(log), "--out", str(tmp_path), "--json"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        for names in missing
+    )
+    assert lacking.returncode == 1 and 'pip install "stiction[sim]"' in lacking.stderr
+    assert lacking.stderr.count("\n") == 1
+    assert enough.returncode == 0, enough.stderr
+    assert "FL_shank" in json.loads(enough.stdout)["joints"]
 
 
 def test_other_logs_are_left_to_identify(tmp_path: Path) -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from bundles import make_bundle, make_contract, make_golden, make_network, repair_sums
+from stiction.core.errors import BundleError, StictionError
 from stiction.deploy.check import TOLERANCE, check_bundle
-from stiction.formats.bundle import BundleError, read_bundle, write_bundle
+from stiction.formats.bundle import read_bundle, write_bundle
 from stiction.formats.contract import Contract
-from stiction.formats.errors import StictionError
 
 
 @pytest.mark.parametrize("robot", ["saturn_lite", "go1"])
@@ -46,6 +46,19 @@ def test_the_replay_sees_other_numbers_in_the_contract(tmp_path: Path, contract:
     path = write_bundle(tmp_path / "forged", forged, model, make_golden(contract, model), "")
     with pytest.raises(BundleError, match="differs"):
         check_bundle(path)
+
+
+SEEN = ("command", "quaternion", "angular_velocity", "joint_position", "joint_velocity", "observation", "action")
+
+
+@pytest.mark.parametrize("name", (*SEEN, "target"))
+def test_a_number_of_the_recording_that_was_changed_is_rejected(name: str, tmp_path: Path, contract: Contract) -> None:
+    """Damage that leaves a file of the right form, with every digest made anew, is left to the replay."""
+    model = make_network(contract)
+    golden = make_golden(contract, model)
+    getattr(golden, name)[250, 0] += 0.01
+    with pytest.raises(BundleError, match="differs"):
+        check_bundle(write_bundle(tmp_path / "forged", contract, model, golden, ""))
 
 
 def test_any_number_of_the_contract_changed_with_repaired_sums_is_rejected(bundle: Path) -> None:

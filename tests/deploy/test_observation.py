@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stiction.deploy.observation import ObservationBuilder, Sensors, roll_pitch
-from stiction.formats.errors import StictionError
-from stiction.formats.observation import SLOW_TERMS, ObservationLayout, Term, proprioception
+from stiction.core.errors import StictionError
+from stiction.deploy.observation import ObservationBuilder, Sensors
+from stiction.formats.contract import SLOW_TERMS, ObservationLayout, Term, proprioception
 
 STANDING = np.array([0.5, -1.0])
 
@@ -33,21 +33,6 @@ def sensors(position: float = 0.0) -> Sensors:
         np.full(2, position),
         np.array([10.0, -1000.0]),
     )
-
-
-@pytest.mark.parametrize("angle", [-1.2, 0.0, 0.7])
-def test_roll_and_pitch_of_turns_about_one_axis(angle: float) -> None:
-    """A wrong sign or order would make the robot lean into its fall."""
-    half = angle / 2
-    about_x = roll_pitch(np.array([np.cos(half), np.sin(half), 0, 0]))
-    about_y = roll_pitch(np.array([np.cos(half), 0, np.sin(half), 0]))
-    about_z = roll_pitch(np.array([np.cos(half), 0, 0, np.sin(half)]))
-    np.testing.assert_allclose([about_x, about_y, about_z], [[angle, 0], [0, angle], [0, 0]], atol=1e-12)
-
-
-def test_pitch_of_a_quaternion_that_is_not_quite_unit() -> None:
-    """Rounding can push the sine past one; the angle must stay a number."""
-    assert roll_pitch(np.array([0.7072, 0, 0.7072, 0]))[1] == pytest.approx(np.pi / 2)
 
 
 def test_a_frame_by_hand() -> None:

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 
 from bundles import linear_network, make_contract, make_network
+from stiction.core.errors import BundleError, PolicyError, StictionError
 from stiction.deploy.observation import Sensors
-from stiction.deploy.onnx_file import OnnxError, external_tensors
-from stiction.deploy.policy import Network, SensorError, load_policy
-from stiction.formats.contract import Contract
-from stiction.formats.errors import StictionError
-from stiction.formats.observation import proprioception
+from stiction.deploy.policy import Network, external_tensors, load_policy
+from stiction.formats.contract import Contract, proprioception
 
 onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
 
@@ -64,14 +62,14 @@ def test_last_action_returns_clipped_and_a_reset_forgets_it(contract: Contract) 
 def test_a_network_with_other_ports_is_refused(arguments: dict, message: str) -> None:
     """A network of another robot must not be run."""
     model = linear_network(onnx, **({"weights": np.zeros((715, 18), np.float32)} | arguments))
-    with pytest.raises(OnnxError, match=message):
+    with pytest.raises(BundleError, match=message):
         Network(model, 715, 18)
 
 
 @pytest.mark.parametrize("model", [b"", b"no network", b"\x08\x0a", bytes(range(256))])
 def test_what_is_no_network_is_refused(model: bytes) -> None:
     """A damaged file must give one clear line."""
-    with pytest.raises(OnnxError):
+    with pytest.raises(BundleError):
         Network(model, 715, 18)
 
 
@@ -82,7 +80,7 @@ def test_a_network_with_weights_in_another_file_is_refused(tmp_path: Path) -> No
     onnx.save(model, tmp_path / "policy.onnx", save_as_external_data=True, size_threshold=0)
     data = (tmp_path / "policy.onnx").read_bytes()
     assert external_tensors(data) == ["weights"]
-    with pytest.raises(OnnxError, match="other files"):
+    with pytest.raises(BundleError, match="other files"):
         Network(data, 715, 18)
 
 
@@ -104,7 +102,7 @@ def test_a_sensor_that_is_not_finite_is_named(contract: Contract, name: str) -> 
     readings["command"] = np.zeros(3)
     readings[name][1] = np.nan
     command = readings.pop("command")
-    with pytest.raises(SensorError, match=name):
+    with pytest.raises(PolicyError, match=name):
         policy.step(Sensors(**readings), command)
     after = policy.step(standing_still(contract), np.zeros(3)).observation
     np.testing.assert_array_equal(after, good, err_msg="what is not finite stays out of the history")

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from bundles import make_bundle, make_contract, make_golden, make_network, make_wear, repair_sums
+from stiction.core.errors import BundleError, StictionError
 from stiction.deploy.check import check_bundle
 from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS, Moments, WearMonitor, estimate
-from stiction.formats.bundle import BundleError, read_bundle, write_bundle
-from stiction.formats.contract import Contract
-from stiction.formats.errors import StictionError
-from stiction.formats.observation import proprioception
+from stiction.formats.bundle import read_bundle, write_bundle
+from stiction.formats.contract import Contract, proprioception
 from stiction.formats.wear import WearModel, read_wear
 
 

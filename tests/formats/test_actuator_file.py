@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from actuators import pd_net
-from stiction.formats.actuator import FILE, ActuatorError, read_actuator, write_actuator
+from stiction.core.errors import FileError
+from stiction.formats.actuator import FILE, read_actuator, write_actuator
 from stiction.robots.catalog import find_robot
 
 SPEC = find_robot("saturn_lite")
@@ -46,14 +47,14 @@ def test_the_same_net_is_the_same_file(tmp_path: Path) -> None:
 def test_a_net_is_refused_where_it_does_not_belong(change: dict, message: str) -> None:
     """The field's much-copied net was logged at 50 Hz and run at 200 Hz, and nothing said so."""
     net = pd_net(**change)
-    with pytest.raises(ActuatorError, match=message):
+    with pytest.raises(FileError, match=message):
         net.check_use("saturn_lite", SPEC.joint_names, LIMITS, 0.005)
 
 
 def test_another_robot_is_refused() -> None:
     """Twelve joints are not eighteen."""
     go1 = find_robot("go1")
-    with pytest.raises(ActuatorError, match="the robot 'go1' has FL_hip"):
+    with pytest.raises(FileError, match="the robot 'go1' has FL_hip"):
         pd_net().check_use("go1", go1.joint_names, go1.joint_values("torque_limit"), 0.005)
 
 
@@ -81,7 +82,7 @@ WRONG = np.zeros((1, 7), np.float32)
 )
 def test_nets_that_no_simulation_could_use_are_refused(change: dict, message: str) -> None:
     """One line that names the field, instead of a shape error in the middle of training."""
-    with pytest.raises(ActuatorError, match=message):
+    with pytest.raises(FileError, match=message):
         pd_net(**change)
 
 
@@ -115,11 +116,11 @@ def rewritten(path: Path, header: object, arrays: dict) -> Path:
 def test_files_that_are_no_net_are_refused(tmp_path: Path, header: object, arrays: dict, message: str) -> None:
     """A damaged file must not become a damaged motor."""
     path = rewritten(tmp_path / FILE, header, arrays)
-    with pytest.raises(ActuatorError, match=message):
+    with pytest.raises(FileError, match=message):
         read_actuator(path)
 
 
 def test_a_missing_net_is_named(tmp_path: Path) -> None:
     """The user mistyped a folder."""
-    with pytest.raises(ActuatorError, match="no Actuator Net at"):
+    with pytest.raises(FileError, match="no Actuator Net at"):
         read_actuator(tmp_path)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from stiction.formats.advice import Source, Way, read_advice, write_source
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
+from stiction.formats.advice import Source, TrainedWith, read_advice, write_source
 from stiction.formats.following import Following
 
 CELL = Following("none", "mujoco", "coulomb", 0.01, 5, 4, 0, 1, 0, 0.1, "1.00/1.00 1.25/1.00")
-SOURCE = Source("stiction study friction", "abc", ("p/student",), {"none": Way("none", 0.0, 0.0, 0.0)}, (CELL,))
+SOURCE = Source("stiction study friction", "abc", ("p/student",), {"none": TrainedWith("none", 0.0, 0.0, 0.0)}, (CELL,))
 
 
 def test_a_study_writes_its_own_part_and_leaves_the_others(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.formats.known_friction import bench_friction, joint_kinds, kind_average, told_text
 

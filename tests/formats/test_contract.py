@@ -5,10 +5,9 @@ import json
 import pytest
 
 from bundles import make_contract
-from stiction.formats.contract import Contract, ContractError, read_contract
-from stiction.formats.errors import StictionError
-from stiction.formats.friction import Law
-from stiction.formats.observation import proprioception
+from stiction.core.errors import BundleError, StictionError
+from stiction.formats.contract import Contract, proprioception, read_contract
+from stiction.joints.friction import Law
 
 
 def edited(contract: Contract, field: str, value: object) -> bytes:
@@ -45,6 +44,8 @@ def test_a_contract_from_before_actuator_nets_has_none(contract: Contract) -> No
         ("robot", ""),
         ("seed", "0"),
         ("seed", True),
+        ("phases", 3),
+        ("phases", True),
         ("friction_law", "rust"),
         ("friction_level", -0.1),
         ("friction_range", [0.2, 0.1]),
@@ -78,7 +79,7 @@ def test_a_contract_from_before_actuator_nets_has_none(contract: Contract) -> No
 )
 def test_a_wrong_field_is_refused_by_name(contract: Contract, field: str, value: object) -> None:
     """A runtime that takes a wrong number moves a robot wrongly."""
-    with pytest.raises(ContractError, match=field):
+    with pytest.raises(BundleError, match=field):
         read_contract(edited(contract, field, value))
 
 
@@ -90,7 +91,7 @@ def test_a_wrong_observation_term_is_refused_by_name(contract: Contract, entry: 
     data = json.loads(contract.to_json())
     term = next(term for term in data["observation"]["terms"] if term["name"] == "joint_position")
     term[entry] = value
-    with pytest.raises(ContractError, match=f"joint_position.{entry}"):
+    with pytest.raises(BundleError, match=f"joint_position.{entry}"):
         read_contract(json.dumps(data).encode())
 
 
@@ -108,26 +109,26 @@ def test_a_wrong_observation_term_is_refused_by_name(contract: Contract, entry: 
 )
 def test_what_is_no_contract_is_refused(text: bytes, message: str) -> None:
     """A damaged file must give one clear line."""
-    with pytest.raises(ContractError, match=message):
+    with pytest.raises(BundleError, match=message):
         read_contract(text)
 
 
 def test_an_unknown_field_is_refused(contract: Contract) -> None:
     """A field of a later schema may change the meaning of the others."""
-    with pytest.raises(ContractError, match="gravity"):
+    with pytest.raises(BundleError, match="gravity"):
         read_contract(edited(contract, "gravity", 9.81))
 
 
 def test_per_joint_numbers_must_be_finite(contract: Contract) -> None:
     """1e999 is valid JSON and infinite."""
     text = contract.to_json().replace('"kd": [\n    2.5', '"kd": [\n    1e999')
-    with pytest.raises(ContractError, match="kd"):
+    with pytest.raises(BundleError, match="kd"):
         read_contract(text.encode())
 
 
 def test_friction_in_torque_and_as_a_level_must_agree(contract: Contract) -> None:
     """Two numbers for one thing would let an evaluation meet other joints than the card names."""
-    with pytest.raises(ContractError, match="friction_level"):
+    with pytest.raises(BundleError, match="friction_level"):
         read_contract(edited(contract, "friction", [1.0] * 18))
 
 
@@ -136,9 +137,9 @@ def test_a_coefficient_is_its_own_level(law: str) -> None:
     """Divided by the torque limit, 0.05 would be 0.2 %; and a law without its own numbers is another law."""
     level = make_contract(friction_law=law, friction_level=0.05, friction=(0.05,) * 18)
     assert read_contract(level.to_json().encode()) == level and level.law == Law(law)
-    with pytest.raises(ContractError, match=r"mean of 'friction'$"):
+    with pytest.raises(BundleError, match=r"mean of 'friction'$"):
         read_contract(edited(level, "friction", [1.25, 1.25, 2.25] * 6))
-    with pytest.raises(ContractError, match="stribeck"):
+    with pytest.raises(BundleError, match="stribeck"):
         read_contract(edited(level, "stribeck", [1.5, 0.1]))
 
 
@@ -147,7 +148,7 @@ def test_stribeck_friction_names_its_shape() -> None:
     shaped = make_contract(friction_law="stribeck", stribeck=(2.0, 0.3))
     assert read_contract(shaped.to_json().encode()).law == Law("stribeck", 2.0, 0.3)
     for wrong in (None, [0.5, 0.3], [2.0, 0.0], [2.0]):
-        with pytest.raises(ContractError, match="stribeck"):
+        with pytest.raises(BundleError, match="stribeck"):
             read_contract(edited(shaped, "stribeck", wrong))
     data = json.loads(make_contract().to_json())
     del data["stribeck"]
@@ -192,17 +193,17 @@ def test_a_contract_from_before_policies_were_told_anything_is_read(contract: Co
 )
 def test_what_is_told_is_of_the_robots_own_kinds_of_joints(field: str, value: object) -> None:
     """A number of another joint, or none at all, would be observed as if it were right."""
-    with pytest.raises(ContractError, match=field):
+    with pytest.raises(BundleError, match=field):
         read_contract(edited(told(), field, value))
 
 
 def test_only_a_policy_that_observes_it_is_told(contract: Contract) -> None:
     """A number that has no effect misleads; so does a source of no number, and a term of another size."""
-    with pytest.raises(ContractError, match=r"known_friction.*has no term"):
+    with pytest.raises(BundleError, match=r"known_friction.*has no term"):
         read_contract(edited(contract, "known_friction", {"hip": 0.1, "thigh": 0.1, "shank": 0.1}))
-    with pytest.raises(ContractError, match="known_friction_file"):
+    with pytest.raises(BundleError, match="known_friction_file"):
         told(known_friction=None, known_friction_file={"name": "joints.json", "sha256": "0" * 64})
-    with pytest.raises(ContractError, match=r"observation\.known_friction\.size"):
+    with pytest.raises(BundleError, match=r"observation\.known_friction\.size"):
         told(observation=proprioception(18, known_kinds=2))
 
 
@@ -217,5 +218,5 @@ def test_slow_means_go_with_their_time(contract: Contract) -> None:
     data = json.loads(contract.to_json())
     del data["observation"]["slow_kept"]
     assert read_contract(json.dumps(data).encode()) == contract
-    with pytest.raises(ContractError, match=r"observation\.\w+\.size"):
+    with pytest.raises(BundleError, match=r"observation\.\w+\.size"):
         make_contract(observation=proprioception(17, slow_kept=0.98))

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.formats.fit import FitSignals, read_fit, write_fit
+from stiction.core.errors import StictionError
+from stiction.formats.joints import FitSignals, read_fit, write_fit
 
 
 def signals(count: int) -> FitSignals:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.formats.joints import SCHEMA_VERSION, Estimate, JointRecord, JointsError, JointsFile, load_joints
+from stiction.core.errors import FileError
+from stiction.formats.joints import SCHEMA_VERSION, Estimate, JointRecord, JointsFile, load_joints
 
 FRICTION = Estimate(0.442, 0.01, (0.42, 0.464))
 RECORD = JointRecord(
@@ -59,9 +60,9 @@ def test_nominal_finds_by_name_then_by_kind_and_has_no_negative_friction() -> No
 def test_nominal_names_what_is_missing() -> None:
     """Training must not start from a guess."""
     joints = JointsFile({"shank": JointRecord()})
-    with pytest.raises(JointsError, match=r"'FL_hip' or its kind; the file has shank"):
+    with pytest.raises(FileError, match=r"unknown joint 'FL_hip'; known: shank"):
         joints.nominal(["FL_hip"], "inertia")
-    with pytest.raises(JointsError, match=r"inertia of joint 'FL_shank' is null"):
+    with pytest.raises(FileError, match=r"inertia of joint 'FL_shank' is null"):
         joints.nominal(["FL_shank"], "inertia")
 
 
@@ -87,7 +88,7 @@ def test_a_wrong_field_is_named(tmp_path: Path, change: dict, said: str) -> None
     """The user learns which field of which joint is wrong."""
     path = tmp_path / "joints.json"
     path.write_text(json.dumps({"schema_version": 1, "joints": {"shank": change}}))
-    with pytest.raises(JointsError) as caught:
+    with pytest.raises(FileError) as caught:
         load_joints(path)
     assert said in str(caught.value) and "\n" not in str(caught.value)
 
@@ -97,14 +98,14 @@ def test_other_files_are_refused(tmp_path: Path, text: str) -> None:
     """A file of another kind or of a later schema must not be half understood."""
     path = tmp_path / "joints.json"
     path.write_text(text)
-    with pytest.raises(JointsError):
+    with pytest.raises(FileError):
         load_joints(path)
-    with pytest.raises(JointsError, match="cannot read"):
+    with pytest.raises(FileError, match="cannot read"):
         load_joints(tmp_path / "none.json")
 
 
 def test_a_proposal_for_training_is_not_taken_for_joints(tmp_path: Path) -> None:
     """The two files lie side by side and are easily mixed up."""
     (tmp_path / "training.json").write_text('{"schema_version": 1, "friction": null, "joints": {}}')
-    with pytest.raises(JointsError, match=r"expected the joints.json that lies beside it"):
+    with pytest.raises(FileError, match=r"expected the joints.json that lies beside it"):
         load_joints(tmp_path / "training.json")

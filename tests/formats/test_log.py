@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stiction.formats.errors import StictionError
-from stiction.formats.log import JointSignals, Log, LogError, LogSetup, read_table, write_log
+from stiction.core.errors import LogError, StictionError
+from stiction.formats.log import JointSignals, Log, LogSetup, read_table, write_log
 from stiction.identify.logs import open_log
 
 GOOD = b"time,position.knee,torque.knee\n0,1,2\n0.5,3,-4e-1\n"
@@ -73,7 +73,7 @@ def test_missing_files_and_joints_are_named(tmp_path: Path) -> None:
     for read in (open_log, read_table):
         with pytest.raises(LogError, match=r"unknown kind .*'.txt'; expected a? ?.csv, .npz"):
             read(written(tmp_path, GOOD, "log.txt"))
-    with pytest.raises(LogError, match=r"no joint 'hip'.*knee"):
+    with pytest.raises(LogError, match=r"unknown joint 'hip'.*knee"):
         open_log(path).joint("hip")
 
 

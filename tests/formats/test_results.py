@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.results import COLUMNS, ResultRow, read_results, write_results, write_summary
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.formats.errors import LogError
-from stiction.formats.sidecar import LogSetup, read_setup, setup_from_dict
+from stiction.core.errors import LogError
+from stiction.formats.log import LogSetup, read_setup, setup_from_dict
 
 WHOLE = {
     "kp": 20,

@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stiction.formats.errors import LogError
-from stiction.formats.parquet import read_parquet, write_parquet
-from stiction.formats.tables import read_csv, read_npz, read_npz_arrays, write_csv
+from stiction.core.errors import LogError
+from stiction.formats.tables import read_csv, read_npz, read_npz_arrays, read_parquet, write_csv, write_parquet
 
 
 def test_a_last_line_without_an_end_is_left_out_and_said(tmp_path: Path) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.formats.training import read_training, write_training
+from stiction.core.errors import StictionError
+from stiction.formats.joints import read_training, write_training
 
 
 def test_what_was_written_is_read(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stiction.formats.errors import StictionError
-from stiction.formats.walk import SCHEMA, SCHEMA_VERSION, WalkError, WalkHeader, WalkLog, is_walk, read_walk, write_walk
+from stiction.core.errors import LogError, StictionError
+from stiction.formats.walk import SCHEMA, SCHEMA_VERSION, WalkHeader, WalkLog, is_walk, read_walk, write_walk
 
 HEADER = WalkHeader(
     robot="saturn_lite",
@@ -82,7 +82,7 @@ def test_a_walking_log_is_told_from_another_archive(tmp_path: Path) -> None:
 )
 def test_signals_that_no_log_has_are_refused(change: dict, message: str) -> None:
     """A wrong shape would otherwise broadcast into a wrong friction."""
-    with pytest.raises(WalkError, match=message):
+    with pytest.raises(LogError, match=message):
         make_log(**change)
 
 
@@ -104,7 +104,7 @@ def test_signals_that_no_log_has_are_refused(change: dict, message: str) -> None
 )
 def test_headers_that_no_log_has_are_refused(change: dict, message: str) -> None:
     """Gains for the wrong joints would go unnoticed."""
-    with pytest.raises(WalkError, match=message):
+    with pytest.raises(LogError, match=message):
         replace(HEADER, **change)
 
 

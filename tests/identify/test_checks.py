@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stiction.formats.log import JointSignals, Log, LogError
+from stiction.core.errors import LogError
+from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import check_excitation, check_log, unit_warnings
 
 TIME = np.arange(400) * 0.002

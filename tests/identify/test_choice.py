@@ -20,8 +20,8 @@ from stiction.identify.example import (
 )
 from stiction.identify.in_loop import symmetric_model
 from stiction.identify.model import Law, Model
+from stiction.identify.prepare import Rows
 from stiction.identify.regression import fit_rows
-from stiction.identify.rows import Rows
 from stiction.identify.runs import make_run
 from stiction.identify.setup import IdentifySetup
 from stiction.joints.friction import PositionDependent

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from carried import QUIET, carrying_log, weak_log, without_torque
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.joints import PARAMETERS, Estimate, JointRecord
 from stiction.identify.combinations import DAMPED, exactly, shifted, times
 from stiction.identify.example import LEG, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.setup import IdentifySetup
 from stiction.joints.friction import Coulomb
-from stiction.joints.gravity import Gravity
-from stiction.joints.simulate import Joint
+from stiction.joints.simulate import Gravity, Joint
 
 K = 0.8
 LOAD = (0.5, 0.2, 0.3)

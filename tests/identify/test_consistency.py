@@ -22,8 +22,8 @@ from stiction.identify.consistency import (
     widened,
 )
 from stiction.identify.model import Model
+from stiction.identify.prepare import Rows
 from stiction.identify.regression import Fit, fit_rows
-from stiction.identify.rows import Rows
 from stiction.identify.setup import Payload
 
 PLAIN = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4, "offset": -0.05}

@@ -33,11 +33,11 @@ def estimates(motor: Motor, seed: int, torque: bool) -> dict[str, dict[str, Esti
         log = replace(log, joints={name: replace(one, torque=None) for name, one in log.joints.items()})
     run = make_run(log, None, IdentifySetup())
     fit = fit_rows(run.rows, symmetric_model(run))
-    simulated = fit_in_loop(run, motor.gains, fit)
+    simulated = fit_in_loop(run, fit)
     assert simulated is not None
     if not torque:
         return {"output error": simulated.estimates}
-    instrumental = fit_with_instruments(run, motor.gains, fit)
+    instrumental = fit_with_instruments(run, fit)
     assert instrumental is not None
     return {
         "output error": simulated.estimates,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from stiction.identify.descent import MOST_REFUSALS, descend
+from stiction.identify.output_error import MOST_REFUSALS, descend
 
 FREE = np.full(2, np.inf)
 TINY = 1e-18

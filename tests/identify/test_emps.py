@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from stiction.core.errors import LogError
 from stiction.formats.joints import Estimate, JointRecord
-from stiction.formats.log import LogError
 from stiction.identify.logs import open_log, parse_columns
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.setup import IdentifySetup

@@ -9,12 +9,12 @@ import pytest
 
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import Uniform, check_log
-from stiction.identify.controller import controller_mismatch
+from stiction.identify.closed_loop import controller_mismatch
 from stiction.identify.example import GO1, Excitation, Motor, SensorNoise, example_log
-from stiction.identify.gaps import near, unsettled
 from stiction.identify.model import Model
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.prepare import prepare
+from stiction.identify.timing import near, unsettled
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains, pd_torque
 

@@ -9,7 +9,7 @@ import pytest
 
 from stiction.formats.joints import JointRecord
 from stiction.identify.logs import open_log
-from stiction.identify.many import identify_log
+from stiction.identify.pipeline import identify_log
 from stiction.identify.setup import IdentifySetup
 
 NAMES = tuple(f"{leg}_{kind}" for leg in ("FL", "FR", "RL", "RR") for kind in ("hip", "thigh", "calf"))

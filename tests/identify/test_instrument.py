@@ -10,10 +10,9 @@ import pytest
 from stiction.formats.joints import PARAMETERS
 from stiction.identify.example import SATURN_LITE, SensorNoise, example_log
 from stiction.identify.in_loop import symmetric_model
-from stiction.identify.instrument import fit_instrumental
 from stiction.identify.model import Model
 from stiction.identify.pipeline import identify_joint
-from stiction.identify.regression import Fit, fit_rows
+from stiction.identify.regression import Fit, fit_instrumental, fit_rows
 from stiction.identify.runs import Run, make_run
 from stiction.identify.setup import IdentifySetup
 from stiction.joints.simulate import simulate

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
-from stiction.identify import loop_choice
-from stiction.identify.choice import choose_law
+from stiction.identify import choice
+from stiction.identify.choice import choose_in_loop, choose_law, evidence_of
 from stiction.identify.example import ASYMMETRIC, GO1, SATURN_LITE, STRIBECK, Motor, example_log
 from stiction.identify.in_loop import InLoop, close_loop, symmetric_model
-from stiction.identify.loop_choice import choose_in_loop
+from stiction.identify.intervals import correlation_time
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.regression import fit_rows, predict_torque
 from stiction.identify.runs import make_run
@@ -52,8 +55,44 @@ def test_a_law_that_cannot_be_simulated_costs_the_joint_nothing(monkeypatch: pyt
     base = fit_rows(run.rows, symmetric_model(run))
     loop = close_loop(run, base, base)
     assert choose_in_loop(run, base, loop) is not None
-    monkeypatch.setattr(loop_choice, "FIRST_RISE", 100.0)
+    monkeypatch.setattr(choice, "FIRST_RISE", 100.0)
     assert choose_in_loop(run, base, loop) is None
+
+
+def test_samples_in_a_gap_are_no_evidence() -> None:
+    """A log with a hole of a seventh of its length: the criterion is that of the other samples, worked out here.
+
+    If this failed, the zeros in place of residuals would count as samples, and shorten what the residuals remember.
+    """
+    log = example_log(STRIBECK, seed=7)
+    seen = np.r_[0 : 3 * len(log.time) // 7, 4 * len(log.time) // 7 : len(log.time)]
+    joint = next(iter(log.joints.values()))
+    cut = {name: value[seen] for name, value in vars(joint).items() if isinstance(value, np.ndarray)}
+    holed = replace(log, time=log.time[seen], joints={next(iter(log.joints)): replace(joint, **cut)})
+    run = make_run(holed, None, IdentifySetup())
+    base = fit_rows(run.rows, symmetric_model(run))
+    loop = close_loop(run, base, base)
+    found = choose_in_loop(run, base, loop)
+    assert found is not None and loop.symmetric is not None
+    counted = loop.symmetric.counted & found.found.counted
+    assert 0.13 < np.mean(~counted) < 0.3
+    expected, samples = 0.0, 0.0
+    for name, plain in loop.symmetric.residuals.items():
+        before, after = plain[counted], found.found.residuals[name][counted]
+        assert not plain[~loop.symmetric.counted].any()
+        independent = len(before) / max(correlation_time(before), correlation_time(after))
+        expected += independent * np.log(np.sum(before**2) / np.sum(after**2))
+        samples += independent
+    assert found.evidence == pytest.approx(expected - 2 * np.log(samples), rel=1e-12)
+
+
+def test_two_signals_by_hand() -> None:
+    """400 samples without memory: 400 ln 4 of the signal whose residual is halved, 0 of the other, less 2 ln 800."""
+    sign = np.resize([-1.0, 1.0], (2, 400))
+    evidence = evidence_of([2 * sign[0], sign[1]], [sign[0], sign[1]], 2)
+    assert evidence == pytest.approx(400 * np.log(4) - 2 * np.log(800), rel=1e-9)
+    masked = evidence_of([np.append(2 * sign[0], 0.0), sign[1]], [np.append(sign[0], 0.0), sign[1]], 2)
+    assert masked != pytest.approx(evidence, rel=1e-4)
 
 
 def test_the_equation_holds_the_simulations_values() -> None:

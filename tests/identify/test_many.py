@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
+from stiction.core.provenance import THREADS_VARIABLE
 from stiction.formats.log import JointSignals, Log
-from stiction.formats.reproducibility import THREADS_VARIABLE
 from stiction.identify.example import GO1, SATURN_LITE, Excitation, example_log
-from stiction.identify.many import REFUSED, identify_log
-from stiction.identify.pipeline import identify_joint
+from stiction.identify.pipeline import REFUSED, identify_joint, identify_log
 
 SHORT = Excitation(duration=8.0)
 
@@ -96,7 +95,7 @@ def test_only_the_joints_asked_for_in_that_order() -> None:
     log = robot(a=signals(1), b=signals(2), c=signals(3))
     assert list(identify_log(log, joints=("c", "a"))[0]) == ["c", "a"]
     heard: list[str] = []
-    with pytest.raises(StictionError, match=r"no joint 'd'.*a, b, c"):
+    with pytest.raises(StictionError, match=r"unknown joint 'd'.*a, b, c"):
         identify_log(log, joints=("a", "d"), done=heard.append)
     assert heard == []
 
@@ -119,4 +118,4 @@ def test_a_joint_that_a_repeat_lacks_is_refused(others: tuple[str, ...]) -> None
     repeat = replace(robot(**{name: signals(11) for name in others}), source="again.csv")
     found, refused = identify_log(log, repeats=(repeat,))
     assert list(found) == ["hip"]
-    assert refused["knee"].warnings[0].startswith(f"{REFUSED}again.csv: no joint 'knee'; the log has {others[0]}")
+    assert refused["knee"].warnings[0].startswith(f"{REFUSED}again.csv: unknown joint 'knee'; known: {others[0]}")

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.identify.model import LAWS, Model, nearest_joint
 from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
-from stiction.joints.gravity import Gravity
 from stiction.joints.pd import PDGains
-from stiction.joints.simulate import Joint, simulate
+from stiction.joints.simulate import Gravity, Joint, simulate
 
 
 def test_each_law_becomes_its_joint() -> None:

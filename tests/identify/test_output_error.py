@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.joints import PARAMETERS
 from stiction.identify.checks import Uniform
 from stiction.identify.model import Law, Model

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.joints import PARAMETERS, Estimate
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.identify.example import GO1, SATURN_LITE, Excitation, Motor, SensorNoise, example_log

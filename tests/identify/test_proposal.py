@@ -5,7 +5,7 @@ from __future__ import annotations
 from stiction.formats.advice import TRAINING
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.identify.advice import shipped
-from stiction.identify.proposal import judge, propose
+from stiction.identify.verdict import judge, propose
 from stiction.locomotion.friction import FRICTION_RANGES, FrictionCfg
 
 

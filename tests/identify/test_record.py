@@ -10,8 +10,7 @@ import pytest
 from carried import without_torque
 from equation import equation_rows
 from stiction.formats.log import JointSignals, Log, LogSetup
-from stiction.identify.agreement import disagreement
-from stiction.identify.bias import hanging_bias
+from stiction.identify.consistency import disagreement
 from stiction.identify.example import (
     ASYMMETRIC,
     LEG,
@@ -24,9 +23,10 @@ from stiction.identify.example import (
 )
 from stiction.identify.model import Model
 from stiction.identify.pipeline import identify_joint
+from stiction.identify.record import hanging_bias
 from stiction.identify.regression import fit_rows
 from stiction.identify.setup import IdentifySetup
-from stiction.joints.gravity import Gravity
+from stiction.joints.simulate import Gravity
 
 STEP = 0.002
 PLAIN = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4, "offset": -0.05}

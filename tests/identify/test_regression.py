@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from equation import equation_rows
-from stiction.formats.log import LogError
+from stiction.core.errors import LogError
 from stiction.identify.model import LAWS, Law, Model
 from stiction.identify.regression import (
     FEWEST_ROWS,

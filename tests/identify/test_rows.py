@@ -7,8 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from stiction.identify.prepare import Prepared
-from stiction.identify.rows import Rows, make_rows
+from stiction.identify.prepare import Prepared, Rows, make_rows
 from stiction.identify.setup import Payload
 
 

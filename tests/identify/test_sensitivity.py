@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stiction.identify.model import LAWS, Law, Model
-from stiction.identify.sensitivity import parameter_torques, strength_torque
+from stiction.identify.model import LAWS, Law, Model, parameter_torques, strength_torque
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Trajectory, simulate
 from stiction.joints.variation import course, vary

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from stiction.formats.log import Log
+from stiction.identify.consistency import compare_timing, fit_skew
 from stiction.identify.example import SATURN_LITE, example_log
 from stiction.identify.in_loop import symmetric_model
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.regression import fit_rows
 from stiction.identify.runs import make_run
 from stiction.identify.setup import IdentifySetup
-from stiction.identify.skew import compare_timing, fit_skew
 
 
 def early(log: Log, time: float) -> Log:

@@ -11,7 +11,7 @@ from stiction.formats.log import Log
 from stiction.identify.example import SATURN_LITE, example_log
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.setup import Payload
-from stiction.joints.gravity import Gravity
+from stiction.joints.simulate import Gravity
 
 STRENGTH = 0.8
 PAYLOAD = Payload(1.0, 0.2, 0.3)

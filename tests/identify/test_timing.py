@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.formats.errors import LogError
+from stiction.core.errors import LogError
 from stiction.identify.timing import even_grid, is_stairs, resample
 
 STEP = 0.005

@@ -6,18 +6,19 @@ import numpy as np
 import pytest
 
 from actuators import pd_net
-from stiction.formats.errors import StictionError
-from stiction.joints.actuator import (
+from stiction.core.errors import StictionError
+from stiction.joints.net import (
     ActuatorCfg,
     ActuatorMemory,
+    Baseline,
     first_signal,
+    fit_baseline,
     kinds,
     perceptron,
     predict,
     seen,
     windows,
 )
-from stiction.joints.baseline import Baseline, fit_baseline
 
 GENERATOR = np.random.default_rng(0)
 
@@ -91,7 +92,7 @@ def test_a_net_recovers_a_pd_law() -> None:
     the torque of a sample follows by hand: 100 · 0.1 - 2.5 · 2 = 5 N m. The paper's inputs lack the current velocity.
     """
     pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to fit a net")
-    from stiction.joints.actuator_net import fit_net
+    from stiction.rma.actuator import fit_net
 
     inputs = GENERATOR.uniform(-1, 1, (10_000, 4)) * np.repeat([0.3, 5.0], 2)
     torque = np.clip((100 * inputs[:, 0] - 2.5 * inputs[:, 2]) / 25, -1, 1)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.joints.damping import fit_net, largest_difference, output_torque, swapped, total_damping
+from stiction.core.errors import StictionError
 from stiction.joints.friction import Coulomb, Stribeck
 from stiction.joints.pd import PDGains
+from stiction.joints.sampled import fit_net, largest_difference, output_torque, swapped, total_damping
 from stiction.joints.simulate import Joint, Trajectory, simulate
 
 STEP = 0.0005

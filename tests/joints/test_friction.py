@@ -1,11 +1,21 @@
-"""The two numbers that say how large friction is, and numbers that friction cannot have."""
+"""The table of friction laws, the two numbers that say how large friction is, and what friction cannot have."""
 
 from __future__ import annotations
 
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.joints.friction import Coulomb, dead_band, friction_ratio
+from stiction.core.errors import StictionError
+from stiction.joints.friction import (
+    LAWS,
+    Coulomb,
+    Law,
+    LawSpec,
+    candidate_laws,
+    dead_band,
+    friction_ratio,
+    register_law,
+    simulated_laws,
+)
 
 
 def test_dead_band_and_ratio_are_the_papers() -> None:
@@ -23,3 +33,31 @@ def test_impossible_values_are_refused() -> None:
         friction_ratio(0.1, 0.0)
     with pytest.raises(StictionError, match="positive gain"):
         dead_band(0.1, 0.0)
+
+
+def test_the_order_of_the_laws_is_kept() -> None:
+    """Identification takes the first of two laws that are as good: another order would choose others."""
+    assert candidate_laws() == ("coulomb", "asymmetric", "load", "stribeck", "position")
+    assert simulated_laws() == ("coulomb", "stribeck", "load", "effort")
+
+
+@pytest.mark.parametrize(
+    ("law", "said"),
+    [
+        (LawSpec("coulomb", "again", factor=lambda: 1.0), "is there already"),
+        (LawSpec("nothing", "has no form"), "neither a factor nor exact pieces"),
+        (LawSpec("odd", "estimates what nobody knows", factor=lambda: 1.0, parameters=("rust",)), "'rust' has no unit"),
+    ],
+)
+def test_a_law_that_cannot_be_is_not_registered(law: LawSpec, said: str) -> None:
+    """It would be offered by every command, and fail in the middle of a walk."""
+    before = dict(LAWS)
+    with pytest.raises(StictionError, match=said):
+        register_law(law)
+    assert before == LAWS
+
+
+def test_factors_by_hand() -> None:
+    """1; half more at rest; 7 N and N m transmitted; 3 N m of the motor, whichever way."""
+    signals = {"velocity": 0.0, "load": 7.0, "torque": -3.0}
+    assert [float(Law(name).factor(**signals)) for name in simulated_laws()] == [1.0, 1.5, 7.0, 3.0]

@@ -7,16 +7,10 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.joints.friction import (
-    Asymmetric,
-    Coulomb,
-    LoadDependent,
-    Stribeck,
-)
-from stiction.joints.gravity import Gravity
+from stiction.core.errors import StictionError
+from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
 from stiction.joints.pd import PDGains
-from stiction.joints.simulate import Joint, simulate
+from stiction.joints.simulate import Gravity, Joint, simulate
 
 STEP = 0.002
 TIME = STEP * np.arange(500)

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.joints.friction import Coulomb, PositionDependent
-from stiction.joints.gravity import Gravity
 from stiction.joints.pd import PDGains
-from stiction.joints.simulate import Joint, simulate
+from stiction.joints.simulate import Gravity, Joint, simulate
 
 STEP = 0.002
 TIME = STEP * np.arange(500)

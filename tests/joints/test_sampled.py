@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.joints.friction import Coulomb, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.sampled import Sampling, growth, hold, simulate_sampled

@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.joints.friction import Coulomb, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from stiction.cli.main import main
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.device import CPU, Device, find_device
 from stiction.locomotion.env import LocomotionEnv

@@ -13,7 +13,7 @@ from stiction.locomotion.config import CommandCfg, NoiseCfg, RandomizationCfg, T
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.randomization import nominal_joints
-from stiction.rma.checkpoint import load_checkpoint, save_checkpoint
+from stiction.rma.run import load_checkpoint, save_checkpoint
 from stiction.robots.physics import PhysicsCfg
 
 QUIET = NoiseCfg(0.0, 0.0, 0.0, 0.0)

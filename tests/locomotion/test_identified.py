@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
-from stiction.locomotion.identified import identified_joints
+from stiction.locomotion.randomization import identified_joints
 
 NAMES = ("FL_hip", "FL_shank", "FR_hip", "FR_shank")
 LINKS = np.array([0.05, 0.01, 0.05, 0.01])

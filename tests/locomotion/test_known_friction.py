@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 import torch
 
+from stiction.core.errors import StictionError
 from stiction.deploy.observation import ObservationBuilder, Sensors
-from stiction.formats.errors import StictionError
 from stiction.locomotion.config import NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.checkpoint import load_checkpoint, save_checkpoint
+from stiction.rma.run import load_checkpoint, save_checkpoint
 
 FRICTION = FrictionCfg("deception", level=0.2, per="joint")
 

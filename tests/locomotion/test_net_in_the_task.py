@@ -8,7 +8,7 @@ pytest.importorskip("torch", reason="the package torch, of the extra 'train', is
 import torch
 
 from actuators import pd_net
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg

@@ -1,18 +1,18 @@
-"""Ways to train with friction: stages worked out by hand, what is drawn in them, and friction added to the command."""
+"""Training methods: stages worked out by hand, what is drawn in them, and friction added to the command."""
 
 import numpy as np
 import pytest
 import torch
 
+from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy
-from stiction.formats.errors import StictionError
+from stiction.evaluate.export import contract_of
 from stiction.joints.pd import compensated
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import TrainCfg
-from stiction.transfer.export import contract_of
 
 
 def test_finetune_is_one_step_from_a_teacher_without_friction() -> None:

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 import torch
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.locomotion.config import NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.checkpoint import load_checkpoint, save_checkpoint
+from stiction.rma.run import load_checkpoint, save_checkpoint
 
 
 def make(num_envs: int = 4, **changes: object) -> LocomotionEnv:

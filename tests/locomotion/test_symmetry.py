@@ -14,16 +14,17 @@ import torch
 
 from actuators import pd_net
 from mirrored import mirrored_qpos, mirrored_qvel, mirrored_state
-from stiction.formats.errors import StictionError
-from stiction.formats.observation import ObservationLayout, Term
-from stiction.locomotion import privileged, symmetry
+from stiction.core.errors import StictionError
+from stiction.formats.contract import ObservationLayout, Term
+from stiction.locomotion import randomization as privileged
+from stiction.locomotion import symmetry
 from stiction.locomotion.config import NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.symmetry import task_mirror
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.robots.mirror import RobotMirror, robot_mirror
-from stiction.sim.terrain import REACH
+from stiction.robots.terrain import REACH
 
 ROBOTS = ["saturn_lite", "go1"]
 
@@ -304,7 +305,7 @@ def test_a_term_without_a_rule_is_an_error(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(symmetry, "PRIVILEGED_TERMS", privileged.PRIVILEGED_TERMS[:-1])
     with pytest.raises(StictionError, match="group 'privileged' has 38 entries and its mirror rule 26"):
         task_mirror(env)
-    monkeypatch.setattr("stiction.formats.observation.TERM_NAMES", ("height",))
+    monkeypatch.setattr("stiction.formats.contract.TERM_NAMES", ("height",))
     env.layout = ObservationLayout((Term("height", 1, 1.0, 1.0, "base"),))
     with pytest.raises(StictionError, match="term 'height' has no mirror rule"):
         task_mirror(env)

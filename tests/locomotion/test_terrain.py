@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import ELEVATION_SCALE, LocomotionEnv
 from stiction.locomotion.terrain import BEYOND, LENGTH, SCAN_POINTS, START, Curriculum, TerrainCfg, hold_heading
-from stiction.rma.checkpoint import load_checkpoint, save_checkpoint
-from stiction.sim.terrain import KINDS, REACH
+from stiction.rma.run import load_checkpoint, save_checkpoint
+from stiction.robots.terrain import KINDS, REACH
 
 UNSOUND = [{"speed": (0.3, float("inf"))}, {"elevation_noise": -0.1}, {"heading_gain": float("nan")}]
 

@@ -8,13 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.formats.folder import make_folder
-from stiction.formats.replication import BOTH, Sample
+from stiction.core.errors import StictionError
+from stiction.core.records import make_folder, read_rows
+from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.results import ResultRow, read_results
-from stiction.formats.rows import read_rows
-from stiction.report.evaluation import lead, results_table, write_evaluation
-from stiction.report.evaluation_figures import draw_budget
+from stiction.report.evaluation import draw_budget, lead, results_table, write_evaluation
 
 
 def make_row(policy: str, level: float, command: str, ratio: float | None, falls: float = 0.0) -> ResultRow:
@@ -111,10 +109,10 @@ SPEEDS = [seeded("speed_ratio", 0.2, 0.8, 1.0), seeded("speed_ratio", 0.0, 1.0, 
 
 
 def test_a_way_with_several_seeds_is_one_line_with_its_interval_and_every_seed() -> None:
-    """Two lines would read as two policies to choose from; a way with one seed stays the line of its policy."""
-    ways = {"plain": "none", "wild": "none (wild)", "p0": "deception", "p1": "deception"}
+    """Two lines would read as two policies to choose from; a method with one seed stays the line of its policy."""
+    methods = {"plain": "none", "wild": "none (wild)", "p0": "deception", "p1": "deception"}
     alone = replace(seeded("speed_ratio", 0.0, 0.95), method="none")
-    axis = draw_budget([*ROWS, *SEEDS], [alone, *SPEEDS], ways).axes[0]
+    axis = draw_budget([*ROWS, *SEEDS], [alone, *SPEEDS], methods).axes[0]
     lines = axis.get_lines()[1:]
     assert [line.get_label() for line in lines if line.get_label()[0] != "_"] == ["plain", "wild", "deception"]
     assert lines[2].get_xydata().tolist() == [[0.0, 1.05], [20.0, 0.9]]
@@ -128,9 +126,9 @@ def test_every_measure_of_a_way_has_its_interval(tmp_path: Path) -> None:
     falls = seeded("fall_rate", 0.0, 0.0, 0.125, trials=16, trials_low=0.0111, trials_high=0.283)
     others = [seeded("tracking_error", 0.0, 0.2, 0.3), seeded("joint_jitter", 0.0, 30.0, 40.0)]
     samples = [*SPEEDS, falls, *others, replace(falls, command=BOTH)]
-    ways = SUMMARY["ways"] | {"p0": "deception", "p1": "deception"}
+    methods = SUMMARY["ways"] | {"p0": "deception", "p1": "deception"}
     back = [replace(row, command="vx=-0.5", speed_ratio=1.3) for row in SEEDS[:1]]
-    made = SUMMARY | {"rows": [], "ways": ways}
+    made = SUMMARY | {"rows": [], "ways": methods}
     page = write_evaluation(tmp_path, [*ROWS, *SEEDS, *back], made, samples).read_text()
     assert "How many training seeds follow" in page and "0 of 1, 1 too fast" in page and "1.00/1.30" in page
     assert "2 follow" in page

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stiction.core.errors import StictionError
 from stiction.formats.design import (
     DesignSignals,
     ExcitationDesign,
@@ -22,7 +23,6 @@ from stiction.formats.design import (
     read_signals,
     write_signals,
 )
-from stiction.formats.errors import StictionError
 from stiction.report.excitation import write_excitation_page
 
 DESIGN = ExcitationDesign(

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.formats.fit import write_fit
-from stiction.formats.joints import JointsFile
+from stiction.core.errors import StictionError
+from stiction.formats.joints import JointsFile, write_fit
 from stiction.formats.log import LogSetup
 from stiction.identify.example import example_log
 from stiction.identify.pipeline import identify_joint

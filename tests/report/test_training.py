@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.formats.metrics import read_metrics
+from stiction.core.errors import StictionError
+from stiction.formats.results import read_metrics
 from stiction.report.training import PANELS, draw_training
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
-from stiction.formats.walk_fit import WalkFit, read_walk_fit, write_walk_fit
+from stiction.formats.walk import WalkFit, read_walk_fit, write_walk_fit
 from stiction.report.walking import grouped_warnings, span, write_walking_page
 
 REFUSED = "the interval of the hips' load coefficient is too wide <to tell>"

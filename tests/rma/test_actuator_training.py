@@ -9,13 +9,12 @@ import pytest
 
 pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to fit a net")
 
+from stiction.core.errors import StictionError
 from stiction.formats.actuator import FILE, read_actuator
-from stiction.formats.errors import StictionError
-from stiction.formats.log import JointSignals, Log, write_log
-from stiction.formats.sidecar import LogSetup
+from stiction.formats.log import JointSignals, Log, LogSetup, write_log
 from stiction.formats.walk import WalkHeader, WalkLog, write_walk
-from stiction.joints.actuator import ActuatorCfg
-from stiction.report.actuator import lead, write_actuator_page
+from stiction.joints.net import ActuatorCfg
+from stiction.report.training import lead, write_actuator_page
 from stiction.rma.actuator import error_of, train_actuator, write_trained
 from stiction.rma.actuator_data import check_runs, read_run, split_runs
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
-from stiction.rma.board import Board
+from stiction.rma.figures import Board
 
 
 def test_steps_made_again_after_a_resume_are_shown_once(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from stiction.formats.errors import StictionError
-from stiction.rma.checkpoint import keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
+from stiction.core.errors import StictionError
+from stiction.rma.run import keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
 
 TREE = {
     "weights": {"a.b": torch.arange(6.0).reshape(2, 3)},

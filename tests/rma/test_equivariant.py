@@ -11,21 +11,21 @@ import pytest
 import torch
 from tensordict import TensorDict
 
+from stiction.core.errors import StictionError
 from stiction.deploy.policy import Network
-from stiction.formats.errors import StictionError
+from stiction.evaluate.export import export_network
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.symmetry import Rows, TaskMirror, task_mirror
 from stiction.locomotion.terrain import TerrainCfg
-from stiction.rma.board import Board
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.equivariant import EquivariantLinear, make_equivariant
+from stiction.rma.figures import Board
 from stiction.rma.models import StudentPolicy
 from stiction.rma.phase import Interrupted, PhaseRunner
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import load_actor, load_student, ppo_cfg, student_cfg, train
-from stiction.transfer.export import export_network
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2, per="joint")),

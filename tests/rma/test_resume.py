@@ -7,15 +7,16 @@ from pathlib import Path
 import pytest
 import torch
 
-from stiction.formats.errors import StictionError
+from stiction.cli.main import main
+from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.friction import FrictionCfg
-from stiction.rma import checkpoint, phase
-from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
+from stiction.rma import phase
+from stiction.rma import run as checkpoint
 from stiction.rma.config import NetworkCfg, StopCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.phase import Interrupted, PhaseRunner, film_due
 from stiction.rma.ppo import AdaptationPPO
-from stiction.rma.run import RunDirectory
+from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.rma.runner import train
 
 CFG = TrainCfg(
@@ -266,13 +267,23 @@ def test_every_clip_is_asked_for_with_its_checkpoint(tmp_path: Path) -> None:
     assert asked == [("teacher", 3), ("teacher", 5), ("student", 3)]
 
 
-def test_other_matrix_products_are_named_where_a_run_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """They round otherwise: the run would not be that of an uninterrupted one, and nobody would know."""
+@pytest.mark.parametrize("recorded", [True, False])
+def test_other_matrix_products_are_named_where_a_run_goes_on(
+    recorded: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """They round otherwise, and so they do behind a checkpoint from before there were fast ones, which names none."""
     run = start(tmp_path / "run")
     monkeypatch.setattr(PhaseRunner, "iterate", dies(PhaseRunner.iterate, 4))
     with pytest.raises(Killed):
         train(CFG, run)
+    if not recorded:
+        header = latest_checkpoint(run.checkpoints, "teacher").with_suffix(".json")
+        tree = json.loads(header.read_text())
+        tree["tree"]["__dict__"] = [entry for entry in tree["tree"]["__dict__"] if entry[0] != "gemm"]
+        header.write_text(json.dumps(tree))
     monkeypatch.setattr(phase, "gemm_path", lambda: "fast")
     monkeypatch.setattr(PhaseRunner, "iterate", dies(PhaseRunner.iterate, 1))
-    with pytest.raises(Killed), pytest.warns(UserWarning, match="matrix products"):
-        train(CFG, run)
+    with pytest.raises(Killed):
+        main(["train", "--resume", str(run.path)])
+    (said,) = [line for line in capsys.readouterr().err.splitlines() if "matrix products" in line]
+    assert said.startswith("stiction train: warning: teacher_") and "numbers will differ" in said

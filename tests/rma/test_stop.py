@@ -2,11 +2,11 @@
 
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.config import StopCfg, TrainCfg
-from stiction.rma.stop import EarlyStop
+from stiction.rma.health import EarlyStop
 
 
 def row(error: float, falls: float = 0.0, stage: int = 0, **more: float) -> dict[str, float]:

@@ -10,14 +10,14 @@ import pytest
 import torch
 from tensordict import TensorDict
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.symmetry import TaskMirror, task_mirror
 from stiction.locomotion.terrain import TerrainCfg
-from stiction.rma.board import Board
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.rma.figures import Board
 from stiction.rma.phase import PhaseRunner
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import ppo_cfg, student_cfg
@@ -245,5 +245,5 @@ def test_half_needs_passes_to_halve() -> None:
     """One and a half passes are none."""
     with pytest.raises(StictionError, match="half of 3 passes"):
         replace(CFG, symmetry="half", teacher=replace(CFG.teacher, epochs=3))
-    with pytest.raises(StictionError, match="symmetry 'both': expected one of none, batches, half, network"):
+    with pytest.raises(StictionError, match="unknown symmetry 'both'; known: none, batches, half, network"):
         replace(CFG, symmetry="both")

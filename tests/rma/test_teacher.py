@@ -9,8 +9,8 @@ from rollouts import rollout
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.board import Board
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.rma.figures import Board
 from stiction.rma.models import StudentPolicy
 from stiction.rma.phase import PhaseRunner
 from stiction.rma.run import RunDirectory
@@ -149,6 +149,24 @@ def test_student_starts_as_the_teacher_on_its_own_latent(env: LocomotionEnv, tmp
     torch.testing.assert_close(StudentPolicy(student.alg.student)(obs["history"]), actor(obs))
     actor.latent_source = "privileged"
     torch.testing.assert_close(student.alg.teacher(obs), actor(obs))
+
+
+@pytest.mark.parametrize("norm", [None, 1e-3])
+def test_gradients_of_distillation_are_clipped_as_asked(norm: float | None, env: LocomotionEnv, tmp_path) -> None:
+    """None is no clipping: a step of plain gradient descent is as long as the gradient, or as the norm asked for."""
+    cfg = replace(CFG, student=replace(CFG.student, epochs=1, mini_batches=1))
+    runner = phase(env, tmp_path, "student", cfg)
+    student = runner.alg
+    student.teacher_loaded, student.max_grad_norm = True, norm
+    student.optimizer = torch.optim.SGD(student.student.parameters(), lr=1.0)
+    with torch.no_grad():
+        for parameter in student.teacher.parameters():
+            parameter.mul_(10.0)
+    rollout(runner)
+    before = torch.nn.utils.parameters_to_vector(student.student.parameters()).clone()
+    student.update()
+    step = (torch.nn.utils.parameters_to_vector(student.student.parameters()) - before).norm().item()
+    assert step > 1.5 if norm is None else step == pytest.approx(norm, rel=1e-2)
 
 
 def test_distillation_brings_the_student_to_the_teacher(env: LocomotionEnv, tmp_path) -> None:

@@ -6,17 +6,16 @@ from pathlib import Path
 import pytest
 import torch
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.terrain import TerrainCfg
-from stiction.rma.board import Board
-from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.rma.figures import Board
 from stiction.rma.models import RMAActor, StudentPolicy
 from stiction.rma.phase import Interrupted, PhaseRunner
-from stiction.rma.run import RunDirectory
+from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.rma.runner import ppo_cfg, student_cfg, train
 
 CFG = TrainCfg(

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from stiction.cli.main import main
-from stiction.rma.checkpoint import load_checkpoint
+from stiction.rma.run import load_checkpoint
 
 pytest.importorskip("mujoco_warp", reason='mujoco_warp is not installed: pip install "stiction[gpu]"')
 import warp

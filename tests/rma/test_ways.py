@@ -6,18 +6,18 @@ import pytest
 import torch
 
 from rollouts import rollout
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError, StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.terrain import TerrainCfg
-from stiction.rma.board import Board
-from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
+from stiction.rma.arguments import parse
 from stiction.rma.config import StopCfg, StudentCfg, TeacherCfg, TrainCfg
+from stiction.rma.figures import Board
 from stiction.rma.models import VELOCITY, StudentPolicy
 from stiction.rma.phase import PhaseRunner
 from stiction.rma.ppo import evenly_spread
-from stiction.rma.run import RunDirectory
+from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
 from stiction.rma.runner import load_actor, load_student, ppo_cfg, student_cfg, train
 
 TASK = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))
@@ -206,6 +206,27 @@ def test_phases_that_nobody_could_mean_are_refused(change: dict, named: str) -> 
     """Before any folder is made."""
     with pytest.raises(StictionError, match=named):
         replace(ONE_PHASE, **change)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--student.algorithm ppo --student.noise half", "--student.noise half"),
+        ("--student.algorithm ppo --student.epochs 3", "--student.epochs 3"),
+        ("--teacher.student-share 0.5", "--teacher.student-share 0.5"),
+        ("--teacher.latent groups --teacher.student-share 0.5", ""),
+        ("--student.noise half --student.epochs 3", ""),
+        ("--student.algorithm ppo --student.noise all --student.epochs 2 --teacher.student-share 0.25", ""),
+    ],
+)
+def test_a_setting_without_effect_is_refused(words: str, said: str) -> None:
+    """Two runs that differ in it would be compared, and are the same run."""
+    arguments = ["--preset", "two-phase", *words.split()]
+    if not said:
+        parse(arguments)
+        return
+    with pytest.raises(ConfigurationError, match=f"^{said} .*no effect"):
+        parse(arguments)
 
 
 def test_friction_is_estimated_beside_velocity_and_contacts() -> None:

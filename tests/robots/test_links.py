@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.robots.build import build_model
+from stiction.robots.box_legs import build_model
 from stiction.robots.catalog import find_robot
-from stiction.robots.links import foot_position, links
+from stiction.robots.tree import foot_position, links
 
 
 def test_a_right_leg_by_hand() -> None:

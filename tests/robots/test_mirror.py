@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.robots.build import build_model
+from stiction.core.errors import StictionError
+from stiction.robots.box_legs import build_model
 from stiction.robots.catalog import find_robot
-from stiction.robots.links import Link, links
 from stiction.robots.mirror import POSITION, match_links, robot_mirror
-from stiction.robots.spec import LegSpec, RobotSpec
+from stiction.robots.model import LegSpec, RobotSpec
+from stiction.robots.tree import Link, links
 
 ROBOTS = ["saturn_lite", "go1"]
 

@@ -7,10 +7,10 @@ import types
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.robots.build import build_model
+from stiction.core.errors import StictionError
+from stiction.robots.box_legs import build_model
 from stiction.robots.catalog import find_robot, robot_names
-from stiction.robots.spec import box_inertia
+from stiction.robots.model import box_inertia
 from stiction.sim.fleet import Fleet
 
 
@@ -72,7 +72,7 @@ def test_box_inertia_by_hand() -> None:
 
 def test_a_robot_of_ones_own_touches_no_other_file(monkeypatch: pytest.MonkeyPatch) -> None:
     """Named as module:VARIABLE, an eight-legged robot builds and simulates."""
-    from stiction.robots.spec import LegSpec
+    from stiction.robots.model import LegSpec
 
     go1 = find_robot("go1")
     legs = [LegSpec(f"L{i}", (0.5 - 0.3 * i, 0.05, 0.0), i % 2) for i in range(4)]

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from stiction.robots.catalog import find_robot
-from stiction.sim.fleet import Fleet
-from stiction.sim.terrain import (
+from stiction.robots.terrain import (
     CELL,
     KINDS,
     LANDING,
@@ -21,6 +20,7 @@ from stiction.sim.terrain import (
     slope_height,
     stair_height,
 )
+from stiction.sim.fleet import Fleet
 
 GO1 = find_robot("go1")
 

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.robots.catalog import find_robot
-from stiction.sim.fall import base_up
-from stiction.sim.fleet import Fleet, rotate_inverse
+from stiction.sim.fleet import Fleet
 
 LEVEL = 0.3
 ROBOTS = ["saturn_lite", "go1"]
@@ -109,7 +108,7 @@ def test_a_model_that_resets_itself_is_refused() -> None:
     """MuJoCo's own reset on NaN would hide a blow-up."""
     import mujoco
 
-    from stiction.robots.build import build
+    from stiction.robots.box_legs import build
     from stiction.sim.native import NativeSimulation
 
     spec = build(find_robot("go1"))
@@ -153,13 +152,6 @@ def test_threads_do_not_change_the_result() -> None:
             fleet.step()
         results.append(fleet.qpos.copy())
     assert np.array_equal(*results)
-
-
-def test_base_velocity_is_in_the_base_frame() -> None:
-    """A base turned left by 90° that moves along the world's y moves along its own x."""
-    quaternion = np.array([[np.sqrt(0.5), 0, 0, np.sqrt(0.5)]])
-    np.testing.assert_allclose(rotate_inverse(quaternion, np.array([[0.0, 2.0, 0.0]])), [[2.0, 0.0, 0.0]], atol=1e-12)
-    np.testing.assert_allclose(base_up(np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0]])), [1.0, -1.0])
 
 
 def test_a_fleet_that_cannot_be_is_refused() -> None:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.formats.friction import Law
+from stiction.core.errors import StictionError
+from stiction.joints.friction import LAWS, Law, stribeck_factor
 from stiction.robots.catalog import find_robot
 from stiction.sim.fleet import Fleet
-from stiction.sim.friction import KEPT, joint_friction, load_size, stribeck_bound
+from stiction.sim.friction import JointFriction, load_size
 
 MEASURED = [Law("effort"), Law("load")]
 
@@ -15,13 +15,13 @@ MEASURED = [Law("effort"), Law("load")]
 def make(law: Law, num: int = 2, level: float = 0.1) -> Fleet:
     """Return standing robots under a law."""
     fleet = Fleet(find_robot("go1"), num, joint_sensors=True)
-    joint_friction(fleet, law).set_level(np.full(fleet.friction.shape, level))
+    JointFriction(fleet, law).set_level(np.full(fleet.friction.shape, level))
     return fleet
 
 
 def test_formulas_by_hand() -> None:
     """Friction of 2 N m, half more at rest: 3 at rest, 2 + 1/e at v_s, 2 far above. |(3, 4, 0)| + |(0, 0, -2)| = 7."""
-    found = stribeck_bound(np.full(3, 2.0), 1.5, 0.1, np.array([0.0, -0.1, 5.0]))
+    found = 2.0 * stribeck_factor(np.array([0.0, -0.1, 5.0]), 1.5, 0.1)
     np.testing.assert_allclose(found, [3.0, 2.0 + np.exp(-1.0), 2.0])
     np.testing.assert_allclose(load_size(np.array([[[[3.0, 4.0, 0.0], [0.0, 0.0, -2.0]]]])), [[7.0]])
 
@@ -33,7 +33,7 @@ def test_the_bound_is_written_before_every_physics_step() -> None:
     for _ in range(fleet.decimation):
         before = fleet.joint_velocity.copy()
         fleet.substep()
-        np.testing.assert_array_equal(fleet.friction, stribeck_bound(np.full((2, 12), 2.0), 1.5, 0.5, before))
+        np.testing.assert_array_equal(fleet.friction, 2.0 * stribeck_factor(before, 1.5, 0.5))
 
 
 def test_effort_is_a_share_of_the_motors_last_torque() -> None:
@@ -71,7 +71,8 @@ def test_load_keeps_half_of_the_old_bound_but_nothing_over_a_reset() -> None:
     fleet.reset(np.array([1]))
     standing = load_size(fleet.joint_load)[1]
     fleet.substep()
-    np.testing.assert_allclose(fleet.friction[0], KEPT * 100.0 + (1 - KEPT) * 0.1 * load[0])
+    kept = LAWS["load"].kept
+    np.testing.assert_allclose(fleet.friction[0], kept * 100.0 + (1 - kept) * 0.1 * load[0])
     np.testing.assert_allclose(fleet.friction[1], 0.1 * standing)
 
 
@@ -90,7 +91,7 @@ def test_state_restores_the_friction_bit_by_bit(law: Law) -> None:
     """A checkpoint has neither sensors nor bounds; without them a resumed run would take another way."""
     targets = 0.2 * np.random.default_rng(0).standard_normal((20, 2, 12))
     fleet = Fleet(find_robot("go1"), 2, joint_sensors=True)
-    friction = joint_friction(fleet, law)
+    friction = JointFriction(fleet, law)
     friction.set_level(np.full((2, 12), 0.1))
 
     def walk(some: np.ndarray) -> np.ndarray:
@@ -122,7 +123,7 @@ def test_joint_sensors_change_neither_the_feet_nor_the_motion() -> None:
 def test_a_law_that_cannot_be_is_refused() -> None:
     """No such law, numbers that make none, and a load that nothing measures."""
     for arguments in (("rust",), ("stribeck", 0.5), ("stribeck", 1.5, 0.0)):
-        with pytest.raises(StictionError, match="expected"):
+        with pytest.raises(StictionError, match=r"expected|unknown friction law"):
             Law(*arguments)
     with pytest.raises(StictionError, match="joint_sensors"):
-        joint_friction(Fleet(find_robot("go1"), 1), Law("load"))
+        JointFriction(Fleet(find_robot("go1"), 1), Law("load"))

@@ -6,12 +6,12 @@ import pytest
 
 import walks
 from actuators import pd_net
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
+from stiction.evaluate.walk_logs import record_motion
 from stiction.robots.catalog import find_robot
-from stiction.sim.actuator import NetMotors
 from stiction.sim.fleet import BASE_DOFS, Fleet
-from stiction.sim.friction_meter import FrictionMeter
-from stiction.transfer.walk import record_motion
+from stiction.sim.friction import FrictionMeter
+from stiction.sim.net_motors import NetMotors
 
 SPEC = find_robot("saturn_lite")
 

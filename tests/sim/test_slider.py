@@ -4,14 +4,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from stiction.formats.errors import StictionError
-from stiction.formats.friction import Law
+from stiction.core.errors import StictionError
+from stiction.joints.friction import Law
 from stiction.locomotion.config import TaskCfg
 from stiction.rma.config import TrainCfg
 from stiction.robots.catalog import find_robot
 from stiction.robots.physics import PhysicsCfg
 from stiction.sim.fleet import BASE_DOFS, Fleet
-from stiction.sim.friction import joint_friction
+from stiction.sim.friction import JointFriction
 
 LEVEL = 0.2
 PLASTIC = PhysicsCfg("plastic", stiffness=1500.0)
@@ -136,7 +136,7 @@ def test_the_slider_moves_a_joint_as_the_rows_do() -> None:
 def test_a_law_that_depends_on_speed_writes_the_yield_before_every_step() -> None:
     """Stribeck friction at rest is 1.5 times Coulomb's: it holds what Coulomb's would not."""
     fleet = hung()
-    law = joint_friction(fleet, Law("stribeck", 1.5, 0.1))
+    law = JointFriction(fleet, Law("stribeck", 1.5, 0.1))
     law.set_level(np.full((1, fleet.spec.num_joints), bound(fleet)))
     fleet.damping[:, 0] = 5.0
     angle, _ = pull(fleet, np.linspace(0, 1.3 * bound(fleet), 400))

@@ -6,11 +6,11 @@ import pytest
 pytest.importorskip("mujoco_warp", reason='mujoco_warp is not installed: pip install "stiction[gpu]"')
 import warp
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.robots.catalog import find_robot
+from stiction.robots.terrain import KINDS, SLABS, Terrain
 from stiction.sim.fleet import Fleet
 from stiction.sim.native import STATE, NativeSimulation
-from stiction.sim.terrain import KINDS, SLABS, Terrain
 from stiction.sim.warp import WarpSimulation
 
 pytestmark = pytest.mark.slow

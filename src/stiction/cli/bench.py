@@ -7,11 +7,12 @@ import shlex
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
+from stiction.locomotion.friction import law_choice, law_help
 from stiction.locomotion.terrain import TerrainName
 from stiction.sim.protocol import DeviceName
 
@@ -36,8 +37,9 @@ class Bench:
     """Friction in the joints during the measurement: rows of dry friction cost the simulator half its speed."""
     friction_level: float = 0.2
     """Nominal friction, as a fraction of the torque limit, or the coefficient of the law."""
-    friction_law: Literal["coulomb", "stribeck", "load", "effort"] = "coulomb"
-    """Law of the friction: all but coulomb stop the simulator at every physics step."""
+    friction_law: Annotated[str, law_choice(), law_help("All but coulomb stop the simulator at every step.")] = (
+        "coulomb"
+    )
     robot: str = "saturn_lite"
     """The robot to measure with."""
     terrain: TerrainName = "flat"
@@ -61,18 +63,17 @@ def main(arguments: list[str]) -> int:
     """Run the verb."""
     options = tyro.cli(Bench, args=arguments, prog="stiction bench", description=DESCRIPTION)
     if options.blocks < 1 or options.num_envs < 1:
-        raise StictionError(f"{options.blocks} blocks of {options.num_envs} robots: expected at least one of each")
+        raise ConfigurationError(f"{options.blocks} blocks of {options.num_envs} robots: expected at least one of each")
     if options.ground:
         return _measure_ground(options)
     from dataclasses import asdict, replace
 
     from rich.console import Console
 
+    from stiction.core.provenance import Origin
+    from stiction.evaluate.throughput import bench_cfg, measure_parts, measure_training, parts_summary
     from stiction.formats.actuator import read_actuator
-    from stiction.formats.origin import Origin
     from stiction.rma.config import preset
-    from stiction.transfer.bench import bench_cfg, measure_training
-    from stiction.transfer.bench_parts import measure_parts, parts_summary
 
     note, origin = Console(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")
@@ -120,10 +121,9 @@ def main(arguments: list[str]) -> int:
 
 def _measure_ground(options: Bench) -> int:
     """Measure and print the speed of the simulator alone on stairs of boxes and of height fields."""
-    from stiction.formats.origin import Origin
-    from stiction.formats.reproducibility import num_threads
+    from stiction.core.provenance import Origin, num_threads
+    from stiction.evaluate.throughput import measure_grounds
     from stiction.robots.catalog import find_robot
-    from stiction.transfer.bench_ground import measure_grounds
 
     origin = Origin.now()
     found = measure_grounds(find_robot(options.robot), options.num_envs, options.blocks, num_threads())
@@ -139,8 +139,8 @@ def _measure_ground(options: Bench) -> int:
 
 def _policy_step() -> dict[str, float] | None:
     """Time the first shipped policy, or return None where none came along."""
-    from stiction.formats.shipped import shipped_bundles
-    from stiction.transfer.bench import measure_runtime
+    from stiction.evaluate.throughput import measure_runtime
+    from stiction.formats.bundle import shipped_bundles
 
     paths: list[Path] = list(shipped_bundles().values())
     return measure_runtime(paths[0]) if paths else None

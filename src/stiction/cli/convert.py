@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError, FileError
 
 DESCRIPTION = """Write identified friction, damping and rotor inertia as a simulator reads them.
 
@@ -46,8 +46,8 @@ class Convert:
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = tyro.cli(Convert, args=arguments, prog="stiction convert", description=DESCRIPTION)
+    from stiction.exchange.targets import ConvertOptions, convert
     from stiction.formats.joints import load_joints
-    from stiction.identify.convert.targets import ConvertOptions, convert
 
     _keep_inputs(cfg)
     options = ConvertOptions(cfg.model, cfg.joint_map, cfg.timestep, cfg.assumed_load)
@@ -56,7 +56,7 @@ def main(arguments: list[str]) -> int:
         try:
             cfg.out.write_bytes(done.text.encode())
         except OSError as error:
-            raise StictionError(f"cannot write {cfg.out}: {error.strerror or error}; choose another --out") from error
+            raise FileError(f"cannot write {cfg.out}: {error.strerror or error}; choose another --out") from error
     if cfg.json:
         summary = {"to": cfg.to, "out": cfg.out and str(cfg.out), "joints": done.joints, "notes": done.notes}
         print(json.dumps(summary if cfg.out else summary | {"text": done.text}, indent=2, ensure_ascii=False))
@@ -78,4 +78,4 @@ def _keep_inputs(cfg: Convert) -> None:
         if cfg.out is None or given is None or not given.exists():
             continue
         if cfg.out.resolve() == given.resolve() or (cfg.out.exists() and cfg.out.samefile(given)):
-            raise StictionError(f"--out {cfg.out} is {given}, which would be overwritten; choose another --out")
+            raise ConfigurationError(f"--out {cfg.out} is {given}, which would be overwritten; choose another --out")

@@ -24,7 +24,7 @@ COMMANDS = ("vx=0.5", "vx=-0.5")
 """Commands that the policies are given; the first is the one of the clips."""
 
 METHODS = ("none", "direct", "deception")
-"""Ways of training that the demo compares."""
+"""Training methods that the demo compares."""
 
 ROBOT, LEVEL = "saturn_lite", 0.2
 """Robot and nominal friction level of the demo's policies."""
@@ -66,8 +66,8 @@ class DemoCfg:
 def main(arguments: list[str]) -> None:
     """Run the demo and print where its page is."""
     cfg = tyro.cli(DemoCfg, args=arguments, prog="stiction demo", description=DESCRIPTION)
+    from stiction.core.records import make_folder
     from stiction.deploy.check import check_bundle
-    from stiction.formats.folder import make_folder
     from stiction.formats.results import summary_text
 
     start = time.perf_counter()
@@ -121,8 +121,7 @@ def _identify_record(out: Path, warnings: list[str]) -> list[DemoJoint]:
 def _identify(title: str, arguments: list[str]) -> DemoJoint:
     """Run `stiction identify` and take from its files what the page shows."""
     from stiction.cli import identify
-    from stiction.formats.fit import read_fit
-    from stiction.formats.joints import load_joints
+    from stiction.formats.joints import load_joints, read_fit
     from stiction.report.demo import DemoJoint
     from stiction.report.identification import joint_sections
 
@@ -138,7 +137,7 @@ def _identify(title: str, arguments: list[str]) -> DemoJoint:
 
 def _find_policies(cfg: DemoCfg, warnings: list[str]) -> list[Path]:
     """Return the bundles to show: those trained now, or the shipped ones."""
-    from stiction.formats.shipped import shipped_bundles
+    from stiction.formats.bundle import shipped_bundles
 
     names = [f"{ROBOT}-flat-{method}-{LEVEL:g}" for method in METHODS]
     if cfg.train:
@@ -154,7 +153,7 @@ def _train(cfg: DemoCfg, method: str, bundle: Path) -> Path:
     if bundle.exists():
         return bundle
     from stiction.cli import train
-    from stiction.transfer.export import export_run
+    from stiction.evaluate.export import export_run
 
     run = cfg.out / "runs" / method
     started = ["--resume", str(run)] if (run / "config.json").exists() else []
@@ -202,13 +201,13 @@ def _evaluate(
 
 def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[ResultRow], dict[str, Any]]:
     """Evaluate the policies from no friction to half more than the nominal level."""
-    from stiction.cli.terminal import work_progress
-    from stiction.formats.folder import make_folder
-    from stiction.formats.friction import MAX_LEVEL
-    from stiction.formats.reproducibility import num_threads
-    from stiction.transfer.evaluate import EvaluationCfg
-    from stiction.transfer.grid.config import GridCfg
-    from stiction.transfer.summary import evaluate_all
+    from stiction.core.provenance import num_threads
+    from stiction.core.records import make_folder
+    from stiction.evaluate.evaluate import EvaluationCfg
+    from stiction.evaluate.grid import GridCfg
+    from stiction.evaluate.summary import evaluate_all
+    from stiction.joints.friction import MAX_LEVEL
+    from stiction.report.terminal import work_progress
 
     levels = tuple(dict.fromkeys(min(round(share * level, 6), MAX_LEVEL) for share in (0.0, 0.5, 1.0, 1.5)))
     settings = EvaluationCfg(levels, COMMANDS, episodes=cfg.episodes, seconds=cfg.seconds)
@@ -221,7 +220,7 @@ def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[R
 
 def _render(cfg: DemoCfg, bundles: list[Path], command: str, level: float, warnings: list[str]) -> list[Path | None]:
     """Render a clip of each policy; without OpenGL say so once and go on."""
-    from stiction.transfer.clip import ClipError, record_clip
+    from stiction.evaluate.clip import ClipError, record_clip
 
     clips: list[Path | None] = []
     for bundle in bundles:

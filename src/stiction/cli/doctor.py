@@ -34,7 +34,7 @@ class Doctor:
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     options = tyro.cli(Doctor, args=arguments, prog="stiction doctor", description=DESCRIPTION)
-    from stiction.formats.reproducibility import machine
+    from stiction.core.provenance import machine
 
     if not options.randomization:
         facts = machine()

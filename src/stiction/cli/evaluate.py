@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
-from stiction.cli.jobs import jobs_of
-from stiction.cli.virtual_robots import RobotSeeds
+from stiction.locomotion.friction import law_choice, law_help
+from stiction.report.terminal import RobotSeeds, jobs_of
 
 if TYPE_CHECKING:
     from stiction.formats.results import ResultRow
@@ -25,16 +25,17 @@ class EvaluateCfg:
     """Directories of the bundles."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
     """Dry friction in every joint, as fractions of its torque limit [-]; of the laws load and effort, coefficients."""
-    friction_law: Literal["coulomb", "stribeck", "load", "effort"] = "coulomb"
-    """Law of the dry friction, whatever the policies were trained with. coulomb: a torque; stribeck: a torque, more of
-    it at rest; load: c (|F| + |T|) of what the joint transmits; effort: c |torque| of the motor."""
+    friction_law: Annotated[str, law_choice(), law_help("Law of the dry friction, whatever the training's.")] = (
+        "coulomb"
+    )
     static_ratio: float = 1.5
     """Friction at rest over friction in motion, of the law stribeck."""
     stribeck_velocity: float = 0.1
     """Speed at which 63 % of that excess is gone [rad/s], of the law stribeck."""
     engines: tuple[str, ...] = ("mujoco",)
     """Physics engines. mujoco: the simulator of the training, all robots at once; mujoco-alone, physx, ode, ode-webots:
-    one robot, steps of 2 ms, motors and friction by us. After a +, a virtual robot with joints of its own plays the
+    one robot, steps of 2 ms, motors and friction by us; package.module:ENGINE: the same in an engine of your own (an
+    `EngineSpec`). After a +, a virtual robot with joints of its own plays the
     real one: physx+all, or what of it is real: +nominal, +friction, +rest (all but friction), +delays+gears."""
     robots: RobotSeeds = (1000, 1001, 1002)
     robot_levels: tuple[str, ...] = ()
@@ -97,30 +98,19 @@ def main(arguments: list[str]) -> int:
         print("stiction evaluate: no bundle given; `stiction evaluate --help` shows the usage", file=sys.stderr)
         return 2
     jobs = jobs_of(cfg.jobs)
-    from stiction.cli.terminal import print_warnings, work_progress
+    from stiction.core.provenance import num_threads
+    from stiction.core.records import make_folder, part_of
     from stiction.deploy.check import check_bundle
-    from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads
-    from stiction.formats.shipped import find_bundle
-    from stiction.transfer.evaluate import EvaluationCfg
-    from stiction.transfer.grid.config import GridCfg
-    from stiction.transfer.summary import evaluate_all
-    from stiction.transfer.walk import RecordCfg, log_all
+    from stiction.evaluate.evaluate import EvaluationCfg
+    from stiction.evaluate.grid import GridCfg
+    from stiction.evaluate.summary import evaluate_all
+    from stiction.evaluate.walk_logs import RecordCfg, log_all
+    from stiction.formats.bundle import find_bundle
+    from stiction.report.terminal import print_warnings, work_progress
 
-    base = EvaluationCfg(
-        friction_levels=cfg.friction_levels,
-        commands=cfg.commands,
-        episodes=cfg.episodes,
-        seconds=cfg.seconds,
-        seed=cfg.seed,
-        action_delay=cfg.action_delay,
-        friction_law=cfg.friction_law,
-        static_ratio=cfg.static_ratio,
-        stribeck_velocity=cfg.stribeck_velocity,
-        known_friction=cfg.known_friction,
-    )
-    settings = GridCfg(base, cfg.engines, cfg.terrains, cfg.robots, cfg.robot_levels, cfg.forward)
-    if cfg.forward and any(place.is_batch for place in settings.places):
+    base = part_of(EvaluationCfg, cfg)
+    settings = part_of(GridCfg, cfg, base=base)
+    if cfg.forward and any(simulator.is_batch for simulator in settings.simulators):
         left_out = "mujoco has no joint controller to feed friction forward; +forward walks in the other engines alone"
         print(f"stiction evaluate: {left_out}", file=sys.stderr)
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
@@ -139,7 +129,7 @@ def main(arguments: list[str]) -> int:
 
 def judge_again(cfg: EvaluateCfg, command: str) -> None:
     """Draw the page of what a folder has; what an older summary lacks is what it was then."""
-    from stiction.formats.origin import Origin
+    from stiction.core.provenance import Origin
     from stiction.formats.results import read_results, read_summary
 
     rows = read_results(cfg.out / "results.csv")
@@ -151,10 +141,10 @@ def judge_again(cfg: EvaluateCfg, command: str) -> None:
 
 def tell(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, Any]) -> None:
     """Write the files and the page; print the rows."""
-    from stiction.cli.terminal import print_rows
+    from stiction.evaluate.samples import samples_of
     from stiction.formats.results import summary_text
     from stiction.report.evaluation import write_evaluation
-    from stiction.transfer.replication.samples import samples_of
+    from stiction.report.terminal import print_rows
 
     write_evaluation(cfg.out, rows, summary, samples_of(summary["rows"], summary["ways"]) if summary["ways"] else ())
     if cfg.json:

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import shlex
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 
+from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
+from stiction.core.records import part_of
 from stiction.formats.design import ExcitationDesign, percent, two_digits, write_signals
-from stiction.formats.errors import StictionError
 from stiction.formats.log import write_log
 from stiction.identify.excite.setup import ExciteSetup
-from stiction.robots.spec import JointSpec
+from stiction.robots.model import JointSpec
 
 DESCRIPTION = """Design a log that shows a joint's inertia and friction well: a motion within limits of angle, speed and
 torque, how long to run it, and at which gains. Predicts the standard deviation of each parameter, and shows what a
@@ -42,11 +43,11 @@ class ExciteConfig(ExciteSetup):
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     config = tyro.cli(ExciteConfig, args=arguments, prog="stiction excite", description=DESCRIPTION)
-    given = ExciteSetup(**{item.name: getattr(config, item.name) for item in fields(ExciteSetup)})
+    given = part_of(ExciteSetup, config)
     check_name(config.joint)
     setup = given.filled(robot_joint(config.robot, config.joint) if config.robot else None)
-    from stiction.cli.terminal import work_progress
     from stiction.identify.excite.plan import design_excitation
+    from stiction.report.terminal import work_progress
 
     command = shlex.join(["stiction", "excite", *arguments])
     with work_progress() as progress:
@@ -59,7 +60,7 @@ def main(arguments: list[str]) -> int:
         (config.out / "design.json").write_text(text, encoding="utf-8")
         write_page(config.out)
     except OSError as error:
-        raise StictionError(f"cannot write to {config.out}: {error.strerror or error}; choose another --out") from error
+        raise FileError(f"cannot write to {config.out}: {error.strerror or error}; choose another --out") from error
     if config.json:
         print(text, end="")
     else:
@@ -77,7 +78,7 @@ def write_page(folder: Path) -> None:
 def check_name(joint: str) -> None:
     """Raise `StictionError` for a name that cannot stand in the header of a log."""
     if not joint.strip() or any(mark in joint for mark in ',"\r\n'):
-        raise StictionError(f"--joint {joint!r}: expected a name without commas, quotes and line breaks: FL_shank")
+        raise ConfigurationError(f"--joint {joint!r}: expected a name without commas, quotes and line breaks: FL_shank")
 
 
 def robot_joint(robot: str, joint: str) -> JointSpec:
@@ -88,10 +89,7 @@ def robot_joint(robot: str, joint: str) -> JointSpec:
     kinds = {"hip": spec.hip, "thigh": spec.thigh, "shank": spec.shank}
     kind = joint if joint in kinds else joint.rpartition("_")[2] if joint in spec.joint_names else ""
     if not kind:
-        raise StictionError(
-            f"robot {spec.name!r} has no joint {joint!r}; give --joint hip, thigh or shank, or one of "
-            f"{', '.join(spec.joint_names)}"
-        )
+        raise RobotError(f"robot {spec.name!r}: {unknown_name('joint', joint, (*kinds, *spec.joint_names))}")
     return kinds[kind]
 
 

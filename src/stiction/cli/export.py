@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError, FileError
 
 DESCRIPTION = """Export a trained student as a policy bundle, or a policy bundle as a Webots project, not run in Webots.
 
@@ -59,7 +59,7 @@ def main(arguments: list[str]) -> None:
     cfg = tyro.cli(ExportCfg, args=arguments, prog="stiction export", description=DESCRIPTION)
     for name, target in BELONGS.items():
         if getattr(cfg, name) is not None and cfg.to != target:
-            raise StictionError(f"--{name.replace('_', '-')} is for --to {target}; leave it out")
+            raise ConfigurationError(f"--{name.replace('_', '-')} is for --to {target}; leave it out")
     if cfg.to == "webots":
         _to_webots(cfg)
     else:
@@ -68,7 +68,7 @@ def main(arguments: list[str]) -> None:
 
 def _to_bundle(cfg: ExportCfg) -> None:
     """Export one run as a bundle."""
-    from stiction.transfer.export import export_run
+    from stiction.evaluate.export import export_run
 
     out = cfg.out or cfg.source / "bundle"
 
@@ -85,7 +85,7 @@ def _to_bundle(cfg: ExportCfg) -> None:
 
 def _to_webots(cfg: ExportCfg) -> None:
     """Export one bundle as a Webots project."""
-    from stiction.transfer.webots.export import NOT_RUN, WebotsCfg, export_webots
+    from stiction.exchange.webots.export import NOT_RUN, WebotsCfg, export_webots
 
     source = _bundle(cfg.source)
     given = {name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None}
@@ -105,11 +105,10 @@ def _bundle_name(folder: Path) -> str:
 
 def _bundle(source: Path) -> Path:
     """Return the bundle that is meant: a directory, a shipped one by its name, or the one within a run."""
-    from stiction.formats.bundle import CONTRACT
-    from stiction.formats.shipped import find_bundle
+    from stiction.formats.bundle import CONTRACT, find_bundle
 
     if (source / "config.json").is_file() and not (source / CONTRACT).exists():
         if not (source / "bundle" / CONTRACT).is_file():
-            raise StictionError(f"the run {source} has no bundle; make one first: stiction export {source}")
+            raise FileError(f"the run {source} has no bundle; make one first: stiction export {source}")
         return source / "bundle"
     return find_bundle(source)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.table import Table
 
 from stiction.cli.walking import asks_for_walk, from_arguments
-from stiction.formats.errors import StictionError
-from stiction.formats.fit import FitSignals, write_fit
-from stiction.formats.joints import PARAMETERS, Estimate, JointRecord, JointsFile
+from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.records import part_of
+from stiction.formats.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, write_fit
 from stiction.identify.setup import IdentifySetup
 
 DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals; say if it matters, and
@@ -67,13 +67,13 @@ def main(arguments: list[str]) -> int:
     if asks_for_walk(arguments):
         return from_arguments(arguments)
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
-    from stiction.cli.terminal import work_progress
     from stiction.identify.logs import open_log, parse_columns
-    from stiction.identify.many import identify_log
+    from stiction.identify.pipeline import identify_log
+    from stiction.report.terminal import work_progress
 
     for log in (config.log, *config.repeat):
         keep_inputs(log, config.out)
-    setup = IdentifySetup(**{item.name: getattr(config, item.name) for item in fields(IdentifySetup)})
+    setup = part_of(IdentifySetup, config)
     columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
     more = columns | parse_columns(config.repeat_columns)
     logs = [open_log(config.log, columns, name, config.names, config.rate, config.sidecar)]
@@ -103,15 +103,15 @@ def keep_inputs(log: Path, out: Path) -> None:
     inputs = (log.resolve(), log.resolve().with_suffix(".json"))
     for name in RESULTS:
         if (out / name).resolve() in inputs:
-            raise StictionError(
+            raise ConfigurationError(
                 f"--out {out} would put {name} where {log.name} has itself or its sidecar; choose another --out"
             )
 
 
 def write_results(folder: Path, joints: JointsFile, fits: dict[str, FitSignals]) -> None:
     """Write what there is to write; raise `StictionError` if the folder cannot be written."""
-    from stiction.formats.training import write_training
-    from stiction.identify.proposal import propose
+    from stiction.formats.joints import write_training
+    from stiction.identify.verdict import propose
     from stiction.report.identification import write_identification_page
 
     try:
@@ -121,7 +121,7 @@ def write_results(folder: Path, joints: JointsFile, fits: dict[str, FitSignals])
         write_fit(folder / "fit.npz", fits)
         write_identification_page(folder)
     except OSError as error:
-        raise StictionError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
+        raise FileError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
 
 
 def show(console: Console, joints: JointsFile) -> None:
@@ -152,12 +152,12 @@ def show(console: Console, joints: JointsFile) -> None:
 
 def _one(name: str, record: JointRecord) -> Table:
     """Tabulate one joint: both estimators, and combinations where parameters are not known."""
-    from stiction.report.labels import unit
+    from stiction.report.identification import EXTRA
+    from stiction.report.page import unit
 
     other = record.diagnostics.get("output_error") or {}
     table = Table("", "unit", "value", "95 % interval", "output error", title=name)
-    extra = ("gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay")
-    for quantity in (*PARAMETERS, *extra, "friction_ratio", "dead_band"):
+    for quantity in (*PARAMETERS, *EXTRA, "friction_ratio", "dead_band"):
         estimate = getattr(record, quantity)
         if estimate is None:
             if quantity in (*PARAMETERS, "friction_ratio", "dead_band"):
@@ -173,7 +173,7 @@ def _one(name: str, record: JointRecord) -> Table:
 
 def _law(record: JointRecord) -> Table:
     """Tabulate the law that was chosen."""
-    from stiction.report.labels import unit
+    from stiction.report.page import unit
 
     law = record.friction_law or {}
     table = Table("", "unit", "value", "95 % interval", title=f"{law['law']} law")

@@ -7,9 +7,9 @@ import os
 import sys
 
 from stiction import __version__
-from stiction.formats.errors import StictionError
-from stiction.formats.gemm import open_fast_gemm
-from stiction.formats.reproducibility import limit_library_threads
+from stiction.core.errors import StictionError, unknown_name
+from stiction.core.gemm import open_fast_gemm
+from stiction.core.provenance import limit_library_threads
 
 VERBS = {
     "demo": "run the whole line on small real input and write one page that explains it",
@@ -27,6 +27,9 @@ VERBS = {
     "doctor": "measure that every randomised parameter really changes the physics",
 }
 """Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
+
+ELSEWHERE = {"replicate": "stiction.studies.replication.study"}
+"""Verbs that are studies."""
 
 USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
 EPILOG = "\n`stiction VERB --help` lists the options of a verb. `stiction --version` prints the version.\n"
@@ -50,12 +53,13 @@ def main(arguments: list[str]) -> int:
         print(f"stiction {__version__}")
         return 0
     if verb not in VERBS:
-        print(f"stiction: unknown verb {verb!r}; the verbs are: {', '.join(VERBS)}", file=sys.stderr)
+        print(f"stiction: {unknown_name('verb', verb, VERBS)}", file=sys.stderr)
         return 2
     limit_library_threads()
     open_fast_gemm()
     try:
-        status = importlib.import_module(f"stiction.cli.{verb.replace('-', '_')}").main(rest)
+        module = ELSEWHERE.get(verb, f"stiction.cli.{verb.replace('-', '_')}")
+        status = importlib.import_module(module).main(rest)
         return int(status or 0)
     except StictionError as error:
         print(f"stiction {verb}: {' '.join(str(error).split())}", file=sys.stderr)

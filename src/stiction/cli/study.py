@@ -1,30 +1,47 @@
-"""`stiction study`: the experiments behind the results, each one command and one page."""
+"""`stiction study`: the experiments behind the results, each one command and one page; and studies of your own."""
 
 from __future__ import annotations
 
 import importlib
+import pkgutil
 import sys
 
-STUDIES: dict[str, str] = {
-    "stairs": "how high a policy climbs, without and with joint friction",
-    "gait": "which feet are down when, with and without the two gait rewards",
-    "damping": "B and k·kd as one number to a joint: where that holds, and where it fails",
-    "adaptation": "what a student's latent z* does, and whether it tells the friction of the joints",
-    "actuator": "the loop of an Actuator Net: f0, log, f_motor, f1",
-    "bench": "what identification finds of virtual robots on their benches, held against the truth",
-    "engines": "whether every physics engine does what it should, and how the same policy walks in each",
-    "friction": "which way to train with joint friction works, and at how much of it; a verdict a claim",
-    "physics": "what a faster simulation of joint friction does to the speed of a walk",
-    "wear": "how long a policy lives while friction grows, and whether its monitor notices in time",
-}
-"""Study -> what it answers. The module is `stiction.cli.studies.<name>`."""
+import stiction.studies
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.studies.study import Study
 
 USAGE = "usage: stiction study NAME [--help] [options]\n\nstudies:\n"
+EPILOG = "\nOne of your own is `package.module:STUDY`, anywhere on the Python path.\n"
+
+
+def study_names() -> list[str]:
+    """Return the names of the studies: the folders of `stiction.studies`, each with a `study.py` that has a `STUDY`."""
+    return [module.name for module in pkgutil.iter_modules(stiction.studies.__path__) if module.ispkg]
+
+
+def find_study(name: str) -> Study:
+    """Return the study called `name`, or the one at `package.module:VARIABLE`.
+
+    Raises:
+        ConfigurationError: there is no such module, or it holds no study.
+
+    """
+    module, _, variable = name.partition(":") if ":" in name else (f"stiction.studies.{name}.study", "", "STUDY")
+    try:
+        found = getattr(importlib.import_module(module), variable, None)
+    except (ImportError, ValueError, TypeError) as error:
+        raise ConfigurationError(
+            f"study {name!r}: the module {module!r} cannot be imported: {error}; install it, or name its folder in "
+            "PYTHONPATH"
+        ) from error
+    if not isinstance(found, Study):
+        raise ConfigurationError(f"study {name!r}: {module}:{variable} is no Study")
+    return found
 
 
 def overview() -> str:
     """Return the text of `stiction study --help`."""
-    return USAGE + "".join(f"  {name:<12}{text}\n" for name, text in STUDIES.items())
+    return USAGE + "".join(f"  {name:<12}{find_study(name).question}\n" for name in study_names()) + EPILOG
 
 
 def main(arguments: list[str]) -> int:
@@ -33,8 +50,9 @@ def main(arguments: list[str]) -> int:
     if name in ("-h", "--help"):
         print(overview(), end="")
         return 0
-    if name not in STUDIES:
-        said = f"stiction study: unknown study {name!r}" if name else overview().rstrip()
-        print(f"{said}{'; the studies are: ' + ', '.join(STUDIES) if name else ''}", file=sys.stderr)
+    names = study_names()
+    if name not in names and ":" not in name:
+        said = f"stiction study: {unknown_name('study', name, names)}" if name else overview().rstrip()
+        print(said, file=sys.stderr)
         return 2
-    return int(importlib.import_module(f"stiction.cli.studies.{name}").main(arguments[1:]) or 0)
+    return find_study(name).main(arguments[1:], f"study {name}")

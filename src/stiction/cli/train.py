@@ -6,76 +6,18 @@ import hashlib
 import json
 import shlex
 import sys
-from dataclasses import dataclass, field, replace
+import warnings
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-import tyro
-
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
 from stiction.locomotion.friction import FrictionCfg
-from stiction.rma.config import PRESETS, TrainCfg, preset
+from stiction.rma.arguments import Train, parse
+from stiction.rma.config import TrainCfg
 
 if TYPE_CHECKING:
     from stiction.rma.run import RunDirectory
-
-DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
-
-A first look, some ten minutes of one core; then results, some twenty-five:
-  stiction train --preset quick --method deception --friction-level 0.2 --out runs/first
-  stiction train --method deception --friction-level 0.2 --out runs/deception
-These learn in one phase. The paper's two, a teacher (PPO, sees everything) and its student (behaviour cloning):
-  stiction train --preset two-phase --method deception --friction-level 0.2 --out runs/paper
-Terrain wants that one: its teacher sees the ground.
-
-Watch it: the terminal shows the time left and how the robots walk (`nohup stiction train ... 2> train.log &` writes a
-line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
-terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
-privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
-(multipliers of the nominal friction), terrain/*. A short clip of the policy at 0.5 m/s appears in clips/ every 100
-iterations.
-
-Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
-iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for
-bit. A run that diverges ends with status 1 and says what it saw, since when, and what to try.
-
-The run holds config.json, metrics.jsonl (a line an iteration), tensorboard/, checkpoints/, clips/, curves.png and, when
-it is finished, summary.json. Next: `stiction export runs/deception`."""
-
-
-@dataclass(frozen=True)
-class Train:
-    """Options of `stiction train`."""
-
-    config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
-    """The whole configuration."""
-    preset: Literal["full", "quick", "two-phase", "paper"] = "full"
-    """Defaults for everything else. `quick`: one phase of 440 iterations, some ten minutes of one core. `full`: 1000 of
-    them. `two-phase`: a teacher (350 iterations), then its student (80), as the claims of the paper were judged.
-    `paper`: 700 and 240, and randomises the paper's table and no more."""
-    out: Path = Path("runs/train")
-    """Folder of the run."""
-    friction_from: Path | None = None
-    """A `training.json` of `stiction identify`; its method and level go in place of --method and --friction-level."""
-    resume: Path | None = None
-    """Continue the run in this folder; all other options come from its config.json."""
-    json: bool = False
-    """Print the summary on standard output, and nothing else there; progress goes to standard error."""
-
-
-def _named(arguments: list[str], flag: str) -> str | None:
-    """Return the word that a flag has, None without it."""
-    for index, word in enumerate(arguments):
-        name, _, value = word.partition("=")
-        if name == flag:
-            return value or (arguments[index + 1] if index + 1 < len(arguments) else "")
-    return None
-
-
-def _defaults(arguments: list[str]) -> TrainCfg:
-    """Find preset and device first: they change the defaults that the parser then shows."""
-    name = _named(arguments, "--preset")
-    return preset(name if name in PRESETS else "full", _named(arguments, "--device") or "cpu")
 
 
 def _identified(file: str | None, robot: str) -> dict[str, Any] | None:
@@ -83,7 +25,7 @@ def _identified(file: str | None, robot: str) -> dict[str, Any] | None:
     if file is None:
         return None
     from stiction.formats.joints import load_joints
-    from stiction.locomotion.identified import identified_joints
+    from stiction.locomotion.randomization import identified_joints
     from stiction.robots.catalog import find_robot
     from stiction.sim.fleet import Fleet
 
@@ -98,13 +40,13 @@ def _identified(file: str | None, robot: str) -> dict[str, Any] | None:
 
 def _friction_from(path: Path, cfg: TrainCfg, arguments: list[str]) -> TrainCfg:
     """Return the configuration with the friction that a `training.json` proposes; refuse flags that say otherwise."""
-    from stiction.formats.configuration import from_plain
-    from stiction.formats.training import read_training
+    from stiction.core.records import from_plain
+    from stiction.formats.joints import read_training
 
     own = ("--method", "--friction-level", "--friction-law", "--task.friction.")
     given = [flag for word in arguments if (flag := word.partition("=")[0].replace("_", "-")).startswith(own)]
     if given:
-        raise StictionError(
+        raise ConfigurationError(
             f"--friction-from {path} and {', '.join(given)} both set the friction; leave one of them out"
         )
     friction = from_plain(FrictionCfg, read_training(path)["friction"], f"{path.name}: friction")
@@ -116,16 +58,10 @@ def _only_resume(arguments: list[str]) -> None:
     flags = [word.partition("=")[0] for word in arguments if word.startswith("--")]
     others = [flag for flag in flags if flag not in ("--resume", "--json")]
     if others:
-        raise StictionError(
+        raise ConfigurationError(
             f"--resume continues a run as it was started, and {', '.join(others)} would have no effect; "
             "leave it out, or start another run with --out"
         )
-
-
-def parse(arguments: list[str]) -> Train:
-    """Return the options that `stiction train` has when it is given these arguments."""
-    default = Train(config=_defaults(arguments))
-    return tyro.cli(Train, args=arguments, prog="stiction train", description=DESCRIPTION, default=default)
 
 
 def main(arguments: list[str]) -> int:
@@ -148,7 +84,7 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
     if options.friction_from is not None:
         cfg = _friction_from(options.friction_from, cfg, arguments)
     if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
-        raise StictionError(
+        raise ConfigurationError(
             f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
             "use --method none, or a level above 0"
         )
@@ -181,16 +117,22 @@ def _resume(options: Train, arguments: list[str]) -> int:
 
 def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     """Train, with progress, clips and an ear for signals; return the exit status."""
-    from stiction.cli.interruption import stop_requests
     from stiction.cli.progress import training_progress
+    from stiction.evaluate.film import Crew
+    from stiction.report.terminal import stop_requests
     from stiction.rma.phase import Interrupted
     from stiction.rma.run import identified_values
     from stiction.rma.runner import train
-    from stiction.transfer.film import Crew
 
     if cfg.device != "cpu":
         print("stiction train: in its first run MuJoCo Warp compiles its kernels, for minutes", file=sys.stderr)
-    with training_progress(cfg) as display, stop_requests(display.say, "this iteration") as asked:
+    with (
+        training_progress(cfg) as display,
+        stop_requests(display.say, "this iteration") as asked,
+        warnings.catch_warnings(),
+    ):
+        # Python's own form is two lines, the second one of our source code.
+        warnings.showwarning = lambda message, *_: display.say(f"stiction train: warning: {message}")
         crew = Crew(run.path, display.say)
         try:
             summary = train(cfg, run, identified_values(run.header()), display, asked, crew)

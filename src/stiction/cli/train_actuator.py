@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from stiction.joints.actuator import ActuatorCfg
+from stiction.joints.net import ActuatorCfg
 
 DESCRIPTION = """Fit an Actuator Net (what torque a motor gives, from its joint's last samples) to logs that declare on
 which side of the joint's friction torque was measured: walking logs of `stiction evaluate --log --log-torque ...` or of
@@ -38,19 +38,21 @@ def main(arguments: list[str]) -> int:
 
     import torch
 
-    from stiction.cli.terminal import work_progress
-    from stiction.formats.errors import StictionError
-    from stiction.formats.folder import make_folder
-    from stiction.formats.reproducibility import num_threads
+    from stiction.core.errors import ConfigurationError, FileError
+    from stiction.core.provenance import num_threads
+    from stiction.core.records import make_folder
     from stiction.formats.results import summary_text
-    from stiction.report.actuator import lead, write_actuator_page
+    from stiction.report.terminal import work_progress
+    from stiction.report.training import lead, write_actuator_page
     from stiction.rma.actuator import train_actuator, write_trained
     from stiction.rma.actuator_data import read_run
 
     torch.set_num_threads(num_threads())
     files = [file for path in options.logs for file in (sorted(path.glob("*.npz")) if path.is_dir() else [path])]
     if not files:
-        raise StictionError("no log given; expected files, or folders with the NPZ logs of `stiction evaluate --log`")
+        raise ConfigurationError(
+            "no log given; expected files, or folders with the NPZ logs of `stiction evaluate --log`"
+        )
     make_folder(options.out)
     runs = [read_run(file) for file in files]
     with work_progress() as progress:
@@ -59,7 +61,7 @@ def main(arguments: list[str]) -> int:
         write_trained(options.out, trained)
         page = write_actuator_page(options.out)
     except OSError as error:
-        raise StictionError(f"cannot write to {options.out}: {error.strerror}; choose another --out") from error
+        raise FileError(f"cannot write to {options.out}: {error.strerror}; choose another --out") from error
     if options.json:
         print(summary_text(trained.summary), end="")
     else:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import tyro
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ def main(arguments: list[str]) -> None:
     """Check one bundle; raise `StictionError` at the first thing that is wrong."""
     cfg = tyro.cli(VerifyCfg, args=arguments, prog="stiction verify", description=DESCRIPTION)
     from stiction.deploy.check import check_bundle
-    from stiction.formats.shipped import find_bundle
+    from stiction.formats.bundle import find_bundle
 
     try:
         check = check_bundle(find_bundle(cfg.bundle))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +11,8 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError, FileError, RobotError
+from stiction.core.records import part_of
 from stiction.identify.walking.setup import WalkSetup
 
 DESCRIPTION = """Find the friction of a walking robot's joints in its log (of evaluate --log, or of deploy): unloaded
@@ -49,7 +50,7 @@ def asks_for_walk(arguments: list[str]) -> bool:
 def from_arguments(arguments: list[str]) -> int:
     """Parse the options, identify, write and print; return the exit status."""
     options = tyro.cli(WalkOptions, args=arguments, prog="stiction identify", description=DESCRIPTION)
-    setup = WalkSetup(**{item.name: getattr(options, item.name) for item in fields(WalkSetup)})
+    setup = part_of(WalkSetup, options)
     return run(options.log, options.out, options.robot, setup, options.json)
 
 
@@ -64,12 +65,12 @@ def run(log: Path, out: Path, robot: str | None, setup: WalkSetup, as_json: bool
     from stiction.robots.catalog import find_robot
 
     if any((out / name).resolve() == log.resolve() for name in RESULTS):
-        raise StictionError(f"--out {out} would overwrite the log {log.name}; choose another --out")
+        raise ConfigurationError(f"--out {out} would overwrite the log {log.name}; choose another --out")
     console = Console(stderr=True)
     with console.status("reading, fitting"):
         walk = read_walk(log)
         if robot is None and not walk.header.robot.isidentifier():
-            raise StictionError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
+            raise RobotError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
         result = identify_walk(walk, find_robot(robot or walk.header.robot), setup)
         write_results(out, result)
     if as_json:
@@ -82,9 +83,9 @@ def run(log: Path, out: Path, robot: str | None, setup: WalkSetup, as_json: bool
 
 def write_results(folder: Path, result) -> None:
     """Write the results of a `WalkIdentification`; raise `StictionError` if the folder cannot be written."""
-    from stiction.formats.training import write_training
-    from stiction.formats.walk_fit import write_walk_fit
-    from stiction.identify.proposal import propose
+    from stiction.formats.joints import write_training
+    from stiction.formats.walk import write_walk_fit
+    from stiction.identify.verdict import propose
     from stiction.report.walking import write_walking_page
 
     try:
@@ -94,7 +95,7 @@ def write_results(folder: Path, result) -> None:
         write_training(folder / "training.json", propose(result.joints))
         write_walking_page(folder)
     except OSError as error:
-        raise StictionError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
+        raise FileError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
 
 
 def show(console: Console, result) -> None:

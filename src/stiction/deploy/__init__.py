@@ -1,1 +1,1 @@
-"""Floor 2: what runs on the robot: bundle checks, observation builder, policy. No torch, no simulator."""
+"""What runs on the robot: bundle checks, observation builder, policy. No torch, no simulator."""

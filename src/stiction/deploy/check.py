@@ -7,11 +7,40 @@ from pathlib import Path
 
 import numpy as np
 
+from stiction.core.errors import BundleError, RobotError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, PolicyStep, load_policy
 from stiction.deploy.wear import WearMonitor
-from stiction.formats.bundle import Bundle, BundleError, read_bundle
-from stiction.formats.golden import Golden
+from stiction.formats.bundle import Bundle, Golden, read_bundle
+from stiction.formats.contract import Contract
+from stiction.robots.catalog import find_robot
+from stiction.robots.model import RobotSpec
+
+
+def robot_of(contract: Contract, robot: str | None = None) -> RobotSpec:
+    """Return the robot that a contract was made for, checked against it.
+
+    A bundle is data: its robot is looked up among the shipped ones only. A robot of one's own is named by `robot`, as
+    `package.module:NAME`, since looking it up runs that module.
+
+    Raises:
+        StictionError: the robot is unknown, or its joints or torque limits are not those of the contract.
+
+    """
+    if robot is None and not contract.robot.partition("@")[0].isidentifier():
+        raise RobotError(
+            f"the bundle is for the robot {contract.robot!r}, which is not a shipped one; "
+            "if you trust that module, name it with --robot"
+        )
+    spec = find_robot(robot or contract.robot)
+    if spec.joint_names != contract.joint_names:
+        raise RobotError(f"robot {spec.name!r} has the joints {spec.joint_names}, the bundle {contract.joint_names}")
+    if not np.allclose(spec.joint_values("torque_limit"), contract.array("torque_limit")):
+        raise RobotError(
+            f"robot {spec.name!r} has other torque limits than the bundle; name the right one with --robot"
+        )
+    return spec
+
 
 TOLERANCE = 1e-5
 """Largest difference between the recording and the replay, in units of observation and action and in rad."""
@@ -45,7 +74,7 @@ class BundleCheck:
             "friction_law": contract.friction_law,
             "friction_level": contract.friction_level,
             "known_friction": contract.known_friction,
-            "wear": told_by_wear(self.bundle),
+            "wear": estimated_by_wear(self.bundle),
             "steps": self.steps,
             "tolerance": TOLERANCE,
             "observation_error": self.observation_error,
@@ -79,10 +108,10 @@ def check_bundle(path: Path | str) -> BundleCheck:
     return BundleCheck(bundle, len(bundle.golden), *errors.values())
 
 
-def told_by_wear(bundle: Bundle) -> list[str]:
+def estimated_by_wear(bundle: Bundle) -> list[str]:
     """Return what the bundle's wear monitor tells the friction of: joints, `level`; nothing without one."""
     wear = bundle.wear
-    return [] if wear is None else [name for name, told in zip(wear.targets, wear.told, strict=True) if told]
+    return [] if wear is None else [name for name, estimated in zip(wear.targets, wear.told, strict=True) if estimated]
 
 
 def replay(policy: Policy, golden: Golden) -> PolicyStep:

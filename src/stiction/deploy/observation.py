@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import PolicyError
+from stiction.core.rotation import roll_pitch
+from stiction.formats.contract import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
 from stiction.formats.known_friction import TERM
-from stiction.formats.observation import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
 
 
 @dataclass(frozen=True)
@@ -26,17 +27,6 @@ class Sensors:
     """Joint angles [rad], shape (..., J)."""
     joint_velocity: np.ndarray
     """Joint velocities [rad/s], shape (..., J)."""
-
-
-def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
-    """Return roll and pitch [rad], shape (..., 2), of unit quaternions w x y z, shape (..., 4).
-
-    Roll is atan2(2(wx + yz), 1 - 2(x² + y²)), pitch is asin(2(wy - zx)); yaw is not observable and not used.
-    """
-    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
-    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
-    return np.stack([roll, pitch], axis=-1)
 
 
 class ObservationBuilder:
@@ -77,7 +67,7 @@ class ObservationBuilder:
             if action_scale is None:
                 raise ValueError("a layout with slow means needs action_scale, the joint angle per unit of action")
             self._slow, self._action_scale = SlowMeans((*batch, len(standing)), layout.slow_kept), action_scale
-        self._known = None if known_friction is None else told(layout, known_friction, batch)
+        self._known = None if known_friction is None else friction_of_robots(layout, known_friction, batch)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Empty the history of the robots in `mask` (bool, the batch's shape), of all without it."""
@@ -108,7 +98,7 @@ class ObservationBuilder:
         if self._known is not None:
             raw[TERM] = self._known
         elif self.layout.has(TERM):
-            raise StictionError(
+            raise PolicyError(
                 "this policy is told the friction of its joints, and nobody said what it is: export its bundle again, "
                 "with --joints for what a bench identified, or give known_friction"
             )
@@ -160,7 +150,7 @@ class SlowMeans:
         return dict(zip(SLOW_TERMS, self._sums / self._weight, strict=True))
 
 
-def told(layout: ObservationLayout, known_friction: np.ndarray, batch: tuple[int, ...]) -> np.ndarray:
+def friction_of_robots(layout: ObservationLayout, known_friction: np.ndarray, batch: tuple[int, ...]) -> np.ndarray:
     """Return the known friction of every robot, shape (*batch, kinds); arguments and errors as of `ObservationBuilder`.
 
     One number for each kind of joint stands for all robots.
@@ -168,9 +158,9 @@ def told(layout: ObservationLayout, known_friction: np.ndarray, batch: tuple[int
     value = np.asarray(known_friction, dtype=np.float64)
     size = next((term.size for term in layout.terms if term.name == TERM), None)
     if size is None:
-        raise StictionError(f"known friction {value.tolist()}: this policy observes none; leave it out")
+        raise PolicyError(f"known friction {value.tolist()}: this policy observes none; leave it out")
     if value.shape not in ((size,), (*batch, size)):
-        raise StictionError(f"known friction of shape {value.shape}; expected {(size,)} or {(*batch, size)}")
+        raise PolicyError(f"known friction of shape {value.shape}; expected {(size,)} or {(*batch, size)}")
     if not np.isfinite(value).all() or value.min() < 0:
-        raise StictionError(f"known friction {value.tolist()}: expected fractions of the torque limit, from 0 on")
+        raise PolicyError(f"known friction {value.tolist()}: expected fractions of the torque limit, from 0 on")
     return np.broadcast_to(value, (*batch, size))

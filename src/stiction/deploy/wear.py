@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.formats.contract import Contract
-from stiction.formats.errors import StictionError
-from stiction.formats.observation import ObservationLayout
+from stiction.core.errors import BundleError
+from stiction.formats.contract import Contract, ObservationLayout
 from stiction.formats.wear import WearModel
 
 SOFT_SIGN = 0.5
@@ -85,7 +84,7 @@ class WearMonitor:
         self._frame = contract.observation.frame_size
         size = JOINT_MOMENTS * contract.num_joints + BODY_MOMENTS
         if model.joint_names != contract.joint_names or len(model.center) != size:
-            raise StictionError(
+            raise BundleError(
                 f"wear.json is for the joints {model.joint_names} and {len(model.center)} features; the contract has "
                 f"{contract.joint_names} and {size}; export the bundle again"
             )

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import FileError
 from stiction.formats.following import Following
 
 SCHEMA_VERSION = 1
@@ -22,8 +22,8 @@ TRAINING, TRANSFER = "friction-training", "replication"
 
 
 @dataclass(frozen=True)
-class Way:
-    """How one way of training was trained."""
+class TrainedWith:
+    """How one training method was trained."""
 
     method: str
     """`--method`."""
@@ -36,6 +36,31 @@ class Way:
 
 
 @dataclass(frozen=True)
+class FrictionEffect:
+    """What friction did in one engine to policies that were trained without it; levels are over the torque limit [-].
+
+    Speed is that of the slower direction on flat ground over the commanded one [-], mean over the training seeds.
+    """
+
+    engine: str
+    """Engine, and what of a virtual robot is real in it."""
+    seeds: int
+    """Training seeds."""
+    frictionless_speed: float
+    """Speed without friction."""
+    noticeable: float | None
+    """Lowest tested level that cost speed, by a paired 95 % t-interval over the seeds; None where none did."""
+    speed_loss: float | None
+    """Speed lost there; None with `noticeable`."""
+    dead_band: float | None
+    """That level as the largest f/kp of the robot's joints [rad]; None with `noticeable`."""
+    onset: float | None
+    """Level at which the speed falls under that of following, interpolated; None where it does not."""
+    severe: float | None
+    """Lowest tested level at which every seed was too slow to follow; None where none was."""
+
+
+@dataclass(frozen=True)
 class Source:
     """The part of one study."""
 
@@ -45,10 +70,12 @@ class Source:
     """Code that did."""
     policies: tuple[str, ...]
     """Names of the policies."""
-    ways: Mapping[str, Way]
-    """Way of training -> how it was trained."""
+    methods: Mapping[str, TrainedWith]
+    """Training method -> how it was trained."""
     cells: tuple[Following, ...]
-    """Who follows, by way, engine and friction."""
+    """Who follows, by method, engine and friction."""
+    effects: tuple[FrictionEffect, ...] = ()
+    """What friction did to policies that were trained without it; nothing where the study does not ask."""
 
 
 def read_advice(path: Path) -> dict[str, Source]:
@@ -64,14 +91,15 @@ def read_advice(path: Path) -> dict[str, Source]:
             raise ValueError(f"schema version {data['schema_version']}; expected {SCHEMA_VERSION}")
         return {name: _source(one) for name, one in data["sources"].items()}
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise StictionError(f"{path} is not what `stiction identify` advises by: {error!r}") from error
+        raise FileError(f"{path} is not what `stiction identify` advises by: {error!r}") from error
 
 
 def _source(data: dict[str, Any]) -> Source:
     """Return one part."""
-    ways = {name: Way(**way) for name, way in data["ways"].items()}
+    methods = {name: TrainedWith(**method) for name, method in data["methods"].items()}
     cells = tuple(Following(**cell) for cell in data["cells"])
-    return Source(data["command"], data["revision"], tuple(data["policies"]), ways, cells)
+    effects = tuple(FrictionEffect(**effect) for effect in data.get("effects", ()))
+    return Source(data["command"], data["revision"], tuple(data["policies"]), methods, cells, effects)
 
 
 def write_source(path: Path, name: str, source: Source) -> None:
@@ -87,4 +115,4 @@ def write_source(path: Path, name: str, source: Source) -> None:
     try:
         path.write_text(text + "\n", encoding="utf-8")
     except OSError as error:
-        raise StictionError(f"{path} cannot be written: {error}; choose another --advice") from error
+        raise FileError(f"{path} cannot be written: {error}; choose another --advice") from error

@@ -2,6 +2,9 @@
 
 A runtime computes `target = standing + action_scale * clip(network(observation), ±action_clip)` once per control period
 and holds it; the joint controller applies `kp (target - position) - kd velocity`, limited to the torque limit.
+
+A frame is the concatenation of terms, o_prio of the paper; the policy's input is the last `history_length` frames,
+o_H, flattened, oldest frame first. Right after a reset every frame of the history is the first one.
 """
 
 from __future__ import annotations
@@ -9,14 +12,170 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
-from stiction.formats.friction import LAWS, Law, has_coefficient
+from stiction.core.errors import BundleError, unknown_name
 from stiction.formats.known_friction import TERM, joint_kinds
-from stiction.formats.observation import SLOW_TERMS, ObservationLayout
+from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
+
+HISTORY_LENGTH = 11
+"""H = 10 in the paper, but its set runs from t-H to t: eleven frames, the current one included."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """One entry of a frame: value = clip((raw - offset) * scale)."""
+
+    name: str
+    """Which quantity: one of `TERM_NAMES`."""
+    size: int
+    """Number of entries."""
+    scale: float
+    """Multiplier of the raw quantity."""
+    clip: float
+    """Symmetric bound after scaling."""
+    frame: str
+    """`base` (x forward, y left, z up), `joint`, `joint_size` (of joints, the same where an axis points the other way),
+    `kind` (of joint), `command` or `none`."""
+    offset: str = "none"
+    """What is subtracted before scaling: `none`, or `standing` for the standing pose."""
+
+
+TERM_NAMES = (
+    "angular_velocity",
+    "roll_pitch",
+    "placeholder_terrain",
+    "command",
+    "placeholder_gait",
+    "joint_position",
+    "joint_velocity",
+    "last_action",
+    "placeholder_contact",
+    "known_friction",
+    "slow_error",
+    "slow_speed",
+    "slow_power",
+)
+"""The paper's o_prio, {ω, (φ, ψ), 0, com, 0, θ, θ', a_{t-1}, 0}, in its order; placeholders are always zero. Behind it
+what only some policies have: `known_friction`, f/τ_max of each kind of joint as somebody identified it [-]; and slow
+means, see `SLOW_TERMS`."""
+
+SLOW_TERMS = ("slow_error", "slow_speed", "slow_power")
+"""Means over the last second or so of |e| [rad], |θ'| [rad/s] and e θ' [rad²/s] of each joint, where e is how far its
+angle is from the last target, standing + action_scale a_{t-1} − θ.
+
+kp e θ' is the power that dry friction and damping use up in the mean, f |θ'| + (B + kd) θ'²; of a joint that is stuck,
+kp |e| is up to f. So the three together tell f, and no frame alone does. Since the last reset frame i weighs
+
+    mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_kept`
+"""
+
+PLACEHOLDERS = frozenset(name for name in TERM_NAMES if name.startswith("placeholder"))
+
+
+@dataclass(frozen=True)
+class ObservationLayout:
+    """The terms of one frame, and how frames are stacked."""
+
+    terms: tuple[Term, ...]
+    history_length: int = HISTORY_LENGTH
+    direction: str = "oldest_first"
+    layout: str = "frame_major"
+    slow_kept: float | None = None
+    """What slow means keep of their weights from one frame to the next, exp(−control period/time constant) [1]; None
+    where there are none."""
+
+    def __post_init__(self) -> None:
+        """Refuse terms that nobody can compute."""
+        for term in self.terms:
+            if term.name not in TERM_NAMES:
+                raise BundleError(unknown_name("observation term", term.name, TERM_NAMES))
+        if self.direction != "oldest_first" or self.layout != "frame_major" or self.history_length < 1:
+            raise BundleError(
+                f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length}: "
+                "expected 'oldest_first', 'frame_major' and a length of at least 1"
+            )
+
+        slow, kept = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_kept
+        if slow and not (isinstance(kept, float) and 0 < kept < 1):
+            raise BundleError(f"observation terms {', '.join(slow)} with slow_kept {kept!r}: expected one in (0, 1)")
+        if not slow and kept is not None:
+            raise BundleError(f"observation slow_kept {kept!r} without a slow term: expected none")
+
+    def has(self, name: str) -> bool:
+        """Say whether a frame has a term of this name."""
+        return any(term.name == name for term in self.terms)
+
+    @property
+    def frame_size(self) -> int:
+        """Entries of one frame."""
+        return sum(term.size for term in self.terms)
+
+    @property
+    def size(self) -> int:
+        """Entries of the policy's input."""
+        return self.frame_size * self.history_length
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        return asdict(self)
+
+    @classmethod
+    def from_dict(cls, data: dict[str, Any]) -> ObservationLayout:
+        """Build from plain data; raise `StictionError` where a field is missing or unknown."""
+        try:
+            rest = dict(data)
+            terms = tuple(Term(**term) for term in rest.pop("terms"))
+            return cls(terms=terms, **rest)
+        except (KeyError, TypeError) as error:
+            raise BundleError(f"the observation layout in the contract is malformed: {error}") from error
+
+
+def proprioception(
+    num_joints: int,
+    history_length: int = HISTORY_LENGTH,
+    known_kinds: int = 0,
+    slow_kept: float | None = None,
+) -> ObservationLayout:
+    """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
+
+    Scales are those customary for legged robots: they bring each term near unit size, so that no running
+    normalisation is needed, and the deployed observation is a fixed function of the sensors.
+
+    Args:
+        num_joints: of the robot.
+        history_length: frames in o_H, the present one included.
+        known_kinds: kinds of joints whose friction the policy is told; 0: it is told nothing, as in the paper.
+        slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
+
+    """
+    layout = ObservationLayout(
+        (
+            Term("angular_velocity", 3, 0.25, 5.0, "base"),
+            Term("roll_pitch", 2, 1.0, 3.2, "base"),
+            Term("placeholder_terrain", 1, 1.0, 1.0, "none"),
+            Term("command", 3, 1.0, 5.0, "command"),
+            Term("placeholder_gait", 1, 1.0, 1.0, "none"),
+            Term("joint_position", num_joints, 1.0, 5.0, "joint", "standing"),
+            Term("joint_velocity", num_joints, 0.05, 5.0, "joint"),
+            Term("last_action", num_joints, 1.0, 10.0, "joint"),
+            Term("placeholder_contact", 1, 1.0, 1.0, "none"),
+        ),
+        history_length,
+    )
+    terms = layout.terms
+    if known_kinds:
+        terms += (Term("known_friction", known_kinds, 5.0, 5.0, "kind"),)
+    if slow_kept is not None:
+        terms += tuple(
+            Term(name, num_joints, scale, 5.0, "joint_size")
+            for name, scale in zip(SLOW_TERMS, (4.0, 0.5, 2.0), strict=True)
+        )
+    return replace(layout, terms=terms, slow_kept=slow_kept)
+
 
 SCHEMA_VERSION = 2
 """Version of contract.json. Version 1 is read as well; any other is refused."""
@@ -28,6 +187,7 @@ LATER: dict[str, tuple[int, float | None]] = {
     "actuator": (2, None),
     "known_friction": (2, None),
     "known_friction_file": (2, None),
+    "phases": (2, None),
 }
 """Field that came later -> the last version in which it may be missing, and what it is then."""
 
@@ -45,17 +205,13 @@ METHODS = {
     "iterative": "without dry friction at first, then more of it in equal steps, drawn closely around each",
     "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
 }
-"""Way of training with friction -> what it means, in words for people."""
+"""Training method with friction -> what it means, in words for people."""
 
 TERM_SIZES = {"angular_velocity": 3, "roll_pitch": 2, "command": 3}
 """Sizes that do not depend on the robot."""
 
 JOINT_TERMS = ("joint_position", "joint_velocity", "last_action", *SLOW_TERMS)
 """Terms with one entry per joint."""
-
-
-class ContractError(StictionError):
-    """The contract is not one that a runtime can obey; the message names the field."""
 
 
 @dataclass(frozen=True)
@@ -67,11 +223,11 @@ class Contract:
     terrain: str
     """Terrain trained on: `flat`."""
     method: str
-    """Way of training with friction: `none`, `direct`, `deception`, ..."""
+    """Training method with friction: `none`, `direct`, `deception`, ..."""
     seed: int
     """Seed of the training run."""
     friction_law: str
-    """Law of the joint friction in training: `coulomb`, see `stiction.formats.friction`."""
+    """Law of the joint friction in training: `coulomb`, see `stiction.joints.friction`."""
     friction_level: float
     """Nominal dry friction as a fraction of each joint's torque limit [-], a mean over joints where it was measured; of
     the laws `load` and `effort`, their coefficient [-]."""
@@ -126,13 +282,17 @@ class Contract:
     """How far the runtime moves each target on in the direction of motion, f/kp [rad], or None. The target is then
     a + compensation * clip((a - position) / compensation_width, -1, 1), from the measured position."""
     stribeck: tuple[float, float] | None = None
-    """Of the law `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s]; else None."""
+    """Of a law with these numbers, `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s];
+    else None."""
     known_friction: Mapping[str, float] | None = None
     """Of a policy that is told its joints' friction (the observation has the term `known_friction`): what it is told
     where nobody says otherwise, kind of joint -> dry friction as a fraction of the torque limit [-]. None of any other
     policy; and of one that takes no step before it is told."""
     known_friction_file: Mapping[str, str] | None = None
     """`name` and `sha256` of the joints.json that `known_friction` is from; None: the nominal friction of training."""
+    phases: int | None = None
+    """Phases of the training: 1, what walked in training is what is deployed; 2, a teacher and its student. None: the
+    bundle is older than this field."""
     compensation_width: float = 0.05
     """Distance of the target at which all of it is added [rad]."""
     schema_version: int = SCHEMA_VERSION
@@ -181,30 +341,30 @@ def read_contract(text: bytes) -> Contract:
     """Parse the bytes of a contract.json.
 
     Raises:
-        ContractError: not JSON, a field missing, unknown, of the wrong type or size, or not finite.
+        BundleError: not JSON, a field missing, unknown, of the wrong type or size, or not finite.
 
     """
     try:
         data = json.loads(text.decode("utf-8"), parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:  # not UTF-8, not JSON, or an endless integer
-        raise ContractError(f"contract.json is not JSON: {error}; export the bundle again") from error
+        raise BundleError(f"contract.json is not JSON: {error}; export the bundle again") from error
     if not isinstance(data, dict):
-        raise ContractError(f"contract.json holds a {type(data).__name__}; expected an object")
+        raise BundleError(f"contract.json holds a {type(data).__name__}; expected an object")
     version = data.get("schema_version")
     data = {name: value for name, (last, value) in LATER.items() if version in range(1, last + 1)} | data
     if version == 1:
         data["schema_version"] = SCHEMA_VERSION
     known = {field.name for field in fields(Contract)}
     if missing := sorted(known - data.keys()):
-        raise ContractError(f"contract.json lacks the field {missing[0]!r}; export the bundle again")
+        raise BundleError(f"contract.json lacks the field {missing[0]!r}; export the bundle again")
     if unknown := sorted(data.keys() - known):
-        raise ContractError(f"contract.json has the field {unknown[0]!r}, which schema {SCHEMA_VERSION} does not know")
+        raise BundleError(f"contract.json has the field {unknown[0]!r}, which schema {SCHEMA_VERSION} does not know")
     if not isinstance(data["observation"], dict):
-        raise ContractError("contract field 'observation' must be an object with 'terms'")
+        raise BundleError("contract field 'observation' must be an object with 'terms'")
     data["observation"] = ObservationLayout.from_dict(data["observation"])
     for name in ("joint_names", "friction_range", *PER_JOINT):
         if not isinstance(data[name], list):
-            raise ContractError(f"contract field {name!r} must be a list, not {data[name]!r}")
+            raise BundleError(f"contract field {name!r} must be a list, not {data[name]!r}")
         data[name] = tuple(data[name])
     for name in ("compensation", "stribeck"):
         if isinstance(data[name], list):
@@ -214,7 +374,7 @@ def read_contract(text: bytes) -> Contract:
 
 def _refuse_constant(text: str) -> float:
     """Refuse NaN and Infinity, which JSON does not have."""
-    raise ContractError(f"contract.json contains {text}; every number must be finite")
+    raise BundleError(f"contract.json contains {text}; every number must be finite")
 
 
 def _is_number(value: object) -> bool:
@@ -223,9 +383,9 @@ def _is_number(value: object) -> bool:
 
 
 def _expect(condition: bool, field: str, value: object, expected: str) -> None:
-    """Raise `ContractError` naming the field unless the condition holds."""
+    """Raise `BundleError` naming the field unless the condition holds."""
     if not condition:
-        raise ContractError(f"contract field {field!r} is {value!r}; expected {expected}")
+        raise BundleError(f"contract field {field!r} is {value!r}; expected {expected}")
 
 
 def _check_scalars(contract: Contract) -> None:
@@ -235,10 +395,12 @@ def _check_scalars(contract: Contract) -> None:
     for name in ("robot", "terrain", "method", "friction_law", "revision", "command"):
         value = getattr(c, name)
         _expect(isinstance(value, str) and bool(value.strip()), name, value, "a text that is not empty")
-    _expect(c.friction_law in LAWS, "friction_law", c.friction_law, " or ".join(map(repr, LAWS)))
+    laws = simulated_laws()
+    _expect(c.friction_law in laws, "friction_law", c.friction_law, " or ".join(map(repr, laws)))
     for name in ("seed", "decimation"):
         value = getattr(c, name)
         _expect(isinstance(value, int) and not isinstance(value, bool) and value >= 0, name, value, "an integer >= 0")
+    _expect(c.phases in (None, 1, 2) and c.phases is not True, "phases", c.phases, "1, 2 or null")
     for name in ("control_period", "physics_timestep", "action_scale", "action_clip", "compensation_width"):
         value = getattr(c, name)
         _expect(_is_number(value) and value > 0, name, value, "a positive number")
@@ -288,8 +450,9 @@ def _check_friction(contract: Contract) -> None:
     """
     law, shape = contract.friction_law, contract.stribeck
     pair = isinstance(shape, tuple) and len(shape) == 2 and all(map(_is_number, shape))
-    right = pair and shape is not None and 1 <= shape[0] <= 10 and shape[1] > 0 if law == "stribeck" else shape is None
-    _expect(right, "stribeck", shape, "a ratio in [1, 10] and a positive speed" if law == "stribeck" else "null")
+    shaped = bool(LAWS[law].numbers)
+    right = pair and shape is not None and 1 <= shape[0] <= 10 and shape[1] > 0 if shaped else shape is None
+    _expect(right, "stribeck", shape, "a ratio in [1, 10] and a positive speed" if shaped else "null")
     coefficients = has_coefficient(law)
     units = [1.0] * contract.num_joints if coefficients else contract.torque_limit
     mean = sum(value / unit for value, unit in zip(contract.friction, units, strict=True)) / len(units)

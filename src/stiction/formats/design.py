@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import FileError
 from stiction.formats.tables import read_npz_arrays
 
 SCHEMA_VERSION = 1
@@ -172,14 +172,12 @@ def load_design(path: Path) -> ExcitationDesign:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         if data.pop("schema_version") != SCHEMA_VERSION:
-            raise StictionError(
-                f"{path.name}: another schema version than {SCHEMA_VERSION}; run `stiction excite` again"
-            )
+            raise FileError(f"{path.name}: another schema version than {SCHEMA_VERSION}; run `stiction excite` again")
         for name, kind in ROWS.items():
             data[name] = tuple(kind(**row) for row in data[name])
         return ExcitationDesign(**data)
     except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise StictionError(
+        raise FileError(
             f"{path.name}: not readable as a design of `stiction excite` ({str(error)[:120]}); run it again"
         ) from error
 
@@ -224,5 +222,5 @@ def read_signals(path: Path) -> DesignSignals:
     names = [item.name for item in fields(DesignSignals)]
     missing = [name for name in names if name not in arrays]
     if missing or len({len(arrays[name]) for name in names}) != 1:
-        raise StictionError(f"{path.name}: {', '.join(missing) or 'lengths'} wrong; run `stiction excite` again")
+        raise FileError(f"{path.name}: {', '.join(missing) or 'lengths'} wrong; run `stiction excite` again")
     return DesignSignals(**{name: arrays[name] for name in names})

@@ -1,7 +1,7 @@
 """Following: 80 to 120 % of the commanded speed, forward and backward, by every training seed, and nobody falls.
 
 The one definition. A speed ratio alone is too slow, follows, or is too fast; a policy, which is one training seed,
-follows where it does so in both directions and never falls; of a way of training the seeds that follow are counted.
+follows where it does so in both directions and never falls; of a training method the seeds that follow are counted.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ def row_pace(row: ResultRow) -> Pace | Literal["fell"] | None:
 
 @dataclass(frozen=True)
 class Following:
-    """Which training seeds of a way follow under one friction in one engine on flat ground; a row of following.csv.
+    """Which training seeds of a method follow under one friction in one engine on flat ground; a row of following.csv.
 
     A seed counts that walked both ways; of virtual robots it is known by its mean over them.
     """
 
     method: str
-    """Way of training."""
+    """Training method."""
     engine: str
     """Engine, and what of a virtual robot is real in it."""
     friction_law: str
@@ -115,15 +115,15 @@ def count(cell: tuple[str, str, str, float], seeds: Iterable[Mapping[str, Result
     )
 
 
-def following(rows: Iterable[ResultRow], way_of: Callable[[ResultRow], str]) -> list[Following]:
-    """Return who follows of every way of training, in every engine and under every friction, in the order of the rows.
+def following(rows: Iterable[ResultRow], method_of: Callable[[ResultRow], str]) -> list[Following]:
+    """Return who follows of every training method, in every engine and under every friction, in the order of the rows.
 
-    way_of: row -> its way; each of its policies is one training seed.
+    method_of: row -> its way; each of its policies is one training seed.
     """
     cells: dict[tuple[str, str, str, float], dict[str, dict[str, ResultRow]]] = {}
     for row in rows:
         if row.terrain == "flat" and row.command in DIRECTIONS and row.speed_ratio is not None:
-            cell = way_of(row), row.engine, row.friction_law, round(row.friction_level, 6)
+            cell = method_of(row), row.engine, row.friction_law, round(row.friction_level, 6)
             cells.setdefault(cell, {}).setdefault(row.policy, {})[row.command] = row
     found = (count(cell, policies.values()) for cell, policies in cells.items())
     return [one for one in found if one is not None]

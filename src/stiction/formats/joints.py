@@ -2,6 +2,9 @@
 
 The names are fixed; the symmetric viscous and Coulomb fit always stands under them, so that a reader never has to ask
 which law was fitted. Linear axes use the same names with N, kg and m.
+
+Its object `friction` holds fields of the run's own `config.json` under `task.friction`, so that a proposal
+and a run can be compared line by line. The rest is for people: what the level rests on, joint by joint.
 """
 
 from __future__ import annotations
@@ -13,13 +16,18 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from stiction.formats.errors import StictionError
-from stiction.formats.sidecar import AXES, TEST_CONDITIONS, TORQUE_SOURCES
+import numpy as np
+
+from stiction.core.errors import FileError, unknown_name
+from stiction.formats.log import AXES, TEST_CONDITIONS
+from stiction.formats.tables import read_npz_arrays
+from stiction.joints.friction import SYMMETRIC
+from stiction.joints.net import TORQUE_SOURCES
 
 SCHEMA_VERSION = 1
 """Raised when a reader of the older form would misunderstand the newer one."""
 
-PARAMETERS = ("inertia", "viscous_friction", "coulomb_friction", "offset")
+PARAMETERS = ("inertia", *SYMMETRIC)
 """Parameters of the symmetric law, in the order of the regressor."""
 
 QUANTITIES = (
@@ -28,10 +36,6 @@ QUANTITIES = (
     *("motor_strength", "encoder_bias", "delay", "friction_ratio", "dead_band"),
 )
 """Everything in a record that is an `Estimate` or null."""
-
-
-class JointsError(StictionError):
-    """A `joints.json` that cannot be read, or that does not know the joint asked for."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +65,13 @@ class Estimate:
             low, high = data["interval95"]
             numbers = (data["value"], data["std"], low, high)
         except (KeyError, TypeError, ValueError) as error:
-            raise JointsError(
+            raise FileError(
                 f"{where}: expected an object with value, std and interval95, got {str(data)[:80]}"
             ) from error
         if any(isinstance(n, bool) or not isinstance(n, int | float) or not math.isfinite(n) for n in numbers):
-            raise JointsError(f"{where}: expected finite numbers, got {str(data)[:80]}")
+            raise FileError(f"{where}: expected finite numbers, got {str(data)[:80]}")
         if data["std"] < 0 or not low <= data["value"] <= high:
-            raise JointsError(f"{where}: expected std >= 0 and the value within interval95, got {str(data)[:80]}")
+            raise FileError(f"{where}: expected std >= 0 and the value within interval95, got {str(data)[:80]}")
         return cls(float(data["value"]), float(data["std"]), (float(low), float(high)))
 
 
@@ -140,14 +144,14 @@ class JointRecord:
         """Build from plain data; `where` is named in messages. Absent fields take their defaults."""
         known = [item.name for item in fields(cls)]
         if not isinstance(data, dict) or set(data) - set(known):
-            raise JointsError(f"{where}: expected an object with some of {', '.join(known)}, got {str(data)[:80]}")
+            raise FileError(f"{where}: expected an object with some of {', '.join(known)}, got {str(data)[:80]}")
         values = dict(data)
         for name in QUANTITIES:
             if values.get(name) is not None:
                 values[name] = Estimate.from_dict(values[name], f"{where}.{name}")
         for name, kind in (("combinations", dict), ("diagnostics", dict), ("warnings", list)):
             if not isinstance(values.get(name, kind()), kind):
-                raise JointsError(f"{where}.{name}: expected a JSON {kind.__name__}, got {str(values[name])[:80]}")
+                raise FileError(f"{where}.{name}: expected a JSON {kind.__name__}, got {str(values[name])[:80]}")
         values["combinations"] = {
             name: Estimate.from_dict(entry, f"{where}.combinations.{name}")
             for name, entry in values.get("combinations", {}).items()
@@ -162,16 +166,16 @@ def _check_settings(values: dict[str, Any], where: str) -> None:
     choices = {"axis": AXES, "test_condition": (*TEST_CONDITIONS, None), "torque_source": (*TORQUE_SOURCES, None)}
     for name, allowed in choices.items():
         if name in values and values[name] not in allowed:
-            raise JointsError(f"{where}.{name}: {values[name]!r}; expected one of {', '.join(map(str, allowed))}")
+            raise FileError(f"{where}.{name}: {values[name]!r}; expected one of {', '.join(map(str, allowed))}")
     for name in ("kp", "kd", "torque_limit"):
         value = values.get(name)
         if value is not None and (
             isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf
         ):
-            raise JointsError(f"{where}.{name}: {value!r}; expected a number that is not negative, or null")
+            raise FileError(f"{where}.{name}: {value!r}; expected a number that is not negative, or null")
     law = values.get("friction_law")
     if law is not None and not isinstance(law, dict):
-        raise JointsError(f"{where}.friction_law: {str(law)[:80]}; expected an object or null")
+        raise FileError(f"{where}.friction_law: {str(law)[:80]}; expected an object or null")
 
 
 @dataclass(frozen=True)
@@ -191,16 +195,16 @@ class JointsFile:
         return next((name for name in (joint, joint.rpartition("_")[2]) if name in self.joints), None)
 
     def record(self, joint: str) -> JointRecord:
-        """Return the record of `FL_shank`: under that name, else under its kind, `shank`; else raise `JointsError`."""
+        """Return the record of `FL_shank`: under that name, else under its kind, `shank`; else raise `FileError`."""
         key = self.key(joint)
         if key is not None:
             return self.joints[key]
-        raise JointsError(f"no record for joint {joint!r} or its kind; the file has {', '.join(self.joints)}")
+        raise FileError(f"no record for the joint or its kind: {unknown_name('joint', joint, self.joints)}")
 
     def nominal(self, joints: Sequence[str], quantity: str) -> tuple[float, ...]:
         """Return one quantity's value for each joint, as simulators take it: what is below zero is zero.
 
-        quantity: one of `QUANTITIES`. Raises `JointsError` for a joint without a record, and where the quantity
+        quantity: one of `QUANTITIES`. Raises `FileError` for a joint without a record, and where the quantity
         is null. An inertia must be positive; friction whose interval reaches below zero may have a negative estimate.
         """
         values = []
@@ -208,9 +212,9 @@ class JointsFile:
             estimate = getattr(self.record(joint), quantity)
             if estimate is None:
                 why = next((f": {text}" for text in self.record(joint).warnings), "")
-                raise JointsError(f"{quantity} of joint {joint!r} is null in this file, it was not identified{why}")
+                raise FileError(f"{quantity} of joint {joint!r} is null in this file, it was not identified{why}")
             if quantity == "inertia" and estimate.value <= 0:
-                raise JointsError(f"inertia of joint {joint!r} is {estimate.value}; expected a positive number")
+                raise FileError(f"inertia of joint {joint!r} is {estimate.value}; expected a positive number")
             values.append(estimate.value if quantity == "offset" else max(0.0, estimate.value))
         return tuple(values)
 
@@ -229,21 +233,113 @@ class JointsFile:
 
 
 def load_joints(path: Path) -> JointsFile:
-    """Read and validate a `joints.json`; raise `JointsError` that names the field that is wrong."""
+    """Read and validate a `joints.json`; raise `FileError` that names the field that is wrong."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise JointsError(f"cannot read {path}: {error.strerror or error}") from error
+        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
     except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise JointsError(
-            f"{path.name}: not JSON ({str(error)[:120]}); expected the joints.json of identify"
-        ) from error
+        raise FileError(f"{path.name}: not JSON ({str(error)[:120]}); expected the joints.json of identify") from error
     if isinstance(data, dict) and "friction" in data:
-        raise JointsError(f"{path.name}: this proposes what to train; expected the joints.json that lies beside it")
+        raise FileError(f"{path.name}: this proposes what to train; expected the joints.json that lies beside it")
     if not isinstance(data, dict) or data.get("schema_version") != SCHEMA_VERSION:
         found = data.get("schema_version") if isinstance(data, dict) else None
-        raise JointsError(f"{path.name}: schema version {found!r}; this program reads version {SCHEMA_VERSION}")
+        raise FileError(f"{path.name}: schema version {found!r}; this program reads version {SCHEMA_VERSION}")
     joints = data.get("joints")
     if not isinstance(joints, dict) or not joints:
-        raise JointsError(f"{path.name}: field 'joints' must be an object with at least one joint")
+        raise FileError(f"{path.name}: field 'joints' must be an object with at least one joint")
     return JointsFile({name: JointRecord.from_dict(entry, f"{path.name}: {name}") for name, entry in joints.items()})
+
+
+@dataclass(frozen=True)
+class FitSignals:
+    """Signals of one joint on an even grid; arrays of shape (num_samples,).
+
+    Torques are in N m, or in the unit of the torque column where that is not N m; on a linear axis read N and m.
+    """
+
+    time: np.ndarray
+    """From zero [s]."""
+    position: np.ndarray
+    """As measured [rad]."""
+    velocity: np.ndarray
+    """Filtered [rad/s]."""
+    acceleration: np.ndarray
+    """Filtered [rad/s²]."""
+    torque: np.ndarray
+    """Filtered [N m]."""
+    fitted_torque: np.ndarray
+    """By viscous and Coulomb friction [N m]."""
+    law_torque: np.ndarray
+    """By the law that was chosen [N m]; the same where that is the regression's."""
+    rigid_torque: np.ndarray
+    """The part of it that is not friction: inertia, offset, gravity, payload [N m]."""
+    used: np.ndarray
+    """1 where the sample entered the regression, else 0."""
+    target: np.ndarray | None = None
+    """Position asked for [rad]."""
+    simulated_position: np.ndarray | None = None
+    """By the closed-loop simulation [rad]."""
+    simulated_torque: np.ndarray | None = None
+    """By the closed-loop simulation [N m]."""
+
+
+def write_fit(path: Path, joints: dict[str, FitSignals]) -> None:
+    """Write `<signal>.<joint>` arrays; signals that are None are left out."""
+    arrays = {
+        f"{item.name}.{joint}": values.astype(np.float32 if item.name != "time" else float)
+        for joint, signals in joints.items()
+        for item in fields(FitSignals)
+        if (values := getattr(signals, item.name)) is not None
+    }
+    np.savez_compressed(path, allow_pickle=False, **arrays)
+
+
+def read_fit(path: Path, joint: str) -> FitSignals:
+    """Read one joint's signals; raise `StictionError` if they are not there or not of one length."""
+    arrays = read_npz_arrays(path)
+    found = {item.name: arrays[key] for item in fields(FitSignals) if (key := f"{item.name}.{joint}") in arrays}
+    needed = {item.name for item in fields(FitSignals)[:9]}
+    if needed - set(found):
+        raise FileError(f"{path.name}: no {sorted(needed - set(found))[0]} of joint {joint!r}; run identify again")
+    if any(values.ndim != 1 or values.dtype.kind != "f" for values in found.values()):
+        raise FileError(f"{path.name}: a signal of joint {joint!r} is no vector of numbers; run identify again")
+    if len({len(values) for values in found.values()}) != 1:
+        raise FileError(f"{path.name}: the signals of joint {joint!r} differ in length; run identify again")
+    return FitSignals(**{name: values.astype(float) for name, values in found.items()})
+
+
+TRAINING_SCHEMA_VERSION = 1
+"""Raised when a reader of the older form would misunderstand the newer one."""
+
+
+def write_training(path: Path, proposal: dict[str, Any]) -> None:
+    """Write a proposal: `friction`, null where none can be proposed, `text`, and whatever else explains it."""
+    text = json.dumps(
+        {"schema_version": TRAINING_SCHEMA_VERSION, **proposal}, indent=2, allow_nan=False, ensure_ascii=False
+    )
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def read_training(path: Path) -> dict[str, Any]:
+    """Return the whole proposal; raise `StictionError` for a file that is none, or proposes no friction."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
+    except (UnicodeDecodeError, ValueError, RecursionError) as error:
+        raise FileError(f"{path.name}: not JSON ({str(error)[:120]}); expected a training.json") from error
+    if isinstance(data, dict) and {"joints", "warnings"} <= data.keys() and "friction" not in data:
+        raise FileError(f"{path.name}: these are identified joints; expected the training.json that lies beside them")
+    if not isinstance(data, dict) or "friction" not in data or data.get("schema_version") != TRAINING_SCHEMA_VERSION:
+        found = data.get("schema_version") if isinstance(data, dict) else None
+        raise FileError(
+            f"{path.name}: schema version {found!r}; expected the training.json of `stiction identify`, with "
+            f"'friction' and version {TRAINING_SCHEMA_VERSION}"
+        )
+    if data["friction"] is None:
+        reason = " ".join(str(data.get("text", "it does not say why")).split())[:400]
+        raise FileError(f"{path.name} proposes no joint friction to train with: {reason}")
+    if not isinstance(data["friction"], dict) or not {"method", "level"} <= data["friction"].keys():
+        raise FileError(f"{path.name}: 'friction' is {data['friction']!r}; expected at least 'method' and 'level'")
+    return data

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import FileError
 from stiction.formats.joints import JointRecord, JointsFile
 
 TERM = "known_friction"
@@ -95,7 +95,7 @@ def bench_friction(
 def _share(name: str, record: JointRecord, limit: float) -> float | None:
     """Return f/τ_max of a joint whose motor gives `limit` [N m]; None where its record does not tell."""
     if record.axis != "rotary":
-        raise StictionError(f"joint {name!r} was identified as a linear axis (kg, N); expected a rotary one")
+        raise FileError(f"joint {name!r} was identified as a linear axis (kg, N); expected a rotary one")
     if record.coulomb_friction is not None:
         return max(0.0, record.coulomb_friction.value) / limit
     return None if record.friction_ratio is None else max(0.0, record.friction_ratio.value)

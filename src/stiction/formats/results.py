@@ -10,13 +10,13 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import FileError
 
 SCHEMA_VERSION = 1
 """Version of summary.json."""
 
 DIRECTIONS = ("vx=0.5", "vx=-0.5")
-"""Forward and backward: the commands by which ways of training are compared."""
+"""Forward and backward: the commands by which training methods are compared."""
 
 FOLLOWS = (0.8, 1.2)
 """Speed ratios that count as following the command [-]."""
@@ -29,7 +29,7 @@ class ResultRow:
     policy: str
     """Name of the bundle."""
     method: str
-    """Way of training with friction."""
+    """Training method with friction."""
     seed: int
     """Seed of the training run."""
     engine: str
@@ -96,16 +96,16 @@ def read_results(path: Path) -> list[ResultRow]:
         with path.open(newline="", encoding="utf-8") as file:
             lines = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise StictionError(f"{path} cannot be read as results: {error}") from error
+        raise FileError(f"{path} cannot be read as results: {error}") from error
     if not lines or tuple(lines[0]) != COLUMNS:
-        raise StictionError(f"{path} is not a results.csv: its first line must be {','.join(COLUMNS)}")
+        raise FileError(f"{path} is not a results.csv: its first line must be {','.join(COLUMNS)}")
     return [_parse(path, number, cells) for number, cells in enumerate(lines[1:], start=2)]
 
 
 def _parse(path: Path, number: int, cells: list[str]) -> ResultRow:
     """Turn one line into a row."""
     if len(cells) != len(COLUMNS):
-        raise StictionError(f"{path}, line {number}: {len(cells)} cells; expected {len(COLUMNS)}")
+        raise FileError(f"{path}, line {number}: {len(cells)} cells; expected {len(COLUMNS)}")
     values: dict[str, Any] = {}
     for name, cell in zip(COLUMNS, cells, strict=True):
         try:
@@ -116,9 +116,9 @@ def _parse(path: Path, number: int, cells: list[str]) -> ResultRow:
             else:
                 values[name] = None if cell == "" and name in OPTIONAL else float(cell)
         except ValueError as error:
-            raise StictionError(f"{path}, line {number}: {name} is {cell!r}; expected a number") from error
+            raise FileError(f"{path}, line {number}: {name} is {cell!r}; expected a number") from error
         if isinstance(values[name], float) and not math.isfinite(values[name]):
-            raise StictionError(f"{path}, line {number}: {name} is {cell!r}; expected a finite number")
+            raise FileError(f"{path}, line {number}: {name} is {cell!r}; expected a finite number")
     return ResultRow(**values)
 
 
@@ -137,12 +137,28 @@ def read_summary(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
-        raise StictionError(f"{path} cannot be read as a summary: {error}") from error
+        raise FileError(f"{path} cannot be read as a summary: {error}") from error
     if not isinstance(found, dict) or found.get("schema_version") != SCHEMA_VERSION:
-        raise StictionError(f"{path} is no summary.json of schema version {SCHEMA_VERSION}")
+        raise FileError(f"{path} is no summary.json of schema version {SCHEMA_VERSION}")
     return found
 
 
 def summary_text(summary: dict[str, Any]) -> str:
     """Return the text of summary.json, schema version first."""
     return json.dumps({"schema_version": SCHEMA_VERSION} | summary, indent=2, allow_nan=False) + "\n"
+
+
+def read_metrics(path: Path) -> list[dict[str, Any]]:
+    """Return the figures of every iteration, in order; empty without the file.
+
+    A run that is killed may leave its last line cut off: what follows the last whole line does not count.
+    """
+    if not path.exists():
+        return []
+    rows = []
+    for line in path.read_text(encoding="utf-8").splitlines():
+        try:
+            rows.append(json.loads(line))
+        except ValueError:
+            break
+    return rows

@@ -13,15 +13,59 @@ from __future__ import annotations
 import json
 import math
 import zipfile
-from dataclasses import asdict, dataclass, field, fields
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from stiction.formats.errors import LogError
-from stiction.formats.sidecar import TORQUE_SOURCES
+from stiction.core.cache import publish
+from stiction.core.errors import FileError, LogError
 from stiction.formats.tables import BROKEN_ARCHIVE, read_npz_arrays
+from stiction.joints.net import TORQUE_SOURCES
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What N robots did in T control steps."""
+
+    period: float
+    """Control period [s]."""
+    velocity: np.ndarray
+    """Forward and sideways velocity of the base [m/s] and its yaw rate [rad/s], base frame, shape (T, N, 3)."""
+    position: np.ndarray
+    """Horizontal position of the base in the world [m], shape (T, N, 2)."""
+    contact: np.ndarray
+    """Feet on the ground, bool, shape (T, N, L)."""
+    power: np.ndarray
+    """Sum over joints of |torque * joint velocity| [W], shape (T, N)."""
+    square_acceleration: np.ndarray
+    """Mean over joints of the squared change of joint velocity since the last step over `period` [rad²/s⁴], shape
+    (T, N)."""
+    upright: np.ndarray
+    """False from the step of a fall on, bool, shape (T, N)."""
+    friction: np.ndarray | None = None
+    """Dry friction that the joints could bring up, mean over joints [N m], shape (T, N); None where not recorded."""
+
+    def of(self, robots: slice, first_step: int = 0) -> Recording:
+        """Return the recording of some robots, from a step on."""
+        return self._each(lambda values: values[first_step:, robots])
+
+    def lasting(self, steps: int) -> Recording:
+        """Return the recording, drawn out to a number of steps as those of a batch are: who fell lies where it fell."""
+        more = steps - len(self.upright)
+        longer = self._each(lambda values: np.concatenate((values, np.repeat(values[-1:], more, axis=0))))
+        longer.upright[len(self.upright) :] = False
+        return longer
+
+    def _each(self, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
+        """Return the recording with every signal changed."""
+        names = ["velocity", "position", "contact", "power", "square_acceleration", "upright"]
+        names += ["friction"] if self.friction is not None else []
+        changed: dict[str, Any] = {name: change(getattr(self, name)) for name in names}
+        return replace(self, **changed)
+
 
 SCHEMA = "stiction-walk"
 """What the header of every such log says."""
@@ -34,10 +78,6 @@ LARGEST = 1e6
 
 LARGEST_JITTER = 0.5
 """Largest deviation of a time step from the period, in periods: beyond, samples were dropped or doubled."""
-
-
-class WalkError(LogError):
-    """A walking log that cannot be read; the message names the file and the field."""
 
 
 @dataclass(frozen=True)
@@ -166,9 +206,9 @@ def _texts(values: Any) -> bool:
 
 
 def _expect(condition: bool, name: str, value: object, expected: str) -> None:
-    """Raise `WalkError` naming the field unless the condition holds."""
+    """Raise `LogError` naming the field unless the condition holds."""
     if not condition:
-        raise WalkError(f"walking log, field {name!r}: {str(value)[:80]}; expected {expected}")
+        raise LogError(f"walking log, field {name!r}: {str(value)[:80]}; expected {expected}")
 
 
 def write_walk(path: Path, log: WalkLog) -> None:
@@ -180,14 +220,11 @@ def write_walk(path: Path, log: WalkLog) -> None:
             arrays[name] = array if array.dtype == bool or name == "time" else array.astype(np.float32)
     header = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION} | asdict(log.header)
     arrays["header"] = np.array(json.dumps(header, allow_nan=False))
-    part = path.with_name(path.name + ".part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with part.open("wb") as file:
+        with publish(path) as partial, partial.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **arrays)
-        part.replace(path)
     except OSError as error:
-        raise WalkError(f"cannot write {path}: {error.strerror or error}; choose another folder") from error
+        raise LogError(f"cannot write {path}: {error.strerror or error}; choose another folder") from error
 
 
 def is_walk(path: Path) -> bool:
@@ -209,17 +246,17 @@ def read_walk(path: Path) -> WalkLog:
     arrays = read_npz_arrays(path)
     text = arrays.pop("header", np.array(0))
     if text.dtype.kind != "U" or text.ndim != 0:
-        raise WalkError(f"{path.name}: no header; expected a walking log of evaluate --log or of deploy")
+        raise LogError(f"{path.name}: no header; expected a walking log of evaluate --log or of deploy")
     if unknown := sorted(set(arrays) - set(SIGNALS)):
-        raise WalkError(f"{path.name}: unknown array {unknown[0]!r}; expected some of {', '.join(SIGNALS)}")
+        raise LogError(f"{path.name}: unknown array {unknown[0]!r}; expected some of {', '.join(SIGNALS)}")
     if missing := [name for name in SIGNALS if name not in arrays and name not in OPTIONAL]:
-        raise WalkError(f"{path.name}: no array {missing[0]!r}; log it")
+        raise LogError(f"{path.name}: no array {missing[0]!r}; log it")
     try:
         header = _read_header(str(text))
         doubles = {name: a if a.dtype.kind != "f" else a.astype(np.float64) for name, a in arrays.items()}
         return WalkLog(header, **doubles)
-    except WalkError as error:
-        raise WalkError(f"{path.name}: {error}") from error
+    except LogError as error:
+        raise LogError(f"{path.name}: {error}") from error
 
 
 def _read_header(text: str) -> WalkHeader:
@@ -227,18 +264,66 @@ def _read_header(text: str) -> WalkHeader:
     try:
         data = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise WalkError(f"the header is not JSON ({str(error)[:80]})") from error
+        raise LogError(f"the header is not JSON ({str(error)[:80]})") from error
     if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
-        raise WalkError(f"the header does not say {SCHEMA!r}; expected a log of evaluate --log or of deploy")
+        raise LogError(f"the header does not say {SCHEMA!r}; expected a log of evaluate --log or of deploy")
     version = data.pop("schema_version", None)
     if version != SCHEMA_VERSION:
-        raise WalkError(f"schema version {version!r}; this program reads version {SCHEMA_VERSION}")
+        raise LogError(f"schema version {version!r}; this program reads version {SCHEMA_VERSION}")
     data.setdefault("torque_source", None)
     known = {item.name for item in fields(WalkHeader)}
     if odd := sorted(known ^ data.keys()):
-        raise WalkError(f"header field {odd[0]!r} is missing or unknown")
+        raise LogError(f"header field {odd[0]!r} is missing or unknown")
     for name in ("joint_names", "foot_names", "kp", "kd", "torque_limit"):
         if not isinstance(data[name], list):
-            raise WalkError(f"header field {name!r} is {str(data[name])[:80]}; expected a list")
+            raise LogError(f"header field {name!r} is {str(data[name])[:80]}; expected a list")
         data[name] = tuple(data[name])
     return WalkHeader(**data)
+
+
+@dataclass(frozen=True)
+class WalkFit:
+    """Clouds and gait of one walk."""
+
+    swing: dict[str, tuple[np.ndarray, np.ndarray]]
+    """Joint -> velocity [rad/s] and torque without links and rotor inertia [N m] in swing, each shape (R,)."""
+    gait_time: np.ndarray
+    """Times of the first steps [s], shape (T,)."""
+    gait: dict[str, np.ndarray]
+    """Foot -> whether it was taken to bear load at those times, bool, shape (T,)."""
+    load: dict[str, tuple[np.ndarray, np.ndarray]]
+    """Kind of joint -> load and friction as forces on the body, the rest taken off [N], each shape (R,)."""
+
+
+PAIRS = ("swing", "load")
+"""Fields that hold two arrays a name: `swing.x.<joint>` and `swing.y.<joint>`."""
+
+
+def write_walk_fit(path: Path, fit: WalkFit) -> None:
+    """Write the arrays in single precision."""
+    arrays: dict[str, np.ndarray] = {"gait.time": fit.gait_time}
+    arrays |= {f"gait.{foot}": down for foot, down in fit.gait.items()}
+    for group in PAIRS:
+        for name, pair in getattr(fit, group).items():
+            for axis, values in zip("xy", pair, strict=True):
+                arrays[f"{group}.{axis}.{name}"] = values.astype(np.float32)
+    np.savez_compressed(path, allow_pickle=False, **arrays)
+
+
+def read_walk_fit(path: Path) -> WalkFit:
+    """Read what `write_walk_fit` wrote; raise `StictionError` if something is missing or of the wrong length."""
+    arrays = read_npz_arrays(path)
+    if "gait.time" not in arrays:
+        raise FileError(f"{path.name}: no gait.time; expected the fit.npz of a walking log: run identify again")
+    time = arrays.pop("gait.time")
+    gait = {name.removeprefix("gait."): array for name, array in arrays.items() if name.startswith("gait.")}
+    pairs: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {group: {} for group in PAIRS}
+    for group, found in pairs.items():
+        for name in [key.removeprefix(f"{group}.x.") for key in arrays if key.startswith(f"{group}.x.")]:
+            first, second = arrays[f"{group}.x.{name}"], arrays.get(f"{group}.y.{name}", np.zeros(0))
+            if first.shape != second.shape or first.ndim != 1:
+                raise FileError(f"{path.name}: {group} of {name!r} is not complete; run identify again")
+            found[name] = (first, second)
+    if any(array.shape != time.shape for array in gait.values()):
+        raise FileError(f"{path.name}: the gait's arrays differ in length; run identify again")
+    return WalkFit(pairs["swing"], time, gait, pairs["load"])

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, fields
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import BundleError
 
 SCHEMA_VERSION = 1
 """Version of wear.json; any other is refused."""
@@ -64,12 +64,12 @@ class WearModel:
         sizes |= {"weights' rows": ({len(row) for row in self.weights}, {targets})}
         for name, (found, expected) in sizes.items():
             if found != expected:
-                raise StictionError(f"wear.json: {name!r} has {found} entries; expected {expected}; export again")
+                raise BundleError(f"wear.json: {name!r} has {found} entries; expected {expected}; export again")
         numbers = (self.center, self.scale, self.intercept, self.reach, self.determination, self.coverage, self.weights)
         finite = all(np.isfinite(np.array(value, dtype=float)).all() for value in numbers)
         single = np.isfinite([self.threshold, self.highest, self.unusual, self.limit]).all()
         if not (finite and single and min(self.scale) > 0 and min(self.reach) > 0 and self.window >= 1):
-            raise StictionError("wear.json: a number is not finite, or a scale, reach or window is not positive")
+            raise BundleError("wear.json: a number is not finite, or a scale, reach or window is not positive")
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -91,9 +91,9 @@ def read_wear(text: bytes) -> WearModel:
     try:
         data = json.loads(text.decode("utf-8"))
         if not isinstance(data, dict) or data.pop("schema_version", None) != SCHEMA_VERSION:
-            raise StictionError(f"wear.json is not of schema version {SCHEMA_VERSION}; make it again")
+            raise BundleError(f"wear.json is not of schema version {SCHEMA_VERSION}; make it again")
         if odd := sorted(data.keys() ^ {field.name for field in fields(WearModel)}):
-            raise StictionError(f"wear.json: the field {odd[0]!r} is missing or unknown; make it again")
+            raise BundleError(f"wear.json: the field {odd[0]!r} is missing or unknown; make it again")
         data["weights"] = tuple(tuple(float(value) for value in row) for row in data["weights"])
         for name in ("center", "scale", "intercept", "reach", "determination", "coverage"):
             data[name] = tuple(float(value) for value in data[name])
@@ -101,4 +101,4 @@ def read_wear(text: bytes) -> WearModel:
             data[name] = tuple(data[name])
         return WearModel(**data)
     except (ValueError, TypeError, RecursionError) as error:
-        raise StictionError(f"wear.json is malformed: {error}; make it again") from error
+        raise BundleError(f"wear.json is malformed: {error}; make it again") from error

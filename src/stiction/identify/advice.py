@@ -11,9 +11,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from stiction.formats.advice import TRAINING, TRANSFER, Source, Way, read_advice
+from stiction.formats.advice import TRAINING, TRANSFER, Source, TrainedWith, read_advice
 from stiction.formats.following import BAND, Following, together
-from stiction.formats.friction import level_text
+from stiction.joints.friction import level_text
 
 SHIPPED = Path(__file__).parent / "advice.json"
 """The file that comes with the package."""
@@ -26,14 +26,15 @@ TRAINED_IN = "mujoco"
 class Advice:
     """What to train with, and what that rests on."""
 
-    way: Way
-    """How the policies were trained that follow with the most seeds."""
+    training: TrainedWith
+    """The training whose policies follow with the most seeds."""
     levels: tuple[float, ...]
-    """Tested friction at which the ways were held against each other [-]."""
+    """Tested friction at which the trainings were compared [-]."""
     cells: Mapping[str, tuple[Following, ...]]
-    """Way of training -> who follows at these levels, in the simulator of the training."""
+    """Training -> how many seeds follow at these levels, in the simulator of the training."""
     elsewhere: tuple[Following, ...]
-    """Who follows of the chosen way in other engines and on virtual robots, at the tested level nearest to the top."""
+    """How many seeds of the chosen training follow in other engines and on virtual robots, at the tested level nearest
+    to the highest asked for."""
     source: Source
     """The study."""
     text: str
@@ -42,12 +43,12 @@ class Advice:
     @property
     def settings(self) -> dict[str, Any]:
         """Fields of `FrictionCfg` that train so."""
-        return {"method": self.way.method, "level": self.way.level, "law": "coulomb", "per": "robot"}
+        return {"method": self.training.method, "level": self.training.level, "law": "coulomb", "per": "robot"}
 
     @property
     def range(self) -> list[float]:
         """Friction that training then draws, least and most, over the torque limit [-]."""
-        return [self.way.low * self.way.level, self.way.high * self.way.level]
+        return [self.training.low * self.training.level, self.training.high * self.training.level]
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for `training.json`: the counts, and the command and revision that they came from."""
@@ -73,8 +74,8 @@ def shipped() -> dict[str, Source]:
 def advise(low: float, high: float, sources: Mapping[str, Source] | None = None) -> Advice:
     """Return which training to choose for friction from `low` to `high`, shares of the torque limit [-].
 
-    The ways are held against each other at the tested levels from the one nearest to `low` to the one nearest to
-    `high`: the most seeds that follow, added up over them; between equals the least deviation from the command.
+    The trainings are compared at the tested levels from the one nearest to `low` to the one nearest to `high`: by the
+    number of seeds that follow, added up over the levels; between equals by the least deviation from the command.
 
     sources: as of `read_advice`; by default what comes with the package.
     """
@@ -85,14 +86,14 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None)
     levels = tuple(level for level in tested if first <= level <= last)
     cells = {
         name: tuple(cell for cell in source.cells if cell.method == name and cell.friction_level in levels)
-        for name in source.ways
+        for name in source.methods
     }
     best = max(cells, key=lambda name: _rank(cells[name]))
     others = [cell for cell in sources[TRANSFER].cells if cell.method == best and cell.engine != TRAINED_IN]
     top = _nearest(sorted({cell.friction_level for cell in others}), high) if others else high
     elsewhere = tuple(cell for cell in others if cell.friction_level == top)
-    text = _text(source.ways[best], best, levels, cells, elsewhere, high, tested[-1])
-    return Advice(source.ways[best], levels, cells, elsewhere, source, text)
+    text = _text(source.methods[best], best, levels, cells, elsewhere, high, tested[-1])
+    return Advice(source.methods[best], levels, cells, elsewhere, source, text)
 
 
 def _nearest(tested: Sequence[float], level: float) -> float:
@@ -101,12 +102,12 @@ def _nearest(tested: Sequence[float], level: float) -> float:
 
 
 def _rank(cells: Sequence[Following]) -> tuple[int, float]:
-    """Return what a way is chosen by: seeds that follow, and less deviation."""
+    """Return what a training is chosen by: seeds that follow, and less deviation."""
     return sum(cell.follow for cell in cells), -sum(cell.deviation for cell in cells)
 
 
 def _text(
-    way: Way,
+    training: TrainedWith,
     name: str,
     levels: Sequence[float],
     cells: Mapping[str, Sequence[Following]],
@@ -118,18 +119,18 @@ def _text(
 
     beyond: highest level that was tested [-].
     """
-    nobody = "" if any(cell.follow for cell in cells[name]) else "no way of training follows with any seed there, and "
+    nobody = "" if any(cell.follow for cell in cells[name]) else "no training method follows with any seed there, and "
     parts = [
         f"For up to {level_text('coulomb', round(high, 4))}, {nobody}{name} "
         + ("deviates least from the command: " if nobody else "follows with the most seeds: ")
-        + f"train with {_words(way)}.",
-        f"Seeds that follow, {BAND} of the command both ways, {_asked(levels)}, in the simulator of the training: "
-        + "; ".join(f"{one} {_by_level(own)}" for one, own in cells.items())
-        + ".",
+        + f"train with {_flags(training)}.",
+        f"Seeds that follow, {BAND} of the command both ways, {_levels_text(levels)}, in the simulator of the "
+        "training: " + "; ".join(f"{one} {_by_level(own)}" for one, own in cells.items()) + ".",
     ]
-    if way.level > 0 and way.level != high:
+    if training.level > 0 and training.level != high:
         parts.append(
-            f"Those policies were trained at level {way.level:g}; training at {high:.2g} itself has not been tried."
+            f"Those policies were trained at level {training.level:g}; training at {high:.2g} itself has not been "
+            "tried."
         )
     if high > beyond:
         parts.append(f"Nothing was tested beyond {level_text('coulomb', beyond)}.")
@@ -142,12 +143,12 @@ def _text(
     return " ".join(parts)
 
 
-def _words(way: Way) -> str:
-    """Return the flags of a way."""
-    return f"--method {way.method}" + (f" --friction-level {way.level:g}" if way.level > 0 else "")
+def _flags(training: TrainedWith) -> str:
+    """Return the flags of `stiction train`."""
+    return f"--method {training.method}" + (f" --friction-level {training.level:g}" if training.level > 0 else "")
 
 
-def _asked(levels: Sequence[float]) -> str:
+def _levels_text(levels: Sequence[float]) -> str:
     """Return the tested levels in words."""
     if len(levels) == 1:
         return f"at the nearest level that was tested, {level_text('coulomb', levels[0])}"
@@ -157,7 +158,7 @@ def _asked(levels: Sequence[float]) -> str:
 
 
 def _by_level(cells: Sequence[Following]) -> str:
-    """Return the counts of a way, with their level where there are several."""
+    """Return the counts of a training, with their level where there are several."""
     if len(cells) == 1:
         return _bracketed(cells[0].text)
     return ", ".join(f"{_bracketed(cell.text)} at {level_text('coulomb', cell.friction_level)}" for cell in cells)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from stiction.formats.errors import LogError
+from stiction.core.errors import LogError
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.timing import Grid, Timing, even_grid, resample
 

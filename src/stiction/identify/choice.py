@@ -1,19 +1,29 @@
 """Which friction law does the log call for? The simplest that no richer one beats beyond noise.
 
-Never by training error, which a richer law always lowers: each law is fitted to all blocks of the log but one and
-judged on the one left out, and by the Bayesian information criterion with as many samples as are independent.
+Never by training error, which a richer law always lowers: a law is judged on parts of the log that its fit did not see,
+and by the Bayesian information criterion with as many samples as are independent.
+
+Torque regression is asked first, with every law. It leaves out the samples around turning points, where friction may
+take any value; Stribeck's fall of friction with speed often lies there. Output error simulates them. So where the two
+estimators disagree on friction, that law is fitted by simulation as well.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from stiction.identify.consistency import beyond_chance, disagreement
+from stiction.identify.in_loop import InLoop, fit_in_loop, respond, values_of
 from stiction.identify.intervals import block_count, correlation_time
 from stiction.identify.model import GRAVITY, LAWS, Law, Model
-from stiction.identify.regression import LARGEST_INFLATION, Fit, fit_rows, predict_torque
-from stiction.identify.rows import Rows
+from stiction.identify.output_error import OutputError
+from stiction.identify.prepare import Rows
+from stiction.identify.regression import LARGEST_INFLATION, Fit, fit_at, fit_rows, predict_torque
+from stiction.identify.runs import Run
 
 FOLDS = 10
 """Blocks of which one is left out at a time."""
@@ -29,6 +39,40 @@ LARGEST_BLUR = 30.0
 
 LEAST_EVIDENCE = 6.0
 """Drop of the information criterion for a richer law; 6 is called strong."""
+
+OF_LAWS = ("friction", "_forward", "_backward", "stribeck_velocity", "coefficient", "slope", "curvature")
+"""How the names of the friction laws' parameters end."""
+
+LEAST_RISE = 1.2
+"""Static over Coulomb friction in simulation: a controller that holds its torque for 2 ms looks like a rise by a
+tenth."""
+
+BLOCKS_OF_HALF = 5
+"""Blocks of a half of the log, whose scatter gives the deviation of the gain in simulation."""
+
+FIRST_RISE, FIRST_SPEED = 1.3, 0.1
+"""Where the search by simulation begins: static over Coulomb friction, and v_s over the top speed."""
+
+
+@dataclass(frozen=True)
+class Gain:
+    """By how much a held-out squared error fell, as a share, with the deviation that the blocks' scatter gives it."""
+
+    mean: float
+    """The share by which it fell [1]."""
+    std: float
+    """Its deviation [1]."""
+
+    @property
+    def certain(self) -> bool:
+        """Whether it is beyond noise and worth a parameter."""
+        return self.mean > DEVIATIONS * self.std and self.mean > LEAST_GAIN
+
+
+def gain_of(error: np.ndarray, reference: np.ndarray) -> Gain:
+    """Compare squared errors block by block; shape (num_blocks,) each."""
+    shares = (reference - error) * len(error) / max(float(reference.sum()), 1e-300)
+    return Gain(float(shares.mean()), float(shares.std(ddof=1) / np.sqrt(len(shares))))
 
 
 @dataclass(frozen=True)
@@ -67,6 +111,18 @@ class Choice:
         """Its law."""
         return self.model.law
 
+    def overruled(self, found: SimulatedLaw) -> Choice:
+        """Return the choice with the law that simulation calls for in place of viscous and Coulomb friction."""
+        chosen = {
+            "gain": found.gain.mean,
+            "gain_std": found.gain.std,
+            "evidence": found.evidence,
+            "verdict": "chosen by simulation, which sees the turning points",
+        }
+        changes: dict[Law, dict[str, Any]] = {"coulomb": {"verdict": "beaten"}, found.fit.model.law: chosen}
+        candidates = tuple(replace(entry, **changes.get(entry.law, {})) for entry in self.candidates)
+        return Choice(found.fit.model, candidates, True)
+
     @property
     def text(self) -> str:
         """One sentence for people."""
@@ -83,6 +139,20 @@ class Choice:
             f"The {self.law} law was chosen: on blocks that the fit did not see its squared error is {chosen.gain:.0%} "
             f"(± {chosen.gain_std:.0%}) lower than that of viscous and Coulomb friction."
         )
+
+
+@dataclass(frozen=True)
+class SimulatedLaw:
+    """A Stribeck law that simulation calls for."""
+
+    found: OutputError
+    """Output error with it."""
+    fit: Fit
+    """The same values as a torque equation, for prediction and figures."""
+    gain: Gain
+    """By how much it lowers the squared simulation error in halves that the fit did not see."""
+    evidence: float
+    """Drop of the information criterion."""
 
 
 def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
@@ -119,39 +189,6 @@ def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
     )
 
 
-def with_loop(choice: Choice, model: Model, gain: Gain, evidence: float) -> Choice:
-    """Return the choice with a law that a simulation of the loop calls for."""
-
-    def told(entry: Candidate) -> Candidate:
-        if entry.law == model.law:
-            reason = "chosen by simulation, which sees the turning points"
-            return replace(entry, gain=gain.mean, gain_std=gain.std, evidence=evidence, verdict=reason)
-        return replace(entry, verdict="beaten") if entry.law == "coulomb" else entry
-
-    return Choice(model, tuple(told(entry) for entry in choice.candidates), True)
-
-
-@dataclass(frozen=True)
-class Gain:
-    """By how much a held-out squared error fell, as a share, with the deviation that the blocks' scatter gives it."""
-
-    mean: float
-    """The share by which it fell [1]."""
-    std: float
-    """Its deviation [1]."""
-
-    @property
-    def certain(self) -> bool:
-        """Whether it is beyond noise and worth a parameter."""
-        return self.mean > DEVIATIONS * self.std and self.mean > LEAST_GAIN
-
-
-def gain_of(error: np.ndarray, reference: np.ndarray) -> Gain:
-    """Compare squared errors block by block; shape (num_blocks,) each."""
-    shares = (reference - error) * len(error) / max(float(reference.sum()), 1e-300)
-    return Gain(float(shares.mean()), float(shares.std(ddof=1) / np.sqrt(len(shares))))
-
-
 def _held_out(rows: Rows, model: Model, strength_unknown: bool, fold: np.ndarray) -> np.ndarray:
     """Return the squared torque error on each block, predicted by the fit to all the others; shape (num_blocks,)."""
     errors = []
@@ -162,15 +199,24 @@ def _held_out(rows: Rows, model: Model, strength_unknown: bool, fold: np.ndarray
     return np.array(errors)
 
 
-def _evidence(fit: Fit, base: Fit) -> float:
-    """Return by how much the Bayesian information criterion falls from `base` to `fit`.
+def evidence_of(plain: Sequence[np.ndarray], rich: Sequence[np.ndarray], more: int) -> float:
+    """Return by how much the Bayesian information criterion falls from a law to a richer one.
 
-    Samples count by how many of them are independent, for the residual that has the longer memory.
+    plain, rich: residuals by either law of every signal, in the same order, shape (num_samples,) each, of the samples
+    that count alone; more: parameters of the richer law beyond the other's. Σ n ln(Σ r₀² / Σ r₁²) − more ln Σ n over
+    the signals, where n counts the samples that are independent, by the residual that has the longer memory.
     """
-    independent = len(base.residual) / max(correlation_time(one.residual) for one in (fit, base))
-    spread = float(np.sum(base.residual**2)) / max(float(np.sum(fit.residual**2)), 1e-300)
-    more = len(fit.names) - len(base.names)
-    return independent * float(np.log(spread)) - more * float(np.log(independent))
+    total, samples = 0.0, 0.0
+    for before, after in zip(plain, rich, strict=True):
+        independent = len(before) / max(correlation_time(before), correlation_time(after))
+        total += independent * float(np.log(np.sum(before**2) / max(float(np.sum(after**2)), 1e-300)))
+        samples += independent
+    return total - more * float(np.log(samples))
+
+
+def _evidence(fit: Fit, base: Fit) -> float:
+    """Return by how much the information criterion falls from `base` to `fit`."""
+    return evidence_of([base.residual], [fit.residual], len(fit.names) - len(base.names))
 
 
 def _objection(rows: Rows, fit: Fit, base: Fit, error: np.ndarray, reference: np.ndarray) -> str:
@@ -196,8 +242,8 @@ def _objection(rows: Rows, fit: Fit, base: Fit, error: np.ndarray, reference: np
         return "its friction would drive the joint"
     gain, evidence = gain_of(error, reference), _evidence(fit, base)
     if not gain.certain:
-        way = "lower" if gain.mean >= 0 else "higher"
-        return f"held-out error {way} by {abs(gain.mean):.1%} ± {gain.std:.1%}: not beyond noise"
+        side = "lower" if gain.mean >= 0 else "higher"
+        return f"held-out error {side} by {abs(gain.mean):.1%} ± {gain.std:.1%}: not beyond noise"
     if evidence < LEAST_EVIDENCE:
         return f"the information criterion does not support it ({evidence:.1f}, at least {LEAST_EVIDENCE:.0f})"
     return ""
@@ -211,5 +257,68 @@ def _least_friction(fit: Fit, rows: Rows) -> float:
     return float(friction.min())
 
 
-OF_LAWS = ("friction", "_forward", "_backward", "stribeck_velocity", "coefficient", "slope", "curvature")
-"""How the names of the friction laws' parameters end."""
+def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
+    """Return the Stribeck law if simulation calls for it; base and loop: the symmetric fits, which must disagree."""
+    plain = loop.symmetric
+    if plain is None or not _disagree(base, plain):
+        return None
+    rich = replace(base, model=Model("stribeck", base.model.gravity))
+    start = values_of(base) | {name: estimate.value for name, estimate in plain.estimates.items()}
+    start["static_friction"] = FIRST_RISE * start["coulomb_friction"]
+    start["stribeck_velocity"] = FIRST_SPEED * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
+    found = fit_in_loop(run, rich, start)
+    if found is None or not _rises(found) or _is_late(run, base, start, plain, found):
+        return None
+    gain = _gain_in_loop(run, base, rich, start)
+    both = plain.counted & found.counted
+    before, after = ([fit.residuals[name][both] for name in plain.residuals] for fit in (plain, found))
+    evidence = evidence_of(before, after, len(rich.model.names) - len(base.model.names))
+    if gain is None or not gain.certain or evidence < LEAST_EVIDENCE:
+        return None
+    values = {name: found.estimates[name].value for name in rich.model.names if name in found.estimates}
+    return SimulatedLaw(found, fit_at(base.rows, rich.model, start | values), gain, evidence)
+
+
+def _disagree(base: Fit, found: OutputError) -> bool:
+    """Return whether regression and output error dispute the friction."""
+    gaps = disagreement(base, found.estimates)
+    return any(beyond_chance(gaps[name]) for name in ("viscous_friction", "coulomb_friction") if name in gaps)
+
+
+def _rises(found: OutputError) -> bool:
+    """Return whether friction at rest is above Coulomb friction, clearly."""
+    static, coulomb = found.estimates["static_friction"], found.estimates["coulomb_friction"]
+    return static.interval95[0] > coulomb.interval95[1] and static.value > LEAST_RISE * coulomb.value
+
+
+def _is_late(run: Run, base: Fit, start: dict[str, float], plain: OutputError, rich: OutputError) -> bool:
+    """Return whether a controller that is late explains the log better than friction that rises toward rest."""
+    free = replace(run, setup=replace(run.setup, unknowns=("delay",)))
+    late = fit_in_loop(free, base, start)
+    return late is not None and _misfit(late, plain) < _misfit(rich, plain)
+
+
+def _misfit(found: OutputError, plain: OutputError) -> float:
+    """Return the squared error of a simulation, each signal in units of the symmetric law's."""
+    return sum(
+        float(np.sum(row**2) / max(float(np.sum(plain.residuals[name] ** 2)), 1e-300))
+        for name, row in found.residuals.items()
+    )
+
+
+def _gain_in_loop(run: Run, base: Fit, rich: Fit, start: dict[str, float]) -> Gain | None:
+    """Compare both laws on each half of the log, fitted to the other one; None where a half tells too little."""
+    half, valid = run.signals.time < run.signals.time[-1] / 2, run.signals.valid
+    errors: list[list[float]] = [[], []]
+    for part in (half, ~half):
+        plain, richer = (fit_in_loop(run, fit, start, part) for fit in (base, rich))
+        if plain is None or richer is None:
+            return None
+        sizes = {name: float(np.std(row[part & valid])) for name, row in plain.residuals.items()}
+        blocks = np.array_split(np.flatnonzero(~part & valid), BLOCKS_OF_HALF)
+        for model, found, own in zip((base.model, rich.model), (plain, richer), errors, strict=True):
+            response = respond(run, model, {name: estimate.value for name, estimate in found.estimates.items()})
+            rows = {name: getattr(response, name) - getattr(run.signals, name) for name in sizes}
+            squares = sum((row / max(sizes[name], 1e-300)) ** 2 for name, row in rows.items())
+            own += [float(np.sum(np.asarray(squares)[block])) for block in blocks]
+    return gain_of(np.array(errors[1]), np.array(errors[0]))

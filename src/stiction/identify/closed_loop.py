@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError, StictionError
 from stiction.identify.checks import Uniform
-from stiction.identify.model import Model
-from stiction.identify.sensitivity import parameter_torques, strength_torque
-from stiction.joints.pd import PDGains
+from stiction.identify.model import Model, parameter_torques, strength_torque
+from stiction.identify.prepare import low_pass
+from stiction.identify.timing import near
+from stiction.joints.pd import PDGains, pd_torque
 from stiction.joints.simulate import Joint, Trajectory, simulate
 from stiction.joints.variation import course, vary
 
@@ -31,11 +32,15 @@ START = ("start_position", "start_velocity")
 """θ [rad] and θ' [rad/s] at the first sample, in the loop's frame; of no interest, but they must be fitted too."""
 
 
+class LoopError(StictionError):
+    """The loop cannot be simulated, or what it does in simulation does not tell the joint's parameters."""
+
+
 @dataclass(frozen=True)
 class Response:
     """What the log would have shown; arrays of shape (num_samples,)."""
 
-    made: Trajectory
+    motion: Trajectory
     """The motion in the loop's frame."""
     position: np.ndarray
     """As the log has it [rad]."""
@@ -71,49 +76,52 @@ class ClosedLoop:
         return newer + share * (older - newer)
 
     def run(self, free: dict[str, float], guess: np.ndarray | None = None) -> Response:
-        """Simulate; raises `StictionError` where there is no such joint, or delays would take half of its inertia.
+        """Simulate the joint under its controller.
 
         free: values of what is not fixed; guess: roughly the motion [rad], shape (num_samples,).
+
+        Raises:
+            LoopError: no joint has these values, or its motion does not settle.
+            StictionError: the delays would take half of the inertia.
+
         """
         values = self.fixed | free
         delay = values["delay"]
-        joint = self.model.joint([values[name] for name in self.model.names])
+        try:
+            joint = self.model.joint([values[name] for name in self.model.names])
+        except StictionError as error:
+            raise LoopError(f"output error is not done: {error}") from error
         gains = replace(self.gains, strength=values["motor_strength"])
         kp, kd = gains.strength * gains.kp, gains.strength * gains.kd
         late = kd * (delay + self.velocity_delay) - 0.5 * kp * delay**2
         if not late < 0.5 * joint.inertia:
-            raise StictionError(
+            raise ConfigurationError(
                 f"{'velocity delay' if delay == 0 else 'delays'} {self.velocity_delay + delay:.4g} s: with kd "
                 f"{kd:.4g} and inertia {joint.inertia:.4g} expected 0 to {0.5 * joint.inertia / kd:.3g} s"
             )
         joint = replace(joint, inertia=joint.inertia - late, viscous=joint.viscous - kp * delay)
         signals, target = self.signals, self.at(self.goal, delay)
-        made = simulate(
-            joint,
-            gains,
-            signals.step,
-            target,
-            values["start_position"],
-            values["start_velocity"],
-            signals.disturbance,
-            guess,
-        )
-        asked = self._asked(gains, target, made, delay)
+        start = values["start_position"], values["start_velocity"]
+        try:
+            motion = simulate(joint, gains, signals.step, target, *start, signals.disturbance, guess)
+        except StictionError as error:
+            raise LoopError(f"output error is not done: {error}") from error
+        asked = self._asked(gains, target, motion, delay)
         limit = gains.torque_limit / gains.strength
-        return Response(made, made.position + values["log_bias"], np.clip(asked, -limit, limit), joint, gains)
+        return Response(motion, motion.position + values["log_bias"], np.clip(asked, -limit, limit), joint, gains)
 
-    def _asked(self, gains: PDGains, target: np.ndarray, made: Trajectory, delay: float) -> np.ndarray:
+    def _asked(self, gains: PDGains, target: np.ndarray, motion: Trajectory, delay: float) -> np.ndarray:
         """Return what the controller asks for, before any limit [N m], shape (num_samples,)."""
-        velocity = self.at(made.velocity, delay + self.velocity_delay)
-        return gains.kp * (target - self.at(made.position, delay)) - gains.kd * velocity
+        velocity = self.at(motion.velocity, delay + self.velocity_delay)
+        return gains.kp * (target - self.at(motion.position, delay)) - gains.kd * velocity
 
     def derivatives(self, response: Response, free: dict[str, float], names: tuple[str, ...]) -> np.ndarray:
         """Return the derivatives of position and torque by `names`, shape (2, num_samples, num_names)."""
-        values, signals, made = self.fixed | free, self.signals, response.made
+        values, signals, motion = self.fixed | free, self.signals, response.motion
         delay, strength = values["delay"], values["motor_strength"]
         kp, kd, late = self.gains.kp, self.gains.kd, delay + self.velocity_delay
         target = self.at(self.goal, delay)
-        cut = course(response.joint, response.gains, signals.step, target, made, signals.disturbance)
+        cut = course(response.joint, response.gains, signals.step, target, motion, signals.disturbance)
         torques = parameter_torques(self.model, values, response.joint, cut)
         nothing, free_motor = np.zeros_like(cut.load), cut.side == 0
         grid = np.arange(len(target))
@@ -129,9 +137,33 @@ class ClosedLoop:
         changes = vary(response.joint, response.gains, cut, np.stack([torques[name] for name in names], axis=2), start)
         asked = -kp * self.at(changes[0], delay) - kd * self.at(changes[1], late)
         if "delay" in names:
-            speed, growth = self.at(made.velocity, delay), self.at(np.gradient(made.velocity, signals.step), late)
+            speed, growth = self.at(motion.velocity, delay), self.at(np.gradient(motion.velocity, signals.step), late)
             asked[:, names.index("delay")] += kp * (speed - self.at(self.rate, delay)) + kd * growth
-        asked[np.abs(self._asked(response.gains, target, made, delay)) * strength > self.gains.torque_limit] = 0.0
+        asked[np.abs(self._asked(response.gains, target, motion, delay)) * strength > self.gains.torque_limit] = 0.0
         if "log_bias" in names:
             changes[0][:, names.index("log_bias")] += 1.0
         return np.stack([changes[0], asked])
+
+
+LARGEST_MISMATCH = 0.15
+"""Relative size of logged torque − PD torque beyond which gains, torque unit or timing must be wrong."""
+
+
+def controller_mismatch(
+    signals: Uniform, gains: PDGains, velocity: np.ndarray, cutoff: float, biased: bool = False
+) -> float:
+    """Return |τ_logged − PD(target, position, velocity)| / |τ_logged|, both below `cutoff` [Hz].
+
+    signals: with target and torque; velocity: filtered θ' as the controller has it, late if it is [rad/s], shape
+    (num_samples,); biased: the log's angle may be ahead of the controller's, so a constant difference is not held
+    against it. Samples in a long gap, or within a period of the filter of one, do not count, if there are any others.
+    """
+    target = low_pass(np.asarray(signals.target), cutoff, signals.step)
+    position = low_pass(signals.position, cutoff, signals.step)
+    measured = low_pass(np.asarray(signals.torque), cutoff, signals.step)
+    expected = pd_torque(gains, target, position, velocity)
+    clear = ~near(signals.bridged, round(1 / (cutoff * signals.step)))
+    if not clear.any():
+        clear = ~signals.bridged
+    difference = (expected - measured)[clear]
+    return float(np.linalg.norm(difference - difference.mean() * biased) / np.linalg.norm(measured[clear]))

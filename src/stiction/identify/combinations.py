@@ -3,6 +3,10 @@
 A log of positions and targets alone stays the same if I, B, f, the offset, gravity and the motor strength k all grow
 by the same factor: the motion shows I/k, f/k and (B + k·kd)/k, and nothing else. A known payload breaks the tie, for
 its weight does not grow with k, and so does a known torque from outside; measured torque does too, if its unit is N m.
+
+Such a torque hides in the inertia, for θ'' and θ are opposite in a sine: 0.2 N m of gravity on the paper's shank moves
+it by 8 %, many of its standard deviations, and leaves a residual that looks harmless. So the regression is done again
+with θ as a fifth regressor; what that changes is what the law with four lacks.
 """
 
 from __future__ import annotations
@@ -13,7 +17,8 @@ import numpy as np
 
 from stiction.formats.joints import PARAMETERS, Estimate
 from stiction.identify.intervals import bootstrap_reach, with_intervals
-from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit
+from stiction.identify.prepare import Rows
+from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit, fit_beside
 
 OVER_K = {
     "inertia": "I/k",
@@ -23,14 +28,14 @@ OVER_K = {
     "gravity_sin": "gravity_sin/k",
     "gravity_cos": "gravity_cos/k",
 }
-"""Parameter -> the combination that is seen where k is not known."""
+"""Parameter -> the combination that is known where k is not known."""
 
 DAMPED = "(B + k·kd)/k"
 """What takes the place of B/k where the controller's damping was not measured."""
 
 STRENGTH_ERROR = 0.005
-"""Share of k by which its interval is widened where torque regression told it: noisy regressors put it 0.1 to 0.2 % off
-in simulated logs, more than their scatter, and no instruments span several logs."""
+"""Share of k by which its interval is widened where torque regression found it: noisy regressors bias it by more than
+their scatter, and no instruments span several logs."""
 
 HOLDING = "holding torque at mid-range"
 """Offset and gravity together, in the middle of the range: known even where the two are not told apart."""
@@ -56,7 +61,7 @@ class Found:
     """What it tells instead."""
 
 
-def told_strength(fit: Fit) -> bool:
+def tells_strength(fit: Fit) -> bool:
     """Return whether a fit with 1/k tells it: apart from the rest, and not zero."""
     inverse = fit.estimates()[INVERSE_STRENGTH]
     return fit.inflation[INVERSE_STRENGTH] < LARGEST_INFLATION and inverse.interval95[0] > 0
@@ -66,7 +71,7 @@ def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | 
     """Say where k comes from: torque in N m, the user's word, or a known load that the fit could tell."""
     if INVERSE_STRENGTH in fit.names:
         inverse = fit.estimates()[INVERSE_STRENGTH]
-        if told_strength(fit):
+        if tells_strength(fit):
             low, high = inverse.interval95
             more = STRENGTH_ERROR / inverse.value
             reached = (1 / high - more, 1 / low + more)
@@ -84,22 +89,22 @@ def exactly(value: float) -> Estimate:
     return Estimate(value, 0.0, (value, value))
 
 
-def combine(fit: Fit, seen: dict[str, Estimate], strength: Strength, damping: float, middle: float) -> Found:
+def combine(fit: Fit, estimates: dict[str, Estimate], strength: Strength, damping: float, middle: float) -> Found:
     """Turn a symmetric fit into parameters, or into combinations where k is not known.
 
-    seen: the fit's estimates as they may be stated, their intervals widened where need be; damping: kd where the torque
-    came from the PD law, else 0: B/k is then not said without it; middle: θ in mid-range [rad].
+    estimates: the fit's estimates as they may be stated, their intervals widened where need be; damping: kd where the
+    torque came from the PD law, else 0: B/k is then not said without it; middle: θ in mid-range [rad].
     """
-    clear = [name for name in OVER_K if name in seen and fit.inflation[name] < LARGEST_INFLATION]
+    clear = [name for name in OVER_K if name in estimates and fit.inflation[name] < LARGEST_INFLATION]
     combinations: dict[str, Estimate] = {}
     parameters: dict[str, Estimate | None] = dict.fromkeys(PARAMETERS)
     for name in clear:
         if strength.value is None:
             damped = name == "viscous_friction" and damping > 0
-            combinations[DAMPED if damped else OVER_K[name]] = shifted(seen[name], damping if damped else 0.0)
+            combinations[DAMPED if damped else OVER_K[name]] = shifted(estimates[name], damping if damped else 0.0)
         else:
-            parameters[name] = times(seen[name], strength.value)
-    if "gravity_sin" in seen:
+            parameters[name] = times(estimates[name], strength.value)
+    if "gravity_sin" in estimates:
         held = holding_torque(fit, middle)
         if strength.value is None:
             combinations[HOLDING + "/k"] = held
@@ -145,3 +150,26 @@ def missing_experiment(strength: Strength, measured: bool) -> str | None:
         + ("give the torque constant (--torque-scale)" if measured else "log the motor's torque in N m")
         + f"; --motor-strength 1 takes the {'column to be in N m' if measured else 'commanded torque at its word'}"
     )
+
+
+@dataclass(frozen=True)
+class PositionTorque:
+    """Torque that follows the position, and what leaving it out costs."""
+
+    slope: float
+    """Torque over position [N m/rad]."""
+    std: float
+    """Standard deviation of the slope [N m/rad]."""
+    changes: dict[str, float]
+    """Inertia, viscous and Coulomb friction: how much each changes once the slope is fitted too, over its value [1]."""
+
+
+def position_torque(rows: Rows, fit: Fit) -> PositionTorque:
+    """Fit the torque equation with θ beside its regressors; fit: the one without θ."""
+    both = fit_beside(fit, "slope", rows.position - rows.position.mean())
+    changes = {
+        name: float(value / before - 1)
+        for name, value, before in zip(PARAMETERS[:3], both.values, fit.values)
+        if before != 0
+    }
+    return PositionTorque(float(both.values[-1]), float(np.sqrt(both.covariance[-1, -1])), changes)

@@ -2,6 +2,11 @@
 
 Each part is fitted by itself with viscous and Coulomb friction. Where the parts disagree beyond their intervals the
 law lacks something, and the intervals, which know scatter only, are too narrow for it.
+
+What acts is then the logged torque of half an update before, and the log has B wrong by what kp and the inertia make of
+that time. The equation is fitted again with the torque free to move by a fraction of a sample: one more column, the
+torque's rate. The column is noisy, so its fit is no better than the plain one; but where the two disagree the truth may
+be with either, and the intervals must admit both.
 """
 
 from __future__ import annotations
@@ -14,8 +19,8 @@ from scipy.stats import chi2
 
 from stiction.formats.joints import Estimate
 from stiction.identify.intervals import bootstrap_reach, correlation_time, with_intervals
+from stiction.identify.prepare import Prepared, Rows
 from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_beside, fit_rows
-from stiction.identify.rows import Rows
 
 COMPARED = ("inertia", "viscous_friction", "coulomb_friction")
 """Parameters that the parts are compared in."""
@@ -25,6 +30,12 @@ LARGEST_SIGMAS = 3.0
 
 SMALLEST_GAP = 0.02
 """Gap of two parts, over the mean of both, that is not worth a word, however certain."""
+
+LARGEST_GAP = 0.03
+"""Relative disagreement of two estimators that matters, if it is also beyond `LARGEST_SIGMAS`."""
+
+FURTHEST = 1.5
+"""Samples by which torque may be early or late: more is a law that is not the joint's, for want of a better."""
 
 TIMING = "timing"
 """Label of a comparison with a log whose torque may be late or early."""
@@ -206,13 +217,13 @@ def whiteness(residual: np.ndarray) -> Whiteness:
     return Whiteness(correlation_time(residual), float(correlations[0]), float(chi2.sf(statistic, LAGS)))
 
 
-def widened(seen: dict[str, Estimate], comparisons: tuple[Comparison, ...]) -> dict[str, Estimate]:
+def widened(estimates: dict[str, Estimate], comparisons: tuple[Comparison, ...]) -> dict[str, Estimate]:
     """Return the estimates with intervals that admit what parts of the log say by themselves, where they dispute it.
 
     Half the gap of the two is the least that what the law lacks may have moved the estimate by. Of another way to read
     the whole log the interval is admitted, not the value alone.
     """
-    result = dict(seen)
+    result = dict(estimates)
     for comparison in comparisons:
         for name in comparison.disputed:
             old, values = result[name], [part.value for part in comparison.values[name]]
@@ -220,3 +231,55 @@ def widened(seen: dict[str, Estimate], comparisons: tuple[Comparison, ...]) -> d
             ends = (min(old.interval95[0], *reached), max(old.interval95[1], *reached))
             result[name] = Estimate(old.value, max(old.std, abs(values[0] - values[1]) / 2), ends)
     return result
+
+
+def disagreement(fit: Fit, other: dict[str, Estimate]) -> dict[str, dict[str, float]]:
+    """Return per parameter |a − b| in combined standard deviations (`sigmas`) and over |a| (`relative`).
+
+    a is the regression's value, b the other estimator's. Both come from one log, so their errors are not independent,
+    and the combined deviation is a rough yardstick.
+    """
+    result = {}
+    for name, a in fit.estimates().items():
+        if name in other and name in COMPARED:
+            b = other[name]
+            gap = abs(a.value - b.value)
+            result[name] = {
+                "sigmas": gap / max(float(np.hypot(a.std, b.std)), 1e-300),
+                "relative": gap / max(abs(a.value), 1e-300),
+            }
+    return result
+
+
+def beyond_chance(gap: dict[str, float]) -> bool:
+    """Return whether a gap of `disagreement` is beyond chance and large enough to matter."""
+    return gap["sigmas"] > LARGEST_SIGMAS and gap["relative"] > LARGEST_GAP
+
+
+@dataclass(frozen=True)
+class Skew:
+    """What a log says about the time between torque and angle."""
+
+    early: Estimate
+    """How much earlier the torque is logged than it acts [s]."""
+    estimates: dict[str, Estimate]
+    """The equation's parameters with that taken into account."""
+
+
+def fit_skew(prepared: Prepared, base: Fit) -> Skew:
+    """Fit the equation of `base`, whose rows are those of `prepared`, with the torque free to move in time."""
+    rate = np.gradient(prepared.torque - prepared.outside, prepared.step)[prepared.used]
+    found = fit_beside(base, "early", rate).scatter()
+    return Skew(found.pop("early"), found)
+
+
+def compare_timing(prepared: Prepared, base: Fit) -> Comparison | None:
+    """Set the fit beside the one whose torque may move in time; None where it would move further than clocks do."""
+    skew, plain = fit_skew(prepared, base), base.estimates()
+    if abs(skew.early.value) > FURTHEST * prepared.step:
+        return None
+    parts = ("as logged", f"torque {1e3 * skew.early.value:.2g} ms later")
+    values = {name: (plain[name], skew.estimates[name]) for name in COMPARED}
+    speed = float(np.quantile(np.abs(base.rows.velocity), 0.9))
+    moved = replace(base, values=np.array([skew.estimates[name].value for name in base.names]))
+    return Comparison(TIMING, parts, values, speed, (friction_at(base, speed), friction_at(moved, speed)), True)

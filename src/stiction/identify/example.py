@@ -14,12 +14,11 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import lfilter
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
-from stiction.joints.gravity import Gravity
 from stiction.joints.pd import PDGains, pd_torque
-from stiction.joints.simulate import Joint, Trajectory, simulate
+from stiction.joints.simulate import Gravity, Joint, Trajectory, simulate
 
 FINE = 10
 """Steps of the simulation per sample where samples are taken at uneven instants."""
@@ -103,7 +102,7 @@ class SensorNoise:
     def __post_init__(self) -> None:
         """Refuse jitter that would put samples out of order."""
         if not 0 <= self.jitter <= 0.1:
-            raise StictionError(f"jitter {self.jitter}: expected a share of the step from 0 to 0.1")
+            raise ConfigurationError(f"jitter {self.jitter}: expected a share of the step from 0 to 0.1")
 
     @classmethod
     def white(cls, position: float, torque: float) -> SensorNoise:
@@ -127,20 +126,20 @@ def example_log(
     step = float(time[1] - time[0])
     angle = noise.position * rng.standard_normal(len(time))
     speed = _correlated(rng, len(time), noise.velocity, 0.005 / step)
-    felt = target - angle - motor.gains.kd / motor.gains.kp * speed if noise.in_loop else target
+    seen_target = target - angle - motor.gains.kd / motor.gains.kp * speed if noise.in_loop else target
     sampled = time
     if noise.jitter > 0:
         wander = np.clip(noise.jitter * rng.standard_normal(len(time)), -0.4, 0.4) * step
         sampled = np.clip(time + wander, time[0], time[-1])
-        made = _between(motor, time, felt, sampled, load)
+        motion = _between(motor, time, seen_target, sampled, load)
         target = np.interp(sampled, time, target)
         load = None if load is None else np.interp(sampled, time, load)
     else:
-        made = simulate(motor.joint, motor.gains, step, felt, position=float(target[0]), load=load)
-    position = made.position + angle
+        motion = simulate(motor.joint, motor.gains, step, seen_target, position=float(target[0]), load=load)
+    position = motion.position + angle
     if noise.resolution > 0:
         position = np.round(position / noise.resolution) * noise.resolution
-    torque = made.torque + noise.torque * rng.standard_normal(len(time))
+    torque = motion.torque + noise.torque * rng.standard_normal(len(time))
     torque += _correlated(rng, len(time), noise.ripple, 0.02 / step)
     signals = JointSignals(position=position, target=target, torque=torque, disturbance=load)
     setup = LogSetup(
@@ -162,9 +161,9 @@ def _between(
     fine = step * np.arange(FINE * (len(time) - 1) + 1)
     finer = None if load is None else np.interp(fine, time, load)
     goal = np.interp(fine, time, target)
-    made = simulate(motor.joint, motor.gains, step, goal, position=float(target[0]), load=finer)
-    position = CubicHermiteSpline(fine, made.position, made.velocity)(instants)
-    velocity = np.interp(instants, fine, made.velocity)
+    motion = simulate(motor.joint, motor.gains, step, goal, position=float(target[0]), load=finer)
+    position = CubicHermiteSpline(fine, motion.position, motion.velocity)(instants)
+    velocity = np.interp(instants, fine, motion.velocity)
     torque = pd_torque(motor.gains, np.interp(instants, time, target), position, velocity)
     return Trajectory(position, velocity, torque)
 

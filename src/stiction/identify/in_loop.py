@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
+from stiction.formats.joints import Estimate
 from stiction.identify.checks import Uniform
-from stiction.identify.closed_loop import ClosedLoop, Response
+from stiction.identify.closed_loop import LARGEST_MISMATCH, ClosedLoop, LoopError, Response, controller_mismatch
 from stiction.identify.combinations import shifted
-from stiction.identify.consistency import COMPARED
-from stiction.identify.controller import LARGEST_MISMATCH, controller_mismatch
-from stiction.identify.instrument import fit_instrumental
+from stiction.identify.consistency import COMPARED, TIMING, Comparison, common_speed, splits
 from stiction.identify.model import GRAVITY, Model, nearest_joint
 from stiction.identify.output_error import OutputError, fit_output_error
-from stiction.identify.regression import INVERSE_STRENGTH, Fit
+from stiction.identify.regression import INVERSE_STRENGTH, Fit, fit_instrumental
 from stiction.identify.runs import Run
 from stiction.identify.setup import Payload
 from stiction.joints.pd import PDGains
+
+LOOP_UNKNOWNS = {"delay": "delay", "encoder_bias": "log_bias"}
+"""What the user may ask for -> what the simulated loop calls it."""
+
+BLURRED = ("offset", "gravity_sin", "gravity_cos")
+"""Parameters that a small range of angles does not tell apart: no harm to the others."""
 
 
 @dataclass(frozen=True)
@@ -41,40 +47,51 @@ class InLoop:
 
 def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
     """Run both estimators from the regression's values; base: the symmetric fit; chosen: that of the chosen law."""
-    gains, target = run.gains, run.signals.target
-    if gains is None:
-        return InLoop(reason="no kp and kd: output error is not done; give --kp and --kd")
-    if target is None:
-        return InLoop(reason="no target in the log: output error is not done; log the position asked for")
-    if INVERSE_STRENGTH in base.names:
-        scaled = fit_strength(run, gains, base) if base.rows is run.rows and not base.model.gravity else None
-        reason = None if scaled else "output error is not done where only several logs together tell the strength k"
-        return InLoop(scaled=scaled, reason=reason)
-    mismatch = _mismatch(run, gains)
+    try:
+        controller(run)
+        if INVERSE_STRENGTH in base.names:
+            return InLoop(scaled=fit_strength(run, base))
+    except LoopError as error:
+        return InLoop(reason=str(error))
+    mismatch = _mismatch(run)
     if mismatch is not None and mismatch > LARGEST_MISMATCH and "delay" not in run.setup.unknowns:
         return InLoop(
             mismatch,
             reason=f"the logged torque differs from kp (target − position) − kd velocity by {mismatch:.0%}: gains, the "
             "torque's unit or the timing are not as declared, or kd feeds back much noise; output error is not done",
         )
-    symmetric = fit_in_loop(run, gains, base)
-    richer = fit_in_loop(run, gains, chosen) if chosen is not base else None
-    alone = base.rows is run.rows
-    instrumental = fit_with_instruments(run, gains, base) if alone else None
-    reason = None
-    if symmetric is None:
-        reason = "output error found no joint whose simulation follows the log: the model is not right, or the gains"
+    symmetric, reason = None, None
+    try:
+        symmetric = simulate_fit(run, base)
+    except LoopError as error:
+        reason = str(error)
+    richer = fit_in_loop(run, chosen) if chosen is not base else None
+    instrumental = fit_with_instruments(run, base) if base.rows is run.rows else None
     return InLoop(mismatch, symmetric, richer, instrumental, None, reason)
 
 
-def _mismatch(run: Run, gains: PDGains) -> float | None:
+def controller(run: Run) -> PDGains:
+    """Return the gains under which the joint followed its target.
+
+    Raises:
+        LoopError: gains or target are not known, so that there is nothing to simulate.
+
+    """
+    if run.gains is None:
+        raise LoopError("no kp and kd: output error is not done; give --kp and --kd")
+    if run.signals.target is None:
+        raise LoopError("no target in the log: output error is not done; log the position asked for")
+    return run.gains
+
+
+def _mismatch(run: Run) -> float | None:
     """Compare the logged torque with the declared controller's; None where no torque was logged."""
     if not run.measured:
         return None
     lag = (run.setup.velocity_delay or 0.0) + (run.setup.delay or 0.0)
     late = np.interp(run.signals.time - lag, run.signals.time, run.prepared.velocity)
     biased = "encoder_bias" in run.setup.unknowns and _shows(run, "encoder_bias")
-    return controller_mismatch(run.signals, gains, late, run.prepared.cutoff, biased)
+    return controller_mismatch(run.signals, controller(run), late, run.prepared.cutoff, biased)
 
 
 def values_of(fit: Fit) -> dict[str, float]:
@@ -82,24 +99,41 @@ def values_of(fit: Fit) -> dict[str, float]:
     return dict(zip(fit.names, fit.values.tolist(), strict=True))
 
 
-def fit_with_instruments(run: Run, gains: PDGains, base: Fit) -> Fit | None:
+def fit_with_instruments(run: Run, base: Fit) -> Fit | None:
     """Regress with instruments from simulations; None where no simulation follows the log."""
-    payload = run.setup.payload
-    return fit_instrumental(run.prepared, payload, base, lambda values: _follow(run, gains, base, values))
+    return fit_instrumental(run.prepared, run.setup.payload, base, lambda values: _follow(run, base, values))
 
 
 def fit_in_loop(
     run: Run,
-    gains: PDGains,
     fit: Fit,
     start: dict[str, float] | None = None,
     part: np.ndarray | None = None,
     known: dict[str, float] | None = None,
 ) -> OutputError | None:
-    """Fit by output error; None where the best simulation does not depend on all of the equation's parameters.
+    """Return what `simulate_fit` does, or None where it raises `LoopError`: for fits that the user need not have."""
+    try:
+        return simulate_fit(run, fit, start, part, known)
+    except LoopError:
+        return None
 
-    start: where the search begins, by default where the regression ended; part: samples to judge the simulation in, all
-    by default; known: what not to fit.
+
+def simulate_fit(
+    run: Run,
+    fit: Fit,
+    start: dict[str, float] | None = None,
+    part: np.ndarray | None = None,
+    known: dict[str, float] | None = None,
+) -> OutputError:
+    """Fit by output error.
+
+    fit: the regression, whose model is fitted; start: where the search begins, by default where the regression ended;
+    part: samples to judge the simulation in, all by default; known: what not to fit.
+
+    Raises:
+        LoopError: the loop cannot be simulated, or the best simulation does not depend on all of the model's
+            parameters.
+
     """
     setup, extra, signals = run.setup, _payload(run), _signals(run)
     start, known = start or values_of(fit), dict(known or {})
@@ -108,7 +142,7 @@ def fit_in_loop(
         known |= dict.fromkeys(GRAVITY, 0.0)
     found = fit_output_error(
         signals if part is None else replace(signals, valid=signals.valid & part),
-        gains,
+        controller(run),
         model,
         {name: start.get(name, 0.0) + extra.get(name, 0.0) for name in model.names},
         run.prepared.velocity,
@@ -117,40 +151,54 @@ def fit_in_loop(
         unknown=tuple(LOOP_UNKNOWNS[name] for name in setup.unknowns if _shows(run, name)),
         known={name: value + extra.get(name, 0.0) for name, value in known.items()},
     )
-    needed = {name for name in fit.model.names if name not in BLURRED}
-    if needed & set(found.unidentified):
-        return None
+    _check_identified(found, [name for name in fit.model.names if name not in BLURRED])
     return replace(found, estimates={name: shifted(e, -extra.get(name, 0.0)) for name, e in found.estimates.items()})
 
 
-def fit_strength(run: Run, gains: PDGains, base: Fit) -> OutputError | None:
+def fit_strength(run: Run, base: Fit) -> OutputError:
     """Fit the symmetric law and the motor's strength to a log whose known load tells it, all in SI units.
 
-    base: the regression, with 1/k. Returns None where the simulation does not show all of them.
+    base: the regression, with 1/k.
+
+    Raises:
+        LoopError: as `simulate_fit`, or the strength is not told by this log alone, or beside gravity on the link.
+
     """
+    if base.rows is not run.rows:
+        raise LoopError("output error is not done where only several logs together tell the strength k")
+    if base.model.gravity:
+        raise LoopError("output error is not done where the strength k and gravity on the link are unknown together")
     payload, strength = run.setup.payload, 1 / values_of(base)[INVERSE_STRENGTH]
     start = {name: strength * value for name, value in values_of(base).items() if name != INVERSE_STRENGTH}
+    if not strength > 0:
+        raise LoopError(
+            f"output error is not done: the regression finds a strength k of {strength:.3g}, expected above 0"
+        )
     weight = {} if payload is None else _weight(payload)
     if payload is not None:
         start["inertia"] += payload.inertia
-    try:
-        found = fit_output_error(
-            run.signals,
-            replace(gains, strength=strength),
-            Model("coulomb", bool(weight)),
-            start | weight,
-            run.prepared.velocity,
-            velocity_delay=run.setup.velocity_delay,
-            delay=run.setup.delay or 0.0,
-            unknown=("motor_strength",),
-            known=weight,
-        )
-    except StictionError:
-        return None
-    if {"motor_strength", *COMPARED} & set(found.unidentified):
-        return None
+    found = fit_output_error(
+        run.signals,
+        replace(controller(run), strength=strength),
+        Model("coulomb", bool(weight)),
+        start | weight,
+        run.prepared.velocity,
+        velocity_delay=run.setup.velocity_delay,
+        delay=run.setup.delay or 0.0,
+        unknown=("motor_strength",),
+        known=weight,
+    )
+    _check_identified(found, ["motor_strength", *COMPARED])
     less = 0.0 if payload is None else payload.inertia
     return replace(found, estimates=found.estimates | {"inertia": shifted(found.estimates["inertia"], -less)})
+
+
+def _check_identified(found: OutputError, needed: Sequence[str]) -> None:
+    """Raise `LoopError` where the simulation that follows a log best does not tell all of some parameters."""
+    if lost := [name for name in needed if name in found.unidentified]:
+        raise LoopError(
+            f"output error is not done: the simulation that follows the log best does not tell {', '.join(lost)}"
+        )
 
 
 def _weight(payload: Payload) -> dict[str, float]:
@@ -178,33 +226,25 @@ def _over_k(run: Run) -> float:
     return 1 / (run.setup.motor_strength or 1.0)
 
 
-LOOP_UNKNOWNS = {"delay": "delay", "encoder_bias": "log_bias"}
-"""What the user may ask for -> what the simulated loop calls it."""
-
-BLURRED = ("offset", "gravity_sin", "gravity_cos")
-"""Parameters that a small range of angles does not tell apart: no harm to the others."""
-
-
 def _shows(run: Run, unknown: str) -> bool:
     """Whether the loop can show an unknown; without torque a bias of the encoder is one with the offset."""
     return unknown == "delay" or (run.measured and run.setup.hanging_angle is None)
 
 
-def _follow(run: Run, gains: PDGains, fit: Fit, values: np.ndarray) -> np.ndarray | None:
+def _follow(run: Run, fit: Fit, values: np.ndarray) -> np.ndarray | None:
     """Return the position that the loop would have had with these values, or None where no joint has them."""
     try:
-        response = respond(run, gains, fit.model, values_of(replace(fit, values=values)))
+        response = respond(run, fit.model, values_of(replace(fit, values=values)))
     except StictionError:
         return None
     return response.position
 
 
-def respond(run: Run, gains: PDGains, model: Model, values: dict[str, float]) -> Response:
+def respond(run: Run, model: Model, values: dict[str, float]) -> Response:
     """Simulate the whole of a run with the joint's own values, the payload's added.
 
-    What is not given is zero, and so is friction below zero.
-
-    Raises `StictionError` where no joint has them.
+    What is not given is zero, and so is friction below zero. Raises `StictionError` as `controller` and
+    `ClosedLoop.run`.
     """
     extra = _payload(run)
     model = replace(model, gravity=model.gravity or bool(extra))
@@ -213,33 +253,89 @@ def respond(run: Run, gains: PDGains, model: Model, values: dict[str, float]) ->
         "start_velocity": float(run.prepared.velocity[0]),
         "delay": run.setup.delay or 0.0,
     }
-    loop = ClosedLoop(_signals(run), gains, model, begin, run.setup.velocity_delay)
+    loop = ClosedLoop(_signals(run), controller(run), model, begin, run.setup.velocity_delay)
     whole = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
     return loop.run(nearest_joint(whole), run.signals.position)
 
 
 def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
     """Return how far a simulation with another run's values is from this run, over its signals; None without a loop."""
-    gains = run.gains
-    if gains is None or run.signals.target is None or INVERSE_STRENGTH in fit.names:
+    if INVERSE_STRENGTH in fit.names:
         return None
     try:
-        response = respond(run, gains, fit.model, values_of(fit))
+        response = respond(run, fit.model, values_of(fit))
     except StictionError:
         return None
     pairs = {
         "position": (response.position, run.signals.position),
-        "velocity": (response.made.velocity, run.prepared.velocity),
+        "velocity": (response.motion.velocity, run.prepared.velocity),
     }
     if run.signals.torque is not None:
         pairs["torque"] = (response.torque, run.signals.torque)
     valid = run.signals.valid
     return {
-        name: float(np.linalg.norm((made - measured)[valid]) / np.linalg.norm(measured[valid]))
-        for name, (made, measured) in pairs.items()
+        name: float(np.linalg.norm((simulated - measured)[valid]) / np.linalg.norm(measured[valid]))
+        for name, (simulated, measured) in pairs.items()
     }
 
 
 def symmetric_model(run: Run) -> Model:
     """Return the symmetric torque equation for a run."""
     return Model("coulomb", run.setup.fits_gravity)
+
+
+def compare_in_loop(run: Run, base: Fit, whole: OutputError | None) -> tuple[Comparison, ...]:
+    """Compare parts of the log with each other, and a log without torque with itself under a late controller.
+
+    base: the regression; whole: output error on the whole log. Returns nothing where there is none.
+    """
+    if whole is None:
+        return ()
+    late = () if run.measured else _compare_delay(run, base, whole)
+    return (*_compare_parts(run, base, whole), *late)
+
+
+def _compare_parts(run: Run, base: Fit, whole: OutputError) -> tuple[Comparison, ...]:
+    """Fit the parts of the log by themselves; the joint is simulated all along, and judged in one part.
+
+    Gravity and offset stay as the whole log has them: the link is the same one, and a part tells them less apart.
+    """
+    start = values_of(base) | {name: estimate.value for name, estimate in whole.estimates.items()}
+    known = {name: start[name] for name in BLURRED if name in base.names}
+    found = []
+    for split in splits(run.signals.time, run.prepared.velocity):
+        parts = (split.first, ~split.first)
+        fits = [fit_in_loop(run, base, start, part, known) for part in parts]
+        if fits[0] is None or fits[1] is None:
+            continue
+        both = [fit.estimates for fit in fits if fit is not None]
+        values = {name: (both[0][name], both[1][name]) for name in COMPARED}
+        speed = common_speed(*(run.prepared.velocity[part] for part in parts))
+        one, other = (_friction(estimates, speed) for estimates in both)
+        found.append(Comparison(split.label, split.parts, values, speed, (one, other)))
+    return tuple(found)
+
+
+def _compare_delay(run: Run, base: Fit, whole: OutputError) -> tuple[Comparison, ...]:
+    """Set the fit beside one whose controller may be late, unless that was declared or asked for."""
+    if run.setup.delay is not None or run.setup.unknowns:
+        return ()
+    free = replace(run, setup=replace(run.setup, unknowns=("delay",)))
+    start = values_of(base) | {name: estimate.value for name, estimate in whole.estimates.items()}
+    late = fit_in_loop(free, base, start)
+    if late is None or "delay" not in late.estimates:
+        return ()
+    values = {name: (whole.estimates[name], late.estimates[name]) for name in COMPARED}
+    speed = float(np.quantile(np.abs(run.prepared.velocity), 0.9))
+    one, other = _friction(whole.estimates, speed), _friction(late.estimates, speed)
+    parts = ("as declared", f"controller {1e3 * late.estimates['delay'].value:.2g} ms late")
+    return (Comparison(TIMING, parts, values, speed, (one, other), True),)
+
+
+def _friction(estimates: dict[str, Estimate], speed: float) -> Estimate:
+    """Return B θ' + b_c at a speed; the two errors are taken as independent, which makes the interval too wide."""
+    viscous, coulomb = estimates["viscous_friction"], estimates["coulomb_friction"]
+    value = viscous.value * speed + coulomb.value
+    std = float(np.hypot(viscous.std * speed, coulomb.std))
+    reach = 2 * std
+    return Estimate(value, std, (value - reach, value + reach))

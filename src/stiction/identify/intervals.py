@@ -30,7 +30,7 @@ DRAWS = 999
 """Resamples of a bootstrap: the 95 % point of that many is known to within one per cent of probability."""
 
 LARGEST_REACH = 2.0
-"""Bootstrapped reach over Student's beyond which a handful of blocks is a poor witness of itself: it is cut there."""
+"""Bootstrapped reach over Student's at which it is cut: a handful of blocks says too little about its own scatter."""
 
 SEED = 20_251
 """Of the bootstrap's draws: the same log gives the same intervals."""

@@ -10,39 +10,29 @@ k its strength (1 where the torque is in N m), and d a known torque from outside
     position     f = b_c + slope (θ - θ_m) + curvature (θ - θ_m)²      the same at rest; θ_m is mid-range
 
 The last is for joints behind a linkage, a belt or a cable guide: the knees of a measured Unitree Go2 have it.
+
+A change of the inertia by one acts on the moving joint like the torque −θ'', one of the viscous friction like −θ', and
+so on; `joints.variation` turns such torques into what the joint would have done.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
-from stiction.formats.errors import StictionError
-from stiction.joints.friction import Asymmetric, Coulomb, FrictionLaw, LoadDependent, PositionDependent, Stribeck
-from stiction.joints.gravity import Gravity
-from stiction.joints.simulate import Joint
+import numpy as np
 
-Law = Literal["coulomb", "asymmetric", "load", "stribeck", "position"]
+from stiction.core.errors import ConfigurationError
+from stiction.joints.friction import KNOTS, SECANTS, candidate_laws, find_law
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Gravity, Joint
+from stiction.joints.variation import Course
 
-LAWS: tuple[Law, ...] = ("coulomb", "asymmetric", "load", "stribeck", "position")
-"""Friction laws, the simplest first."""
+Law = str
+"""Name of a law, one of `LAWS`."""
 
-PARAMETERS_OF: dict[Law, tuple[str, ...]] = {
-    "coulomb": ("inertia", "viscous_friction", "coulomb_friction", "offset"),
-    "asymmetric": (
-        *("inertia", "viscous_friction_forward", "viscous_friction_backward"),
-        *("coulomb_friction_forward", "coulomb_friction_backward"),
-    ),
-    "stribeck": (
-        *("inertia", "viscous_friction", "coulomb_friction", "offset", "static_friction", "stribeck_velocity"),
-    ),
-    "load": ("inertia", "viscous_friction", "coulomb_friction", "offset", "load_coefficient"),
-    "position": (
-        *("inertia", "viscous_friction", "coulomb_friction", "offset", "position_slope", "position_curvature"),
-    ),
-}
-"""Law -> its parameters; forward means θ' > 0."""
+LAWS: tuple[Law, ...] = candidate_laws()
+"""Friction laws of the table that identification tries, the simplest first."""
 
 GRAVITY = ("gravity_sin", "gravity_cos")
 """Torque that holds the link: gravity_sin sin θ + gravity_cos cos θ [N m]."""
@@ -71,7 +61,7 @@ class Model:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the parameters, in the order in which estimators hold them."""
-        return PARAMETERS_OF[self.law] + (GRAVITY if self.gravity else ())
+        return ("inertia", *find_law(self.law).parameters, *(GRAVITY if self.gravity else ()))
 
     def joint(self, values: Sequence[float]) -> Joint:
         """Return the joint with these parameter values, in the order of `names`, motor strength apart.
@@ -79,24 +69,72 @@ class Model:
         Raises `StictionError` where no joint has them: inertia not positive, or friction that would drive it.
         """
         if len(values) != len(self.names):
-            raise StictionError(f"{len(values)} values for {', '.join(self.names)}: expected {len(self.names)}")
+            raise ConfigurationError(f"{len(values)} values for {', '.join(self.names)}: expected {len(self.names)}")
         of = {name: float(value) for name, value in zip(self.names, values)}
-        friction: FrictionLaw
-        viscous, offset = of.get("viscous_friction", 0.0), of.get("offset", 0.0)
-        if self.law == "asymmetric":
-            # What pushes one way all the time and friction that differs by direction are the same torque: so the law
-            # may have less than no friction in one direction, as long as there is friction on the whole.
-            forward, backward = of["coulomb_friction_forward"], of["coulomb_friction_backward"]
-            middle, offset = 0.5 * (forward + backward), 0.5 * (forward - backward)
-            friction = Asymmetric(middle, middle, of["viscous_friction_forward"], of["viscous_friction_backward"])
-        elif self.law == "stribeck":
-            friction = Stribeck(of["coulomb_friction"], of["static_friction"], of["stribeck_velocity"])
-        elif self.law == "load":
-            friction = LoadDependent(of["coulomb_friction"], of["load_coefficient"])
-        elif self.law == "position":
-            shape = (of["position_slope"], of["position_curvature"])
-            friction = PositionDependent(of["coulomb_friction"], *shape, self.middle)
-        else:
-            friction = Coulomb(of["coulomb_friction"])
+        offset = of.get("offset", 0.0)
+        if "coulomb_friction_forward" in of:
+            offset = 0.5 * (of["coulomb_friction_forward"] - of["coulomb_friction_backward"])
+        pieces = find_law(self.law).joint
+        assert pieces is not None
+        friction = pieces(of | {"position_middle": self.middle})
         gravity = Gravity(of["gravity_sin"], of["gravity_cos"]) if self.gravity else None
-        return Joint(of["inertia"], viscous, friction, offset, gravity)
+        return Joint(of["inertia"], of.get("viscous_friction", 0.0), friction, offset, gravity)
+
+
+def parameter_torques(model: Model, values: dict[str, float], joint: Joint, cut: Course) -> dict[str, np.ndarray]:
+    """Return for each of the model's parameters the torque of a unit change at both ends of each step.
+
+    values: the model's parameters; joint: what was simulated; cut: its motion. Arrays of shape (2, num_steps).
+    """
+    ones = np.ones_like(cut.position)
+    sign, forward, backward = cut.sign * ones, (cut.sign > 0) * ones, (cut.sign < 0) * ones
+    torques = {
+        "inertia": -cut.acceleration,
+        "viscous_friction": -cut.velocity,
+        "viscous_friction_forward": -cut.velocity * forward,
+        "viscous_friction_backward": -cut.velocity * backward,
+        "coulomb_friction": -sign,
+        "coulomb_friction_forward": -forward,
+        "coulomb_friction_backward": backward,
+        "offset": -ones,
+        "load_coefficient": -sign * np.abs(cut.load),
+    }
+    if "stribeck_velocity" in model.names:
+        torques |= _stribeck(values, sign, cut)
+    if "position_slope" in model.names:
+        torques |= _at_angle(values, sign, cut, joint, model.middle)
+    if joint.gravity is not None:
+        share = 1.0 - sign * joint.friction.load_coefficient * np.sign(cut.load)
+        torques |= {"gravity_sin": -np.sin(cut.position) * share, "gravity_cos": -np.cos(cut.position) * share}
+    return {name: torques[name] for name in model.names}
+
+
+def _stribeck(values: dict[str, float], sign: np.ndarray, cut: Course) -> dict[str, np.ndarray]:
+    """Return the torques of the three parameters of the chain of secants."""
+    knots, heights = np.array(KNOTS), np.array(SECANTS)
+    slopes = np.append(np.diff(heights) / np.diff(knots), 0.0)
+    speed = np.abs(cut.velocity) / values["stribeck_velocity"]
+    height = heights[cut.piece] + slopes[cut.piece] * (speed - knots[cut.piece])
+    fall = (values["static_friction"] - values["coulomb_friction"]) / values["stribeck_velocity"]
+    return {
+        "coulomb_friction": -sign * (1.0 - height),
+        "static_friction": -sign * height,
+        "stribeck_velocity": sign * fall * slopes[cut.piece] * speed,
+    }
+
+
+def _at_angle(
+    values: dict[str, float], sign: np.ndarray, cut: Course, joint: Joint, middle: float
+) -> dict[str, np.ndarray]:
+    """Return the torques of the three parameters of friction over the angle: none where it is cut off at zero."""
+    away, there = cut.position - middle, joint.friction.at_angle(cut.position) > -values["coulomb_friction"]
+    return {
+        "coulomb_friction": -sign * there,
+        "position_slope": -sign * there * away,
+        "position_curvature": -sign * there * away**2,
+    }
+
+
+def strength_torque(gains: PDGains, cut: Course) -> np.ndarray:
+    """Return the torque of a unit change of the motor's strength, shape (2, num_steps); none at the torque limit."""
+    return (cut.side == 0) * (gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity)

@@ -4,6 +4,9 @@ The residual is simulated − measured (the paper minimises reference − measur
 closed loop the position hardly depends on the parameters and the torque does, so both are fitted, each in units of its
 own residual's size; without torque, the position alone. No derivative of a noisy signal enters. The state at the first
 sample is fitted with the rest: taken from the first few samples it would cost precision everywhere.
+
+Stick and slip leave corners in the cost that no step size resolves. A search that asks the cost itself whether it still
+falls spends most of its time on them; this one stops where its linear model promises nothing more that matters.
 """
 
 from __future__ import annotations
@@ -13,16 +16,79 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError, StictionError
 from stiction.formats.joints import Estimate
 from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import EXTRAS, START, ClosedLoop, Response
-from stiction.identify.descent import descend
-from stiction.identify.gaps import unsettled
 from stiction.identify.intervals import block_count, bootstrap_reach, make_blocks, robust_covariance, with_intervals
 from stiction.identify.model import NOT_NEGATIVE, Model, nearest_joint
+from stiction.identify.timing import unsettled
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Trajectory
+
+MOST_TRIALS = 40
+"""Points tried before the search ends where it is."""
+
+MOST_REFUSALS = 5
+"""Steps in a row, each shorter than the last, that make the cost larger: a corner, and the search ends on it."""
+
+FAINTEST = 1e-12
+"""Curvature, over the largest one in units of the diagonal, under which a direction is left alone."""
+
+
+def descend(
+    residual: Callable[[np.ndarray], np.ndarray],
+    jacobian: Callable[[np.ndarray], np.ndarray],
+    start: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    enough: Callable[[float], float],
+) -> np.ndarray:
+    """Return the point, shape (num_parameters,), at which half the sum of squares is least.
+
+    residual: point -> shape (num_rows,); jacobian: point -> shape (num_rows, num_parameters); lower, upper: bounds,
+    shape (num_parameters,) each; enough: cost -> promised fall of the cost that is not worth another step.
+    """
+    point = np.clip(start, lower, upper)
+    rows, slopes = residual(point), jacobian(point)
+    cost, damping, growth, refused = 0.5 * float(rows @ rows), 1e-4, 2.0, 0
+    for _ in range(MOST_TRIALS):
+        step, promised = _step(slopes, rows, (point >= upper).astype(int) - (point <= lower), damping)
+        if promised <= enough(cost) or refused > MOST_REFUSALS:
+            break
+        trial = np.clip(point + step, lower, upper)
+        tried = residual(trial)
+        found = 0.5 * float(tried @ tried)
+        if found < cost:
+            # The better the model foretold the cost, the less the next step is held back (Nielsen's rule).
+            damping *= max(0.1, 1.0 - (2.0 * (cost - found) / promised - 1.0) ** 3)
+            point, rows, cost, slopes = trial, tried, found, jacobian(trial)
+            growth, refused = 2.0, 0
+        else:
+            damping, growth, refused = max(growth * damping, 1e-4), 2.0 * growth, refused + 1
+    return point
+
+
+def _step(slopes: np.ndarray, rows: np.ndarray, bound: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
+    """Return the damped step from a point, and the fall of the cost that the linear model promises for it.
+
+    bound: -1 for parameters at their lower bound and 1 for those at their upper one, else 0, shape (num_parameters,);
+    from a bound they move away only.
+    """
+    gradient, curvature = slopes.T @ rows, slopes.T @ slopes
+    scale = np.sqrt(np.diag(curvature))
+    moving = (scale > 0) & (bound * gradient >= 0)
+    step = np.zeros(len(gradient))
+    if not moving.any():
+        return step, 0.0
+    units = scale[moving]
+    values, directions = np.linalg.eigh(curvature[np.ix_(moving, moving)] / np.outer(units, units))
+    seen = values > FAINTEST * values[-1]
+    wanted = np.where(seen, directions.T @ (gradient[moving] / units), 0.0)
+    moved = wanted / np.where(seen, values + damping, 1.0)
+    step[moving] = -(directions @ moved) / units
+    return step, float(np.sum(moved * wanted - 0.5 * np.where(seen, values, 0.0) * moved**2))
+
 
 FIRST_CHANGE = 1e-3
 """The first fit, whose residuals weigh position against torque in the second, ends at this relative change of cost."""
@@ -78,6 +144,8 @@ class OutputError:
     """The simulation with these values; position and torque as the log would have them."""
     relative_errors: dict[str, float]
     """|simulated − measured| / |measured| for position, velocity and, where there is, torque."""
+    counted: np.ndarray
+    """Samples that the simulation was judged in, bool, shape (num_samples,): neither in a gap nor soon after one."""
     residuals: dict[str, np.ndarray]
     """Simulated − measured for position and, where there is, torque; zero at samples that do not count. Shape
     (num_samples,) each."""
@@ -104,22 +172,25 @@ def fit_output_error(
     """Fit the model's parameters, and unknowns of the loop, to position and torque, or to position alone.
 
     signals: with a target; start: where the search begins, for each of `model.names`, at zero where friction is
-    below it; velocity: filtered θ' [rad/s],
-    shape (num_samples,); velocity_delay: how late the controller's velocity is beyond its loop [s]; delay: how late the
-    loop is, known or, if unknown, where the search begins [s]; unknown: which of `EXTRAS` to fit; known: parameters of
-    the model that are not to be fitted. Raises `StictionError` for names that are none of these, for delays that would
-    take away half of the inertia, and where the simulation cannot begin.
+    below it; velocity: filtered θ' [rad/s], shape (num_samples,); velocity_delay: how late the controller's velocity is
+    beyond its loop [s]; delay: how late the loop is, known or, if unknown, where the search begins [s]; unknown: which
+    of `EXTRAS` to fit; known: parameters of the model that are not to be fitted.
+
+    Raises:
+        StictionError: a name is none of these, or the delays would take away half of the inertia.
+        LoopError: the joint of the start cannot be simulated.
+
     """
     fixed = dict(known or {})
     missing = set(model.names) - set(start) - set(fixed)
     wrong = (set(unknown) - set(EXTRAS)) | (set(fixed) - set(model.names)) | missing
     if wrong:
-        raise StictionError(
+        raise ConfigurationError(
             f"output error: {', '.join(sorted(wrong))}: expected a start or a known value for each of "
             f"{', '.join(model.names)}, and unknowns among {', '.join(EXTRAS)}"
         )
     if not 0 <= delay < np.inf:
-        raise StictionError(f"delay {delay} s: expected a number that is not negative")
+        raise ConfigurationError(f"delay {delay} s: expected a number that is not negative")
     fixed["delay"] = delay
     top = float(np.quantile(np.abs(velocity[signals.valid]), 0.99))
     free = nearest_joint({name: float(start[name]) for name in model.names if name not in fixed})
@@ -176,7 +247,7 @@ class _Search:
                     guess = guess + change
             self.evaluations += 1
             self._latest = values.tobytes(), self.loop.run(dict(zip(self.names, values)), guess)
-            self.phases += len(self._latest[1].made.phases)
+            self.phases += len(self._latest[1].motion.phases)
         return self._latest[1]
 
     def residuals(self, values: np.ndarray) -> dict[str, np.ndarray]:
@@ -192,7 +263,7 @@ class _Search:
         response = self.respond(values)
         if self._accepted is None or not np.array_equal(self._accepted[0], values):
             both = self.loop.derivatives(response, dict(zip(self.names, values)), self.names)
-            self._accepted = np.array(values), response.made.position, both
+            self._accepted = np.array(values), response.motion.position, both
         both = np.where(self.valid[:, None], self._accepted[2], 0.0)
         return dict(zip(self.measured, both))
 
@@ -267,17 +338,19 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
     bounded = with_intervals(values[kept], robust_covariance(blocks), bootstrap_reach(blocks))
     found = dict(zip(names, bounded, strict=True))
     lost |= {name for name, widest in WIDEST.items() if name in found and not found[name].std < widest}
-    made = Trajectory(response.position, response.made.velocity, response.torque, response.made.phases)
+    motion = response.motion
+    simulated = Trajectory(response.position, motion.velocity, response.torque, motion.phases)
     compared = {name: (rows[name], measured) for name, measured in search.measured.items()}
-    compared["velocity"] = (np.where(search.valid, made.velocity - velocity, 0.0), velocity)
+    compared["velocity"] = (np.where(search.valid, simulated.velocity - velocity, 0.0), velocity)
     return OutputError(
         estimates={name: value for name, value in found.items() if name not in lost and name not in START},
         unidentified=tuple(name for name in search.names if name in lost and name not in START),
-        simulated=made,
+        simulated=simulated,
         relative_errors={
             name: float(np.linalg.norm(row) / np.linalg.norm(measured[search.valid]))
             for name, (row, measured) in compared.items()
         },
+        counted=search.valid,
         residuals=rows,
         names=names,
         jacobian={name: column[:, kept] for name, column in columns.items()},

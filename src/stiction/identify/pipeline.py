@@ -1,36 +1,41 @@
-"""Identification of one joint, start to end: check, filter, regress, choose a law, simulate, compare, judge."""
+"""From a log to records: one joint from start to end, and all joints of a log in parallel.
+
+Of each joint: check, filter, regress, choose a law, simulate, compare, judge.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
-from stiction.formats.fit import FitSignals
-from stiction.formats.joints import JointRecord
+from stiction.core.errors import ConfigurationError, LogError, StictionError
+from stiction.core.provenance import num_threads
+from stiction.formats.joints import FitSignals, JointRecord
 from stiction.formats.log import UNNAMED, Log
-from stiction.identify.choice import choose_law, with_loop
-from stiction.identify.combinations import told_strength
-from stiction.identify.consistency import Comparison, compare, compare_parts
-from stiction.identify.in_loop import InLoop, close_loop, predict_run, symmetric_model
-from stiction.identify.loop_choice import choose_in_loop
-from stiction.identify.loop_parts import compare_in_loop
+from stiction.identify.choice import choose_in_loop, choose_law
+from stiction.identify.combinations import tells_strength
+from stiction.identify.consistency import Comparison, compare, compare_parts, compare_timing
+from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run, symmetric_model
+from stiction.identify.prepare import make_rows
 from stiction.identify.record import Evidence, Prediction, make_record
-from stiction.identify.regression import (
-    INVERSE_STRENGTH,
-    Fit,
-    check_fit,
-    fit_rows,
-    predict_torque,
-    rigid_torque,
-)
-from stiction.identify.rows import make_rows
+from stiction.identify.regression import INVERSE_STRENGTH, Fit, check_fit, fit_rows, predict_torque, rigid_torque
 from stiction.identify.runs import Run, make_run
 from stiction.identify.setup import IdentifySetup
-from stiction.identify.skew import compare_timing
-from stiction.identify.warn import NAMELESS, find_warnings
+from stiction.identify.warnings import NAMELESS, find_warnings
+
+Done = Callable[[str], None]
+"""Called with a joint's name when it is identified."""
+
+REFUSED = "not identified: "
+"""How the warning of a refused joint begins."""
+
+
+_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...]]
+"""What `_attempt` is called with."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,9 @@ def identify_joint(
     others = [make_run(other, joint, setup.for_repeat()) for other in repeats]
     for other in others:
         if np.array_equal(other.signals.position, run.signals.position):
-            raise StictionError(f"{other.source} is the same log as {run.source}: a repeat is another log of the joint")
+            raise ConfigurationError(
+                f"{other.source} is the same log as {run.source}: a repeat is another log of the joint"
+            )
     base = _symmetric(run, others)
     rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
     check_fit(run.source, base)
@@ -67,10 +74,9 @@ def identify_joint(
     choice = choose_law(rows, base, strength_unknown)
     chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
     loop = close_loop(run, base, chosen)
-    called_for = choose_in_loop(run, base, loop) if choice.law == "coulomb" and rows is run.rows else None
-    if called_for is not None:
-        choice = with_loop(choice, called_for.fit.model, called_for.gain, called_for.evidence)
-        chosen, loop = called_for.fit, replace(loop, chosen=called_for.found)
+    simulated = choose_in_loop(run, base, loop) if choice.law == "coulomb" and rows is run.rows else None
+    if simulated is not None:
+        choice, chosen, loop = choice.overruled(simulated), simulated.fit, replace(loop, chosen=simulated.found)
     late = _late(run, loop)
     if late is not None:
         return identify_joint(log, joint, replace(setup, delay=late), repeats)
@@ -101,9 +107,9 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
     if known:
         return fit_rows(rows, model)
     if any(payloads) or pushed:
-        told = fit_rows(rows, model, strength_unknown=True)
-        if any(payloads) or told_strength(told):
-            return told
+        scaled = fit_rows(rows, model, strength_unknown=True)
+        if any(payloads) or tells_strength(scaled):
+            return scaled
     return fit_rows(run.rows, model)
 
 
@@ -123,23 +129,23 @@ def _check_values(run: Run, fit: Fit) -> None:
     found = fit.estimates()
     inertia, (low, high) = found["inertia"].value, found["inertia"].interval95
     if high <= 0:
-        raise StictionError(
+        raise LogError(
             f"{run.source}: the fitted inertia is {inertia:.3g}; it must be positive: is the torque's "
             "sign that of the position (--torque-scale -1 turns it round), and its column the right one?"
         )
     if all(found[name].interval95[0] <= 0 for name in ("inertia", "viscous_friction", "coulomb_friction")):
-        raise StictionError(
+        raise LogError(
             f"{run.source}: excitation too poor: the intervals of inertia, viscous and dry friction all reach zero; "
             "move further and faster, or check that the torque belongs to this joint"
         )
     if inertia <= 0:
-        raise StictionError(
+        raise LogError(
             f"{run.source}: excitation too poor: the fitted inertia is {inertia:.3g} ({low:.3g} to {high:.3g}), and it "
             "must be positive; move further and faster, so that the joint sticks less"
         )
     limit = run.setup.torque_limit
     if limit is not None and found["coulomb_friction"].value >= limit:
-        raise StictionError(
+        raise LogError(
             f"{run.source}: dry friction of {found['coulomb_friction'].value:.4g} would be beyond the torque limit "
             f"{limit:.4g}, and yet the joint moved: check the torque's unit (--torque-scale) and --torque-limit"
         )
@@ -189,3 +195,68 @@ def _fit_signals(evidence: Evidence) -> FitSignals:
         simulated_position=best.simulated.position if best else None,
         simulated_torque=best.simulated.torque if best and run.measured else None,
     )
+
+
+def identify_log(
+    log: Log,
+    setup: IdentifySetup | None = None,
+    joints: Sequence[str] = (),
+    repeats: Sequence[Log] = (),
+    done: Done = lambda name: None,
+    workers: int | None = None,
+) -> tuple[dict[str, Identification], dict[str, JointRecord]]:
+    """Identify several joints, every one of the log's by default.
+
+    Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
+    both in the order of the log, or of `joints`. `workers`: processes, by default one a core. Raises `StictionError`
+    where a joint is not in the log, or none could be identified.
+    """
+    names = [log.joint(name)[0] for name in joints] or list(log.joints)
+    found: dict[str, Identification] = {}
+    refused: dict[str, str] = {}
+    # Of several joints each is asked for by name, or a repeat that lacks it could offer its only joint instead.
+    named = bool(joints) or len(log.joints) > 1
+    jobs = {
+        name: (_alone(log, name), name if named else None, setup, tuple(_alone(one, name) for one in repeats))
+        for name in names
+    }
+    for name, outcome in _outcomes(jobs, min(len(jobs), workers or num_threads())):
+        if isinstance(outcome, StictionError):
+            refused[name] = str(outcome)
+        else:
+            found[name] = outcome
+            done(name)
+    if not found:
+        raise LogError(refused[names[0]])
+    empty = {name: JointRecord(warnings=(REFUSED + refused[name],)) for name in names if name in refused}
+    return {name: found[name] for name in names if name in found}, empty
+
+
+def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Identification | StictionError]]:
+    """Yield each joint's name with its identification or its refusal, as they are finished."""
+    if workers == 1:
+        for name, job in jobs.items():
+            yield name, _attempt(*job)
+        return
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        waiting: dict[Future, str] = {pool.submit(_attempt, *job): name for name, job in jobs.items()}
+        try:
+            for future in as_completed(waiting):
+                yield waiting[future], future.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _alone(log: Log, name: str) -> Log:
+    """Return the log with one joint: a worker needs no more. A repeat without the joint stays whole, and is refused."""
+    return replace(log, joints={name: log.joints[name]}) if name in log.joints else log
+
+
+def _attempt(
+    log: Log, name: str | None, setup: IdentifySetup | None, repeats: Sequence[Log]
+) -> Identification | StictionError:
+    """Identify one joint; what is wrong with it comes back as a value, for an exception would lose its class."""
+    try:
+        return identify_joint(log, name, setup, repeats)
+    except StictionError as error:
+        return error

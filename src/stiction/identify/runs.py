@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stiction.formats.log import Log, LogError
+from stiction.core.errors import LogError
+from stiction.formats.log import Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
-from stiction.identify.prepare import Prepared, prepare
+from stiction.identify.prepare import Prepared, Rows, make_rows, prepare
 from stiction.identify.regression import check_rows
-from stiction.identify.rows import Rows, make_rows
 from stiction.identify.setup import IdentifySetup
 from stiction.joints.pd import PDGains
 

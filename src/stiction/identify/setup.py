@@ -6,11 +6,9 @@ from dataclasses import dataclass, fields, replace
 from math import isfinite
 from typing import Literal
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
 from stiction.formats.log import LogSetup
-
-GRAVITATION = 9.81
-"""Standard acceleration of fall [m/s²]."""
+from stiction.robots.model import GRAVITY
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class Payload:
     @property
     def weight(self) -> float:
         """Largest torque of its weight, m g r [N m]."""
-        return self.mass * GRAVITATION * self.distance
+        return self.mass * GRAVITY * self.distance
 
     @property
     def inertia(self) -> float:
@@ -113,27 +111,27 @@ class IdentifySetup:
         for name in (*positive, "kd", "delay", "velocity_delay"):
             value, less = getattr(self, name), "" if name in positive else ", or 0"
             if value is not None and not (isfinite(value) and (value > 0 or (value == 0 and less))):
-                raise StictionError(f"{name.replace('_', ' ')} {value}: expected a positive number{less}")
+                raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected a positive number{less}")
         for name in ("torque_scale", "disturbance_scale"):
             if not 1e-9 <= abs(getattr(self, name)) <= 1e9:
-                raise StictionError(
+                raise ConfigurationError(
                     f"{name.replace('_', ' ')} {getattr(self, name)}: expected a size between 1e-9 and 1e9"
                 )
         if self.torque_source == "output_side":
-            raise StictionError(
+            raise ConfigurationError(
                 "torque source output_side: a sensor behind the gear does not see the joint's friction; "
                 "use the motor's current or command (motor_side)"
             )
         given = [name for name in PAYLOAD if getattr(self, name) is not None]
         if given and len(given) < len(PAYLOAD):
             missing = next(name for name in PAYLOAD if name not in given)
-            raise StictionError(f"{given[0]} without {missing}: a payload needs mass, distance and angle")
+            raise ConfigurationError(f"{given[0]} without {missing}: a payload needs mass, distance and angle")
         for name in ("payload_angle", "hanging_angle"):
             value = getattr(self, name)
             if value is not None and not isfinite(value):
-                raise StictionError(f"{name.replace('_', ' ')} {value}: expected an angle in rad")
+                raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected an angle in rad")
         if self.axis == "linear" and (given or self.gravity or self.hanging_angle is not None):
-            raise StictionError("a linear axis has no hanging angle: payload and gravity are for rotary joints")
+            raise ConfigurationError("a linear axis has no hanging angle: payload and gravity are for rotary joints")
 
 
 PAYLOAD = ("payload_mass", "payload_distance", "payload_angle")

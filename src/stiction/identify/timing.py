@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from stiction.formats.errors import LogError
+from stiction.core.errors import LogError
 
 SHORTEST_STEP, LONGEST_STEP = 1e-5, 0.1
 """Between these lies the step of every log that can be used [s]."""
@@ -251,3 +251,31 @@ def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarra
 def is_stairs(values: np.ndarray) -> bool:
     """Return whether a signal, shape (num_samples,), is held between changes, as a command is that comes slowly."""
     return bool(np.mean(np.diff(values) == 0) > STAIRS)
+
+
+MOST_LOST = 0.5
+"""Share of the samples that may be given up to let the joint settle. Where there are more gaps than that allows, the
+shortest are not waited for: what a straight line misses grows with the cube of its length."""
+
+
+def near(bridged: np.ndarray, reach: int) -> np.ndarray:
+    """Return True for samples in a gap or within `reach` samples of one; all of shape (num_samples,)."""
+    return np.convolve(bridged, np.ones(2 * reach + 1), "full")[reach : reach + len(bridged)] > 0.5
+
+
+def unsettled(bridged: np.ndarray, moving: np.ndarray, wait: int) -> np.ndarray:
+    """Return True for samples after a gap up to the one by which the joint was in motion for `wait` samples.
+
+    What the target did in the gap is not known, so a simulation leaves the gap elsewhere than the joint did. In motion
+    the difference dies away; friction at rest preserves it. bridged: in a gap; moving: not at rest, (num_samples,).
+    """
+    found = np.zeros(len(bridged), bool)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], bridged.astype(int), [0]))))
+    moved = np.concatenate(([0], np.cumsum(moving)))
+    for _, end in sorted(edges.reshape(-1, 2).tolist(), key=lambda gap: gap[0] - gap[1]):
+        settled = int(np.searchsorted(moved, moved[end] + wait))
+        more = found.copy()
+        more[end:settled] = True
+        if (more & ~bridged).sum() <= MOST_LOST * (~bridged).sum():
+            found = more
+    return found & ~bridged

@@ -1,27 +1,204 @@
-"""Does this friction matter? A provisional answer in words, with the numbers that it rests on, and what to train."""
+"""Does this friction matter? A provisional answer in words, with the numbers that it rests on, and what to train.
+
+From which friction on a policy feels it is read from `advice.json` beside this module, which `stiction replicate`
+writes from its rows: one simulated robot, in the simulator of the training, in other engines and on virtual robots.
+Every sentence that rests on it is called provisional. Which training to choose is another module's: `advice`.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from stiction.formats.joints import Estimate
-from stiction.identify.advice import Advice, advise
-from stiction.identify.evidence import (
-    BUDGET,
-    EVIDENCE,
-    FELT,
-    FELT_BAND,
-    MARGIN,
-    TRAINABLE,
-    effect,
-    friction_level,
-)
+from stiction.core.errors import StictionError
+from stiction.formats.advice import TRANSFER, FrictionEffect, Source
+from stiction.formats.following import LEAST
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.results import DIRECTIONS, FOLLOWS
+from stiction.identify.advice import TRAINED_IN, Advice, advise, shipped
 from stiction.identify.reference import CONDITIONS, Placement, Quantity, place
-from stiction.identify.what_if import WhatIf, what_if
 
-WITHOUT: dict[str, Any] = {"method": "none", "level": 0.0, "law": "coulomb", "per": "robot"}
+MARGIN = 2.0
+"""Factor on friction measured without load. Friction grows with load, by how much is not known here: a choice."""
+
+BUDGET = (
+    "Which training follows up to which friction, engine by engine: the friction budget, results/replication/README.md "
+    "in stiction's repository; `stiction replicate` makes it anew."
+)
+"""Where a robot builder looks next."""
+
+TRAINABLE = 0.8
+"""Levels from here on leave the motor too little to walk with; training refuses them."""
+
+WHAT_IF = (
+    ("seals removed", 0.3, "the paper saw 70 % less without the seals of its own motor"),
+    ("worn, x 1.5", 1.5, "a factor chosen, not measured"),
+    ("worn, x 2", 2.0, "a factor chosen, not measured"),
+    ("worn, x 3", 3.0, "a factor chosen, not measured"),
+)
+"""Case, factor on the friction, where the factor comes from."""
+
+WITHOUT_FRICTION: dict[str, Any] = {"method": "none", "level": 0.0, "law": "coulomb", "per": "robot"}
 """The fields of `FrictionCfg` where there is no friction to train for."""
+
+PLACES = {"mujoco": "in the simulator that trained them", "physx": "in PhysX", "ode-webots": "in ODE"}
+"""Engine -> how people call it; where there is a plus in its name, it has a virtual robot."""
+
+COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+"""Small numbers in words."""
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """From which friction on a policy that was trained without it suffers, over the torque limit [-]."""
+
+    noticeable: float
+    """Lowest level that cost speed, in any engine."""
+    severe: float
+    """Lowest level at which no training seed followed, in any engine."""
+    dead_band: float
+    """Largest dead band that went with `noticeable` [rad]."""
+    text: str
+    """What the policies did, in words."""
+
+    @classmethod
+    def of(cls, sources: Mapping[str, Source] | None = None) -> Thresholds:
+        """Return what the comparison of engines says. sources: as of `advise`.
+
+        Raises:
+            StictionError: no friction was noticeable there, or no comparison was made.
+
+        """
+        effects = (shipped() if sources is None else sources)[TRANSFER].effects
+        noticed = [effect for effect in effects if effect.noticeable is not None]
+        severe = [effect.severe for effect in effects if effect.severe is not None]
+        if not noticed or not severe:
+            raise StictionError(
+                "the file that the verdict rests on names no friction that slows policies; expected what "
+                "`stiction replicate --advice` writes from several training seeds of the method none"
+            )
+        first = min(noticed, key=lambda effect: effect.noticeable or 0.0)
+        level = first.noticeable or 0.0
+        return cls(level, min(severe), first.dead_band or 0.0, _evidence_text(level, effects))
+
+    def effect(self, high: float) -> str:
+        """Return what friction of `high` times the torque limit does to a policy that never met it."""
+        if high < self.noticeable:
+            return "By itself it probably does not trouble a walking policy"
+        if high < self.severe:
+            return "It may slow down a policy that was trained without friction"
+        return "A policy that was trained without friction will probably lose much of its speed"
+
+
+def _evidence_text(noticeable: float, effects: Sequence[FrictionEffect]) -> str:
+    """Say what friction did to policies that were trained without it, engine by engine."""
+    seeds = max(effect.seeds for effect in effects)
+    number = COUNTS[seeds] if seeds < len(COUNTS) else str(seeds)
+    elsewhere = [
+        effect for effect in effects if effect.engine != TRAINED_IN and effect.noticeable == noticeable
+    ] or effects
+    costs = sorted({round(100 * (effect.speed_loss or 0.0)) for effect in elsewhere if effect.noticeable == noticeable})
+    cost = f"{costs[0]} to {costs[-1]}" if len(costs) > 1 else f"{costs[0]}"
+    slowed: dict[int, list[FrictionEffect]] = {}
+    for effect in effects:
+        if effect.onset is not None:
+            slowed.setdefault(round(100 * effect.onset), []).append(effect)
+    onsets = [_onset_text(level, same) for level, same in slowed.items()]
+    text = (
+        f"Provisional: in simulations of one robot, {number} training seeds, friction of {100 * noticeable:g} % of the "
+        f"torque limit cost such policies {cost} % of {DIRECTIONS[0].removeprefix('vx=')} m/s."
+    )
+    if not onsets:
+        return text
+    listed = onsets[0] if len(onsets) == 1 else f"{', '.join(onsets[:-1])}, and {onsets[-1]}"
+    return f"{text} Their slower direction slowed under {LEAST} of it {listed}."
+
+
+def _onset_text(level: int, effects: Sequence[FrictionEffect]) -> str:
+    """Say where policies became too slow at a level [%], and whether they were before there was any friction."""
+    text = f"with {level} % {' and '.join(_place(effect) for effect in effects)}"
+    speed = max(effect.frictionless_speed for effect in effects)
+    return f"{text}, where it was at {round(100 * speed)} % without friction" if speed < FOLLOWS[0] else text
+
+
+def _place(effect: FrictionEffect) -> str:
+    """Return where an effect was seen."""
+    return "on virtual robots" if "+" in effect.engine else PLACES.get(effect.engine, f"in {effect.engine}")
+
+
+def friction_level(ratio: Estimate, condition: str | None) -> float:
+    """Return the level that covers a ratio: the upper end, times `MARGIN` unless it was loaded, up to a whole per cent.
+
+    May be `TRAINABLE` or more; who proposes it has to check.
+    """
+    high = max(ratio.interval95[1], 0.0)
+    return math.ceil(100 * high * (1.0 if condition == "loaded" else MARGIN) - 1e-9) / 100
+
+
+@dataclass(frozen=True)
+class WhatIf:
+    """The same joint with its friction multiplied."""
+
+    case: str
+    """What would have happened to the joint."""
+    factor: float
+    """On its friction."""
+    friction_ratio: Estimate | None
+    """f/τ_max then [1]."""
+    dead_band: Estimate | None
+    """f/kp then [rad]."""
+    level: float | None
+    """Friction that a training has to cover then [-]; None where there is none."""
+    text: str
+    """The same in one sentence."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain data for JSON."""
+        estimates = {"friction_ratio": self.friction_ratio, "dead_band": self.dead_band}
+        return {
+            "case": self.case,
+            "factor": self.factor,
+            **{name: estimate and estimate.to_dict() for name, estimate in estimates.items()},
+            "friction_level": self.level,
+            "text": self.text,
+        }
+
+
+def what_if(
+    ratio: Estimate | None, dead_band: Estimate | None, condition: str | None, thresholds: Thresholds
+) -> tuple[WhatIf, ...]:
+    """Return every case of `WHAT_IF` for f/τ_max [1] and f/kp [rad]; nothing where neither is known."""
+    if ratio is None and dead_band is None:
+        return ()
+    return tuple(_case(*case, ratio, dead_band, condition, thresholds) for case in WHAT_IF)
+
+
+def _case(
+    case: str,
+    factor: float,
+    origin: str,
+    ratio: Estimate | None,
+    dead_band: Estimate | None,
+    condition: str | None,
+    thresholds: Thresholds,
+) -> WhatIf:
+    """Return the joint with `factor` times its friction."""
+    ratio = ratio and ratio.scaled(factor)
+    dead_band = dead_band and dead_band.scaled(factor)
+    level = friction_level(ratio, condition) if ratio else None
+    numbers = [f"{100 * ratio.value:.3g} % of the torque limit"] if ratio else []
+    numbers += [f"dead band {dead_band.value:.3g} rad"] if dead_band else []
+    text = f"What if {case} ({origin}): {', '.join(numbers)}"
+    if ratio and level is not None:
+        text += f". {thresholds.effect(max(ratio.interval95[1], 0.0))}; " + (
+            f"to cover: {level:.2f}"
+            if level < TRAINABLE
+            else f"to cover {level:.2f} is beyond training, mend the joint"
+        )
+        level = level if level < TRAINABLE else None
+    return WhatIf(case, factor, ratio, dead_band, level, text + ".")
 
 
 @dataclass(frozen=True)
@@ -52,7 +229,7 @@ class Verdict:
     def training(self) -> dict[str, Any] | None:
         """The fields of `task.friction` in a run's configuration; None where no level can be proposed."""
         if self.advice is None:
-            return None if self.level is None else WITHOUT
+            return None if self.level is None else WITHOUT_FRICTION
         return self.advice.settings
 
     def to_dict(self) -> dict[str, Any]:
@@ -74,14 +251,16 @@ def verdict(
     dead_band: Estimate | None,
     condition: str | None,
     axis: str = "rotary",
+    sources: Mapping[str, Source] | None = None,
 ) -> Verdict:
     """Judge a joint by f/τ_max and f/kp with their intervals.
 
     coulomb: f [N m], or None where only ratios are known, from a log without torque; ratio: f/τ_max [1]; dead_band:
     f/kp [rad]; condition: `bare_motor`, `in_air`, `loaded` or None; axis: `rotary` or `linear`. What is None is said to
-    be unknown. A linear axis is not compared with legs, and no training is proposed for it.
+    be unknown. A linear axis is not compared with legs, and no training is proposed for it. sources: what the studies
+    found, as of `advise`; by default what comes with the package.
     """
-    leg = axis == "rotary"
+    thresholds, leg = Thresholds.of(sources), axis == "rotary"
     parts = [*_measured(coulomb, ratio, dead_band, condition, leg)]
     placement: tuple[Placement, ...] = ()
     if leg:
@@ -91,7 +270,7 @@ def verdict(
         parts += [item.text for item in placement]
     level = friction_level(ratio, condition) if leg and ratio is not None else None
     if ratio is not None and leg:
-        parts += _judgement(ratio, dead_band, condition)
+        parts += _judgement(ratio, dead_band, condition, thresholds)
     if leg and condition != "loaded":
         parts.append(
             "This is a lower bound for a leg that carries the robot: friction grows with load, and only a log under a "
@@ -102,10 +281,11 @@ def verdict(
             f"To cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}: mend the joint."
         )
         level = None
-    advice = advise(max(ratio.interval95[0], 0.0), level) if level and ratio is not None else None
+    advice = advise(max(ratio.interval95[0], 0.0), level, sources) if level and ratio is not None else None
     if level is not None:
         parts.append(_proposal(level, condition, advice))
-    return Verdict(level, " ".join(parts), placement, what_if(ratio, dead_band, condition) if leg else (), advice)
+    cases = what_if(ratio, dead_band, condition, thresholds) if leg else ()
+    return Verdict(level, " ".join(parts), placement, cases, advice)
 
 
 def _measured(
@@ -133,16 +313,16 @@ def _measured(
     return parts
 
 
-def _judgement(ratio: Estimate, dead_band: Estimate | None, condition: str | None) -> list[str]:
-    """Say what the evidence so far says about friction of at most the interval's upper end."""
-    high = max(ratio.interval95[1], 0.0)
-    parts = [f"{effect(high)}. {EVIDENCE}"]
+def _judgement(ratio: Estimate, dead_band: Estimate | None, condition: str | None, thresholds: Thresholds) -> list[str]:
+    """Say what friction of at most the interval's upper end did to policies in simulation."""
+    high, effect = max(ratio.interval95[1], 0.0), thresholds.effect
+    parts = [f"{effect(high)}. {thresholds.text}"]
     if condition != "loaded" and effect(MARGIN * high) != effect(high):
         parts.append(f"At {MARGIN:g} times that, which a loaded leg may have: {effect(MARGIN * high).lower()}.")
-    if dead_band is not None and high < FELT and dead_band.interval95[1] > FELT_BAND:
+    if dead_band is not None and high < thresholds.noticeable and dead_band.interval95[1] > thresholds.dead_band:
         parts.append(
-            f"But the dead band is wider than the {FELT_BAND:g} rad that went with {100 * FELT:g} % in those "
-            "simulations: at such low gains the same friction is felt more."
+            f"But the dead band is wider than the {thresholds.dead_band:g} rad that went with "
+            f"{100 * thresholds.noticeable:g} % in those simulations: at such low gains the same friction is felt more."
         )
     return [*parts, BUDGET]
 
@@ -158,5 +338,67 @@ def _proposal(level: float, condition: str | None, advice: Advice | None) -> str
 def _span(estimate: Estimate, factor: float, unit: str) -> str:
     """Return `value unit (low to high)` with three digits; where there may be nothing, the most that it may be."""
     low, high = estimate.interval95
-    said = f"{estimate.value * factor:.3g}" if low > 0 else f"at most {max(high, 0.0) * factor:.3g}"
-    return f"{said}{unit} (95 %: {low * factor:.3g} to {high * factor:.3g})"
+    value = f"{estimate.value * factor:.3g}" if low > 0 else f"at most {max(high, 0.0) * factor:.3g}"
+    return f"{value}{unit} (95 %: {low * factor:.3g} to {high * factor:.3g})"
+
+
+def judge(record: JointRecord) -> Verdict:
+    """Return the verdict on a record, from its ratio and dead band; newton metres may be null."""
+    return verdict(record.coulomb_friction, record.friction_ratio, record.dead_band, record.test_condition, record.axis)
+
+
+def propose(file: JointsFile) -> dict[str, Any]:
+    """Return what `stiction train --friction-from` reads, as plain data.
+
+    One training for all joints, by the friction of the worst: what `train` draws is a share of each joint's own limit.
+    `joints` has each joint's ratio and the level that would cover it, `advice` what the choice rests on. `friction` is
+    null, and `text` says why, where no joint has a ratio, or where one is beyond what can be trained.
+    """
+    levels = {
+        name: friction_level(record.friction_ratio, record.test_condition)
+        for name, record in file.joints.items()
+        if record.friction_ratio is not None and record.axis == "rotary"
+    }
+    beyond = [name for name, level in levels.items() if level >= TRAINABLE]
+    worst = max(levels, key=lambda name: levels[name], default=None)
+    settings, advice = None, None
+    if worst is None:
+        text = "no rotary joint has a ratio of friction to torque limit: identify with --torque-limit"
+    elif beyond:
+        text = f"{', '.join(beyond)} would need level {TRAINABLE:g} or more, which leaves nothing to walk with: mend it"
+    else:
+        advice = _advice(file, levels, worst)
+        settings = WITHOUT_FRICTION if advice is None else advice.settings
+        text = _reason(file, levels, worst) + ("" if advice is None else f". {advice.text}")
+    return {
+        "friction": settings,
+        "range": None if settings is None else [0.0, 0.0] if advice is None else advice.range,
+        "text": text,
+        "advice": advice and advice.to_dict(),
+        "joints": {
+            name: {
+                "friction_ratio": record.friction_ratio and record.friction_ratio.to_dict(),
+                "dead_band": record.dead_band and record.dead_band.to_dict(),
+                "test_condition": record.test_condition,
+                "friction_level": levels.get(name),
+            }
+            for name, record in file.joints.items()
+        },
+    }
+
+
+def _advice(file: JointsFile, levels: dict[str, float], worst: str) -> Advice | None:
+    """Return what to train with, from what was measured of the worst joint to its level; None without friction."""
+    ratio = file.joints[worst].friction_ratio
+    return None if ratio is None or not levels[worst] else advise(max(ratio.interval95[0], 0.0), levels[worst])
+
+
+def _reason(file: JointsFile, levels: dict[str, float], worst: str) -> str:
+    """Say which joint sets the level, and which joints were not asked."""
+    condition = file.joints[worst].test_condition
+    stated = CONDITIONS.get(condition or "", "under no stated condition")
+    text = f"provisional; level of {worst}, the worst of {len(levels)}, measured {stated}"
+    if condition != "loaded":
+        text += ", with a margin chosen, not measured, for the load that was not on it"
+    left = [name for name in file.joints if name not in levels]
+    return text + (f"; without a ratio, and so not asked: {', '.join(left)}" if left else "")

@@ -1,20 +1,25 @@
-"""Dry friction of a joint, and the two numbers that say how large it is.
+"""Dry friction of a joint: the laws that it may follow, in one table, and the two numbers that say how large it is.
 
 The paper writes f = −b_c sign(θ') and leaves θ' = 0 open. Here friction at rest takes whatever value holds the joint,
 up to a limit: that is what makes it *static* friction.
 
-Every law is a chain of straight pieces in |θ'| for each direction, for a joint on a straight piece is a linear system
-and its motion is known in closed form. Friction at rest goes up to the value of the first piece at zero.
+A law has up to two forms, and `LAWS` holds both. For many robots at once it is a bound that is written before every
+physics step, its level times a factor of speed, load or torque: training, evaluation and the engines use it. For one
+joint simulated from event to event it is a chain of straight pieces in |θ'| for each direction, for a joint on a
+straight piece is a linear system and its motion is known in closed form: identification uses that. Friction at rest
+goes up to the value of the first piece at zero.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError, unknown_name
 
 KNOTS = (0.0, 0.19, 0.4, 0.84, 1.15, 1.43, 1.76, 2.33)
 """Ends of the secants of exp(−x²), the last value being taken as zero: they are off by less than 1 % of its height."""
@@ -109,7 +114,7 @@ class Asymmetric(SameEverywhere):
         _not_negative("Coulomb friction forward", self.forward)
         _not_negative("Coulomb friction backward", self.backward)
         if not np.isfinite([self.viscous_forward, self.viscous_backward]).all():
-            raise StictionError(
+            raise ConfigurationError(
                 f"viscous friction {self.viscous_forward} and {self.viscous_backward}: expected finite numbers"
             )
 
@@ -139,7 +144,7 @@ class Stribeck(SameEverywhere):
         _not_negative("Coulomb friction", self.coulomb)
         _not_negative("static friction", self.static)
         if not (self.velocity > 0 and np.isfinite(self.velocity)):
-            raise StictionError(f"Stribeck velocity {self.velocity}: expected a positive number")
+            raise ConfigurationError(f"Stribeck velocity {self.velocity}: expected a positive number")
 
     def pieces(self, direction: int) -> tuple[Piece, ...]:
         """Return the secants and the level behind them, whatever the direction."""
@@ -189,7 +194,7 @@ class PositionDependent(SameEverywhere):
         """Refuse friction that would drive the joint."""
         _not_negative("Coulomb friction", self.level)
         if not np.isfinite([self.slope, self.curvature, self.middle]).all():
-            raise StictionError(
+            raise ConfigurationError(
                 f"friction with slope {self.slope}, curvature {self.curvature} about {self.middle}: expected finite "
                 "numbers"
             )
@@ -213,18 +218,272 @@ class PositionDependent(SameEverywhere):
 def _not_negative(name: str, value: float) -> None:
     """Raise `StictionError` unless the value is finite and not negative."""
     if not (value >= 0 and np.isfinite(value)):
-        raise StictionError(f"{name} {value}: expected a number that is not negative")
+        raise ConfigurationError(f"{name} {value}: expected a number that is not negative")
 
 
 def dead_band(level: float, kp: float) -> float:
     """Return f/kp: how far the target can be from the angle before the joint moves at all [rad]."""
     if not kp > 0:
-        raise StictionError(f"kp {kp}: the dead band f/kp needs a positive gain")
+        raise ConfigurationError(f"kp {kp}: the dead band f/kp needs a positive gain")
     return level / kp
 
 
 def friction_ratio(level: float, torque_limit: float) -> float:
     """Return f/τ_max, the share of the motor's torque that friction takes; section V of the paper."""
     if not torque_limit > 0:
-        raise StictionError(f"torque limit {torque_limit}: the ratio f/τ_max needs a positive limit")
+        raise ConfigurationError(f"torque limit {torque_limit}: the ratio f/τ_max needs a positive limit")
     return level / torque_limit
+
+
+Values = np.ndarray | float
+"""One number for each joint, or one for all."""
+
+Unit = Literal["share", "coefficient", "torque"]
+"""Of a law's level: a fraction of the joint's torque limit, a coefficient [-], or a torque [N m]."""
+
+Signal = Literal["velocity", "load", "torque"]
+"""What a bound may depend on, as it was before the physics step: the joint's velocity [rad/s]; |F| + |T| of the force
+[N] and torque [N m] that the joint transmitted, T about the centre of mass of the link behind it, which constraint
+forces tell; the motor's torque [N m]."""
+
+UNITS = {
+    "viscous_friction": "N m s/rad",
+    "coulomb_friction": "N m",
+    "offset": "N m",
+    "viscous_friction_forward": "N m s/rad",
+    "viscous_friction_backward": "N m s/rad",
+    "coulomb_friction_forward": "N m",
+    "coulomb_friction_backward": "N m",
+    "static_friction": "N m",
+    "stribeck_velocity": "rad/s",
+    "load_coefficient": "1",
+    "position_slope": "N m/rad",
+    "position_curvature": "N m/rad²",
+}
+"""Parameter of an identified law, as joints.json names it -> its unit. Forward means θ' > 0."""
+
+
+@dataclass(frozen=True)
+class LawSpec:
+    """One law of dry friction. `register_law` puts it into the table that every command reads."""
+
+    name: str
+    """On the command line and in joints.json, contract.json and results.csv."""
+    meaning: str
+    """What the friction does, in words for people."""
+    unit: Unit = "share"
+    """Of its level."""
+    label: str = "dry friction"
+    """What an axis of levels says; of shares without their unit."""
+    factor: Callable[..., Values] | None = None
+    """The bound of a physics step [N m] is the level times this, a function of `reads` and `numbers` by name; None: the
+    batched simulator and the engines do not have the law."""
+    reads: tuple[Signal, ...] = ()
+    """What the factor depends on. Without any the bound is written once, and the simulator need not stop at every
+    physics step; `load` costs sensors in every joint."""
+    numbers: tuple[str, ...] = ()
+    """Fields of `Law` that the factor takes."""
+    kept: float = 0.0
+    """Share of the old bound that is left after `KEPT_OVER`."""
+    parameters: tuple[str, ...] = ()
+    """Names in `UNITS` that identification estimates beside inertia and gravity, in its order; none: not a candidate.
+    The columns of a new one are in `identify.regression`, its torques in `identify.model`."""
+    joint: Callable[[Mapping[str, float]], FrictionLaw] | None = None
+    """Makes the exact pieces of one joint from values of `parameters`, and `position_middle` [rad]."""
+
+    @property
+    def loaded(self) -> bool:
+        """Whether it needs to know what a joint transmits."""
+        return "load" in self.reads
+
+
+def stribeck_factor(velocity: Values, static_ratio: Values, stribeck_velocity: Values) -> Values:
+    """Return 1 + (r − 1) exp(−(q'/v_s)²), friction over that at high speed [1]."""
+    return 1.0 + (static_ratio - 1.0) * np.exp(-np.square(velocity / stribeck_velocity))
+
+
+def _asymmetric(of: Mapping[str, float]) -> Asymmetric:
+    """Return friction without what differs between the directions.
+
+    What pushes one way all the time and friction that differs by direction are the same torque: so the law may have
+    less than no friction in one direction, as long as there is friction on the whole. The rest is the joint's offset.
+    """
+    middle = 0.5 * (of["coulomb_friction_forward"] + of["coulomb_friction_backward"])
+    return Asymmetric(middle, middle, of["viscous_friction_forward"], of["viscous_friction_backward"])
+
+
+LAWS: dict[str, LawSpec] = {}
+"""Every law by its name."""
+
+SYMMETRIC = ("viscous_friction", "coulomb_friction", "offset")
+"""Parameters of viscous and Coulomb friction, which nearly every law has."""
+
+KEPT_OVER = 0.005
+"""Time over which `LawSpec.kept` of an old bound is left: the physics step of the training [s]."""
+
+
+def register_law(law: LawSpec) -> LawSpec:
+    """Add a law to the table, before a command or a configuration names it; return it.
+
+    Raises `StictionError` where there is one of that name, nothing can simulate the law, or a parameter has no unit.
+    """
+    if law.name in LAWS:
+        raise ConfigurationError(f"friction law {law.name!r} is there already; give the new one another name")
+    if law.factor is None and law.joint is None:
+        raise ConfigurationError(
+            f"friction law {law.name!r} has neither a factor nor exact pieces; give it one of them"
+        )
+    if unknown := [name for name in law.parameters if name not in UNITS]:
+        raise ConfigurationError(f"friction law {law.name!r}: parameter {unknown[0]!r} has no unit; add it to UNITS")
+    LAWS[law.name] = law
+    return law
+
+
+register_law(
+    LawSpec(
+        name="coulomb",
+        meaning="a torque that depends on neither load nor speed",
+        factor=lambda: 1.0,
+        parameters=SYMMETRIC,
+        joint=lambda of: Coulomb(of["coulomb_friction"]),
+    )
+)
+register_law(
+    LawSpec(
+        name="asymmetric",
+        meaning="a torque that differs between the directions, and so does viscous friction",
+        unit="torque",
+        parameters=(
+            *("viscous_friction_forward", "viscous_friction_backward"),
+            *("coulomb_friction_forward", "coulomb_friction_backward"),
+        ),
+        joint=_asymmetric,
+    )
+)
+register_law(
+    LawSpec(
+        name="stribeck",
+        meaning="a torque, more of it at rest than in motion",
+        label="Stribeck friction in motion",
+        factor=stribeck_factor,
+        reads=("velocity",),
+        numbers=("static_ratio", "stribeck_velocity"),
+        parameters=(*SYMMETRIC, "static_friction", "stribeck_velocity"),
+        joint=lambda of: Stribeck(of["coulomb_friction"], of["static_friction"], of["stribeck_velocity"]),
+    )
+)
+register_law(
+    LawSpec(
+        name="load",
+        meaning="in proportion to the force and torque that the joint transmits",
+        unit="coefficient",
+        label="load friction c, N m per N and N m transmitted",
+        factor=lambda load: load,
+        reads=("load",),
+        # Friction at a joint changes the forces that it transmits, and those, a step later, the friction: a loop that
+        # chatters at a large c. Half of the old bound calms it; more would delay the friction and help the policy.
+        kept=0.5,
+        parameters=(*SYMMETRIC, "load_coefficient"),
+        joint=lambda of: LoadDependent(of["coulomb_friction"], of["load_coefficient"]),
+    )
+)
+register_law(
+    LawSpec(
+        name="effort",
+        meaning="in proportion to the motor's torque",
+        unit="coefficient",
+        label="effort friction c, N m per N m of the motor",
+        factor=lambda torque: np.abs(torque),
+        reads=("torque",),
+    )
+)
+register_law(
+    LawSpec(
+        name="position",
+        meaning="a torque that changes with the joint's angle",
+        unit="torque",
+        parameters=(*SYMMETRIC, "position_slope", "position_curvature"),
+        joint=lambda of: PositionDependent(
+            of["coulomb_friction"], of["position_slope"], of["position_curvature"], of["position_middle"]
+        ),
+    )
+)
+
+MAX_LEVEL = 0.9
+"""Highest friction level: above it hardly any torque is left to move the joint [-]. It bounds coefficients too."""
+
+
+def find_law(name: str) -> LawSpec:
+    """Return the law of a name. Raises `StictionError` where there is none."""
+    if name not in LAWS:
+        raise ConfigurationError(unknown_name("friction law", name, LAWS))
+    return LAWS[name]
+
+
+def simulated_laws() -> tuple[str, ...]:
+    """Return the names of the laws that robots can be simulated with."""
+    return tuple(law.name for law in LAWS.values() if law.factor is not None)
+
+
+def candidate_laws() -> tuple[str, ...]:
+    """Return the names of the laws that identification tries, the simplest first."""
+    candidates = [law for law in LAWS.values() if law.parameters]
+    return tuple(law.name for law in sorted(candidates, key=lambda law: len(law.parameters)))
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law that robots are simulated with, and the numbers that all its levels share."""
+
+    name: str = "coulomb"
+    """One of `simulated_laws`."""
+    static_ratio: float = 1.5
+    """Friction at rest over friction in motion [1], of `stribeck`."""
+    stribeck_velocity: float = 0.1
+    """Speed at which 63 % of that excess is gone [rad/s], of `stribeck`."""
+
+    def __post_init__(self) -> None:
+        """Refuse a law that does not exist, and friction that is lower at rest or never falls."""
+        if self.name not in simulated_laws():
+            raise ConfigurationError(unknown_name("friction law", self.name, simulated_laws()))
+        if not 1 <= self.static_ratio <= 10 or not 0 < self.stribeck_velocity < math.inf:
+            raise ConfigurationError(
+                f"static ratio {self.static_ratio}, Stribeck velocity {self.stribeck_velocity} rad/s: expected a ratio "
+                "in [1, 10] and a positive speed"
+            )
+
+    @property
+    def spec(self) -> LawSpec:
+        """Its row of the table."""
+        return LAWS[self.name]
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Those of its numbers that this law has."""
+        return {name: getattr(self, name) for name in self.spec.numbers}
+
+    def factor(self, **signals: Values) -> Values:
+        """Return what multiplies the level to the bound [N m]; `signals`: at least those that the law reads."""
+        assert self.spec.factor is not None
+        return self.spec.factor(**{name: signals[name] for name in self.spec.reads}, **self.numbers)
+
+
+def has_coefficient(law: str) -> bool:
+    """Say whether the level of a law is a coefficient; of a virtual robot's own friction, `real`, it is a fraction."""
+    return law in LAWS and LAWS[law].unit == "coefficient"
+
+
+def level_text(law: str, level: float) -> str:
+    """Return a level as people read it: `20 %` of the torque limit, or `c = 0.05`."""
+    return f"c = {level:g}" if has_coefficient(law) else f"{100 * level:g} %"
+
+
+def level_number(law: str, level: float) -> float:
+    """Return a level in the unit of `level_axis`: per cent of the torque limit, or the coefficient."""
+    return level if has_coefficient(law) else 100 * level
+
+
+def level_axis(law: str) -> str:
+    """Return the label of an axis of levels."""
+    label = LAWS.get(law, LAWS["coulomb"]).label
+    return label if has_coefficient(law) else f"{label}, % of each joint's torque limit"

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class PDGains:
         """Refuse gains that no controller has."""
         values = (self.kp, self.kd, self.torque_limit, self.strength)
         if any(np.isnan(values)) or self.kp <= 0 or self.kd < 0 or self.torque_limit <= 0 or self.strength <= 0:
-            raise StictionError(
+            raise ConfigurationError(
                 f"gains kp {self.kp}, kd {self.kd}, torque limit {self.torque_limit}, strength {self.strength}: "
                 "kp, torque limit and strength must be positive and kd must not be negative"
             )

@@ -11,11 +11,34 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
 from stiction.joints.friction import FrictionLaw
-from stiction.joints.gravity import Gravity
 from stiction.joints.pd import PDGains, pd_torque
 from stiction.joints.stick_slip import Mechanism, Phase, StickSlip
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """A link that turns about an axis fixed in space: sin · sin θ + cos · cos θ."""
+
+    sin: float
+    """Torque that holds the link at θ = π/2 [N m]; positive for a pendulum that hangs at θ = 0."""
+    cos: float = 0.0
+    """Torque that holds the link at θ = 0 [N m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a weight that is not finite."""
+        if not np.isfinite([self.sin, self.cos]).all():
+            raise ConfigurationError(f"gravity {self.sin} sin + {self.cos} cos: expected finite numbers")
+
+    def torque(self, angle: np.ndarray) -> np.ndarray:
+        """Return the torque that holds the link at `angle` [rad], any shape [N m]."""
+        return self.sin * np.sin(angle) + self.cos * np.cos(angle)
+
+    def slope(self, angle: np.ndarray) -> np.ndarray:
+        """Return the derivative of `torque` with respect to the angle, any shape [N m/rad]."""
+        return self.sin * np.cos(angle) - self.cos * np.sin(angle)
+
 
 SETTLED = 1e-8
 """Change of the path between two passes under which gravity is taken as known [rad]; the next would be far smaller."""
@@ -43,7 +66,7 @@ class Joint:
         """Refuse a joint without inertia."""
         numbers = (self.inertia, self.viscous, self.offset)
         if not self.inertia > 0 or not np.isfinite(numbers).all():
-            raise StictionError(
+            raise ConfigurationError(
                 f"joint with inertia {self.inertia}, viscous friction {self.viscous}, offset {self.offset}: "
                 "expected a positive inertia and finite numbers"
             )
@@ -87,7 +110,7 @@ def simulate(
         if values is not None and (
             np.shape(values) != (len(target),) or len(target) < 2 or not np.isfinite(values).all() or not step > 0
         ):
-            raise StictionError(
+            raise ConfigurationError(
                 f"{name} of shape {np.shape(values)}, step {step} s: expected at least two finite samples, as many as "
                 "of the target, and a positive step"
             )
@@ -139,7 +162,7 @@ def _settle(
             return motion, phases
         if not change < 1e6 * max(1.0, previous):
             break
-    raise StictionError(
+    raise ConfigurationError(
         f"gravity of {gravity.sin:.4g} sin + {gravity.cos:.4g} cos, or friction that depends on the angle, under kp "
         f"{gains.strength * gains.kp:.4g}: the simulation does not settle (its path still changes by {change:.3g} "
         "rad); expected slopes well under kp"

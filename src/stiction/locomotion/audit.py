@@ -18,17 +18,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import torch
 
+from stiction.locomotion.audit_robots import FrictionBench, Stand
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
-from stiction.locomotion.friction_bench import FrictionBench
-from stiction.locomotion.stand import Stand
-from stiction.robots.spec import RobotSpec
+from stiction.robots.model import GRAVITY, RobotSpec
 
 TOLERANCE = 0.1
 """Largest deviation of a share from 1. The physics step and the soft contacts stay well under it."""
-
-GRAVITY = 9.81
-"""[m/s²]."""
 
 AUDIT_LEVEL = 0.1
 """Friction level of the audit where the task names none."""

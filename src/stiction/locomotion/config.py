@@ -8,14 +8,15 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from stiction.formats.actuator import ActuatorNet
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
+from stiction.formats.contract import HISTORY_LENGTH, ObservationLayout, proprioception
 from stiction.formats.known_friction import joint_kinds
-from stiction.formats.observation import HISTORY_LENGTH, ObservationLayout, proprioception
+from stiction.joints.net import ActuatorNet
 from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.rewards import RewardCfg
 from stiction.locomotion.terrain import TerrainCfg
+from stiction.robots.model import DELAY_SAMPLES, RobotSpec
 from stiction.robots.physics import PhysicsCfg
-from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
 
 LONGEST_HISTORY = 200
 """Most frames in o_H: 4 s at 50 Hz. The rollout storage holds every robot's history at every step."""
@@ -32,7 +33,7 @@ def check_spans(owner: object, lowest: dict[str, float]) -> None:
     for name, least in lowest.items():
         low, high = getattr(owner, name)
         if not least <= low <= high:
-            raise StictionError(
+            raise ConfigurationError(
                 f"{name} is the range [{low}, {high}]; expected a lower and an upper end, from {least} on"
             )
 
@@ -78,12 +79,14 @@ class RandomizationCfg:
         free = dict.fromkeys(("payload", "center_of_mass", "encoder_offset"), float("-inf"))
         check_spans(self, positive | dict.fromkeys(NOT_NEGATIVE, 0.0) | free)
         if self.push_interval < 0 or self.push_velocity < 0:
-            raise StictionError(f"push every {self.push_interval} s with {self.push_velocity} m/s: expected at least 0")
+            raise ConfigurationError(
+                f"push every {self.push_interval} s with {self.push_velocity} m/s: expected at least 0"
+            )
 
     def check_robot(self, robot: RobotSpec) -> None:
         """Raise `StictionError` where the ranges do not fit a robot: a payload that takes away more than its trunk."""
         if robot.base.mass + self.payload[0] <= 0:
-            raise StictionError(
+            raise ConfigurationError(
                 f"payload down to {self.payload[0]} kg on a trunk of {robot.base.mass} kg leaves no mass; "
                 "raise the lower end of --task.randomization.payload"
             )
@@ -139,47 +142,10 @@ class CommandCfg:
         """Refuse commands that nobody could draw."""
         check_spans(self, dict.fromkeys(("forward", "sideways", "turn"), float("-inf")))
         if not 0 <= self.standing_share <= 1 or self.interval <= 0:
-            raise StictionError(
+            raise ConfigurationError(
                 f"standing share {self.standing_share}, new commands every {self.interval} s: "
                 "expected a share in [0, 1] and a positive time"
             )
-
-
-@dataclass(frozen=True)
-class RewardCfg:
-    """Weight of each reward term, per second. Tuned without friction in the joints, the same for every method."""
-
-    track_linear: float = 2.0
-    """exp(-|v - v*|² / 0.1) of the horizontal velocity."""
-    track_angular: float = 0.8
-    """exp(-(ω - ω*)² / 0.25) of the yaw rate."""
-    trot: float = 1.0
-    """r_trot of the paper: exactly one contact group stands, literally. Paid while moving is commanded."""
-    unsync: float = -0.6
-    """r_unsync of the paper, as a share of its largest value, over the last 100 steps (2 s, as in the public code
-    that the paper builds on; the paper does not state its H)."""
-    air_time: float = 1.0
-    """Swing time above 0.15 s, capped at 0.35 s, credited at touch-down, while moving is commanded."""
-    vertical_velocity: float = -1.0
-    """Square of the base's vertical speed."""
-    roll_pitch_rate: float = -0.05
-    """Squares of the base's roll and pitch rates."""
-    orientation: float = -2.0
-    """Squares of the horizontal components of the base's up axis."""
-    base_height: float = -10.0
-    """Square of the deviation from the standing height."""
-    torque: float = -0.05
-    """Squares of torque over limit."""
-    joint_acceleration: float = -2.5e-7
-    """Squares of joint acceleration, over one control period."""
-    action_rate: float = -0.01
-    """Squares of the change of action."""
-    hip_deviation: float = -0.3
-    """Squares of the hips' deviation from the standing pose."""
-    stand_still: float = -0.3
-    """Distance of all joints from the standing pose, while standing is commanded."""
-    fall: float = -20.0
-    """Once, when the robot falls (per second like the others: 20 x 0.02 s)."""
 
 
 @dataclass(frozen=True)
@@ -220,25 +186,25 @@ class TaskCfg:
     def __post_init__(self) -> None:
         """Refuse times that do not fit each other, and a history that is none."""
         if not 1 <= self.history <= LONGEST_HISTORY:
-            raise StictionError(f"a history of {self.history} frames: expected 1 to {LONGEST_HISTORY}")
+            raise ConfigurationError(f"a history of {self.history} frames: expected 1 to {LONGEST_HISTORY}")
         if self.slow_means is not None and not self.control_period <= self.slow_means <= SLOWEST:
-            raise StictionError(
+            raise ConfigurationError(
                 f"slow means over {self.slow_means} s: expected from one control period, {self.control_period} s, to "
                 f"{SLOWEST:g} s"
             )
         if self.known_friction and self.friction.method == "none":
-            raise StictionError(
+            raise ConfigurationError(
                 "known_friction with the method 'none': there is no friction in training of which a policy could be "
                 "told; use another --method"
             )
         if not 0 < self.timestep <= 0.02 or self.decimation < 1 or self.episode < self.control_period:
-            raise StictionError(
+            raise ConfigurationError(
                 f"physics step {self.timestep} s, decimation {self.decimation}, episode {self.episode} s: "
                 "expected a step in (0, 0.02], a decimation of at least 1, an episode of a control period or more"
             )
         longest = DELAY_SAMPLES * self.timestep
         if self.randomization.action_delay[1] > longest:
-            raise StictionError(
+            raise ConfigurationError(
                 f"action delay up to {self.randomization.action_delay[1]} s: at steps of {self.timestep} s the "
                 f"model holds delays up to {longest:g} s; use a longer step or a shorter delay"
             )
@@ -247,7 +213,7 @@ class TaskCfg:
         """Raise `StictionError` where an Actuator Net does not fit the robot, the physics step or the friction."""
         net.check_use(robot.name, robot.joint_names, robot.joint_values("torque_limit"), self.timestep)
         if net.torque_source == "output_side" and self.friction.method != "none":
-            raise StictionError(
+            raise ConfigurationError(
                 f"the Actuator Net is of output-side torque, which contains the joints' friction, and the method "
                 f"{self.friction.method!r} would add it again; use --method none, or a net of motor-side torque"
             )

@@ -1,8 +1,4 @@
-"""Where a training run computes: which simulator, and where torch keeps networks and rollouts.
-
-The task itself stays on the host, in NumPy and torch: what it exchanges with the simulator is a few kilobytes a robot
-and control step.
-"""
+"""Where training computes: the simulator, and the torch device beside it."""
 
 from __future__ import annotations
 
@@ -13,7 +9,7 @@ from functools import partial
 import mujoco
 import torch
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import EngineError
 from stiction.sim.native import NativeSimulation
 from stiction.sim.protocol import DeviceName, Simulation
 
@@ -38,14 +34,13 @@ def find_device(name: DeviceName, contacts: int) -> Device:
     """
     if name == "cpu":
         return CPU
-    from stiction.sim.warp import WarpSimulation
-    from stiction.sim.warp_parts import cuda_device
+    from stiction.sim.warp import WarpSimulation, cuda_device
 
     if name == "warp-cpu":
         return Device("cpu", partial(WarpSimulation, contacts=contacts))
     device = cuda_device()
     if not torch.cuda.is_available():
-        raise StictionError(
+        raise EngineError(
             f"torch {torch.__version__} finds no CUDA device, though MuJoCo Warp does; install a build of torch for "
             "your driver (https://pytorch.org), or train with --device cpu"
         )

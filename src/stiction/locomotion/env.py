@@ -1,4 +1,8 @@
-"""The task as an rsl_rl `VecEnv`: commands in, joint targets out, observation groups and rewards back."""
+"""The task as an rsl_rl `VecEnv`: commands in, joint targets out, observation groups and rewards back.
+
+The task itself stays on the host, in NumPy and torch: what it exchanges with the simulator is a few kilobytes a robot
+and control step.
+"""
 
 from __future__ import annotations
 
@@ -9,22 +13,20 @@ import torch
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
-from stiction.formats.actuator import ActuatorNet
 from stiction.formats.known_friction import kind_average
+from stiction.joints.net import ActuatorNet
 from stiction.joints.pd import compensated
-from stiction.locomotion import rewards
 from stiction.locomotion.commands import CommandSampler
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.device import CPU, Device
 from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
-from stiction.locomotion.privileged import FRICTION_UNIT
-from stiction.locomotion.randomization import Randomizer, friction_angle, nominal_joints
+from stiction.locomotion.randomization import FRICTION_UNIT, Randomizer, friction_angle, nominal_joints
+from stiction.locomotion.rewards import Snapshot
 from stiction.locomotion.terrain import SCAN_POINTS, UNDER, Curriculum
 from stiction.robots.catalog import find_robot
-from stiction.sim.actuator import NetMotors
 from stiction.sim.fleet import Fleet
-from stiction.sim.friction import needs_sensors
+from stiction.sim.net_motors import NetMotors
 
 RESET_NOISE = (0.1, 0.3)
 """Half-width of the initial joint angles about standing [rad] and of the base's initial velocity [m/s, rad/s]."""
@@ -73,7 +75,7 @@ class LocomotionEnv(VecEnv):
         self.course = None
         if cfg.terrain.kind != "flat":
             self.course = Curriculum(cfg.terrain, num_envs, np.random.default_rng(seed))
-        terrain, sensors = self.course.terrain if self.course else None, needs_sensors(cfg.friction.joint_law)
+        terrain, sensors = self.course.terrain if self.course else None, cfg.friction.joint_law.spec.loaded
         steps = (cfg.timestep, cfg.decimation)
         self.fleet = Fleet(self.spec, num_envs, *steps, threads, device.backend, terrain, sensors, cfg.physics)
         self.generator = torch.Generator().manual_seed(seed)
@@ -95,8 +97,7 @@ class LocomotionEnv(VecEnv):
         kept = self.layout.slow_kept
         self.slow = None if kept is None else SlowMeans(num_envs, self.num_actions, kept)
         self.unsync = UnsyncWindow(num_envs, len(self.spec.legs))
-        self.terms = [(term, float(getattr(cfg.rewards, term.__name__))) for term in rewards.TERMS]
-        self.terms = [(term, weight) for term, weight in self.terms if weight]
+        self.terms = cfg.rewards.terms
         self.max_episode_length = round(cfg.episode / cfg.control_period)
         self.push_interval = round(cfg.randomization.push_interval / cfg.control_period)
         self.command_interval = round(cfg.commands.interval / cfg.control_period)
@@ -127,10 +128,10 @@ class LocomotionEnv(VecEnv):
         snapshot = self._snapshot(actions, blown_up)
         reward = torch.zeros(self.num_envs)
         means = {}
-        for term, weight in self.terms:
+        for name, (term, weight) in self.terms.items():
             value = weight * term(snapshot)
             reward += value
-            means[f"reward/{term.__name__}"] = value.mean()
+            means[f"reward/{name}"] = value.mean()
         reward = torch.where(blown_up, 0.0, reward * self.cfg.control_period)
         self.last_action = actions
 
@@ -142,7 +143,7 @@ class LocomotionEnv(VecEnv):
             self.course.fall(fallen.numpy(), left.numpy())
             time_outs |= torch.from_numpy(self.course.crossed(self.fleet.base_position[:, :2])) & ~fallen
         dones = fallen | time_outs
-        log = self._log(snapshot, fallen, dones, blown_up)
+        log = self._log(snapshot, fallen, blown_up)
         if self.course:
             log |= {name: torch.tensor(value) for name, value in self.course.figures().items()}
         self._reset(dones.nonzero().flatten())
@@ -156,7 +157,7 @@ class LocomotionEnv(VecEnv):
         self.stage = number
         self.randomizer.enter(self.cfg.friction.schedule[number].mixture, self.generator)
 
-    def _snapshot(self, actions: torch.Tensor, blown_up: torch.Tensor) -> rewards.Snapshot:
+    def _snapshot(self, actions: torch.Tensor, blown_up: torch.Tensor) -> Snapshot:
         """Collect what the rewards see."""
         fleet = self.fleet
         velocity = to_tensor(fleet.joint_velocity)
@@ -169,7 +170,7 @@ class LocomotionEnv(VecEnv):
         self.contact = contact
         quaternion = to_tensor(fleet.base_quaternion)
         w, x, y, z = quaternion.unbind(-1)
-        return rewards.Snapshot(
+        return Snapshot(
             command=self.commands.value,
             moving=self.commands.moving,
             linear_velocity=self.linear_velocity,
@@ -186,9 +187,7 @@ class LocomotionEnv(VecEnv):
             fallen=torch.from_numpy(fleet.fallen()) & ~blown_up,
         )
 
-    def _log(
-        self, snapshot: rewards.Snapshot, fallen: torch.Tensor, dones: torch.Tensor, blown_up: torch.Tensor
-    ) -> dict[str, torch.Tensor]:
+    def _log(self, snapshot: Snapshot, fallen: torch.Tensor, blown_up: torch.Tensor) -> dict[str, torch.Tensor]:
         """Return the figures that tell how the robots walk, as scalars of this step."""
         moving = snapshot.moving.float()
         share = moving.sum().clamp(min=1.0)

@@ -1,25 +1,23 @@
 """Dry friction during training: how much, by which law, and when. No torch, no mujoco.
 
-Every way to train with friction is one *schedule*: stages of the teacher's training, each with a distribution of the
+Every training method is one *schedule*: stages of the teacher's training, each with a distribution of the
 multiplier of the nominal friction. The student, and whoever asks later, meets the last stage.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from tyro.conf import arg
+from tyro.constructors import PrimitiveConstructorSpec
 
-from stiction.formats.errors import StictionError
-from stiction.formats.friction import Law, has_coefficient
-from stiction.robots.spec import RobotSpec
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
+from stiction.robots.model import RobotSpec
 
 FrictionMethod = Literal["none", "direct", "compensation", "finetune", "iterative", "deception"]
-FrictionLaw = Literal["coulomb", "stribeck", "load", "effort"]
-"""See `stiction.sim.friction`."""
-
 Mixture = tuple[tuple[float, float, float], ...]
 """Uniform distributions side by side: (weight, lower end, upper end) of each."""
 
@@ -33,13 +31,32 @@ FRICTION_RANGES: dict[str, tuple[float, float]] = {
     "iterative": (0.8, 1.2),
     "deception": (0.0, 1.2),
 }
-"""Multiplier of the nominal dry friction in the last stage, by way of training.
+"""Multiplier of the nominal dry friction in the last stage, by training method.
 
 `none` is conventional randomisation, the paper's Table II without its friction row. The range that the table gives
 every other joint parameter is that of `direct`, of `compensation` (which adds the nominal friction to the command) and
 of the two that begin without friction: `finetune` meets all of it at once, `iterative` in equal steps. `deception` is
 the table's row: only the lower end moves, to zero.
 """
+
+
+def law_choice() -> Any:
+    """Return what makes text on a command line the name of a law: those of the table when the line is read."""
+    names = simulated_laws()
+    return PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=f"{{{','.join(names)}}}",
+        instance_from_str=lambda words: words[0],
+        is_instance=lambda value: isinstance(value, str),
+        str_from_instance=lambda name: [name],
+        choices=names,
+    )
+
+
+def law_help(words: str, *aliases: str) -> Any:
+    """Return the help of an option that names a law: `words`, then every law of the table; `aliases`: of the option."""
+    meanings = "; ".join(f"{name}: {LAWS[name].meaning}" for name in simulated_laws())
+    return arg(aliases=aliases, help=f"{words} {meanings}.")
 
 
 @dataclass(frozen=True)
@@ -62,13 +79,12 @@ class FrictionCfg:
     """Dry friction in the joints during training: b_c = multiplier x nominal, at rest any value up to the bound."""
 
     method: Annotated[FrictionMethod, arg(aliases=("--method",))] = "deception"
-    """Way to train with friction, see `FRICTION_RANGES`."""
+    """Training method, see `FRICTION_RANGES`."""
     level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
     """Nominal friction. `coulomb`, `stribeck`: as a fraction of each joint's torque limit; None: the value measured for
     the robot, in N m. `load`, `effort`: the law's coefficient."""
-    law: Annotated[FrictionLaw, arg(aliases=("--friction-law",))] = "coulomb"
-    """`coulomb`: a torque that depends on neither load nor speed. `stribeck`: more of it at rest. `load`: c (|F| + |T|)
-    of force [N] and torque [N m] that the joint transmits. `effort`: c |τ| of the motor's torque."""
+    law: Annotated[str, law_choice(), law_help("Law of the dry friction.", "--friction-law")] = "coulomb"
+    """One of `simulated_laws`."""
     per: Literal["robot", "joint"] = "robot"
     """One multiplier for all joints of a robot, or one each. Per robot, some robots have nearly no friction anywhere:
     the paper's explanation of why its wide range works needs exactly those."""
@@ -95,12 +111,12 @@ class FrictionCfg:
         }
         for name, allowed in choices.items():
             if getattr(self, name) not in allowed:
-                raise StictionError(f"friction {name} {getattr(self, name)!r}: expected one of {', '.join(allowed)}")
+                raise ConfigurationError(unknown_name(f"friction {name}", getattr(self, name), allowed))
         _ = self.joint_law
         self._check_level()
         self._check_distribution()
         if not 0 < self.pretraining < 1 or not 1 <= self.steps <= 100:
-            raise StictionError(
+            raise ConfigurationError(
                 f"pretraining {self.pretraining}, {self.steps} steps: expected a share in (0, 1) and 1 to 100 steps"
             )
 
@@ -109,11 +125,11 @@ class FrictionCfg:
         number = self.level is None or (isinstance(self.level, int | float) and not isinstance(self.level, bool))
         if not number or (self.level is not None and not 0.0 <= self.level < 0.8):
             unit = "a coefficient" if has_coefficient(self.law) else "a fraction of the torque limit"
-            raise StictionError(f"friction level {self.level!r}: expected {unit} in [0, 0.8)")
+            raise ConfigurationError(f"friction level {self.level!r}: expected {unit} in [0, 0.8)")
         if self.level is None and has_coefficient(self.law) and self.method != "none":
-            raise StictionError(f"the friction law {self.law!r} needs its coefficient; say --friction-level")
+            raise ConfigurationError(f"the friction law {self.law!r} needs its coefficient; say --friction-level")
         if has_coefficient(self.law) and self.method == "compensation":
-            raise StictionError(
+            raise ConfigurationError(
                 f"the friction law {self.law!r} has no nominal torque that compensation could add; use another method, "
                 "or the law 'coulomb'"
             )
@@ -121,12 +137,14 @@ class FrictionCfg:
     def _check_distribution(self) -> None:
         """Refuse ranges and mixtures that are none."""
         if self.range is not None and self.mixture:
-            raise StictionError("friction range and mixture both say what is drawn; leave one of them out")
+            raise ConfigurationError("friction range and mixture both say what is drawn; leave one of them out")
         if self.method == "none" and (self.range is not None or self.mixture):
-            raise StictionError("the method 'none' has no friction to draw; choose another, or leave out the range")
+            raise ConfigurationError(
+                "the method 'none' has no friction to draw; choose another, or leave out the range"
+            )
         for part in self._final:
             if len(part) != 3 or not (0 < part[0] < float("inf") and 0 <= part[1] <= part[2] <= 10):
-                raise StictionError(
+                raise ConfigurationError(
                     f"friction multipliers {part}: expected a finite weight above 0, and a lower and an upper end in "
                     "[0, 10]"
                 )
@@ -173,12 +191,13 @@ def friction_share(law: str, friction: np.ndarray, spec: RobotSpec) -> np.ndarra
     """Return dry friction as a fraction of each joint's torque limit, shape (..., joints): the same at every level.
 
     Args:
-        law: of the friction. A coefficient of `effort` counts at the full torque of the motor, one of `load` where the
-            joint transmits an even share of the robot's weight and no torque.
+        law: of the friction. A coefficient counts at the full torque of the motor, and where the joint transmits an
+            even share of the robot's weight and no torque.
         friction: torque [N m], or coefficient, of each joint, shape (..., joints).
         spec: the robot.
 
     """
     limit = spec.joint_values("torque_limit")
-    typical = {"effort": limit, "load": spec.weight / len(spec.legs)}.get(law, 1.0)
-    return friction / limit * typical
+    if not has_coefficient(law):
+        return friction / limit
+    return friction / limit * Law(law).factor(velocity=0.0, load=spec.weight / len(spec.legs), torque=limit)

@@ -1,4 +1,4 @@
-"""The paper's gait rewards, r_trot and r_unsync, over two contact groups. Pure functions of tensors."""
+"""Which feet stand together: the quantities of the paper's two gait rewards, of the contacts of N robots."""
 
 from __future__ import annotations
 

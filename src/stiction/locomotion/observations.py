@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from stiction.formats.observation import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
+from stiction.formats.contract import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
 
 
 def roll_pitch(quaternion: torch.Tensor) -> torch.Tensor:

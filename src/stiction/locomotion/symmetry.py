@@ -25,10 +25,10 @@ import torch
 from tensordict import TensorDict
 from torch import nn
 
-from stiction.formats.errors import StictionError
-from stiction.formats.observation import PLACEHOLDERS, Term
+from stiction.core.errors import ConfigurationError, RobotError
+from stiction.formats.contract import PLACEHOLDERS, Term
 from stiction.locomotion.env import LocomotionEnv
-from stiction.locomotion.privileged import MULTIPLIER_UNIT, PRIVILEGED_TERMS
+from stiction.locomotion.randomization import MULTIPLIER_UNIT, PRIVILEGED_TERMS
 from stiction.locomotion.terrain import SCAN_POINTS
 from stiction.robots.mirror import POSITION, ROTATION, RobotMirror, robot_mirror
 
@@ -108,7 +108,9 @@ class TaskMirror(nn.Module):
     def group(self, name: str) -> VectorMirror:
         """Return the mirror of one group. Raises `StictionError` where it has no rule."""
         if name not in self.groups:
-            raise StictionError(f"observation group {name!r} has no mirror rule; those with one: {', '.join(RULES)}")
+            raise ConfigurationError(
+                f"observation group {name!r} has no mirror rule; those with one: {', '.join(RULES)}"
+            )
         found = self.groups[name]
         assert isinstance(found, VectorMirror)
         return found
@@ -126,11 +128,13 @@ def task_mirror(env: LocomotionEnv) -> TaskMirror:
     groups = {}
     for name, value in env.get_observations().items():
         if name not in RULES:
-            raise StictionError(f"observation group {name!r} has no mirror rule; those with one: {', '.join(RULES)}")
+            raise ConfigurationError(
+                f"observation group {name!r} has no mirror rule; those with one: {', '.join(RULES)}"
+            )
         groups[name] = RULES[name](env, mirror)
         size, ruled = value.shape[-1], len(groups[name].index)
         if size != ruled:
-            raise StictionError(f"observation group {name!r} has {size} entries and its mirror rule {ruled}")
+            raise ConfigurationError(f"observation group {name!r} has {size} entries and its mirror rule {ruled}")
     return TaskMirror(groups, Rows(mirror.joints, mirror.sign))
 
 
@@ -141,7 +145,7 @@ def _check_fixed_parts(env: LocomotionEnv, mirror: RobotMirror) -> None:
         angle = env.compensation.numpy()
         image = angle[mirror.joints]
         for number in np.flatnonzero(~np.isclose(angle, image))[:1]:
-            raise StictionError(
+            raise RobotError(
                 f"compensation adds {angle[number]:.4g} rad to joint {names[number]!r} and {image[number]:.4g} to its "
                 f"mirror image {names[mirror.joints[number]]!r}: the task is not symmetric; use --symmetry none"
             )
@@ -149,7 +153,7 @@ def _check_fixed_parts(env: LocomotionEnv, mirror: RobotMirror) -> None:
         number = {name: count for count, group in enumerate(env.motors.net.groups) for name in group}
         for joint, image, sign in zip(names, mirror.joints, mirror.sign, strict=True):
             if number[joint] != number[names[image]] or sign < 0:
-                raise StictionError(
+                raise RobotError(
                     f"the Actuator Net treats joint {joint!r} and its mirror image {names[image]!r} differently; train "
                     "one with both in a group, or use --symmetry none"
                 )
@@ -169,7 +173,9 @@ def _term(term: Term, mirror: RobotMirror) -> Rows:
         "command": np.array([POSITION[0], POSITION[1], ROTATION[2]]),
     }
     if term.name not in rules:
-        raise StictionError(f"observation term {term.name!r} has no mirror rule; those with one: {', '.join(rules)}")
+        raise ConfigurationError(
+            f"observation term {term.name!r} has no mirror rule; those with one: {', '.join(rules)}"
+        )
     return Rows.signed(rules[term.name])
 
 
@@ -206,7 +212,7 @@ def _ratio(name: str, nominal: np.ndarray, joint_names: tuple[str, ...], mirror:
     alone = np.flatnonzero((nominal == 0.0) & (other != 0.0))
     if len(alone):
         joint, image = joint_names[alone[0]], joint_names[mirror.joints[alone[0]]]
-        raise StictionError(
+        raise RobotError(
             f"joint {joint!r} has no nominal {name} and its mirror image {image!r} {other[alone[0]]:g}: no multiplier "
             "makes them equal; identify both, or use --symmetry none"
         )
@@ -224,7 +230,7 @@ def _elevation(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
     reflected = SCAN_POINTS * POSITION[:2]
     distance = np.abs(reflected[:, None] - SCAN_POINTS).max(axis=-1)
     if distance.min(axis=1).max() > 1e-9:
-        raise StictionError("the points of the elevation map are not their own mirror image")
+        raise ConfigurationError("the points of the elevation map are not their own mirror image")
     return Rows.exchanged(distance.argmin(axis=1))
 
 

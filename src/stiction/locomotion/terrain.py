@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal, get_args
 import numpy as np
 from tyro.conf import arg
 
-from stiction.formats.errors import StictionError
-from stiction.sim.terrain import KINDS, REACH, SLABS, Terrain, assign, step_height
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.robots.terrain import KINDS, REACH, SLABS, Terrain, assign, step_height
 
 TerrainName = Literal["flat", "slopes", "rough", "stairs", "mixed"]
 
@@ -75,18 +75,18 @@ class TerrainCfg:
     def __post_init__(self) -> None:
         """Refuse what is no curriculum."""
         if self.kind not in get_args(TerrainName):
-            raise StictionError(f"terrain {self.kind!r}: expected one of {', '.join(get_args(TerrainName))}")
+            raise ConfigurationError(unknown_name("terrain", self.kind, get_args(TerrainName)))
         if not 0 <= self.first_level < self.levels or not 0 <= self.demote_below <= self.promote_above:
-            raise StictionError(
+            raise ConfigurationError(
                 f"{self.levels} terrain levels, the first up to {self.first_level}, demotion under "
                 f"{self.demote_below}, promotion above {self.promote_above}: expected them in that order"
             )
         if not 0 < self.speed[0] <= self.speed[1] <= FASTEST:
-            raise StictionError(
+            raise ConfigurationError(
                 f"speed on terrain {self.speed}: expected a lower and an upper end above 0, up to {FASTEST:g} m/s"
             )
         if not 0 <= self.elevation_noise < 1 or not 0 <= self.heading_gain <= 100:
-            raise StictionError(
+            raise ConfigurationError(
                 f"elevation noise {self.elevation_noise} m, heading gain {self.heading_gain}/s: expected numbers in "
                 "[0, 1) and [0, 100]"
             )

@@ -14,8 +14,7 @@ from stiction.formats.contract import METHODS
 from stiction.formats.following import BAND, LEAST, MOST, row_pace
 from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow
-from stiction.report.evaluation import budget_picture, definitions_table, results_table, run_blocks
-from stiction.report.evaluation_figures import draw_budget
+from stiction.report.evaluation import budget_picture, definitions_table, draw_budget, results_table, run_blocks
 from stiction.report.following import paces_text
 from stiction.report.page import Section, file_uri, paragraph, picture, render_page, row, table
 

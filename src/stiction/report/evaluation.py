@@ -3,26 +3,129 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from stiction.formats.errors import StictionError
-from stiction.formats.folder import make_folder
+from stiction.core.errors import FileError
+from stiction.core.records import make_folder, write_rows
+from stiction.engines.catalog import TIMESTEP
+from stiction.evaluate.metrics import WINDOW
+from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.following import BAND, DEFINITION, LEAST, MOST, following, pace, row_pace
-from stiction.formats.friction import LAWS, has_coefficient, level_text
-from stiction.formats.replication import BOTH, Sample
-from stiction.formats.results import ResultRow, write_results, write_summary
-from stiction.formats.rows import write_rows
-from stiction.report.evaluation_figures import DEFAULT, draw_budget, place_of, place_text, places
+from stiction.formats.results import FOLLOWS, ResultRow, write_results, write_summary
+from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
+from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.following import counts_sheet, judged_text, paces_text
-from stiction.report.page import Section, figure_uri, paragraph, picture, render_page, table
-from stiction.report.replication_methods import sample_text
+from stiction.report.page import (
+    COLORS,
+    INK,
+    Section,
+    Spread,
+    color_of,
+    draw_seeds,
+    figure_uri,
+    legend,
+    new_figure,
+    paragraph,
+    picture,
+    render_page,
+    style_of,
+    table,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+def sample_text(sample: Sample | None, form: str) -> str:
+    """Return a mean with its intervals, a dash where there is none."""
+    if sample is None:
+        return "–"
+    text = format(sample.mean, form)
+    if sample.high is not None:
+        text += f" ± {format(sample.high - sample.mean, form)}"
+    if sample.trials_low is not None and sample.trials_high is not None:
+        text += f" ({sample.trials_low:.0%} to {sample.trials_high:.0%})"
+    return text
+
+
+Place = tuple[str, str]
+"""Engine and ground of a row."""
+
+DEFAULT: Place = ("mujoco", "flat")
+"""Where policies walk unless something else is asked for."""
+
+
+def place_of(row: ResultRow | Sample) -> Place:
+    """Return where a row was walked."""
+    return row.engine, row.terrain
+
+
+def places(rows: Sequence[ResultRow]) -> list[Place]:
+    """Return every place once."""
+    return list(dict.fromkeys(map(place_of, rows)))
+
+
+def place_text(place: Place) -> str:
+    """Return a place as people read it: `physx`, `physx on stairs=0.1`."""
+    engine, terrain = place
+    return engine if terrain == "flat" else f"{engine} on {terrain}"
+
+
+def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), methods: Mapping[str, str] = {}) -> Figure:
+    """Return the friction budget: speed ratio over friction level, a line for each policy or training method.
+
+    A column of panels for each command; a row for each place, and for each law there: their levels have other units.
+    samples: the training methods over their seeds; methods: policy -> its method. Of one with several seeds there is
+    their mean with its interval and every seed, see `draw_seeds`; of any other a line for each policy.
+    """
+    moving = [row for row in rows if row.speed_ratio is not None]
+    lines = list(dict.fromkeys((place_of(row), row.friction_law) for row in moving))
+    columns = list(dict.fromkeys(row.command for row in moving))
+    width, height = max(1, len(columns)), max(1, len(lines))
+    figure, axes = new_figure(height, width, size=(4.6 * width, 3.4 * height))
+    speeds = [sample for sample in samples if sample.column == "speed_ratio"]
+    several = {sample.method for sample in speeds if sample.low is not None}
+    drawn = {row.policy: methods[row.policy] if methods.get(row.policy) in several else row.policy for row in rows}
+    names = list(dict.fromkeys(drawn.values()))
+    for number, axis in enumerate(axes[: len(lines) * len(columns)]):
+        (place, law), command = lines[number // width], columns[number % width]
+        shown = [row for row in moving if (place_of(row), row.friction_law, row.command) == (place, law, command)]
+        axis.set_visible(bool(shown))
+        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+        axis.axhline(0.0, color=INK, linewidth=0.8)
+        own = [one for one in speeds if (place_of(one), one.friction_law, one.command) == (place, law, command)]
+        for name in names:
+            if name in several:
+                draw_seeds(axis, _spreads([one for one in own if one.method == name]), name, names)
+            else:
+                _draw_policy(axis, [row for row in shown if row.policy == name], name, names)
+        where = f"{place_text(place)}, " if places(moving) != [DEFAULT] else ""
+        axis.set(title=f"{where}commanded {command}", xlabel=level_axis(law))
+    if moving:
+        for axis in axes[::width]:
+            axis.set_ylabel("speed reached / commanded")
+        legend(axes[0])
+    return figure
+
+
+def _spreads(samples: Sequence[Sample]) -> list[Spread]:
+    """Return the samples of one way in one panel, by their level."""
+    own = sorted(samples, key=lambda one: one.friction_level)
+    return [Spread(level_number(s.friction_law, s.friction_level), s.mean, s.low, s.high, s.each) for s in own]
+
+
+def _draw_policy(axis: Axes, rows: Sequence[ResultRow], name: str, names: Sequence[str]) -> None:
+    """Draw the rows of one policy in one panel; each has a speed ratio."""
+    points = sorted((level_number(row.friction_law, row.friction_level), row.speed_ratio or 0.0) for row in rows)
+    levels, ratios = [level for level, _ in points], [ratio for _, ratio in points]
+    color, style = color_of(name, names), style_of(name, names)
+    axis.plot(levels, ratios, marker="o", markersize=4, label=name, color=color, linestyle=style)
+
 
 TITLE = "Speed over joint friction"
 """Title of the page."""
@@ -36,7 +139,7 @@ DEFINITIONS = (
         "pace",
         f"follows: {BAND} of the commanded speed, and nobody fell; too slow: under {LEAST}; too fast: over {MOST}",
     ),
-    ("error", "mean distance of velocity and command, over windows of 1 s, in m/s (in rad/s for a pure turn)"),
+    ("error", f"mean distance of velocity and command, over windows of {WINDOW:g} s, in m/s (rad/s for a pure turn)"),
     ("falls", "share of episodes with a fall; a simulation that became unstable counts as one"),
     (
         "jitter",
@@ -69,8 +172,9 @@ VIRTUAL = (
 
 FED_FORWARD = (
     "Policies called +forward are those of that name with dry friction fed forward in the joint controllers: f sat((a "
-    "− θ)/0.05 rad) is added to the motor's torque every 2 ms. f is the law's own level on the robot of the data "
-    "sheet, and on a virtual robot what was identified from the log of that robot's own bench."
+    f"− θ)/{COMPENSATION_WIDTH:g} rad) is added to the motor's torque every {1000 * TIMESTEP:g} ms. f is the law's own "
+    "level on the robot of the data sheet, and on a virtual robot what was identified from the log of that robot's own "
+    "bench."
 )
 """What a policy with friction fed forward is."""
 
@@ -78,17 +182,17 @@ INTERVALS = "In brackets: Wilson's 95 % intervals, over episodes; over robots wh
 """What stands behind a rate."""
 
 MEASURES = {"speed_ratio": ".2f", "tracking_error": ".3f", "fall_rate": ".0%", "joint_jitter": ".0f"}
-"""Columns of the table of ways of training -> how their numbers are written."""
+"""Columns of the table of training methods -> how their numbers are written."""
 
 SAMPLES = (
     "Mean ± 95 % t-interval over training seeds: a seed is one sample, however many episodes it walked; one seed has "
     "none. In brackets behind falls: Wilson's 95 % interval over trials, which are walks, and of virtual robots pairs "
     "of policy and robot. More columns, and every seed's numbers, are in methods.csv."
 )
-"""What stands behind a way of training."""
+"""What stands behind a training method."""
 
 OVER_SEEDS = (
-    "A way of training with several seeds: a point is a seed's mean over episodes, the line the mean over seeds, the "
+    "A training method with several seeds: a point is a seed's mean over episodes, the line the mean over seeds, the "
     "band its 95 % t-interval; circles on a line: one policy, its mean over episodes."
 )
 GREEN = f"The green band is {BAND} of the commanded speed; below zero is the wrong way."
@@ -109,7 +213,7 @@ def write_evaluation(
 ) -> Path:
     """Write every file of an evaluation into `out`; return the path of the page.
 
-    samples: the ways of training over their seeds, for methods.csv, its table and the figure.
+    samples: the training methods over their seeds, for methods.csv, its table and the figure.
 
     Raises:
         StictionError: the directory cannot be made or written.
@@ -130,7 +234,7 @@ def write_evaluation(
             encoding="utf-8",
         )
     except OSError as error:
-        raise StictionError(f"the results cannot be written to {out}: {error}; choose another --out") from error
+        raise FileError(f"the results cannot be written to {out}: {error}; choose another --out") from error
     return page
 
 
@@ -161,12 +265,12 @@ def _follows_where(rows: Sequence[ResultRow]) -> str:
 def sections(
     figure: Figure, rows: Sequence[ResultRow], summary: dict[str, Any], samples: Sequence[Sample] = ()
 ) -> list[Section]:
-    """Return the sections of the page: figure, ways of training, table, definitions, what was run."""
+    """Return the sections of the page: figure, training methods, table, definitions, what was run."""
     found = [Section("Friction budget", (budget_picture(figure, samples),))]
     if any(sample.low is not None for sample in samples):
         counts = following(rows, lambda row: summary["ways"][row.policy])
         found.append(Section("How many training seeds follow", counts_sheet(counts).blocks()))
-        found.append(Section("Ways of training, over their seeds", (methods_table(samples),)))
+        found.append(Section("Training methods, over their seeds", (methods_table(samples),)))
     return [
         *found,
         Section("Every row", (results_table(rows, summary["rows"]), definitions_table())),
@@ -175,7 +279,7 @@ def sections(
 
 
 def methods_table(samples: Sequence[Sample]) -> Markup:
-    """Return what every way of training reached, with intervals, and the speed ratio of every seed."""
+    """Return what every training method reached, with intervals, and the speed ratio of every seed."""
     cells: dict[tuple[str, ...], dict[str, Sample]] = {}
     for one in samples:
         if one.command != BOTH:
@@ -249,7 +353,7 @@ def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
         for name, policy in summary["policies"].items()
     ]
     name = summary["evaluation"].get("friction_law", "coulomb")
-    law = f"law {name}: {LAWS[name]}"
+    law = f"law {name}: {LAWS[name].meaning}"
     evaluation = {name: value for name, value in summary["evaluation"].items() if name != "noise"}
     fixed = [FIXED[name].format(value) for name, value in summary["conditions"].items()]
     where = f"Engines: {', '.join(summary['engines'])}. Grounds: {', '.join(summary['terrains'])}."

@@ -6,79 +6,94 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stiction.formats.following import DEFINITION, LEAST, Following, together
-from stiction.report.replication_methods import friction_text
-from stiction.report.sheet import Sheet
+from stiction.joints.friction import level_text
+from stiction.report.page import Sheet
+
+
+def friction_text(law: str, level: float) -> str:
+    """Return friction as people read it: `20 %`, `c = 0.05`, `bench (1.07 %) and 0.1 of the load`."""
+    base, _, load = law.partition("+load")
+    text = level_text(base, round(level, 4)) if level else "none"
+    text = f"bench ({text})" if base.endswith("-bench") else text
+    return f"{text} and {load} of the load" if load else text
+
 
 NEEDS = "My joint has this much friction: which training follows?"
 
 
 def by_level(cells: Sequence[Following]) -> dict[float, dict[str, list[Following]]]:
-    """Return level -> way -> its cells, levels from low to high, ways in the order of the rows."""
-    ways = list(dict.fromkeys(cell.method for cell in cells))
+    """Return level -> method -> its cells, levels from low to high, methods in the order of the rows."""
+    methods = list(dict.fromkeys(cell.method for cell in cells))
     levels = sorted({cell.friction_level for cell in cells})
     at = {level: [cell for cell in cells if cell.friction_level == level] for level in levels}
-    return {level: {way: [one for one in at[level] if one.method == way] for way in ways} for level in levels}
+    return {
+        level: {method: [one for one in at[level] if one.method == method] for method in methods} for level in levels
+    }
 
 
-def everywhere(ways: Mapping[str, Sequence[Following]]) -> list[str]:
-    """Return the ways that follow with every seed in every place where others were tried at that level too."""
-    places = {cell.engine for own in ways.values() for cell in own}
+def everywhere(methods: Mapping[str, Sequence[Following]]) -> list[str]:
+    """Return the methods that follow with every seed in every place where others were tried at that level too."""
+    places = {cell.engine for own in methods.values() for cell in own}
     return [
-        way
-        for way, own in ways.items()
+        method
+        for method, own in methods.items()
         if own and {cell.engine for cell in own} == places and all(cell.every_seed for cell in own)
     ]
 
 
-def most(ways: Mapping[str, Sequence[Following]]) -> list[str]:
-    """Return the ways of which the largest share of seeds follows, over all places; none where nobody does."""
+def most(methods: Mapping[str, Sequence[Following]]) -> list[str]:
+    """Return the methods of which the largest share of seeds follows, over all places; none where nobody does."""
     shares = {
-        way: sum(cell.follow for cell in own) / sum(cell.seeds for cell in own) for way, own in ways.items() if own
+        method: sum(cell.follow for cell in own) / sum(cell.seeds for cell in own)
+        for method, own in methods.items()
+        if own
     }
     best = max(shares.values(), default=0.0)
-    return [way for way, share in shares.items() if share == best > 0.0]
+    return [method for method, share in shares.items() if share == best > 0.0]
 
 
-def _named(way: str, cells: Sequence[Following]) -> str:
-    """Return a way, and that it has one seed where it does."""
-    return f"{way} (one seed)" if max(cell.seeds for cell in cells) == 1 else way
+def _named(method: str, cells: Sequence[Following]) -> str:
+    """Return a method, and that it has one seed where it does."""
+    return f"{method} (one seed)" if max(cell.seeds for cell in cells) == 1 else method
 
 
 def needs_sheet(cells: Sequence[Following]) -> Sheet:
-    """Return, for every level that was tested, who follows everywhere, and how many seeds of each way over all places.
+    """Return, for every level that was tested, who follows everywhere, and how many seeds of each.
 
     cells: shares of the torque limit, in places where a user's robot may be.
     """
     levels = by_level(cells)
-    own = {way: [cell for cell in cells if cell.method == way] for way in dict.fromkeys(c.method for c in cells)}
+    own = {
+        method: [cell for cell in cells if cell.method == method] for method in dict.fromkeys(c.method for c in cells)
+    }
     rows = []
-    for level, ways in levels.items():
-        sure = ", ".join(_named(way, own[way]) for way in everywhere(ways))
-        counts = (together(ways[way]) if ways[way] else "not tested" for way in own)
+    for level, methods in levels.items():
+        sure = ", ".join(_named(method, own[method]) for method in everywhere(methods))
+        counts = (together(methods[method]) if methods[method] else "not tested" for method in own)
         rows.append((friction_text("coulomb", level), sure or "nobody", *counts))
-    header = ("friction", "every seed, everywhere", *(_named(way, found) for way, found in own.items()))
+    header = ("friction", "every seed, everywhere", *(_named(method, found) for method, found in own.items()))
     note = (
-        f"{DEFINITION} Levels are those that were tested. The columns of ways count pairs of a seed and a place: the "
+        f"{DEFINITION} Levels are those that were tested. Columns of methods count pairs of a seed and a place: the "
         "engines, and the virtual robots, of which a seed is known by its mean over them. One seed is no evidence."
     )
     return Sheet(NEEDS, header, tuple(rows), note)
 
 
 def places_sheet(cells: Sequence[Following]) -> Sheet:
-    """Return how many seeds of each way follow, place by place."""
-    ways = list(dict.fromkeys(cell.method for cell in cells))
+    """Return how many seeds of each method follow, place by place."""
+    methods = list(dict.fromkeys(cell.method for cell in cells))
     at: dict[tuple[float, str], dict[str, Following]] = {}
     for cell in sorted(cells, key=lambda one: one.friction_level):
         at.setdefault((cell.friction_level, cell.engine), {})[cell.method] = cell
     rows = []
     for (level, engine), own in at.items():
-        texts = (own[way].text if way in own else "–" for way in ways)
+        texts = (own[method].text if method in own else "–" for method in methods)
         rows.append((friction_text("coulomb", level), engine, *texts))
-    return Sheet("Who follows, place by place", ("friction", "place", *ways), tuple(rows), DEFINITION)
+    return Sheet("Who follows, place by place", ("friction", "place", *methods), tuple(rows), DEFINITION)
 
 
 def counts_sheet(cells: Sequence[Following]) -> Sheet:
-    """Return how many seeds of each way follow, a row for each engine and friction."""
+    """Return how many seeds of each method follow, a row for each engine and friction."""
     rows = [
         (cell.method, cell.engine, friction_text(cell.friction_law, cell.friction_level), cell.text, cell.each)
         for cell in cells
@@ -88,11 +103,12 @@ def counts_sheet(cells: Sequence[Following]) -> Sheet:
 
 
 def levels_sheet(cells: Sequence[Following], title: str, most_friction: float = 0.3) -> Sheet:
-    """Return how many seeds of each way follow, a column for each level up to `most_friction`; cells: of one place."""
+    """Return how many seeds of each method follow, a column a level up to `most_friction`; cells: of one place."""
     levels = sorted({cell.friction_level for cell in cells if cell.friction_level <= most_friction})
     at = {(cell.method, cell.friction_level): cell.text for cell in cells}
     rows = [
-        (way, *(at.get((way, level), "–") for level in levels)) for way in dict.fromkeys(cell.method for cell in cells)
+        (method, *(at.get((method, level), "–") for level in levels))
+        for method in dict.fromkeys(cell.method for cell in cells)
     ]
     header = ("friction in % of the torque limit", *(f"{100 * level:g}" for level in levels))
     return Sheet(title, header, tuple(rows), DEFINITION)
@@ -112,11 +128,11 @@ def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:
 
 def needs_sentence(cells: Sequence[Following], level: float) -> str:
     """Say who follows at a level: with every seed everywhere, and who does with most seeds. Empty if not tested."""
-    ways = by_level(cells).get(level)
-    if ways is None:
+    methods = by_level(cells).get(level)
+    if methods is None:
         return ""
-    sure = ", ".join(_named(way, ways[way]) for way in everywhere(ways)) or "nobody"
-    best = ", ".join(f"{_named(way, ways[way])}, {together(ways[way])}" for way in most(ways))
+    sure = ", ".join(_named(method, methods[method]) for method in everywhere(methods)) or "nobody"
+    best = ", ".join(f"{_named(method, methods[method])}, {together(methods[method])}" for method in most(methods))
     seeds = f"; the largest share of seeds over all places: {best}" if best else ""
     return f"With {friction_text('coulomb', level)} friction, who follows everywhere with every seed: {sure}{seeds}."
 

@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 from markupsafe import Markup
 
-from stiction.formats.fit import FitSignals
-from stiction.formats.joints import JointRecord
-from stiction.report.labels import axis_units
-from stiction.report.page import COLORS, figure_uri, legend, new_figure, picture
+from stiction.formats.joints import Estimate, FitSignals, JointRecord
+from stiction.report.page import COLORS, axis_units, figure_uri, legend, new_figure, picture
 
 MOST_POINTS = 3000
 """Points drawn per curve; more makes the page heavy and nothing clearer."""
@@ -122,14 +120,17 @@ def overview(records: dict[str, JointRecord]) -> Markup:
     """Draw the dry friction of all joints side by side, with intervals, and its share of the torque limit."""
     figure, axes = new_figure(1, 2, (8.0, 0.6 + 0.28 * len(records)))
     names = list(records)
-    panels = (("dry friction f, or f/k", dry_friction), ("f/τ_max [%]", _ratio))
-    for axis, (label, pick) in zip(axes, panels, strict=True):
+    panels = (
+        ("dry friction f, or f/k", dry_friction, 1.0),
+        ("f/τ_max [%]", lambda record: record.friction_ratio, 100.0),
+    )
+    for axis, (label, pick, factor) in zip(axes, panels, strict=True):
         for place, name in enumerate(names):
             estimate = pick(records[name])
             if estimate is not None:
-                value, low, high = estimate
-                axis.plot([low, high], [place, place], color=COLORS[0], alpha=0.5, linewidth=4)
-                axis.plot([value], [place], "o", color=COLORS[0], markersize=4)
+                shown = estimate.scaled(factor)
+                axis.plot(shown.interval95, [place, place], color=COLORS[0], alpha=0.5, linewidth=4)
+                axis.plot([shown.value], [place], "o", color=COLORS[0], markersize=4)
         axis.set_yticks(range(len(names)), names)
         axis.set_ylim(len(names) - 0.5, -0.5)
         axis.set_xlim(left=0)
@@ -137,16 +138,9 @@ def overview(records: dict[str, JointRecord]) -> Markup:
     return picture(figure_uri(figure), "Dry friction of each joint with its 95 % interval.")
 
 
-def dry_friction(record: JointRecord) -> tuple[float, float, float] | None:
-    """Return dry friction and its interval, over k where newton metres are not known; None where it is not known."""
-    estimate = record.coulomb_friction or record.combinations.get("f/k")
-    return None if estimate is None else (estimate.value, *estimate.interval95)
-
-
-def _ratio(record: JointRecord) -> tuple[float, float, float] | None:
-    """Return the share of the torque limit and its interval in per cent."""
-    ratio = record.friction_ratio
-    return None if ratio is None else (100 * ratio.value, 100 * ratio.interval95[0], 100 * ratio.interval95[1])
+def dry_friction(record: JointRecord) -> Estimate | None:
+    """Return dry friction, over k where newton metres are not known; None where it is not known."""
+    return record.coulomb_friction or record.combinations.get("f/k")
 
 
 def _name(record: JointRecord) -> str:

@@ -15,15 +15,19 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from stiction import __version__
+from stiction.core import records
+from stiction.formats.joints import Estimate, JointRecord
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
 
 INK = "#7d8590"
 """Grey that reads on white and on near-black: axes and labels of the figures, whose background is transparent."""
@@ -71,6 +75,11 @@ def table(header: Sequence[str], rows: Iterable[Sequence[str]], caption: str = "
     cells = [list(row) for row in rows]
     words = [any(map(_is_word, column)) for column in zip_longest([""] * len(header), *cells, fillvalue="")]
     return _block("table", header, cells, words, caption)
+
+
+def row_table(rows: Sequence[Any], caption: str = "") -> Markup:
+    """Return records of one kind, at least one, as a table of the columns that their fields describe."""
+    return table(records.header(rows[0]), map(records.texts, rows), caption)
 
 
 BLANKS = ("", "-", "–", "none", "not known")
@@ -173,3 +182,132 @@ def render_page(title: str, sections: Sequence[Section], lead: str = "", warning
         .get_template("page.html")
         .render(title=title, sections=sections, lead=lead, warnings=warnings, version=__version__)
     )
+
+
+LABELS = {
+    "inertia": ("Inertia I", "kg m²", "kg"),
+    "viscous_friction": ("Viscous friction B", "N m s/rad", "N s/m"),
+    "coulomb_friction": ("Dry (Coulomb) friction f", "N m", "N"),
+    "offset": ("Offset", "N m", "N"),
+    "gravity_sin": ("Gravity, part of sin θ", "N m", "N"),
+    "gravity_cos": ("Gravity, part of cos θ", "N m", "N"),
+    "motor_strength": ("Motor strength k", "1", "1"),
+    "encoder_bias": ("Encoder bias", "rad", "m"),
+    "delay": ("Delay of the controller", "s", "s"),
+    "friction_ratio": ("Friction over torque limit f/τ_max", "1", "1"),
+    "dead_band": ("Dead band f/kp", "rad", "m"),
+    "viscous_friction_forward": ("Viscous friction forward", "N m s/rad", "N s/m"),
+    "viscous_friction_backward": ("Viscous friction backward", "N m s/rad", "N s/m"),
+    "coulomb_friction_forward": ("Dry friction forward", "N m", "N"),
+    "coulomb_friction_backward": ("Dry friction backward", "N m", "N"),
+    "static_friction": ("Static friction", "N m", "N"),
+    "stribeck_velocity": ("Stribeck velocity", "rad/s", "m/s"),
+    "load_coefficient": ("Friction per load", "1", "1"),
+    "position_slope": ("Dry friction per angle from the middle", "N m/rad", "N/m"),
+    "position_curvature": ("and per angle squared", "N m/rad²", "N/m²"),
+}
+"""Quantity -> label, unit of a rotary joint, unit of a linear axis."""
+
+CONDITIONS = {"bare_motor": "bare motor", "in_air": "leg in the air", "loaded": "under load", None: "not stated"}
+
+SOURCES = {
+    "motor_side": "measured on the motor's side (current or command)",
+    "output_side": "behind the gear",
+    None: "not measured; taken from the controller's law",
+}
+
+
+def unit(record: JointRecord, quantity: str) -> str:
+    """Return the unit of a quantity on this kind of axis."""
+    return LABELS[quantity][2 if record.axis == "linear" else 1]
+
+
+def axis_units(record: JointRecord) -> tuple[str, str]:
+    """Return the units of position and torque; torque of unknown strength is in units of the command."""
+    if record.axis == "linear":
+        return "m", "N"
+    if record.torque_source is None:
+        return "rad", "N m of command"
+    known = record.diagnostics.get("strength", {}).get("source") in ("measured", "declared", None)
+    return "rad", "N m" if known else "unit of the torque column"
+
+
+def number(value: float) -> str:
+    """Return a number with four digits."""
+    return f"{value:.4g}"
+
+
+def cells(estimate: Estimate | None) -> list[str]:
+    """Return value, deviation and interval as table cells."""
+    if estimate is None:
+        return ["not known", "", ""]
+    low, high = estimate.interval95
+    return [number(estimate.value), number(estimate.std), f"{number(low)} to {number(high)}"]
+
+
+class Spread(NamedTuple):
+    """What the training seeds reached at one place of the horizontal axis."""
+
+    place: float
+    """Where that is, in the axis' unit."""
+    mean: float
+    """Mean over the seeds."""
+    low: float | None
+    """Lower end of its 95 % t-interval; None for one seed."""
+    high: float | None
+    """Upper end."""
+    each: str
+    """Every seed's, separated by blanks."""
+
+
+def color_of(method: str, methods: Sequence[str]) -> str:
+    """Return the colour of a training method, the same in every figure."""
+    return COLORS[list(methods).index(method) % len(COLORS)]
+
+
+def style_of(method: str, methods: Sequence[str]) -> str:
+    """Return the line style: the second round of colours is dashed."""
+    return "-" if list(methods).index(method) < len(COLORS) else "--"
+
+
+def draw_seeds(axis: Axes, points: Sequence[Spread], method: str, methods: Sequence[str]) -> None:
+    """Draw one training method: the mean as a line, its interval as a band, every seed as a point."""
+    color = color_of(method, methods)
+    mean = [point.mean for point in points]
+    axis.plot(
+        [p.place for p in points], mean, color=color, linestyle=style_of(method, methods), linewidth=1.8, label=method
+    )
+    for point in points:
+        each = [float(one) for one in point.each.split()]
+        axis.plot([point.place] * len(each), each, linestyle="", marker=".", markersize=3, color=color)
+    known = [(point.place, point.low, point.high) for point in points if point.low is not None]
+    if known:
+        middle, low, high = zip(*known, strict=True)
+        axis.fill_between(middle, low, high, color=color, alpha=0.13, linewidth=0)
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table of text with a title."""
+
+    title: str
+    """What it shows."""
+    header: tuple[str, ...]
+    """Names of the columns."""
+    rows: tuple[tuple[str, ...], ...]
+    """The cells."""
+    note: str = ""
+    """What a reader must know."""
+
+    def html(self) -> Markup:
+        """Return it as a block of a page."""
+        return table(self.header, self.rows, self.title)
+
+    def markdown(self) -> str:
+        """Return it as Markdown, a pipe in a cell escaped."""
+        text = records.markdown(self.header, self.rows)
+        return f"**{self.title}**\n\n{text}\n" + (f"\n{self.note}\n" if self.note else "")
+
+    def blocks(self) -> tuple[Markup, ...]:
+        """Return the table and its note as blocks of a page."""
+        return self.html(), *((paragraph(self.note),) if self.note else ())

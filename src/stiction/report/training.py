@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from stiction.formats.errors import StictionError
-from stiction.formats.metrics import read_metrics
-from stiction.report.page import INK, legend, new_figure
+import numpy as np
+
+from stiction.core.errors import FileError
+from stiction.formats.actuator import FILE, ActuatorFit, read_actuator, read_actuator_fit
+from stiction.formats.results import read_metrics
+from stiction.joints.net import INPUT_SETS, ActuatorNet
+from stiction.report.page import INK, Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 
 PANELS: tuple[tuple[str, dict[str, str]], ...] = (
     ("reward a step", {"reward": "reward"}),
@@ -40,7 +50,7 @@ def draw_training(run: Path) -> Path:
     """
     rows = read_metrics(run / "metrics.jsonl")
     if not rows:
-        raise StictionError(f"{run / 'metrics.jsonl'} has no iterations yet; expected a run of `stiction train`")
+        raise FileError(f"{run / 'metrics.jsonl'} has no iterations yet; expected a run of `stiction train`")
     recorded = {name for row in rows for name in row}
     panels = [(label, names) for label, names in PANELS if recorded & names.keys()]
     lines = -(-len(panels) // COLUMNS)
@@ -62,3 +72,129 @@ def draw_training(run: Path) -> Path:
     path = run / "curves.png"
     figure.savefig(path, dpi=120, facecolor="white")
     return path
+
+
+SIDES = {
+    "motor_side": "motor side: the joint's friction is not in it, and a simulation with this net keeps its own",
+    "output_side": "output side: dry and viscous friction are in it, and a simulation with this net drops its own",
+}
+"""Torque source -> what it means for the simulation."""
+
+BASELINE = (
+    "The analytic law beside it is the PD law with the log's own gains, limited, less Coulomb and viscous friction of "
+    "each joint. These were fitted by least squares to the training runs alone, with the share λ of the period after "
+    "which kd acts, as the mean torque over a period has it: 1 in MuJoCo, which takes kd at the period's end. For that "
+    "the law is told the next velocity, which a net has to foresee. Errors are root mean squares over the samples of "
+    "whole runs; runs were kept out as a whole, since windows of one run overlap."
+)
+
+
+def write_actuator_page(folder: Path) -> Path:
+    """Write `report.html` from the files of `stiction train-actuator` in `folder`; return its path."""
+    net, fit = read_actuator(folder / FILE), read_actuator_fit(folder / "fit.npz")
+    try:
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise FileError(f"{folder / 'summary.json'} cannot be read: {error}; run train-actuator again") from error
+    page = folder / "report.html"
+    sections = [
+        Section("Torque, predicted and measured", (picture(figure_uri(_torques(net, fit)), _caption(net)),)),
+        Section("Error by joint", (paragraph(BASELINE), joint_table(summary))),
+        Section("Error by command", (command_table(summary),)),
+        Section("Training", (picture(figure_uri(_losses(net, fit)), "Mean squared error of torque over limit."),)),
+        Section("What was run", (run_table(net, summary), paragraph(f"Command: {net.command}"))),
+    ]
+    page.write_text(render_page("Actuator Net", sections, lead(summary)), encoding="utf-8")
+    return page
+
+
+def lead(summary: dict[str, Any]) -> str:
+    """Return the answer: the error on runs that were kept out, beside that of the analytic law."""
+    net, law = (summary["rmse"]["validation"][name] for name in ("net", "baseline"))
+    if net < 0.9 * law:
+        said = f"{1 - net / law:.0%} less than the PD law with fitted friction"
+    elif net > 1.1 * law:
+        said = f"{net / law - 1:.0%} more than the PD law with fitted friction, which is then the better model"
+    else:
+        said = "about that of the PD law with fitted friction: the net has found nothing that the law lacks"
+    return (
+        f"On runs that it was not fitted to, the net errs by {100 * net:.2f} % of the torque limit, {said} "
+        f"({100 * law:.2f} %). Inputs: {INPUT_SETS[summary['inputs']]}, H = {summary['history']}."
+    )
+
+
+def joint_table(summary: dict[str, Any]) -> Any:
+    """Return the errors of every joint in N m."""
+    header = ["joint", "net, fitted", "net, kept out", "law, fitted", "law, kept out", "f", "B", "λ"]
+    names = (
+        "net_training",
+        "net_validation",
+        "baseline_training",
+        "baseline_validation",
+        "coulomb",
+        "viscous",
+        "later",
+    )
+    rows = [[joint, *(f"{found[name]:.3f}" for name in names)] for joint, found in summary["joints"].items()]
+    return table(header, rows, "Root mean square error in N m; f [N m], B [N m s/rad] and λ of the law.")
+
+
+def command_table(summary: dict[str, Any]) -> Any:
+    """Return the errors of the runs of each command, over the torque limit."""
+    rows = []
+    for label, parts in summary["commands"].items():
+        cells = [
+            f"{100 * parts[part][law]:.2f}" if part in parts else "–"
+            for law in ("net", "baseline")
+            for part in ("training", "validation")
+        ]
+        rows.append([label, *cells])
+    header = ["command", "net, fitted", "net, kept out", "law, fitted", "law, kept out"]
+    return table(header, rows, "Root mean square error, % of the torque limit, all joints.")
+
+
+def run_table(net: ActuatorNet, summary: dict[str, Any]) -> Any:
+    """Return what the net is and what it was fitted to."""
+    rows = [
+        ("robot", net.robot),
+        ("torque", SIDES[net.torque_source]),
+        ("period", f"{net.period:g} s; a simulation that steps by another is refused"),
+        ("weights shared by", "; ".join(", ".join(group) for group in net.groups)),
+        ("runs fitted", ", ".join(net.training)),
+        ("runs kept out", ", ".join(net.validation)),
+        ("settings", json.dumps(summary["config"])),
+        ("revision, seed", f"{net.revision}, {net.seed}"),
+        ("time", f"{summary['seconds']:.0f} s on {summary['machine']['cpu']}"),
+    ]
+    return table(["what", "value"], rows)
+
+
+def _caption(net: ActuatorNet) -> str:
+    """Say what the curves are of."""
+    return f"The end of {next(iter(net.validation))}, which was kept out of the fit; first joint of each group."
+
+
+def _torques(net: ActuatorNet, fit: ActuatorFit) -> Figure:
+    """Draw measured, net and law for one joint of each group."""
+    figure, axes = new_figure(len(net.groups), 1, size=(9.0, 2.0 * len(net.groups) + 0.6))
+    for axis, group in zip(axes, net.groups, strict=True):
+        column = net.joint_names.index(group[0])
+        for name, style in (("measured", "-"), ("net", "--"), ("baseline", ":")):
+            label = "PD law with fitted friction" if name == "baseline" else name
+            axis.plot(fit.time, getattr(fit, name)[:, column], style, linewidth=1.1, label=label)
+        axis.set_ylabel(f"{group[0]} [N m]")
+    axes[-1].set_xlabel("time [s]")
+    legend(axes[0])
+    return figure
+
+
+def _losses(net: ActuatorNet, fit: ActuatorFit) -> Figure:
+    """Draw how the error fell, by group."""
+    figure, axes = new_figure(1, 2, size=(9.0, 2.8))
+    for axis, name in zip(axes, ("loss_training", "loss_validation"), strict=True):
+        for group, values in zip(net.groups, getattr(fit, name), strict=True):
+            label = group[0] if len(group) == 1 else f"{group[0]}, …"
+            axis.semilogy(np.arange(1, len(values) + 1), values, linewidth=1.2, label=label)
+        axis.set(xlabel="epoch", title="runs fitted" if name == "loss_training" else "runs kept out")
+    legend(axes[0])
+    return figure

@@ -8,7 +8,8 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
-from stiction.formats.walk_fit import WalkFit, read_walk_fit
+from stiction.formats.walk import WalkFit, read_walk_fit
+from stiction.report.identification import gather_warnings
 from stiction.report.page import (
     COLORS,
     INK,
@@ -21,12 +22,10 @@ from stiction.report.page import (
     render_page,
     table,
 )
+from stiction.robots.model import JOINT_KINDS
 
 MOST_POINTS = 1500
 """Points drawn per cloud."""
-
-KINDS = ("hip", "thigh", "shank")
-"""Kinds of joints, one panel each."""
 
 
 def write_walking_page(folder: Path) -> Path:
@@ -48,12 +47,11 @@ def write_walking_page(folder: Path) -> Path:
 
 def grouped_warnings(joints: JointsFile) -> list[str]:
     """Return every warning once, with the joints that it is about in front."""
-    owners: dict[str, list[str]] = {}
-    for name, record in joints.joints.items():
-        for text in record.warnings:
-            owners.setdefault(text, []).append(name)
     everyone = len(joints.joints)
-    return [f"{'all joints' if len(names) == everyone else ', '.join(names)}: {text}" for text, names in owners.items()]
+    return [
+        f"{'all joints' if len(names) == everyone else ', '.join(names)}: {text}"
+        for text, names in gather_warnings(joints).items()
+    ]
 
 
 def _kind(name: str) -> str:
@@ -105,7 +103,7 @@ def _values(joints: JointsFile) -> Markup:
 
 def _condition(joints: JointsFile) -> Markup:
     """Say what the numbers rest on."""
-    merged = [name for name in joints.joints if name in KINDS]
+    merged = [name for name in joints.joints if name in JOINT_KINDS]
     note = f" Rows named by kind ({', '.join(merged)}) put the swings of all legs together." if merged else ""
     return paragraph(
         "Dry and viscous friction are those of legs in swing, without load. An interval covers the spread between "
@@ -116,8 +114,8 @@ def _condition(joints: JointsFile) -> Markup:
 
 def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
     """Draw torque without links and rotor against speed, a panel a kind, with the fitted law of each record."""
-    figure, axes = new_figure(1, len(KINDS), (9.0, 3.6))
-    for axis, kind in zip(axes, KINDS, strict=True):
+    figure, axes = new_figure(1, len(JOINT_KINDS), (9.0, 3.6))
+    for axis, kind in zip(axes, JOINT_KINDS, strict=True):
         names = [name for name in fit.swing if _kind(name) == kind]
         for number, name in enumerate(names):
             speed, torque = fit.swing[name]
@@ -161,13 +159,12 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
         for name, record in joints.joints.items()
         if (text := record.diagnostics.get("load", {}).get("refusal", ""))
     }
-    told = dict.fromkeys(reasons.values())
     carried = {
         _kind(name): (values["carried_torque"], Estimate.from_dict(values["carried_friction"], name), record)
         for name, record in joints.joints.items()
         if (values := record.diagnostics.get("load", {})).get("carried_torque") is not None
     }
-    blocks = [paragraph(f"Not known{_of(reasons, text)}: {text}.") for text in told]
+    blocks = [paragraph(f"Not known{_of(reasons, text)}: {text}.") for text in dict.fromkeys(reasons.values())]
     if not fit.load:
         return tuple(blocks)
     blocks += [
@@ -201,7 +198,7 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
 def _of(reasons: dict[str, str], text: str) -> str:
     """Return the kinds that a reason is about, nothing where it is about all."""
     kinds = [kind for kind, reason in reasons.items() if reason == text]
-    return "" if len(kinds) == len(KINDS) else f" for {', '.join(kinds)}s"
+    return "" if len(kinds) == len(JOINT_KINDS) else f" for {', '.join(kinds)}s"
 
 
 def _gait(fit: WalkFit) -> Markup:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import LogError, StictionError
 from stiction.formats.walk import LARGEST_JITTER, is_walk, read_walk
 from stiction.identify.logs.opening import open_log
 
@@ -82,7 +82,7 @@ def _from_walk(path: Path) -> LoggedRun:
     if header.torque_source is None:
         raise _undeclared(path, "declare it in the header's torque_source, or log with evaluate --log-torque")
     if log.joint_torque is None:
-        raise StictionError(f"{path.name}: no joint_torque; an Actuator Net is fitted to measured torque: log it")
+        raise LogError(f"{path.name}: no joint_torque; an Actuator Net is fitted to measured torque: log it")
     return LoggedRun(
         name=path.name,
         sha256=hashlib.sha256(path.read_bytes()).hexdigest(),
@@ -113,12 +113,12 @@ def _from_joints(path: Path) -> LoggedRun:
         for key, values in settings.items():
             number = getattr(setup, key)
             if number is None:
-                raise StictionError(f"{path.name}: no {key} of joint {name!r}; name it in {path.stem}.json beside it")
+                raise LogError(f"{path.name}: no {key} of joint {name!r}; name it in {path.stem}.json beside it")
             values.append(number)
         for key, arrays in columns.items():
             array = getattr(joint, key)
             if array is None:
-                raise StictionError(f"{path.name}: no {key} of joint {name!r}; an Actuator Net needs it: log it")
+                raise LogError(f"{path.name}: no {key} of joint {name!r}; an Actuator Net needs it: log it")
             arrays.append(array)
         sides.add(setup.torque_source)
     side = sides.pop() if len(sides) == 1 else None
@@ -142,7 +142,7 @@ def _period(path: Path, time: np.ndarray) -> float:
     steps = np.diff(time)
     period = float(np.round(np.median(steps), 9)) if len(steps) else 0.0
     if not period > 0 or np.abs(steps / period - 1).max() > LARGEST_JITTER:
-        raise StictionError(
+        raise LogError(
             f"{path.name}: its time does not run evenly; an Actuator Net's window is in samples: resample the log"
         )
     return period
@@ -153,27 +153,25 @@ def check_runs(runs: Sequence[LoggedRun], history: int) -> None:
     first = runs[0]
     for run in runs[1:]:
         if run.joint_names != first.joint_names:
-            raise StictionError(f"{run.name} has other joints than {first.name}; one net is for one kind of robot")
+            raise LogError(f"{run.name} has other joints than {first.name}; one net is for one kind of robot")
         for what, unit in (("period", " s"), ("torque_source", ""), ("robot", "")):
             ours, theirs = getattr(run, what), getattr(first, what)
             if ours != theirs:
-                raise StictionError(
+                raise LogError(
                     f"{run.name}: {what} {ours}{unit}, {first.name}: {theirs}{unit}; fit one net to logs that agree"
                 )
         for what in ("kp", "kd", "torque_limit"):
             if not np.allclose(getattr(run, what), getattr(first, what)):
-                raise StictionError(f"{run.name} has another {what} than {first.name}; fit one net to logs that agree")
+                raise LogError(f"{run.name} has another {what} than {first.name}; fit one net to logs that agree")
     for run in runs:
         if len(run.torque) <= 2 * history + 2:
-            raise StictionError(f"{run.name}: {len(run.torque)} samples for a history of {history}; log for longer")
+            raise LogError(f"{run.name}: {len(run.torque)} samples for a history of {history}; log for longer")
     hashes = [run.sha256 for run in runs]
     if twice := [run.name for run in runs if hashes.count(run.sha256) > 1]:
-        raise StictionError(f"{twice[0]} is there twice; a run that is fitted and kept out would flatter the net")
+        raise LogError(f"{twice[0]} is there twice; a run that is fitted and kept out would flatter the net")
     names = [run.name for run in runs]
     if len(set(names)) < len(names):
-        raise StictionError(
-            f"two logs are called {max(names, key=names.count)!r}; give every run a file name of its own"
-        )
+        raise LogError(f"two logs are called {max(names, key=names.count)!r}; give every run a file name of its own")
 
 
 def split_runs(runs: Sequence[LoggedRun], share: float, seed: int) -> tuple[list[LoggedRun], list[LoggedRun]]:
@@ -183,7 +181,7 @@ def split_runs(runs: Sequence[LoggedRun], share: float, seed: int) -> tuple[list
     matter. Raises `StictionError` for fewer than two runs.
     """
     if len(runs) < 2:
-        raise StictionError(f"{len(runs)} log: expected at least two runs, one of them to be kept out of the fit")
+        raise LogError(f"{len(runs)} log: expected at least two runs, one of them to be kept out of the fit")
     ordered = sorted(runs, key=lambda run: run.name)
     kept = min(max(round(share * len(ordered)), 1), len(ordered) - 1)
     order = np.random.default_rng([seed, len(ordered)]).permutation(len(ordered))

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 
 from tyro.conf import arg
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
 from stiction.robots.physics import EXACT, FAST
 from stiction.sim.protocol import DeviceName
@@ -154,13 +154,13 @@ class StopCfg:
     def __post_init__(self) -> None:
         """Refuse targets that mean nothing."""
         if self.tracking_error is not None and not self.tracking_error > 0:
-            raise StictionError(f"stop.tracking_error is {self.tracking_error}; expected more than 0 m/s")
+            raise ConfigurationError(f"stop.tracking_error is {self.tracking_error}; expected more than 0 m/s")
         if self.iterations < 1 or self.falls < 0:
-            raise StictionError(
+            raise ConfigurationError(
                 f"stop after {self.iterations} iterations with {self.falls} falls a second: expected at least 1 and 0"
             )
         if self.terrain_level is not None and self.tracking_error is None:
-            raise StictionError("stop.terrain_level has no effect by itself; say --stop-at-tracking-error too")
+            raise ConfigurationError("stop.terrain_level has no effect by itself; say --stop-at-tracking-error too")
 
 
 @dataclass(frozen=True)
@@ -199,9 +199,9 @@ class TrainCfg:
     def __post_init__(self) -> None:
         """Refuse what cannot be run, before any folder is made."""
         if self.device not in get_args(DeviceName):
-            raise StictionError(f"device {self.device!r}: expected one of {', '.join(get_args(DeviceName))}")
+            raise ConfigurationError(unknown_name("device", self.device, get_args(DeviceName)))
         if self.device != "cpu" and self.task.physics.plastic:
-            raise StictionError(
+            raise ConfigurationError(
                 f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
                 f"{self.device}, or --physics rows"
             )
@@ -215,21 +215,23 @@ class TrainCfg:
         for name, count in counts.items():
             least = 0 if name == "student.iterations" else 1
             if count < least:
-                raise StictionError(f"{name} is {count}; expected at least {least}")
+                raise ConfigurationError(f"{name} is {count}; expected at least {least}")
         self._check_phases()
         if self.stop.terrain_level is not None and self.task.terrain.kind == "flat":
-            raise StictionError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
+            raise ConfigurationError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
         if self.video_every < 0:
-            raise StictionError(f"video_every is {self.video_every}; expected a number of iterations, or 0 for none")
+            raise ConfigurationError(
+                f"video_every is {self.video_every}; expected a number of iterations, or 0 for none"
+            )
         for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
             samples = self.num_envs * cfg.steps
             if samples < max(cfg.mini_batches, 2 * self.teacher.mini_batches * (self.symmetry == "half")):
-                raise StictionError(
+                raise ConfigurationError(
                     f"{phase}: {samples} samples a rollout for {cfg.mini_batches} mini-batches; use more robots"
                 )
         rates = (self.teacher.learning_rate, self.teacher.adaptation_learning_rate, self.student.learning_rate)
         if min(rates) <= 0 or self.seed < 0:
-            raise StictionError(
+            raise ConfigurationError(
                 f"learning rates {rates}, seed {self.seed}: expected positive rates and a seed of at least 0"
             )
 
@@ -237,39 +239,61 @@ class TrainCfg:
         """Refuse phases that nobody could mean."""
         teacher, student = self.teacher, self.student
         if student.iterations == 0 and teacher.latent != "history" and self.task.terrain.kind != "flat":
-            raise StictionError("student.iterations is 0, and on terrain a teacher that sees the ground is no student")
+            raise ConfigurationError(
+                "student.iterations is 0, and on terrain a teacher that sees the ground is no student"
+            )
         if self.task.terrain.kind != "flat" and (teacher.latent == "history" or student.algorithm == "ppo"):
-            raise StictionError(
+            raise ConfigurationError(
                 f"on terrain {self.task.terrain.kind!r} one phase, and PPO on the student, have no encoder of the "
                 "ground to learn from; use --preset two-phase"
             )
         if teacher.latent == "history" and student.iterations and student.algorithm == "distill":
-            raise StictionError(
+            raise ConfigurationError(
                 f"with --teacher.latent history there is no teacher to distil for {student.iterations} iterations; "
                 "use --student.iterations 0, or --student.algorithm ppo"
             )
         if teacher.latent == "history" and teacher.both_ways:
-            raise StictionError("with --teacher.latent history there is no z for L_ada to train; leave both_ways out")
+            raise ConfigurationError(
+                "with --teacher.latent history there is no z for L_ada to train; leave both_ways out"
+            )
         if not 0.0 < teacher.student_share < 1.0:
-            raise StictionError(f"teacher.student_share is {teacher.student_share}; expected a share between 0 and 1")
+            raise ConfigurationError(
+                f"teacher.student_share is {teacher.student_share}; expected a share between 0 and 1"
+            )
         low, high = STD_RANGE
         for name, std in (("teacher.final_std", teacher.final_std), ("network.initial_std", self.network.initial_std)):
             if std is not None and not low <= std <= high:
-                raise StictionError(f"{name} is {std}; expected a standard deviation from {low} to {high}")
+                raise ConfigurationError(f"{name} is {std}; expected a standard deviation from {low} to {high}")
         if teacher.final_std is not None and teacher.final_std > self.network.initial_std:
-            raise StictionError(
+            raise ConfigurationError(
                 f"teacher.final_std {teacher.final_std} is above network.initial_std {self.network.initial_std}: noise "
                 "falls, it does not grow"
             )
         if not teacher.velocity_weight > 0:
-            raise StictionError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
+            raise ConfigurationError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
+
+    def check_effects(self) -> None:
+        """Refuse settings that would have no effect. Runs that were started with some before are read still."""
+        teacher, student = self.teacher, self.student
+        for name in ("noise", "epochs"):
+            given = getattr(student, name)
+            if student.algorithm == "ppo" and given != getattr(StudentCfg(), name):
+                raise ConfigurationError(
+                    f"--student.{name} {given} is of distillation and has no effect with --student.algorithm ppo; "
+                    "leave it out"
+                )
+        if teacher.latent != "groups" and teacher.student_share != TeacherCfg().student_share:
+            raise ConfigurationError(
+                f"--teacher.student-share {teacher.student_share:g} has no effect with --teacher.latent "
+                f"{teacher.latent}; leave it out, or say --teacher.latent groups"
+            )
 
     def _check_symmetry(self) -> None:
         """Refuse a symmetry that is none, and one that would need half a pass."""
         if self.symmetry not in get_args(SymmetryName):
-            raise StictionError(f"symmetry {self.symmetry!r}: expected one of {', '.join(get_args(SymmetryName))}")
+            raise ConfigurationError(unknown_name("symmetry", self.symmetry, get_args(SymmetryName)))
         if self.symmetry == "half" and self.teacher.epochs % 2:
-            raise StictionError(
+            raise ConfigurationError(
                 f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"
             )
 

@@ -9,6 +9,7 @@ from rsl_rl.algorithms import Distillation
 from tensordict import TensorDict
 from torch import nn
 
+from stiction.rma.config import StudentCfg
 from stiction.rma.models import RMAActor
 from stiction.rma.quick import take_rows
 from stiction.rma.symmetry import MirroredBatches
@@ -29,18 +30,21 @@ class StudentDistillation(Distillation):
     def __init__(
         self,
         *args: Any,
-        num_mini_batches: int = 4,
-        adaptation_weight: float = 0.1,
-        estimator_weight: float = 0.5,
+        settings: StudentCfg,
         velocity_weight: float = 1.0,
-        noise: str = "all",
         **kwargs: Any,
     ) -> None:
-        """Set the weights beside L_clone; arguments as in `StudentCfg`."""
+        """Set the weights beside L_clone.
+
+        Args:
+            args: of `Distillation`.
+            settings: of the phase; what `Distillation` itself has of it is among `kwargs`.
+            velocity_weight: as in `TeacherCfg`.
+            kwargs: of `Distillation`.
+
+        """
         super().__init__(*args, **kwargs)
-        self.num_mini_batches = num_mini_batches
-        self.adaptation_weight, self.estimator_weight = adaptation_weight, estimator_weight
-        self.velocity_weight, self.noise = velocity_weight, noise
+        self.settings, self.velocity_weight = settings, velocity_weight
         self.noise_share = self._draw_noise(self.storage.num_envs)
         self.student.latent_source, self.teacher.latent_source = "history", "privileged"
         self.student.end_to_end = self.student.blind = True
@@ -48,7 +52,7 @@ class StudentDistillation(Distillation):
     def _draw_noise(self, num: int) -> torch.Tensor:
         """Return the share of the exploration noise with which each robot walks, (num, 1)."""
         shares = {"all": torch.ones(num), "none": torch.zeros(num), "half": torch.arange(num) % 2.0}
-        share = torch.rand(num) if self.noise == "drawn" else shares[self.noise]
+        share = torch.rand(num) if self.settings.noise == "drawn" else shares[self.settings.noise]
         return share[:, None].to(self.device)
 
     def act(self, obs: TensorDict) -> torch.Tensor:
@@ -69,21 +73,23 @@ class StudentDistillation(Distillation):
         observations = self.storage.observations.flatten(0, 1)
         labels = self.storage.privileged_actions.flatten(0, 1)
         total: dict[str, float] = {}
-        updates = self.num_learning_epochs * self.num_mini_batches
-        for _ in range(self.num_learning_epochs):
-            for ids in torch.randperm(len(labels), device=self.device).chunk(self.num_mini_batches):
+        settings = self.settings
+        updates = settings.epochs * settings.mini_batches
+        for _ in range(settings.epochs):
+            for ids in torch.randperm(len(labels), device=self.device).chunk(settings.mini_batches):
                 batch, wanted = take_rows(observations, ids), labels[ids]
                 if self.symmetry is not None:
                     batch, wanted = self.symmetry.supervised(batch, wanted)
                 losses = {"clone": self.loss_fn(self.student(batch), wanted)}
                 losses |= self.student.supervised_losses(batch, self.velocity_weight)
-                loss = losses["clone"] + self.adaptation_weight * losses["adaptation"]
-                loss = loss + self.estimator_weight * losses["estimator"]
+                loss = losses["clone"] + settings.adaptation_weight * losses["adaptation"]
+                loss = loss + settings.estimator_weight * losses["estimator"]
                 if "terrain" in losses:
-                    loss = loss + self.adaptation_weight * losses["terrain"]
+                    loss = loss + settings.adaptation_weight * losses["terrain"]
                 self.optimizer.zero_grad()
                 loss.backward()
-                nn.utils.clip_grad_norm_(self.student.parameters(), self.max_grad_norm or 1.0)
+                if self.max_grad_norm is not None:
+                    nn.utils.clip_grad_norm_(self.student.parameters(), self.max_grad_norm)
                 self.optimizer.step()
                 for name, value in losses.items():
                     total[name] = total.get(name, 0.0) + value.item() / updates

@@ -20,7 +20,7 @@ import torch
 from rsl_rl.modules import Distribution
 from torch import nn
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
 from stiction.locomotion.symmetry import Rows, TaskMirror, VectorMirror
 from stiction.rma.models import HistoryEncoder, RMAActor, RMACritic
 
@@ -70,7 +70,7 @@ def make_equivariant(model: RMAActor | RMACritic, mirror: TaskMirror) -> None:
     for name, layer in model.named_modules():
         trained = any(True for _ in layer.parameters(recurse=False))
         if trained and not isinstance(layer, EquivariantLinear | Distribution):
-            raise StictionError(
+            raise ConfigurationError(
                 f"{type(model).__name__}: the layer {name!r} has no rule for --symmetry network; use batches or half"
             )
 
@@ -93,7 +93,9 @@ def halves(size: int) -> Rows:
     Raises `StictionError` where they are odd in number.
     """
     if size % 2:
-        raise StictionError(f"a layer of {size} units has no left and right half; --symmetry network needs even sizes")
+        raise ConfigurationError(
+            f"a layer of {size} units has no left and right half; --symmetry network needs even sizes"
+        )
     return Rows.exchanged(np.roll(np.arange(size), size // 2))
 
 
@@ -120,7 +122,7 @@ def _encoder(encoder: nn.Module, rows: dict[str, Rows], out: Rows) -> None:
     """Make an encoder of the history symmetric: every frame is mirrored for itself."""
     assert isinstance(encoder, HistoryEncoder)
     if encoder.memory is not None:
-        raise StictionError("a recurrent encoder has no rule for --symmetry network; use batches or half")
+        raise ConfigurationError("a recurrent encoder has no rule for --symmetry network; use batches or half")
     width = _last(encoder.embed).out_features
     frames = _first(encoder.mlp).in_features // width
     _mlp(encoder.embed, rows["proprioception"], halves(width))

@@ -15,18 +15,15 @@ from typing import Any
 import torch
 from rsl_rl.runners import OnPolicyRunner
 
-from stiction.formats.errors import StictionError
-from stiction.formats.gemm import gemm_path
+from stiction.core.errors import TrainingError
+from stiction.core.gemm import gemm_path
 from stiction.locomotion.env import LocomotionEnv
-from stiction.rma.board import Board
-from stiction.rma.checkpoint import keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.rma.config import StopCfg
-from stiction.rma.figures import RolloutFigures, adaptation_figures, friction_figures
-from stiction.rma.health import Diagnosis, Health
+from stiction.rma.figures import Board, RolloutFigures, adaptation_figures, friction_figures
+from stiction.rma.health import Diagnosis, EarlyStop, Health
 from stiction.rma.ppo import AdaptationPPO
 from stiction.rma.quick import quicken
-from stiction.rma.run import RunDirectory
-from stiction.rma.stop import EarlyStop
+from stiction.rma.run import RunDirectory, keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.rma.symmetry import make_symmetric
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
@@ -36,7 +33,7 @@ Film = Callable[[str, int, Path], None]
 """Called with phase, iteration and a checkpoint that is due to be filmed."""
 
 
-class Interrupted(StictionError):
+class Interrupted(TrainingError):
     """The run was asked to stop, and did so with a checkpoint."""
 
 
@@ -163,7 +160,7 @@ class PhaseRunner(OnPolicyRunner):
         row = {name: round(value, 6) for name, value in figures.items()}
         diagnosis = self.health.check(it, row)
         if diagnosis is not None:
-            raise StictionError(self._describe(diagnosis))
+            raise TrainingError(self._describe(diagnosis))
         self.stopped = self.early_stop.check(row, it)
         self.run.log({"phase": self.phase, "iteration": it, **row})
         self.board.add(it, figures)
@@ -227,7 +224,7 @@ class PhaseRunner(OnPolicyRunner):
             self._restore(path, tree)
         except (KeyError, ValueError, RuntimeError) as error:  # a part that is missing, of another shape, another net
             said, first = str(error).strip().splitlines()[0], self.run.header()["revision"].partition("+")[0]
-            raise StictionError(
+            raise TrainingError(
                 f"checkpoint {path} cannot be restored by this version ({type(error).__name__}: {said}); "
                 f"finish the run with revision {first}, which began it, or train again"
             ) from error
@@ -240,10 +237,12 @@ class PhaseRunner(OnPolicyRunner):
                 "the result will not be that of an uninterrupted run bit by bit",
                 stacklevel=2,
             )
-        if (tree.get("gemm", gemm_path()) == "fast") != (gemm_path() == "fast"):
+        # Before there was a fast path, checkpoints did not say which one they were written on.
+        written = tree.get("gemm", "default (none was recorded)")
+        if (written == "fast") != (gemm_path() == "fast"):
             warnings.warn(
-                f"{path.name} was written on the path {tree['gemm']!r} of matrix products and continues on "
-                f"{gemm_path()!r}: the result will not be that of an uninterrupted run bit by bit",
+                f"{path.name} was written on the path {written!r} of matrix products and continues on {gemm_path()!r}: "
+                "the numbers will differ from those of an uninterrupted run",
                 stacklevel=2,
             )
         self.alg.load(tree["algorithm"], None, True)

@@ -11,7 +11,7 @@ from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 from torch import nn
 
-from stiction.rma.config import STD_RANGE
+from stiction.rma.config import STD_RANGE, TeacherCfg
 from stiction.rma.models import RMAActor
 from stiction.rma.quick import take_rows
 from stiction.rma.symmetry import MirroredBatches
@@ -41,42 +41,39 @@ class AdaptationPPO(PPO):
     def __init__(
         self,
         *args: Any,
-        latent: str = "alternate",
-        student_share: float = 0.25,
-        both_ways: bool = False,
-        alternate: int = 4,
+        settings: TeacherCfg,
         noise: tuple[float, float, int] | None = None,
-        adaptation_learning_rate: float = 1e-3,
-        adaptation_batches: int = 4,
-        adaptation_passes: int = 1,
-        velocity_weight: float = 1.0,
         **kwargs: Any,
     ) -> None:
-        """Add the supervised losses to `PPO`; arguments as in `TeacherCfg`.
+        """Add the supervised losses to `PPO`.
 
-        `noise`: bound of the standard deviation at the start and at the end, and the iterations in between.
+        Args:
+            args: of `PPO`.
+            settings: of the phase; what `PPO` itself has of it is among `kwargs`.
+            noise: bound of the standard deviation at the start and at the end, and the iterations in between.
+            kwargs: of `PPO`.
+
         """
         super().__init__(*args, **kwargs)
-        self.latent, self.alternate, self.both_ways, self.noise = latent, alternate, both_ways, noise
-        self.adaptation_batches, self.adaptation_passes = adaptation_batches, adaptation_passes
-        self.velocity_weight = velocity_weight
+        self.settings, self.noise = settings, noise
         stored = self.storage.observations[0]
         self.room = {name: stored[name].clone() for name in REMEMBERED if name in stored.keys()}  # noqa: SIM118
-        if latent == "groups":
-            blind = evenly_spread(self.storage.num_envs, student_share)
+        if settings.latent == "groups":
+            blind = evenly_spread(self.storage.num_envs, settings.student_share)
             self.room["walks_blind"] = blind.float()[:, None].to(self.device)
         self.iteration = 0
         self.kl = 0.0
-        self.actor.adapts = latent == "history"
+        self.actor.adapts = settings.latent == "history"
         policy = chain(self.actor.policy_parameters(), self.critic.parameters())
         self.optimizer = torch.optim.Adam(policy, lr=self.learning_rate)
-        self.adaptation_optimizer = torch.optim.Adam(self._supervised_parameters(), lr=adaptation_learning_rate)
+        supervised = self._supervised_parameters()
+        self.adaptation_optimizer = torch.optim.Adam(supervised, lr=settings.adaptation_learning_rate)
         self._prepare_rollout()
 
     @staticmethod
     def construct_algorithm(obs: TensorDict, env: VecEnv, cfg: dict, device: str) -> PPO:
         """Construct the algorithm, with room in its storage for what the actor remembers of a rollout."""
-        latent, source = cfg["actor"]["latent"], cfg["algorithm"].get("latent", "alternate")
+        latent, source = cfg["actor"]["latent"], cfg["algorithm"]["settings"].latent
         columns = {"estimate": obs["explicit"].shape[-1]}
         if source != "history":
             columns |= {"guess": latent}
@@ -111,9 +108,10 @@ class AdaptationPPO(PPO):
 
     def _prepare_rollout(self) -> None:
         """Set where the next rollout's latent comes from, and how much noise it may have."""
-        in_turn = self.alternate > 0 and self.iteration % self.alternate == self.alternate - 1
+        every = self.settings.alternate
+        in_turn = every > 0 and self.iteration % every == every - 1
         alternating = "history" if in_turn else "privileged"
-        self.actor.latent_source = {"alternate": alternating}.get(self.latent, self.latent)
+        self.actor.latent_source = {"alternate": alternating}.get(self.settings.latent, self.settings.latent)
         if self.noise is not None:
             start, end, iterations = self.noise
             done = min(1.0, self.iteration / max(1, iterations - 1))
@@ -133,7 +131,7 @@ class AdaptationPPO(PPO):
 
     def _supervised_parameters(self) -> list[nn.Parameter]:
         """Return what the supervised pass trains."""
-        privileged = self.actor.privileged_encoder.parameters() if self.both_ways else ()
+        privileged = self.actor.privileged_encoder.parameters() if self.settings.both_ways else ()
         return [*self.actor.supervised_parameters(), *privileged]
 
     def _supervise(self) -> dict[str, float]:
@@ -143,13 +141,14 @@ class AdaptationPPO(PPO):
         """
         observations = self.storage.observations.flatten(0, 1)
         total: dict[str, float] = {}
-        steps = self.adaptation_passes * self.adaptation_batches
-        for _ in range(self.adaptation_passes):
-            for ids in torch.randperm(observations.batch_size[0], device=self.device).chunk(self.adaptation_batches):
+        passes, batches = self.settings.adaptation_passes, self.settings.adaptation_batches
+        steps = passes * batches
+        for _ in range(passes):
+            for ids in torch.randperm(observations.batch_size[0], device=self.device).chunk(batches):
                 batch = take_rows(observations, ids)
                 if self.symmetry is not None:
                     batch, _ = self.symmetry.supervised(batch)
-                losses = self.actor.supervised_losses(batch, self.velocity_weight, self.both_ways)
+                losses = self.actor.supervised_losses(batch, self.settings.velocity_weight, self.settings.both_ways)
                 self.adaptation_optimizer.zero_grad()
                 torch.stack(list(losses.values())).sum().backward()
                 nn.utils.clip_grad_norm_(self._supervised_parameters(), self.max_grad_norm)

@@ -19,7 +19,7 @@ from rsl_rl.storage import RolloutStorage
 from tensordict import TensorDict
 from torch import nn
 
-from stiction.formats.gemm import gemm_path
+from stiction.core.gemm import gemm_path
 
 
 def take_rows(values: TensorDict, ids: torch.Tensor) -> TensorDict:

@@ -11,15 +11,114 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
 
-from stiction.formats.actuator import FILE, ActuatorNet, actuator_file, read_actuator
-from stiction.formats.configuration import from_plain, to_plain
-from stiction.formats.errors import StictionError
-from stiction.formats.metrics import read_metrics
-from stiction.formats.reproducibility import git_revision, machine
-from stiction.rma.checkpoint import latest_checkpoint, write_json
+from stiction.core.cache import publish
+from stiction.core.errors import FileError, TrainingError
+from stiction.core.provenance import git_revision, machine
+from stiction.core.records import from_plain, to_plain
+from stiction.formats.actuator import FILE, actuator_file, read_actuator
+from stiction.formats.results import read_metrics
+from stiction.joints.net import ActuatorNet
 from stiction.rma.config import TrainCfg
 from stiction.robots.catalog import find_robot
+
+_TENSOR = "__tensor__"
+
+
+def _split(tree: Any, name: str, tensors: dict[str, torch.Tensor]) -> Any:
+    """Move the tensors and arrays of a nested structure into `tensors`; return the rest with references to them."""
+    if isinstance(tree, np.ndarray):
+        tree = torch.from_numpy(tree)
+    if isinstance(tree, torch.Tensor):
+        tensors[name] = tree.detach().cpu().clone().contiguous()
+        return {_TENSOR: name}
+    if isinstance(tree, dict):
+        # JSON keys are strings; optimizers number their parameters.
+        return {
+            "__dict__": [
+                [key, _split(value, f"{name}.{key}" if name else str(key), tensors)] for key, value in tree.items()
+            ]
+        }
+    if isinstance(tree, list | tuple):
+        return [_split(value, f"{name}.{index}", tensors) for index, value in enumerate(tree)]
+    return tree
+
+
+def _join(tree: Any, tensors: dict[str, torch.Tensor]) -> Any:
+    """Undo `_split`."""
+    if isinstance(tree, dict):
+        if _TENSOR in tree:
+            return tensors[tree[_TENSOR]]
+        return {key: _join(value, tensors) for key, value in tree["__dict__"]}
+    if isinstance(tree, list):
+        return [_join(value, tensors) for value in tree]
+    return tree
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write JSON atomically."""
+    with publish(path) as partial:
+        partial.write_text(json.dumps(data, indent=1) + "\n")
+
+
+def save_checkpoint(path: Path, tree: dict[str, Any]) -> None:
+    """Write `tree` as `path` (.safetensors) and a .json beside it.
+
+    The JSON is written last and names what must be there: a checkpoint without it was cut off, and does not count.
+    """
+    tensors: dict[str, torch.Tensor] = {}
+    rest = _split(tree, "", tensors)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    # A header from an earlier try would vouch for tensors that are not its own.
+    path.with_suffix(".json").unlink(missing_ok=True)
+    with publish(path) as partial:
+        try:
+            save_file(tensors, partial)
+        except SafetensorError as error:
+            raise OSError(f"{partial}: {error}") from error
+    write_json(path.with_suffix(".json"), {"tensors": len(tensors), "tree": rest})
+
+
+def load_checkpoint(path: Path) -> dict[str, Any]:
+    """Read what `save_checkpoint` wrote. Raises `StictionError` where a file is missing, cut off or altered."""
+    try:
+        header = json.loads(path.with_suffix(".json").read_text())
+        # A copy each: in the file they lie unaligned, and the linear algebra rounds by how its numbers lie in memory.
+        tensors = {name: tensor.clone() for name, tensor in load_file(path).items()}
+        if len(tensors) != header["tensors"]:
+            raise TrainingError(
+                f"checkpoint {path}: {len(tensors)} tensors, expected {header['tensors']}; it is incomplete"
+            )
+        tree = _join(header["tree"], tensors)
+    except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
+        raise TrainingError(
+            f"checkpoint {path} cannot be read: {error}; remove it to go on from the one before it, or train again"
+        ) from error
+    if not isinstance(tree, dict):
+        raise TrainingError(f"checkpoint {path}: holds no named parts; it was not written by this program")
+    return tree
+
+
+def latest_checkpoint(folder: Path, phase: str) -> Path | None:
+    """Return the newest complete checkpoint of a phase (`teacher` or `student`), or None."""
+    return max(_complete(folder, phase), default=None)
+
+
+def _complete(folder: Path, phase: str) -> list[Path]:
+    """Return the complete checkpoints of a phase, oldest first."""
+    return sorted(path for path in folder.glob(f"{phase}_*.safetensors") if path.with_suffix(".json").exists())
+
+
+def keep_newest(folder: Path, phase: str, keep: int = 2) -> None:
+    """Delete all but the newest complete checkpoints of a phase, and what a kill left incomplete."""
+    kept = _complete(folder, phase)[-keep:]
+    for path in folder.glob(f"{phase}_*.safetensors"):
+        if path not in kept:
+            path.with_suffix(".json").unlink(missing_ok=True)
+            path.unlink()
 
 
 class RunDirectory:
@@ -38,7 +137,7 @@ class RunDirectory:
         Raises `StictionError` where a run is there already, or the net cannot be read or does not fit the task.
         """
         if (path / "config.json").exists():
-            raise StictionError(
+            raise TrainingError(
                 f"{path} holds a run already; resume it with --resume, or name another folder with --out"
             )
         run = cls(path)
@@ -54,9 +153,7 @@ class RunDirectory:
                 (path / FILE).write_bytes(actuator_file(Path(cfg.actuator)).read_bytes())
             write_json(path / "config.json", header | {"config": to_plain(cfg)})
         except OSError as error:
-            raise StictionError(
-                f"the run's folder {path} cannot be made: {error.strerror}; name another --out"
-            ) from error
+            raise FileError(f"the run's folder {path} cannot be made: {error.strerror}; name another --out") from error
         return run
 
     def actuator(self) -> ActuatorNet | None:
@@ -69,7 +166,7 @@ class RunDirectory:
             return None
         net = read_actuator(self.path / FILE)
         if hashlib.sha256((self.path / FILE).read_bytes()).hexdigest() != recorded["sha256"]:
-            raise StictionError(f"{self.path / FILE} is not the net that the run was started with; put that one back")
+            raise TrainingError(f"{self.path / FILE} is not the net that the run was started with; put that one back")
         return net
 
     def header(self) -> dict[str, Any]:
@@ -78,11 +175,9 @@ class RunDirectory:
         try:
             data = json.loads(file.read_text())
         except (OSError, ValueError) as error:
-            raise StictionError(
-                f"{file} cannot be read: {error}; expected a folder that `stiction train` made"
-            ) from error
+            raise FileError(f"{file} cannot be read: {error}; expected a folder that `stiction train` made") from error
         if not isinstance(data, dict) or "config" not in data:
-            raise StictionError(f"{file}: holds no 'config'; expected a folder that `stiction train` made")
+            raise FileError(f"{file}: holds no 'config'; expected a folder that `stiction train` made")
         return data
 
     def config(self) -> TrainCfg:
@@ -102,7 +197,7 @@ class RunDirectory:
         try:
             return dict(json.loads(file.read_text()))
         except (OSError, ValueError, TypeError) as error:
-            raise StictionError(f"{file} cannot be read: {error}; remove it and finish the run again") from error
+            raise FileError(f"{file} cannot be read: {error}; remove it and finish the run again") from error
 
     def check_finished(self, phase: str) -> None:
         """Raise `StictionError` unless a phase, `teacher` or `student`, has a checkpoint of its last iteration.
@@ -115,7 +210,7 @@ class RunDirectory:
         iterations = self.summary().get("stopped", {}).get(phase, {}).get("iteration", iterations)
         stands = int(newest.stem.rpartition("_")[2]) if newest else 0
         if newest is None or stands != iterations:
-            raise StictionError(
+            raise TrainingError(
                 f"{self.path} is not finished, its {phase} stands at iteration {stands} of {iterations}; "
                 f"finish it with `stiction train --resume {self.path}`"
             )
@@ -126,7 +221,7 @@ class RunDirectory:
         try:
             yield
         except OSError as error:
-            raise StictionError(
+            raise FileError(
                 f"the run {self.path} cannot be written: {error}; make room or name the right owner, then "
                 f"`stiction train --resume {self.path}` goes on from the last checkpoint"
             ) from error
@@ -140,7 +235,7 @@ class RunDirectory:
         """Return the SHA-256 of the newest checkpoint of the student. Raises `StictionError` where there is none."""
         newest = latest_checkpoint(self.checkpoints, "student")
         if newest is None:
-            raise StictionError(f"{self.path} has no student yet; finish it with `stiction train --resume {self.path}`")
+            raise TrainingError(f"{self.path} has no student yet; finish it with `stiction train --resume {self.path}`")
         return hashlib.sha256(newest.read_bytes()).hexdigest()
 
     def log(self, row: dict[str, Any]) -> None:
@@ -162,9 +257,8 @@ class RunDirectory:
         """Drop the figures of iterations that will be run again, and a last line that a kill cut off."""
         order = {"teacher": 0, "student": 1}
         kept = [row for row in self.rows() if (order[row["phase"]], row["iteration"]) <= (order[phase], iteration)]
-        temporary = self.metrics.with_suffix(".tmp")
-        temporary.write_text("".join(json.dumps(row) + "\n" for row in kept))
-        temporary.replace(self.metrics)
+        with publish(self.metrics) as partial:
+            partial.write_text("".join(json.dumps(row) + "\n" for row in kept))
 
     def finish(self, figures: dict[str, Any]) -> None:
         """Write summary.json: the last figures, what made them, and where."""

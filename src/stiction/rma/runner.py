@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from stiction.formats.errors import StictionError
-from stiction.formats.reproducibility import num_threads, stream_seed
+from stiction.core.errors import TrainingError
+from stiction.core.provenance import num_threads, stream_seed
 from stiction.locomotion.device import find_device
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.symmetry import task_mirror
-from stiction.rma.board import Board
-from stiction.rma.checkpoint import latest_checkpoint, load_checkpoint
 from stiction.rma.config import STD_RANGE, TrainCfg
 from stiction.rma.equivariant import make_dense, make_equivariant
+from stiction.rma.figures import Board
 from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.phase import Film, PhaseRunner, Progress
-from stiction.rma.run import RunDirectory
+from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
 
 QUIET_FROM = 0.75
 """Share of the first phase after which the noise has fallen to `TeacherCfg.final_std`: the rest of it learns to walk as
@@ -79,9 +79,7 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
         },
         "algorithm": {
             "class_name": "stiction.rma.ppo:AdaptationPPO",
-            "latent": teacher.latent if first else "history",
-            "student_share": teacher.student_share,
-            "both_ways": teacher.both_ways and first,
+            "settings": teacher if first else replace(teacher, latent="history", both_ways=False),
             "noise": noise,
             "num_learning_epochs": teacher.epochs // fewer,
             "num_mini_batches": teacher.mini_batches * fewer,
@@ -90,11 +88,6 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
             "entropy_coef": teacher.entropy,
             "gamma": teacher.gamma,
             "lam": teacher.gae_lambda,
-            "alternate": teacher.alternate,
-            "adaptation_learning_rate": teacher.adaptation_learning_rate,
-            "adaptation_batches": teacher.adaptation_batches,
-            "adaptation_passes": teacher.adaptation_passes,
-            "velocity_weight": teacher.velocity_weight,
         },
     }
 
@@ -109,14 +102,11 @@ def distillation_cfg(cfg: TrainCfg) -> dict[str, Any]:
         **_models(cfg, "student", "teacher", loudest=cfg.teacher.final_std or STD_RANGE[1]),
         "algorithm": {
             "class_name": "stiction.rma.distillation:StudentDistillation",
-            "num_learning_epochs": student.epochs,
-            "num_mini_batches": student.mini_batches,
+            "settings": student,
             "gradient_length": student.steps,
+            "max_grad_norm": 1.0,
             "learning_rate": student.learning_rate,
-            "adaptation_weight": student.adaptation_weight,
-            "estimator_weight": student.estimator_weight,
             "velocity_weight": cfg.teacher.velocity_weight,
-            "noise": student.noise,
         },
     }
 
@@ -237,7 +227,7 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
     """
     path = checkpoint or latest_checkpoint(run.checkpoints, phase)
     if path is None:
-        raise StictionError(f"{run.path} has no {phase} yet; finish it with `stiction train --resume {run.path}`")
+        raise TrainingError(f"{run.path} has no {phase} yet; finish it with `stiction train --resume {run.path}`")
     cfg = run.config()
     state = load_checkpoint(path)["algorithm"]
     state = state["actor_state_dict" if "actor_state_dict" in state else "student_state_dict"]

@@ -1,1 +1,1 @@
-"""Floor 1: what a robot is (NumPy), and its MuJoCo model (`build` alone)."""
+"""What a robot is (NumPy), and its MuJoCo model (`box_legs` alone)."""

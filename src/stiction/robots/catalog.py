@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import importlib
 import pkgutil
 import re
 from dataclasses import replace
 
 import stiction.robots as shipped
-from stiction.formats.errors import StictionError
-from stiction.robots.spec import JointSpec, RobotSpec
+from stiction.core.errors import RobotError, unknown_name
+from stiction.core.plugins import find_named
+from stiction.robots.model import JointSpec, RobotSpec
 
 VARIATIONS = ("kp", "torque")
 """What `NAME@...` can multiply: gains, torque limits."""
@@ -17,8 +17,9 @@ VARIATIONS = ("kp", "torque")
 
 def robot_names() -> list[str]:
     """Return the names of the shipped robots: the modules beside this one that define `ROBOT`."""
+    others = ("box_legs", "catalog", "mirror", "model", "physics", "terrain", "tree")
     names = (module.name for module in pkgutil.iter_modules(shipped.__path__))
-    return [name for name in names if name not in ("spec", "links", "mirror", "colors", "catalog", "build", "physics")]
+    return [name for name in names if name not in others]
 
 
 def find_robot(name: str) -> RobotSpec:
@@ -40,7 +41,7 @@ def vary(robot: RobotSpec, name: str, variation: str) -> RobotSpec:
         key, _, value = part.partition("=")
         number = re.fullmatch(r"[0-9]*\.?[0-9]+", value) is not None and 0.01 <= float(value) <= 100
         if key not in VARIATIONS or key in factors or not number:
-            raise StictionError(
+            raise RobotError(
                 f"robot {name!r}: {part!r} is no variation; expected {' or '.join(VARIATIONS)}, each at most once, "
                 "with a factor from 0.01 to 100, as in saturn_lite@kp=0.5,torque=2"
             )
@@ -67,19 +68,10 @@ def _find(name: str) -> RobotSpec:
     module_name, _, variable = name.partition(":")
     if not variable and "." not in name:
         if name not in robot_names():
-            raise StictionError(
-                f"robot {name!r} is unknown; shipped are {', '.join(robot_names())}; "
-                "name one of your own as package.module:VARIABLE"
-            )
+            message = unknown_name("robot", name, robot_names())
+            raise RobotError(f"{message}; name one of your own as package.module:VARIABLE")
         module_name = f"stiction.robots.{name}"
-    try:
-        module = importlib.import_module(module_name)
-    except (ImportError, ValueError, TypeError) as error:
-        raise StictionError(
-            f"robot {name!r}: the module {module_name!r} cannot be imported: {error}; "
-            "install it, or name its folder in PYTHONPATH"
-        ) from error
-    robot = getattr(module, variable or "ROBOT", None)
+    robot = find_named("robot", f"{module_name}:{variable or 'ROBOT'}")
     if not isinstance(robot, RobotSpec):
-        raise StictionError(f"robot {name!r}: {module_name}.{variable or 'ROBOT'} is not a RobotSpec")
+        raise RobotError(f"robot {name!r}: {module_name}:{variable or 'ROBOT'} is not a RobotSpec")
     return robot

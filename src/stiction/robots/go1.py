@@ -9,7 +9,7 @@ s/rad.
 
 from dataclasses import replace
 
-from stiction.robots.spec import JointSpec, LegSpec, LinkSpec, RobotSpec
+from stiction.robots.model import JointSpec, LegSpec, LinkSpec, RobotSpec
 
 _HIP = JointSpec(
     torque_limit=23.7,

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
-from stiction.robots.links import Link, links
-from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
+from stiction.core.errors import RobotError, StictionError
+from stiction.robots.model import JOINTS_PER_LEG, RobotSpec
+from stiction.robots.tree import Link, links
 
 POSITION = np.array([1.0, -1.0, 1.0])
 """What the reflection does to positions, velocities and forces."""
@@ -54,7 +54,7 @@ def robot_mirror(robot: RobotSpec) -> RobotMirror:
         _check_values(robot, joints, sign)
         feet = _match_feet(robot, joints)
     except StictionError as error:
-        raise StictionError(f"robot {robot.name!r} has no left-right mirror: {error}; use --symmetry none") from error
+        raise RobotError(f"robot {robot.name!r} has no left-right mirror: {error}; use --symmetry none") from error
     return RobotMirror(joints, sign, feet)
 
 
@@ -75,7 +75,7 @@ def match_links(tree: Sequence[Link]) -> tuple[np.ndarray, np.ndarray]:
         found = [(other, _agree(link, tree[other])) for other in candidates]
         found = [(other, agreement) for other, agreement in found if agreement]
         if len(found) != 1:
-            raise StictionError(
+            raise RobotError(
                 f"joint {link.joint!r} at {place[number].round(4).tolist()} m, axis {link.axis.tolist()}: "
                 f"{len(found)} joints are at {(POSITION * place[number]).round(4).tolist()} m with a mirrored axis and "
                 "a link of mirrored mass, centre and inertia; expected one"
@@ -107,7 +107,7 @@ def _check_values(robot: RobotSpec, image: np.ndarray, sign: np.ndarray) -> None
         wrong = np.flatnonzero(~np.isclose(value, mirrored[name]))
         if len(wrong):
             joint, other = robot.joint_names[wrong[0]], robot.joint_names[image[wrong[0]]]
-            raise StictionError(
+            raise RobotError(
                 f"joint {joint!r} has {name} {value[wrong[0]]:g}, the mirror image of {other!r} "
                 f"{mirrored[name][wrong[0]]:g}"
             )
@@ -123,7 +123,7 @@ def _match_feet(robot: RobotSpec, image: np.ndarray) -> np.ndarray:
     changed = groups != groups[feet]
     if changed.any() and not changed.all():
         leg = robot.foot_names[int(np.flatnonzero(changed)[0])]
-        raise StictionError(
+        raise RobotError(
             f"foot {leg!r} and its mirror image are in different contact groups, while others share theirs; the "
             "mirrored gait is another gait"
         )

@@ -20,7 +20,7 @@ from typing import Annotated, Literal, get_args
 
 from tyro.conf import arg
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError, unknown_name
 
 FrictionPhysics = Literal["rows", "plastic"]
 """Ways to hold a joint, see above."""
@@ -32,9 +32,8 @@ SOLVERS: dict[FrictionPhysics, tuple[Solver, int]] = {"rows": ("newton", 100), "
 
 FRICTION_D0 = 0.999
 """Impedance of the dry-friction constraint. Below its limit a joint creeps at (τ/J)(1 - d0)/d0 · timeconst/2.
-Measured under 90 % of a friction of 30 % of the torque limit, time constant two steps, the fastest joint of either
-robot: 0.0032 rad/s at steps of 5 ms, 0.0064 rad/s at 10 ms; with MuJoCo's default 0.9, 0.35 rad/s. The default
-simulates 1.4 times faster."""
+With a time constant of two steps that is some thousandths of a rad/s; with MuJoCo's default of 0.9, which simulates
+faster, a hundred times more."""
 
 SMALLEST_YIELD = 1e-9
 """Yield of a joint without friction [rad]: MuJoCo takes 0 for a spring that never yields."""
@@ -63,16 +62,16 @@ class PhysicsCfg:
             ("solver", self.solver or "newton", get_args(Solver)),
         ):
             if value not in names:
-                raise StictionError(f"physics.{name} is {value!r}; expected one of {', '.join(names)}")
+                raise ConfigurationError(unknown_name(f"physics.{name}", value, names))
         if not 0 < self.impedance < 1:
-            raise StictionError(f"physics.impedance is {self.impedance}; expected a number in (0, 1)")
+            raise ConfigurationError(f"physics.impedance is {self.impedance}; expected a number in (0, 1)")
         if not self.stiffness > 0 or self.solver_iterations < 1:
-            raise StictionError(
+            raise ConfigurationError(
                 f"physics: stiffness {self.stiffness} N m/rad, {self.solver_iterations} iterations; "
                 "expected a positive stiffness and at least one iteration"
             )
         if self.friction == "rows" and self.solver_name != "newton":
-            raise StictionError(
+            raise ConfigurationError(
                 f"physics.solver {self.solver!r} does not converge on rows of joint friction; "
                 "use it with --physics plastic"
             )

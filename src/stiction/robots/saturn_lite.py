@@ -12,13 +12,13 @@ III). It gives neither geometry, nor gains, nor the other joints' friction. Thos
 * Gains. With kp 60 N m/rad the machine, left alone in its standing pose and without friction, sags 0.37 rad and
   pitches up by 0.17 rad: its weight nearly outruns the springs. kp 100 holds it within 0.15 rad. kd 2.5 N m s/rad
   damps the unloaded leg to about half of critical. Both were set with no friction in the joints and are the same for
-  every way of training.
+  every training method.
 * Standing pose. Feet 2 cm behind the hip joints, under the centre of mass (the knees point backward).
 """
 
 from dataclasses import replace
 
-from stiction.robots.spec import JointSpec, LegSpec, LinkSpec, RobotSpec
+from stiction.robots.model import JointSpec, LegSpec, LinkSpec, RobotSpec
 
 _HIP = JointSpec(
     torque_limit=25.0,

@@ -11,30 +11,18 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from stiction.formats.errors import StictionError
-from stiction.robots.build import build_model
+from stiction.core.errors import ConfigurationError
+from stiction.core.rotation import about, into_frames, yaws
+from stiction.robots.box_legs import build_model
+from stiction.robots.model import DELAY_SAMPLES, RobotSpec, leans_too_far, too_low
 from stiction.robots.physics import EXACT, PhysicsCfg
-from stiction.robots.spec import DELAY_SAMPLES, RobotSpec
-from stiction.sim.fall import tilted, too_low
+from stiction.robots.terrain import Terrain
 from stiction.sim.native import NativeSimulation
 from stiction.sim.protocol import Simulation
 from stiction.sim.slider import Slider
-from stiction.sim.terrain import Terrain
 
 BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
-
-
-def rotate_inverse(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Express world vectors in the base frame. `quaternion`: w, x, y, z, shape (N, 4); `vector`: shape (N, 3)."""
-    w, axis = quaternion[:, :1], quaternion[:, 1:]
-    return vector + 2.0 * _cross(axis, _cross(axis, vector) - w * vector)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return a x b, (N, 3): to the bit that of `np.cross`, in half its time."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), -1)
 
 
 class Fleet:
@@ -69,7 +57,7 @@ class Fleet:
         ground without; `joint_sensors`: measure `joint_load`; `physics`: how dry friction is simulated.
         """
         if num_envs < 1 or decimation < 1 or not 0 < timestep <= 0.02:
-            raise StictionError(
+            raise ConfigurationError(
                 f"fleet of {num_envs} robots, physics step {timestep} s, decimation {decimation}: "
                 "expected at least one robot, one step, and a step of at most 0.02 s"
             )
@@ -131,13 +119,12 @@ class Fleet:
     @property
     def base_linear_velocity(self) -> np.ndarray:
         """Velocity of the base's origin in the base frame [m/s], shape (N, 3); a copy."""
-        return rotate_inverse(self.base_quaternion, self.qvel[:, :3])
+        return into_frames(self.base_quaternion, self.qvel[:, :3])
 
     @property
     def yaw(self) -> np.ndarray:
         """Heading of the base in the world [rad], shape (N,); a copy."""
-        w, x, y, z = self.base_quaternion.T
-        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return yaws(self.base_quaternion)
 
     @property
     def foot_contact(self) -> np.ndarray:
@@ -272,9 +259,7 @@ class Fleet:
         if position is not None:
             self.base_position[ids, :2] = position
         if heading is not None:
-            self.base_quaternion[ids] = 0.0
-            self.base_quaternion[ids, 0] = np.cos(heading / 2)
-            self.base_quaternion[ids, 3] = np.sin(heading / 2)
+            self.base_quaternion[ids] = about(2, heading)
         if velocity is not None:
             self.qvel[ids, :6] = velocity
         if self._slider is not None:
@@ -285,7 +270,7 @@ class Fleet:
     def fallen(self) -> np.ndarray:
         """Return whether each robot lies or is about to, shape (N,)."""
         height = self.base_position[:, 2] - self.ground
-        return tilted(self.base_quaternion) | too_low(height, self.spec.standing_height)
+        return leans_too_far(self.base_quaternion) | too_low(height, self.spec.standing_height)
 
     def set_gravity(self, gravity: tuple[float, float, float]) -> None:
         """Set gravity [m/s²] for every robot: off for a bench test, tilted to find a height."""

@@ -1,4 +1,4 @@
-"""What a batched physics backend must do. MuJoCo's field names are the vocabulary of every backend."""
+"""What every backend of the simulation can do: many robots, one clock. No mujoco."""
 
 from __future__ import annotations
 

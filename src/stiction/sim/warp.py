@@ -4,6 +4,9 @@ It also runs on Warp's own processor device, six to ten times slower than `nativ
 it where there is no GPU. What differs from `native`: the numbers are float32; the solver's tolerance is 1e-6 at best;
 the reset robots' derived fields are those of the *nominal* robot in the standing pose; and on a GPU sums are taken in
 any order, so that runs are not reproducible bit by bit.
+
+The task reads and writes NumPy; the physics runs in float32 elsewhere. A control step of a robot moves two or three
+kilobytes each way, half of them its delay lines.
 """
 
 from __future__ import annotations
@@ -16,10 +19,108 @@ import mujoco_warp as mjw
 import numpy as np
 import warp as wp
 
-from stiction.formats.errors import StictionError
-from stiction.sim.mirror import Mirror
+from stiction.core.errors import EngineError
 from stiction.sim.native import STATE, out_of_bounds
-from stiction.sim.warp_parts import delay_stamps, keep_others, place_still, restart_clocks, rows_of, rows_per_contact
+
+
+class Mirror:
+    """One device array and its host twin: float64 where the device has floats, else the device's own type.
+
+    A value that came from the device goes back as the same bits: float32 to float64 and back loses nothing.
+    """
+
+    def __init__(self, device: wp.array, shape: tuple[int, ...]) -> None:
+        """Copy the device array. `shape`: of the host twin, (num, ...) as MuJoCo has it."""
+        values = device.numpy()
+        self.device, self._device_shape, self._device_type = device, values.shape, values.dtype
+        values = values.reshape(shape)
+        self.host = values.astype(np.float64) if values.dtype == np.float32 else values.copy()
+        self._synced = self.host.copy()
+
+    @property
+    def view(self) -> np.ndarray:
+        """The host twin for who may only read it."""
+        view = self.host.view()
+        view.flags.writeable = False
+        return view
+
+    def upload(self, always: bool = False) -> None:
+        """Bring the device up to the host, where the caller changed anything since they last agreed, or `always`."""
+        if always or not np.array_equal(self.host, self._synced):
+            self.device.assign(self.host.astype(self._device_type).reshape(self._device_shape))
+            self._synced[...] = self.host
+
+    def download(self) -> None:
+        """Bring the host up to the device."""
+        self.host[...] = self.device.numpy().reshape(self.host.shape)
+        self._synced[...] = self.host
+
+    def agree(self, ids: np.ndarray, values: np.ndarray) -> None:
+        """Note that both sides hold `values` for the simulations `ids`, because the device was set so by itself."""
+        self.host[ids] = values
+        self._synced[ids] = values
+
+
+@wp.kernel(enable_backward=False)
+def restart_clocks(stamps: wp.array[int], time: wp.array[float], history: wp.array2d[float]):
+    """Count the delay lines' time stamps from now."""
+    world, k = wp.tid()
+    history[world, stamps[k]] = history[world, stamps[k]] - time[world]
+
+
+@wp.kernel(enable_backward=False)
+def keep_others(key: wp.array[int], before: wp.array2d[float], after: wp.array2d[float]):
+    """Undo a change in the worlds whose key is not 0."""
+    world, k = wp.tid()
+    if key[world] != 0:
+        after[world, k] = before[world, k]
+
+
+@wp.kernel(enable_backward=False)
+def place_still(
+    still: wp.array[int],
+    position: wp.array2d[wp.vec3],
+    quaternion: wp.array2d[wp.quat],
+    place: wp.array2d[wp.vec3],
+    turn: wp.array2d[wp.mat33],
+):
+    """Put the geoms of the world itself where the model has them; Warp does so only once, before the first step."""
+    world, k = wp.tid()
+    geom = still[k]
+    q = quaternion[world % quaternion.shape[0], geom]
+    # MuJoCo's order is w, x, y, z, Warp's own is x, y, z, w.
+    turn[world, geom] = wp.quat_to_matrix(wp.quat(q[1], q[2], q[3], q[0]))
+    place[world, geom] = position[world % position.shape[0], geom]
+
+
+def rows_of(array: wp.array) -> wp.array:
+    """Return an array of floats or vectors as (num, floats a world), on the same memory."""
+    width = array.size * wp.types.type_size_in_bytes(array.dtype) // 4 // array.shape[0]
+    return wp.array(ptr=array.ptr, dtype=float, shape=(array.shape[0], width), device=array.device)
+
+
+def delay_stamps(model: mujoco.MjModel) -> np.ndarray:
+    """Return the columns of `history` that hold times: each delay line is two numbers, its times, its values."""
+    starts = np.concatenate((model.actuator_historyadr, model.sensor_historyadr))
+    counts = np.concatenate((model.actuator_history[:, 0], model.sensor_history[:, 0]))
+    return np.concatenate([start + 2 + np.arange(count) for start, count in zip(starts, counts, strict=True)])
+
+
+def rows_per_contact(model: mujoco.MjModel) -> int:
+    """Return how many rows of the solver one contact takes at most."""
+    largest = int(model.geom_condim.max(initial=1))
+    return max(1, 2 * (largest - 1)) if model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL else largest
+
+
+def cuda_device() -> str:
+    """Return the name of Warp's first CUDA device. Raises `StictionError` where it has none."""
+    if not wp.is_cuda_available():
+        raise EngineError(
+            "MuJoCo Warp finds no CUDA device (no NVIDIA driver, or none that this machine lets it see); "
+            "train with --device cpu"
+        )
+    return "cuda:0"
+
 
 # Warp greets on standard output, and says there which kernels it compiles; that belongs to --json.
 wp.config.log_level = wp.LOG_WARNING
@@ -139,7 +240,7 @@ class WarpSimulation:
         Raises `StictionError` for a field that has not been seen to act.
         """
         if name not in FIELDS:
-            raise StictionError(
+            raise EngineError(
                 f"the model field {name!r} cannot differ by robot on the GPU backend, only: {', '.join(FIELDS)}; "
                 "use --device cpu"
             )
@@ -220,7 +321,7 @@ class WarpSimulation:
         lacking = self._d.overflow.numpy() & ~int(ITERATED)
         if lacking.any():
             names = mjw.OverflowType(int(np.bitwise_or.reduce(lacking))).name
-            raise StictionError(
+            raise EngineError(
                 f"the GPU backend has room for {self.contacts} contacts a robot, and {np.count_nonzero(lacking)} of "
                 f"{self.num} robots needed more ({names}); raise --contacts"
             )

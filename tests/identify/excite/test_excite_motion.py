@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stiction.identify.excite.motion import Pattern, sine, window
+from stiction.identify.excite.task import Pattern, sine, window
 
 PATTERN = Pattern(0.5, 0.4, 0.6, (0.5, 2.0), (1.0, 0.5), (0.3, 1.0), 0.4)
 

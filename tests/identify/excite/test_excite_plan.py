@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.excite import design
-from stiction.identify.excite.explain import gain_sweep, one_sines
+from stiction.identify.excite.design import choose_gains, softened
 from stiction.identify.excite.fisher import LogNoise, information
-from stiction.identify.excite.gains import choose_gains, softened
-from stiction.identify.excite.motion import Pattern
-from stiction.identify.excite.plan import Excitation, design_excitation, duration_for
+from stiction.identify.excite.plan import Excitation, design_excitation, duration_for, gain_sweep, one_sines
 from stiction.identify.excite.setup import ExciteSetup
-from stiction.identify.excite.task import SHARE, Task, make_task
+from stiction.identify.excite.task import SHARE, Pattern, Task, make_task
 from stiction.identify.pipeline import identify_joint
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains

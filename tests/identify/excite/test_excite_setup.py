@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.identify.excite.setup import ExciteSetup
 from stiction.robots.saturn_lite import ROBOT
 

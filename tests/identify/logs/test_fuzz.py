@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 
 import damage
 import logfiles
-from stiction.formats.errors import StictionError
-from stiction.formats.sidecar import LogSetup, read_setup
+from stiction.core.errors import StictionError
+from stiction.formats.log import LogSetup, read_setup
 from stiction.identify.logs import open_log
 
 EACH = 650

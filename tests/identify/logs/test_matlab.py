@@ -10,7 +10,7 @@ import pytest
 from scipy.io import savemat
 
 import logfiles
-from stiction.formats.log import LogError
+from stiction.core.errors import LogError
 from stiction.identify.logs import open_log
 from stiction.identify.logs.matlab import read_mat
 

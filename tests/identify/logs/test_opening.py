@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import logfiles
-from stiction.formats.log import LogError
+from stiction.core.errors import LogError
 from stiction.identify.logs import open_log
 
 

@@ -12,7 +12,7 @@ import pytest
 import torch
 
 import logfiles
-from stiction.formats.log import LogError
+from stiction.core.errors import LogError
 from stiction.identify.logs import open_log
 from stiction.identify.logs.pace import read_pace
 

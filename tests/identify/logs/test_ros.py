@@ -10,7 +10,7 @@ import pytest
 from mcap.writer import CompressionType
 
 import logfiles
-from stiction.formats.log import LogError
+from stiction.core.errors import LogError
 from stiction.identify.logs import open_log
 from stiction.identify.logs.mcap_file import Topic
 from stiction.identify.logs.ros import choose_topics

@@ -11,7 +11,7 @@ from stiction.identify.walking.load import LoadFit, fit_load
 from stiction.identify.walking.motion import walk_motion
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.swing import swing_rows
-from stiction.robots.spec import JOINT_KINDS
+from stiction.robots.model import JOINT_KINDS
 
 BASE = np.tile([0.5, 0.5, 1.0], 6)
 """Friction without load by kind [N m]."""

@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 
 import walks
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.motion import (
     controller_torque,
+    feet_down,
     forward_difference,
-    gravity_direction,
+    grow,
+    hann_weights,
     second_difference,
+    slow_samples,
+    smooth,
+    swings,
     walk_motion,
 )
-from stiction.identify.walking.phases import feet_down, grow, hann_weights, slow_samples, smooth, swings
 from stiction.identify.walking.setup import WalkSetup
 from stiction.robots.catalog import find_robot
 
@@ -31,13 +35,6 @@ def test_differences_by_hand() -> None:
     angle = np.array([0.0, 0.25, 1.0])
     np.testing.assert_allclose(forward_difference(angle, 0.5), [0.5, 1.5, 1.5])
     np.testing.assert_allclose(second_difference(angle, 0.5), [0.0, 2.0, 0.0])
-
-
-def test_up_in_a_tilted_base() -> None:
-    """Rolled a quarter turn to the right side down... the world's up is then along the base's y."""
-    half = np.sqrt(0.5)
-    quaternion = np.array([[1.0, 0, 0, 0], [half, half, 0, 0], [half, 0, half, 0]])
-    np.testing.assert_allclose(gravity_direction(quaternion), [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], atol=1e-12)
 
 
 def test_the_controllers_torque_by_hand(log: WalkLog) -> None:

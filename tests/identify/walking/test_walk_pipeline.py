@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import walks
-from stiction.formats.errors import StictionError
+from stiction.core.errors import StictionError
 from stiction.formats.joints import Estimate, JointsFile
 from stiction.formats.walk import SIGNALS, WalkLog
-from stiction.identify.proposal import propose
+from stiction.identify.verdict import propose
 from stiction.identify.walking.pipeline import identify_walk, standing_inertia
 from stiction.identify.walking.setup import WalkSetup
 
@@ -66,7 +66,7 @@ def test_joints_whose_own_swings_do_not_tell_are_put_together(log: WalkLog) -> N
 
 def test_inertia_is_that_of_a_leg_in_the_air(log: WalkLog) -> None:
     """Whoever reads `in_air` takes the links' standing inertia off and must be left with the rotor's."""
-    from stiction.locomotion.identified import identified_joints
+    from stiction.locomotion.randomization import identified_joints
     from stiction.sim.fleet import Fleet
 
     links = standing_inertia(walks.SPEC)

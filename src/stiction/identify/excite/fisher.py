@@ -18,11 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
 from stiction.joints.friction import Coulomb
-from stiction.joints.gravity import Gravity
 from stiction.joints.pd import PDGains
-from stiction.joints.simulate import Joint, Trajectory, simulate
+from stiction.joints.simulate import Gravity, Joint, Trajectory, simulate
 
 NAMES = ("inertia", "viscous_friction", "coulomb_friction", "offset", "gravity_sin", "gravity_cos")
 """Parameters, in the order of every array here; gravity only where it pulls."""
@@ -60,12 +59,14 @@ class LogNoise:
         """Refuse noise of no size: it would promise perfect knowledge."""
         torque = 1.0 if self.torque is None else self.torque
         if not (0 <= self.position < np.inf and 0 < torque < np.inf and 0 <= self.resolution < np.inf):
-            raise StictionError(
+            raise ConfigurationError(
                 f"noise of position {self.position}, of torque {self.torque}, resolution {self.resolution}: expected "
                 "finite numbers, the torque's positive and the others not negative"
             )
         if self.position_std == 0:
-            raise StictionError("position noise 0 and resolution 0: one of them must be positive; give --resolution")
+            raise ConfigurationError(
+                "position noise 0 and resolution 0: one of them must be positive; give --resolution"
+            )
 
     @property
     def position_std(self) -> float:

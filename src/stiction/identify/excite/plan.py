@@ -1,24 +1,95 @@
-"""A design from start to end: choose the gains, search the motion, predict what it tells, explain it."""
+"""A design from start to end: choose the gains, search the motion, predict what it tells, explain it.
+
+One sine moves at nearly one speed, so that B|θ'| and f act alike: the estimates' correlation goes to -1, and either is
+known only as long as the other is. Where the gains are high the position follows the target whatever friction does.
+Gravity is left out of both comparisons.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import ceil
 
 import numpy as np
 
-from stiction.formats.design import DesignSignals, ExcitationDesign, GainTrial, Predicted, two_digits
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
+from stiction.formats.design import (
+    DesignSignals,
+    ExcitationDesign,
+    GainPoint,
+    GainTrial,
+    OneSine,
+    Predicted,
+    two_digits,
+)
 from stiction.formats.log import JointSignals, Log, LogSetup
-from stiction.identify.excite.design import nothing_moves, search
-from stiction.identify.excite.explain import gain_sweep, one_sines
-from stiction.identify.excite.fisher import JUDGED, Information
-from stiction.identify.excite.gains import LEAST_REACH, choose_gains
-from stiction.identify.excite.motion import Pattern
+from stiction.identify.excite.design import LEAST_REACH, choose_gains, frequency_limit, nothing_moves, search, softened
+from stiction.identify.excite.fisher import JUDGED, Information, LogNoise
 from stiction.identify.excite.setup import ExciteSetup
-from stiction.identify.excite.task import Task, make_task
+from stiction.identify.excite.task import Pattern, Task, make_task, sine
 from stiction.joints.pd import PDGains
+
+SINES = 8
+"""Frequencies at which one sine is tried."""
+
+SLOWEST = 0.25
+"""Lowest of them [Hz]."""
+
+SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
+"""Gains of the sweep in units of those of the design; far up, to where a torque sensor is worth having."""
+
+
+def one_sines(task: Task, amplitude: float) -> tuple[OneSine, ...]:
+    """Return what single sines of the design's amplitude [rad] tell, those that fit and move the joint."""
+    found = []
+    task = task.weightless()
+    extremes = task.extremes()
+    for frequency in np.geomspace(SLOWEST, max(frequency_limit(task), 4 * SLOWEST), SINES):
+        pattern = task.fitted(sine(float(frequency), amplitude), [*extremes, task.lively()])
+        if pattern is None:
+            continue
+        nominal = task.information(task.values, pattern)
+        worst = max(task.information(values, pattern).worst for values in extremes)
+        if not np.isfinite([nominal.worst, worst]).all():
+            continue
+        found.append(
+            OneSine(
+                frequency=float(frequency),
+                amplitude=pattern.fast_peak,
+                relative=(float(nominal.relative[0]), float(nominal.relative[1]), float(nominal.relative[2])),
+                worst=worst,
+                correlation=nominal.correlation(1, 2),
+            )
+        )
+    return tuple(found)
+
+
+def gain_sweep(task: Task, pattern: Pattern) -> tuple[GainPoint, ...]:
+    """Return what a motion tells of the nominal joint's friction at lower and at higher gains than the task's."""
+    points = []
+    task = task.weightless()
+    for factor in SWEEP:
+        stiffer = task.at(softened(task.gains, factor))
+        blind = replace(stiffer, noise=replace(task.noise, torque=None))
+        seeing = replace(stiffer, noise=replace(task.noise, torque=task.noise.torque or LogNoise().torque))
+        points.append(
+            GainPoint(
+                kp=stiffer.gains.kp,
+                kd=stiffer.gains.kd,
+                position_only=_friction(blind, pattern),
+                with_torque=_friction(seeing, pattern),
+                reach=stiffer.reach(task.target(pattern), [task.values]),
+            )
+        )
+    return tuple(points)
+
+
+def _friction(task: Task, pattern: Pattern) -> float | None:
+    """Return the relative standard deviation of the nominal joint's Coulomb friction, None where it holds the joint."""
+    deviation = float(task.information(task.values, pattern).relative[2])
+    return deviation if np.isfinite(deviation) else None
+
 
 NEGLIGIBLE = 0.005
 """Predicted deviations under which the friction law, and not the noise, decides how right the result is."""
@@ -50,7 +121,7 @@ def design_excitation(
     signals, reached = simulate_range(task, pattern)
     beliefs = [task.information(v, pattern, fast=index > 0) for index, v in enumerate(task.believed())]
     if not all(np.isfinite(belief.worst) for belief in beliefs):
-        raise StictionError(nothing_moves(task))
+        raise ConfigurationError(nothing_moves(task))
     sines = one_sines(task, max(pattern.slow_amplitude, pattern.fast_peak))
     sweep = gain_sweep(task, pattern)
     progress("figures", 1.0)
@@ -102,7 +173,7 @@ def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[st
         for end, choose in (("low", np.min), ("high", np.max))
     }
     if max(max(task.use(target, made).values()) for made in runs) > 1:
-        raise StictionError(nothing_moves(task))
+        raise ConfigurationError(nothing_moves(task))
     reached = {
         "low": float(min(ranges["position_low"].min(), target.min())),
         "high": float(max(ranges["position_high"].max(), target.max())),

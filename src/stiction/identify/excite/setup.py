@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from math import hypot, isfinite
 
-from stiction.formats.errors import StictionError
-from stiction.robots.spec import JointSpec
+from stiction.core.errors import ConfigurationError
+from stiction.robots.model import JointSpec
 
 SHORTEST = 4.0
 """Shortest log that is designed [s]: under it a slow and a fast part do not fit."""
@@ -98,7 +98,7 @@ class ExciteSetup:
         """Raise `StictionError` for what no joint, controller or log has; nothing may be None."""
         low, high = self.position_limits or (0.0, 0.0)
         if not (isfinite(low) and isfinite(high) and low < high):
-            raise StictionError(
+            raise ConfigurationError(
                 f"--position-limits {low} {high}: expected the lower angle, then the higher one, in rad"
             )
         for name in ("kp", "torque_limit", "speed_limit", "rate", "duration", "inertia", "coulomb", "wanted"):
@@ -110,26 +110,26 @@ class ExciteSetup:
         for name in ("start", "gravity_sin", "gravity_cos"):
             _expect(name, True, getattr(self, name), "a finite number")
         if not 1 <= self.spread <= 10:
-            raise StictionError(f"--spread {self.spread}: expected a factor from 1 (the guesses are right) to 10")
+            raise ConfigurationError(f"--spread {self.spread}: expected a factor from 1 (the guesses are right) to 10")
         if self.seed < 0:
-            raise StictionError(f"--seed {self.seed}: expected a whole number that is not negative")
+            raise ConfigurationError(f"--seed {self.seed}: expected a whole number that is not negative")
         self._check_motion()
 
     def _check_motion(self) -> None:
         """Raise `StictionError` for limits and a log in which nothing can move."""
         low, high = self.position_limits or (0.0, 0.0)
         if not low < float(self.start or 0.0) < high:
-            raise StictionError(f"--start {self.start}: expected an angle between the limits {low:g} and {high:g}")
+            raise ConfigurationError(f"--start {self.start}: expected an angle between the limits {low:g} and {high:g}")
         if self.noise_position == 0 and self.resolution == 0:
-            raise StictionError("--noise-position 0 and --resolution 0: no sensor is perfect; give one of the two")
+            raise ConfigurationError("--noise-position 0 and --resolution 0: no sensor is perfect; give one of the two")
         if self.rate < SLOWEST_RATE or self.duration < SHORTEST or self.rate * self.duration > MOST_SAMPLES:
-            raise StictionError(
+            raise ConfigurationError(
                 f"--rate {self.rate:g} --duration {self.duration:g}: expected at least {SLOWEST_RATE:g} Hz and "
                 f"{SHORTEST:g} s, and at most {MOST_SAMPLES} samples"
             )
         needed = float(self.coulomb or 0.0) + hypot(self.gravity_sin, self.gravity_cos)
         if needed >= float(self.torque_limit or 0.0):
-            raise StictionError(
+            raise ConfigurationError(
                 f"friction and gravity of {needed:.4g} N m against a torque limit of {self.torque_limit:g}: the motor "
                 "could not move the joint; check --coulomb, --gravity-sin, --gravity-cos and --torque-limit"
             )
@@ -138,4 +138,4 @@ class ExciteSetup:
 def _expect(name: str, allowed: bool, value: float, expected: str) -> None:
     """Raise `StictionError` unless a value is finite and in its allowed range."""
     if not (isfinite(value) and allowed):
-        raise StictionError(f"--{name.replace('_', '-')} {value}: expected {expected}")
+        raise ConfigurationError(f"--{name.replace('_', '-')} {value}: expected {expected}")

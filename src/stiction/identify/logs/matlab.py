@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stiction.formats.errors import LogError
+from stiction.core.errors import LogError
 from stiction.formats.tables import LARGEST_TABLE, WIDEST_MATRIX, Columns, read_bytes, split_matrix
 
 COMPRESSED, MATRIX = 15, 14

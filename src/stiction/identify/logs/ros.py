@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stiction.formats.errors import LogError
+from stiction.core.errors import LogError
 from stiction.formats.log import JointSignals, Log
-from stiction.identify.logs.mcap_file import Message, Topic, decode, read_packets
-from stiction.identify.logs.series import Series, command_series, state_series
+from stiction.identify.logs.mcap_file import Message, Series, Topic, command_series, decode, read_packets, state_series
 
 STATE = "sensor_msgs/msg/JointState"
 COMMANDS = (STATE, "std_msgs/msg/Float64MultiArray", "trajectory_msgs/msg/JointTrajectory")

@@ -14,13 +14,12 @@ import numpy as np
 from stiction.formats.joints import Estimate
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
-from stiction.identify.walking.leg import Trunk
-from stiction.identify.walking.motion import WalkMotion
-from stiction.identify.walking.phases import feet_down, hann_weights
+from stiction.identify.walking.body import Trunk
+from stiction.identify.walking.motion import WalkMotion, feet_down, hann_weights
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.stance import BODY, FRICTION, StanceRows, stance_rows
 from stiction.identify.walking.swing import FEWEST_SWINGS, SwingRows
-from stiction.robots.spec import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
+from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
 
 BLOCK = 0.5
 """Length of a block [s], one or two steps of a walk."""

@@ -15,10 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.formats.walk import WalkError, WalkLog
-from stiction.identify.setup import GRAVITATION
-from stiction.identify.walking.leg import BaseMotion, LegMotion
-from stiction.robots.spec import JOINTS_PER_LEG, RobotSpec
+from stiction.core.errors import LogError
+from stiction.core.rotation import up_in_frames
+from stiction.formats.walk import WalkLog
+from stiction.identify.walking.body import BaseMotion, JointMotion, foot_positions
+from stiction.identify.walking.setup import WalkSetup
+from stiction.robots.model import GRAVITY, RobotSpec
 
 SHORTEST = 1.0
 """Shortest walk that is looked at [s]."""
@@ -38,8 +40,8 @@ class WalkMotion:
     """Time between samples [s]."""
     base: BaseMotion
     """Motion of the base."""
-    legs: tuple[LegMotion, ...]
-    """Motion of each leg, in the order of the robot's legs."""
+    joints: JointMotion
+    """Motion of the joints."""
     torque: np.ndarray
     """Torque of the motors [N m], shape (T, J)."""
     rate: np.ndarray
@@ -59,41 +61,37 @@ class WalkMotion:
 def walk_motion(log: WalkLog, spec: RobotSpec) -> WalkMotion:
     """Return the motion in a log of the robot `spec`.
 
-    Raises `WalkError` where the log is not of this robot, too short or too slow, or its torque has the joint friction
+    Raises `LogError` where the log is not of this robot, too short or too slow, or its torque has the joint friction
     in it.
     """
     if log.header.joint_names != spec.joint_names:
-        raise WalkError(
+        raise LogError(
             f"the log has the joints {', '.join(log.header.joint_names[:4])}, ..., robot {spec.name!r} "
             f"{', '.join(spec.joint_names[:4])}, ...; name the robot that walked with --robot"
         )
     if log.header.torque_source == "output_side":
-        raise WalkError(
+        raise LogError(
             "torque source output_side: a sensor behind the gear does not see the joint's friction; "
             "log the motor's current or command (motor_side)"
         )
     period = log.header.period
     if len(log) * period < SHORTEST or period > 1.001 * LONGEST_PERIOD:
-        raise WalkError(
+        raise LogError(
             f"the log has {len(log)} samples {period:g} s apart; expected at least {SHORTEST:g} s, sampled at "
             f"{1 / LONGEST_PERIOD:.0f} Hz or more, for the acceleration of a leg in swing: log for longer, or faster"
         )
-    acceleration = second_difference(log.joint_position, period)
-    up = gravity_direction(log.quaternion)
+    up = up_in_frames(log.quaternion)
     # Where there is no accelerometer, gravity is all of the specific force.
     base = BaseMotion(
         angular_velocity=log.angular_velocity,
         angular_acceleration=forward_difference(log.angular_velocity, period),
-        specific_force=GRAVITATION * up if log.specific_force is None else log.specific_force,
+        specific_force=GRAVITY * up if log.specific_force is None else log.specific_force,
     )
-    signals = (log.joint_position, log.joint_velocity, acceleration)
-    cuts = [slice(JOINTS_PER_LEG * index, JOINTS_PER_LEG * (index + 1)) for index in range(len(spec.legs))]
-    legs = tuple(LegMotion(*(signal[:, cut] for signal in signals)) for cut in cuts)
     torque = log.joint_torque
     return WalkMotion(
         period=period,
         base=base,
-        legs=legs,
+        joints=JointMotion(log.joint_position, log.joint_velocity, second_difference(log.joint_position, period)),
         torque=controller_torque(log) if torque is None else torque,
         rate=joint_rate(log.joint_position, period),
         upward=up,
@@ -123,12 +121,6 @@ def second_difference(values: np.ndarray, period: float) -> np.ndarray:
     return acceleration
 
 
-def gravity_direction(quaternion: np.ndarray) -> np.ndarray:
-    """Return the world's upward direction in the base frame, shape (T, 3), of orientations w x y z, shape (T, 4)."""
-    w, x, y, z = quaternion.T
-    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
-
-
 def controller_torque(log: WalkLog) -> np.ndarray:
     """Return kp (target - θ) - kd θ' within the limit [N m], shape (T, J): what the motors were asked for.
 
@@ -141,3 +133,51 @@ def controller_torque(log: WalkLog) -> np.ndarray:
         for position, velocity in ((log.joint_position, log.joint_velocity), later)
     ]
     return (asked[0] + asked[1]) / 2
+
+
+def hann_weights(length: float, period: float) -> np.ndarray:
+    """Return the weights of a Hann window of `length` [s] without its zeros, an odd number of them that add up to 1."""
+    half = max(1, round(length / period / 2))
+    weights = np.hanning(2 * half + 1)[1:-1]
+    return weights / weights.sum()
+
+
+def smooth(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return the weighted mean of neighbours along axis 0, shape of `values`; half a window at each end is unusable."""
+    flat = values.reshape(len(values), -1)
+    columns = [np.convolve(column, weights, "same") for column in flat.T]
+    return np.stack(columns, axis=1).reshape(values.shape)
+
+
+def grow(mask: np.ndarray, samples: int) -> np.ndarray:
+    """Return a mask, shape (T,), widened by `samples` on each side of every sample set; the ends count as set."""
+    if samples == 0:
+        return mask.copy()
+    grown = np.convolve(mask, np.ones(2 * samples + 1), "same") > 0.5
+    grown[:samples] = grown[-samples:] = True
+    return grown
+
+
+def feet_down(log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup) -> np.ndarray:
+    """Return whether each foot may bear load, bool, shape (T, L): as logged, else by height above the lowest foot."""
+    if log.foot_contact is not None:
+        return log.foot_contact
+    height = np.einsum("tli,ti->tl", foot_positions(spec, motion.joints.position), motion.upward)
+    return height - height.min(axis=1, keepdims=True) < setup.clearance
+
+
+def swings(down: np.ndarray, margin: int) -> np.ndarray:
+    """Return the number of the swing that each sample of one foot belongs to, 0 where it is in none, shape (T,).
+
+    down: bool, shape (T,). `margin` samples are left out at both ends of each swing, and the log's ends are no swing.
+    """
+    air = ~grow(down, margin + 1)
+    starts = np.diff(air, prepend=False) & air
+    return np.where(air, np.cumsum(starts), 0)
+
+
+def slow_samples(velocity: np.ndarray, setup: WalkSetup, period: float) -> np.ndarray:
+    """Return where a joint hardly moves or turns round, margin included, bool, shape (T,). velocity: θ', shape (T,)."""
+    slow = np.abs(velocity) < setup.slow
+    slow[1:] |= np.diff(np.sign(velocity)) != 0
+    return grow(slow, round(setup.stop_margin / period))

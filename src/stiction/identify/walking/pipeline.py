@@ -7,33 +7,31 @@ from typing import Any
 
 import numpy as np
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import LogError
 from stiction.formats.joints import JointRecord, JointsFile
-from stiction.formats.walk import WalkHeader, WalkLog
-from stiction.formats.walk_fit import WalkFit
+from stiction.formats.walk import WalkFit, WalkHeader, WalkLog
 from stiction.identify.combinations import shifted
-from stiction.identify.proposal import judge
-from stiction.identify.walking.leg import BaseMotion, LegMotion, leg_effort
+from stiction.identify.verdict import judge
+from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
 from stiction.identify.walking.load import LoadFit, fit_load
-from stiction.identify.walking.motion import WalkMotion, walk_motion
-from stiction.identify.walking.phases import feet_down
+from stiction.identify.walking.motion import WalkMotion, feet_down, walk_motion
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.swing import PARAMETERS, SwingFit, SwingRows, fit_swing, swing_rows
 from stiction.joints.friction import dead_band, friction_ratio
-from stiction.robots.spec import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
+from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
 
 GAIT_SHOWN = 4.0
 """Length of the gait that the page draws [s]."""
 
 
 COARSE = 0.0025
-"""Period beyond which a robot's accelerations are blurred [s]. Of robots simulated at 1 kHz and logged at 200 Hz, the
-intervals held dry friction 94 times in 100, viscous friction 77, the rotor's inertia 63; at 500 Hz 98, 92 and 92."""
+"""Period beyond which a robot's accelerations are blurred [s]: intervals of inertia and viscous friction then hold the
+truth too seldom, those of dry friction do not."""
 
 
 @dataclass(frozen=True)
 class WalkIdentification:
-    """What a walk told."""
+    """What was found in the log of a walk."""
 
     joints: JointsFile
     """A record under each joint's own name where its own swings tell; else its kind's, from all legs together."""
@@ -66,7 +64,7 @@ def identify_walk(log: WalkLog, spec: RobotSpec, setup: WalkSetup | None = None)
         if any(own[number].fit is None for number in range(first, len(own), JOINTS_PER_LEG)):
             chosen[kind] = fit_swing(rows[first::JOINTS_PER_LEG], limits[first], motion.period, setup)
     if all(fit.fit is None for fit in chosen.values()):
-        raise StictionError(f"this walk tells nothing about any joint: shanks: {chosen['shank'].refusal}")
+        raise LogError(f"this walk tells nothing about any joint: shanks: {chosen['shank'].refusal}")
     for name, fit in chosen.items():
         number = _number(name, spec)
         record = _record(fit, log.header, number, float(links[number]), load, motion)
@@ -81,16 +79,10 @@ def _number(name: str, spec: RobotSpec) -> int:
 
 def standing_inertia(spec: RobotSpec) -> np.ndarray:
     """Return the inertia that the links put on each joint in the standing pose, all others held [kg m²], shape (J,)."""
-    angles = spec.joint_values("standing").reshape(-1, JOINTS_PER_LEG)
-    still = np.zeros((1, JOINTS_PER_LEG))
-    base = BaseMotion(still, still, still)
-    return np.array(
-        [
-            leg_effort(spec, leg, LegMotion(angle[None], still, unit[None]), base).torque[0, joint]
-            for leg, angle in zip(spec.legs, angles, strict=True)
-            for joint, unit in enumerate(np.eye(JOINTS_PER_LEG))
-        ]
-    )
+    each = np.eye(spec.num_joints)
+    standing, still = np.tile(spec.joint_values("standing"), (len(each), 1)), np.zeros((len(each), 3))
+    joints = JointMotion(standing, np.zeros_like(each), each)
+    return link_effort(spec, joints, BaseMotion(still, still, still)).torque.diagonal()
 
 
 def _record(

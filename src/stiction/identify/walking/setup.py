@@ -1,11 +1,11 @@
-"""How a walking log is read: choices of the method, and what the user declares about the robot."""
+"""What is chosen and declared about a walking log."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from math import isfinite
 
-from stiction.formats.errors import StictionError
+from stiction.core.errors import ConfigurationError
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class WalkSetup:
     """95 % bound of the constant error of the specific force along each axis [m/s²]: accelerometer bias, tilt of its
     mounting."""
     neglected_acceleration: float = 2.5
-    """The same where there is no accelerometer and gravity stands in for the specific force [m/s²]: the base of the
-    simulated hexapod accelerates by 1 to 3.5 (rms, by axis) as it walks, in step with its legs. The feet on the ground
-    do not help: its acceleration by their joints and the gyroscope was measured to be no better than none."""
+    """The same where there is no accelerometer and gravity stands in for the specific force [m/s²]: as much as the base
+    of a walking robot accelerates, in step with its legs. The feet on the ground do not help: the base's acceleration
+    from their joints and the gyroscope is no better than none."""
     smoothing: float = 0.04
     """Length of the smoothing window [s], a Hann window: at 200 Hz it leaves a twentieth of the encoder's noise in the
     acceleration, and a swing of 0.15 s still has rows clear of its ends."""
@@ -64,6 +64,6 @@ class WalkSetup:
             if item.name in ("mass_known", "payload", "centre_of_mass"):
                 continue
             if not (isfinite(value) and value >= 0):
-                raise StictionError(f"{item.name} {value}: expected a number that is not negative")
+                raise ConfigurationError(f"{item.name} {value}: expected a number that is not negative")
         if not (isfinite(self.payload) and all(map(isfinite, self.centre_of_mass))):
-            raise StictionError("payload and centre of mass: expected finite numbers")
+            raise ConfigurationError("payload and centre of mass: expected finite numbers")

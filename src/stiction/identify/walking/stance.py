@@ -27,11 +27,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.walk import WalkLog
-from stiction.identify.walking.leg import Trunk, foot_position, leg_effort, point_jacobian, trunk_wrench
-from stiction.identify.walking.motion import WalkMotion
-from stiction.identify.walking.phases import feet_down, grow, hann_weights, slow_samples, smooth
+from stiction.identify.walking.body import Trunk, foot_positions, link_effort, point_jacobians, trunk_wrench
+from stiction.identify.walking.motion import WalkMotion, feet_down, grow, hann_weights, slow_samples, smooth
 from stiction.identify.walking.setup import WalkSetup
-from stiction.robots.spec import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
+from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
 
 FRICTION = ("armature", "viscous_friction", "coulomb_friction", "load_coefficient")
 """Parameters of each kind, A, B, b and c: joints of one kind share their friction here."""
@@ -119,30 +118,29 @@ def stance_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk,
 
 def _body(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk, setup: WalkSetup) -> _Body:
     """Return what the legs and the trunk need, and how the joints of legs that may be down act on the body."""
-    arms, effort = np.zeros((len(motion), 6, spec.num_joints)), np.zeros((len(motion), spec.num_joints))
-    wrench, stretched = np.zeros((len(motion), 6)), np.zeros(len(motion), bool)
-    down, margin = feet_down(log, motion, spec, setup), round(setup.swing_margin / motion.period)
-    for index, (leg, moving) in enumerate(zip(spec.legs, motion.legs, strict=True)):
-        cut = slice(JOINTS_PER_LEG * index, JOINTS_PER_LEG * (index + 1))
-        links = leg_effort(spec, leg, moving, motion.base)
-        wrench += links.wrench
-        effort[:, cut] = links.torque
-        # The foot is a ball on ground taken as level: it touches straight under its centre.
-        contact = foot_position(spec, leg, moving.position) - spec.foot_radius * motion.upward
-        jacobian = point_jacobian(spec, leg, moving.position, contact)
-        straight = ~(np.linalg.cond(jacobian) < LARGEST_CONDITION)
-        force = np.linalg.inv(np.where(straight[:, None, None], np.eye(3), np.swapaxes(jacobian, 1, 2)))
-        bearing = grow(down[:, index], margin)[:, None, None]
-        stretched |= straight & bearing[:, 0, 0]
-        arms[:, :, cut] = bearing * np.concatenate([force, np.cross(contact[:, :, None], force, axis=1)], axis=1)
-    return _Body(arms, effort, trunk_wrench(trunk, motion.base), wrench, stretched)
+    margin = round(setup.swing_margin / motion.period)
+    down = np.stack([grow(foot, margin) for foot in feet_down(log, motion, spec, setup).T], axis=1)
+    # The foot is a ball on ground taken as level: it touches straight under its centre.
+    contacts = foot_positions(spec, motion.joints.position) - spec.foot_radius * motion.upward[:, None]
+    jacobians = point_jacobians(spec, motion.joints.position, contacts)
+    straight = ~(np.linalg.cond(jacobians) < LARGEST_CONDITION)
+    forces = np.linalg.inv(np.where(straight[..., None, None], np.eye(3), np.swapaxes(jacobians, 2, 3)))
+    wrenches = np.concatenate([forces, np.cross(contacts[..., None], forces, axis=2)], axis=2)
+    arms = down[..., None, None] * wrenches
+    links = link_effort(spec, motion.joints, motion.base)
+    return _Body(
+        arms=np.moveaxis(arms, 1, 2).reshape(len(motion), 6, spec.num_joints),
+        effort=links.torque,
+        trunk=trunk_wrench(trunk, motion.base),
+        legs=links.wrench,
+        stretched=(straight & down).any(axis=1),
+    )
 
 
 def _friction_columns(motion: WalkMotion, arms: np.ndarray) -> np.ndarray:
     """Return the columns A, B, b, c of each kind of joint, shape (T, 6, 12)."""
     direction = np.sign(motion.rate)
-    acceleration = np.concatenate([leg.acceleration for leg in motion.legs], axis=1)
-    signals = (acceleration, motion.rate, direction, np.abs(motion.torque) * direction)
+    signals = (motion.joints.acceleration, motion.rate, direction, np.abs(motion.torque) * direction)
     columns = [
         np.einsum("tij,tj->ti", arms[:, :, kind::JOINTS_PER_LEG], signal[:, kind::JOINTS_PER_LEG])
         for kind in range(len(JOINT_KINDS))

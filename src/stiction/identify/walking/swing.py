@@ -23,11 +23,10 @@ import numpy as np
 
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
-from stiction.identify.walking.leg import BaseMotion, LegMotion, leg_effort
-from stiction.identify.walking.motion import WalkMotion
-from stiction.identify.walking.phases import feet_down, grow, hann_weights, slow_samples, smooth, swings
+from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
+from stiction.identify.walking.motion import WalkMotion, feet_down, grow, hann_weights, slow_samples, smooth, swings
 from stiction.identify.walking.setup import WalkSetup
-from stiction.robots.spec import JOINTS_PER_LEG, LegSpec, RobotSpec
+from stiction.robots.model import JOINTS_PER_LEG, RobotSpec
 
 PARAMETERS = ("armature", "viscous_friction", "coulomb_friction", "lateness")
 """What every joint of a fit shares; each joint has an offset of its own besides."""
@@ -73,15 +72,14 @@ class SwingRows:
 def swing_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup) -> list[SwingRows]:
     """Return the equations of every joint, in the order of the robot's joints."""
     down = feet_down(log, motion, spec, setup)
+    links = link_effort(spec, motion.joints, motion.base).torque
+    systematic = _systematic(spec, motion, links, setup)
     rows: list[SwingRows] = []
-    for index, (leg, moving) in enumerate(zip(spec.legs, motion.legs, strict=True)):
+    for index in range(len(spec.legs)):
         phase = swings(down[:, index], round(setup.swing_margin / motion.period))
         phase = np.where(phase > 0, phase + index * len(motion), 0)
-        links = leg_effort(spec, leg, moving, motion.base).torque
-        systematic = _systematic(spec, leg, moving, motion, links, setup)
-        for joint in range(JOINTS_PER_LEG):
-            number = JOINTS_PER_LEG * index + joint
-            rows.append(_joint_rows(spec, motion, number, links[:, joint], systematic[:, :, joint], phase, setup))
+        for number in range(JOINTS_PER_LEG * index, JOINTS_PER_LEG * (index + 1)):
+            rows.append(_joint_rows(spec, motion, number, links[:, number], systematic[:, :, number], phase, setup))
     return rows
 
 
@@ -95,9 +93,8 @@ def _joint_rows(
     setup: WalkSetup,
 ) -> SwingRows:
     """Return the equations of joint `number`; links: τ_links, (T,); errors: systematic, (4, T); phase: swings, (T,)."""
-    index, joint = divmod(number, JOINTS_PER_LEG)
-    kind, moving, rate = (spec.hip, spec.thigh, spec.shank)[joint], motion.legs[index], motion.rate[:, number]
-    angle = moving.position[:, joint]
+    kind, rate = (spec.hip, spec.thigh, spec.shank)[number % JOINTS_PER_LEG], motion.rate[:, number]
+    angle = motion.joints.position[:, number]
     stopped = (angle < kind.lower + setup.limit_margin) | (angle > kind.upper - setup.limit_margin)
     unclear = (phase == 0) | stopped | slow_samples(rate, setup, motion.period)
     weights = hann_weights(setup.smoothing, motion.period)
@@ -108,7 +105,7 @@ def _joint_rows(
         errors = np.concatenate([errors[:1], np.abs(errors[1:]) * direction])
     slope = np.gradient(torque, motion.period)
     load = np.abs(torque) * direction
-    signals = (moving.acceleration[:, joint], rate, direction, load, torque - links, slope, *errors)
+    signals = (motion.joints.acceleration[:, number], rate, direction, load, torque - links, slope, *errors)
     table = smooth(np.stack(signals, axis=1), weights)[clear].T
     return SwingRows(
         joint=spec.joint_names[number],
@@ -124,25 +121,19 @@ def _joint_rows(
     )
 
 
-def _systematic(
-    spec: RobotSpec, leg: LegSpec, moving: LegMotion, motion: WalkMotion, links: np.ndarray, setup: WalkSetup
-) -> np.ndarray:
-    """Return the change of the torques left for the joints by heavier links and wrong specific force, (4, T, 3)."""
+def _systematic(spec: RobotSpec, motion: WalkMotion, links: np.ndarray, setup: WalkSetup) -> np.ndarray:
+    """Return the change of the torques left for the joints by heavier links and wrong specific force, (4, T, J)."""
     share = setup.link_mass_error if motion.measured_torque else np.hypot(setup.link_mass_error, setup.strength_error)
     error = setup.specific_force_error if motion.measured_acceleration else setup.neglected_acceleration
-    return np.concatenate([share * links[None], error * _specific_force_effects(spec, leg, moving)])
+    return np.concatenate([share * links[None], error * _specific_force_effects(spec, motion.joints.position)])
 
 
-def _specific_force_effects(spec: RobotSpec, leg: LegSpec, moving: LegMotion) -> np.ndarray:
-    """Return the change of the links' torques per m/s² of specific force along x, y, z [kg m], shape (3, T, 3)."""
-    still = np.zeros_like(moving.position)
-    held = LegMotion(moving.position, still, still)
-    return np.stack(
-        [
-            leg_effort(spec, leg, held, BaseMotion(still, still, np.broadcast_to(axis, still.shape))).torque
-            for axis in np.eye(3)
-        ]
-    )
+def _specific_force_effects(spec: RobotSpec, position: np.ndarray) -> np.ndarray:
+    """Return the change of the links' torques per m/s² of specific force along x, y, z [kg m], shape (3, T, J)."""
+    held = JointMotion(position, np.zeros_like(position), np.zeros_like(position))
+    still = np.zeros((len(position), 3))
+    pushes = [BaseMotion(still, still, np.broadcast_to(axis, still.shape)) for axis in np.eye(3)]
+    return np.stack([link_effort(spec, held, push).torque for push in pushes])
 
 
 @dataclass(frozen=True)

@@ -1,1 +1,0 @@
-"""One file a study: parse, call, write its page."""

@@ -1,0 +1,65 @@
+"""The family of errors that a user can act on, and the sentence for a name that there is not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class StictionError(Exception):
+    """A failure that the user can act on: what came, what was expected, what to do, in one line.
+
+    The command line prints the message on standard error and exits with status 1, without a traceback. What a file
+    put into the message (a name with line breaks, or with commands to the terminal) is shown escaped.
+    """
+
+    def __init__(self, message: str) -> None:
+        """Keep the message to one printable line."""
+        super().__init__("".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in message))
+
+
+class ConfigurationError(StictionError):
+    """Raised for options or settings that cannot be run, contradict each other, or name what there is not."""
+
+
+class FileError(StictionError):
+    """Raised for a file or folder that cannot be read or written, or does not hold what was asked of it."""
+
+
+class LogError(FileError):
+    """Raised for a log, of joints or of a walk, that cannot be read or does not hold what was asked of it."""
+
+
+class BundleError(FileError):
+    """Raised for a policy bundle that is incomplete, damaged or altered, in any of its files."""
+
+
+class PolicyError(StictionError):
+    """Raised for a policy that cannot act as asked: its network fails, or its inputs are none to act on."""
+
+
+class RobotError(StictionError):
+    """Raised for a robot that is unknown, contradicts itself, or is not the one that was expected."""
+
+
+class EngineError(StictionError):
+    """Raised for a physics engine or renderer that is unknown, is not installed, cannot do this, or gave up."""
+
+
+class TrainingError(StictionError):
+    """Raised for a training run that diverged, was stopped, is not finished, or cannot be continued."""
+
+
+MOST_NAMES = 24
+"""Names that a message lists: the joints of a legged robot, and kinds of them."""
+
+
+def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
+    """Return the message for a name that is none of the known ones, with the nearest of them where one is near.
+
+    what: kind of thing, such as `robot`; name: what was given, or that part of it that is wrong.
+    """
+    names = list(known)
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    near = "".join(f"did you mean {found!r}? " for found in get_close_matches(name, names, n=1))
+    return f"unknown {what} {name!r}; {near}known: {', '.join(names[:MOST_NAMES]) or 'none'}{more}"

@@ -1,0 +1,240 @@
+"""One seed policy, one thread policy, and what a result must say about the code and the machine that made it.
+
+NumPy is imported where it is used, so that `limit_library_threads` can run before NumPy loads its linear algebra.
+
+A command of hours imports modules, and starts processes that import them again, while somebody may commit. What it
+finds is labelled with the revision that it began with, and says so where the code did not stay that.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import re
+import subprocess
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.gemm import gemm_path
+
+if TYPE_CHECKING:
+    import numpy as np
+
+
+THREADS_VARIABLE = "STICTION_THREADS"
+"""Environment variable that overrides the number of worker threads."""
+
+LIBRARY_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+"""Environment variables that size the thread pools of numerical libraries; they are read when a library loads."""
+
+IDLE_THREADS = ("OMP_WAIT_POLICY", "PASSIVE")
+"""Variable and value with which torch's threads sleep between two operations: awake they hold cores that the simulator
+or another process wants."""
+
+PACKAGE = Path(__file__).resolve().parents[1]
+"""The folder of the package `stiction`."""
+
+GIT_TIMEOUT = 10.0
+"""Longest wait for git [s]: a result is not held up by a checkout on a slow disk."""
+
+
+def _sequence(seed: int, name: str) -> np.random.SeedSequence:
+    """Return the seed sequence of one named stream.
+
+    `SeedSequence.spawn` numbers its children by a counter; here the child's key is the SHA-256 of its name instead, so
+    that a stream depends on the seed and its own name alone.
+    """
+    import numpy as np
+
+    if seed < 0:
+        raise ConfigurationError(f"the seed is {seed}; expected an integer of at least 0")
+    words = np.frombuffer(hashlib.sha256(name.encode()).digest(), dtype="<u4")
+    return np.random.SeedSequence(seed, spawn_key=tuple(int(word) for word in words))
+
+
+def seed_streams(seed: int, names: Iterable[str]) -> dict[str, np.random.Generator]:
+    """Return one independent generator a name, all from one seed.
+
+    Adding, removing or reordering names changes no other stream. Raise `StictionError` for a negative seed and for a
+    name given twice, because two users of one name would draw the same numbers.
+    """
+    import numpy as np
+
+    names = list(names)
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigurationError(f"random streams named twice: {', '.join(twice)}; give each its own name")
+    return {name: np.random.Generator(np.random.PCG64(_sequence(seed, name))) for name in names}
+
+
+def stream_seed(seed: int, name: str) -> int:
+    """Return an integer in [0, 2**63) for libraries that take a number instead of a generator, such as torch."""
+    import numpy as np
+
+    return int(_sequence(seed, name).generate_state(1, np.uint64)[0] >> np.uint64(1))
+
+
+def num_threads() -> int:
+    """Return the number of worker threads: STICTION_THREADS, else the cores that this process may use.
+
+    Raise `StictionError` where the variable is not a positive integer.
+    """
+    text = os.environ.get(THREADS_VARIABLE, "").strip()
+    if not text:
+        return _available_cores()
+    if not re.fullmatch(r"[0-9]+", text) or int(text) < 1:
+        raise ConfigurationError(
+            f"{THREADS_VARIABLE} is {text!r}; expected a positive integer, or unset it to use every core"
+        )
+    return int(text)
+
+
+def _available_cores() -> int:
+    """Return the number of cores that this process may use; macOS has no affinity, so all of them there."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def limit_library_threads() -> None:
+    """Hold the pools of numerical libraries at one thread, in this process and its children.
+
+    Only the simulator's pool and torch's gain from more, and they are given `num_threads()` by name; pools of their own
+    under each would fight for the same cores. A variable that the user has set stays. It has no effect on a library
+    that is loaded already, so the command line calls it first.
+    """
+    for variable in LIBRARY_POOLS:
+        os.environ.setdefault(variable, "1")
+    os.environ.setdefault(*IDLE_THREADS)
+
+
+@cache
+def source_digest(*patterns: str) -> str:
+    """Return the SHA-256 of those of the package's files that match: results are known by the code that made them.
+
+    patterns: of paths below the package, such as `sim/*.py`.
+    """
+    found = {pattern: list(PACKAGE.glob(pattern)) for pattern in patterns}
+    if missing := [pattern for pattern, files in found.items() if not files]:
+        # A module that was renamed would otherwise drop out of what a kept result depends on, and nobody would notice.
+        raise ValueError(f"{', '.join(missing)}: no such module in the package")
+    files = sorted({file for files in found.values() for file in files})
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+def made_by(*patterns: str) -> dict[str, Any]:
+    """Return what a kept result must have been made by to count still: code, and installed packages.
+
+    patterns: of the code, as of `source_digest`.
+    """
+    return {"code": source_digest(*patterns), "packages": _package_versions()}
+
+
+def git_revision() -> str:
+    """Return the short hash of the commit that this code runs from, with `-dirty` where the package differs from it.
+
+    `unknown` without git, for an installed package, and for one that lies in somebody else's repository.
+    """
+    here = Path(__file__).resolve()
+    if _git("ls-files", "--error-unmatch", here.name, folder=here.parent) is None:
+        return "unknown"
+    commit = _git("rev-parse", "--short=12", "HEAD", folder=PACKAGE)
+    changes = _git("status", "--porcelain", "--", ".", folder=PACKAGE)
+    if not commit or changes is None:
+        return "unknown"
+    return f"{commit}-dirty" if changes else commit
+
+
+def _git(*arguments: str, folder: Path) -> str | None:
+    """Return what git prints in `folder`, or None where it fails or is missing."""
+    command = ["git", "-C", str(folder), *arguments]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=GIT_TIMEOUT, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return None
+    return done.stdout.strip() if done.returncode == 0 else None
+
+
+def machine() -> dict[str, Any]:
+    """Return what a result says about where it was made: processor, threads, matrix products, system, versions."""
+    return {
+        "cpu": _cpu_model(Path("/proc/cpuinfo")),
+        "cores": os.cpu_count() or 1,
+        "threads": num_threads(),
+        "gemm": gemm_path(),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "packages": _package_versions(),
+    }
+
+
+def provenance() -> dict[str, Any]:
+    """Return what every summary says of the code and the machine that made it: `revision` and `machine`."""
+    return {"revision": git_revision(), "machine": machine()}
+
+
+def _cpu_model(cpuinfo: Path) -> str:
+    """Return the processor's name from Linux's `cpuinfo`, or the architecture where there is none."""
+    try:
+        match = re.search(r"^model name\s*:\s*(.+)$", cpuinfo.read_text(), re.MULTILINE)
+    except OSError:
+        match = None
+    return match.group(1).strip() if match else platform.processor() or platform.machine()
+
+
+def _package_versions() -> dict[str, str]:
+    """Return the version of each installed package that `stiction` names as a dependency at run time, and its own."""
+    wanted = {"stiction"}
+    for requirement in metadata.requires("stiction") or []:
+        if "extra == 'dev'" not in requirement.replace('"', "'"):
+            wanted |= set(re.findall(r"^[A-Za-z0-9._-]+", requirement))
+    found = {}
+    for name in sorted(wanted):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+SOURCE = ("*.py", "*.c", "*.html")
+"""The files that are code."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Code and machine of a command, as they were when it began."""
+
+    provenance: dict[str, Any]
+    """`revision` and `machine`, for its summary."""
+    code: str
+    """SHA-256 of the package's code."""
+
+    @classmethod
+    def now(cls) -> Origin:
+        """Return the code on disk and the machine: call it before the work."""
+        return cls(provenance(), code_digest(PACKAGE))
+
+    def warnings(self) -> list[str]:
+        """Return a sentence where the code on disk is no longer that of the beginning: call it after the work."""
+        if code_digest(PACKAGE) == self.code:
+            return []
+        return [
+            f"The code of stiction changed while this command ran: it began with revision {self.provenance['revision']}"
+            f", and {git_revision()} was there at its end. What came from which is not known: let the same command run "
+            "again."
+        ]
+
+
+def code_digest(package: Path) -> str:
+    """Return the SHA-256 of the code in a folder as it is now, names of files included."""
+    found = hashlib.sha256()
+    for file in sorted(file for pattern in SOURCE for file in package.rglob(pattern)):
+        found.update(f"{file.relative_to(package)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())
+    return found.hexdigest()

@@ -1,0 +1,196 @@
+"""Records as tables: one row a record, its fields the columns. CSV with every digit; text, Markdown, HTML with a few.
+
+A field whose metadata is a `column` says how people read it: label, unit, format.
+"""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_type_hints
+
+from stiction.core.errors import FileError
+
+Row = TypeVar("Row")
+
+
+def column(label: str, unit: str = "", form: str | Callable[[Any], str] = ".3g") -> dict[str, Any]:
+    """Return the metadata of a field that tables show, `speed: float = field(metadata=column("speed", "m/s"))`.
+
+    form: of its numbers, as of `format`, or what makes a text of any value but None.
+    """
+    return {"label": f"{label} [{unit}]" if unit else label, "form": form}
+
+
+def header(kind: Any) -> tuple[str, ...]:
+    """Return the labels of the columns that a kind of row shows: those with a `column`; all, by name, if none has."""
+    return tuple(field.metadata.get("label", field.name) for field in _shown(kind))
+
+
+def texts(row: Any) -> tuple[str, ...]:
+    """Return the cells of a row that belong to `header`, a dash for None."""
+    return tuple(_text(getattr(row, field.name), field.metadata.get("form", ".3g")) for field in _shown(row))
+
+
+def _shown(row: Any) -> list[dataclasses.Field]:
+    """Return the fields that tables show."""
+    return [field for field in fields(row) if "label" in field.metadata] or list(fields(row))
+
+
+def _text(value: Any, form: str | Callable[[Any], str]) -> str:
+    """Return one cell as people read it."""
+    if value is None:
+        return "–"
+    if callable(form):
+        return form(value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return format(value, form) if isinstance(value, float) else str(value)
+
+
+def markdown(titles: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """Return a table of text as Markdown, a pipe in a cell escaped."""
+    cells = [titles, ["---"] * len(titles), *lines]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in cells)
+
+
+def write_rows(path: Path, rows: Sequence[Any]) -> None:
+    """Write flat dataclass records of one kind, floats with nine digits.
+
+    Raises:
+        StictionError: there is no row, or a number is not finite.
+
+    """
+    if not rows:
+        raise FileError(f"{path.name}: no row to write; expected at least one")
+    names = [field.name for field in fields(rows[0])]
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(names)
+        writer.writerows([_cell(path, name, value) for name, value in asdict(row).items()] for row in rows)
+
+
+def _cell(path: Path, name: str, value: Any) -> str:
+    """Return one cell."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise FileError(f"{path.name}: {name} is {value}; expected a finite number")
+        return f"{value:.9g}"
+    return "" if value is None else str(value)
+
+
+def read_rows(path: Path, kind: type[Row]) -> list[Row]:
+    """Read records that `write_rows` wrote.
+
+    kind: their dataclass, whose fields are text, integers, floats and yes or no, or one of these or None.
+
+    Raises:
+        StictionError: the file cannot be read, or is not one of such records.
+
+    """
+    types = get_type_hints(kind)
+    names = list(types)
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise FileError(f"{path} cannot be read: {error}") from error
+    if not lines or lines[0] != names:
+        raise FileError(f"{path}: its first line must be {','.join(names)}; move it away, or give another --out")
+    try:
+        return [
+            kind(**{name: _value(cell, types[name]) for name, cell in zip(names, cells, strict=True)})
+            for cells in lines[1:]
+        ]
+    except ValueError as error:
+        raise FileError(f"{path}: {error}; move it away, or give another --out") from error
+
+
+def _value(cell: str, kind: Any) -> str | int | float | None:
+    """Return what a cell says; raise `ValueError` where it is none of its kind."""
+    kinds = get_args(kind) or (kind,)
+    if cell == "" and type(None) in kinds:
+        return None
+    if bool in kinds:
+        return _truth(cell)
+    return next(one for one in (int, float, str) if one in kinds)(cell)
+
+
+def _truth(cell: str) -> bool:
+    """Return what a cell says of yes or no; raise `ValueError` where it is neither."""
+    if cell not in ("True", "False"):
+        raise ValueError(f"{cell!r} is neither True nor False")
+    return cell == "True"
+
+
+T = TypeVar("T")
+
+
+def to_plain(config: Any) -> Any:
+    """Return a (nested) dataclass as dicts, lists and numbers, ready for JSON."""
+    return dataclasses.asdict(config)
+
+
+def from_plain(kind: type[T], data: Any, where: str = "config") -> T:
+    """Build the dataclass `kind` from what `to_plain` returned, now or before a field was added.
+
+    A field that is missing has its default; a new field's default is therefore what was done before there was one.
+
+    Raises `StictionError` naming the field that is missing or unknown.
+    """
+    if not isinstance(data, dict):
+        raise FileError(f"{where}: expected the fields of {kind.__name__}, got {type(data).__name__}")
+    hints = get_type_hints(kind)
+    fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    needed = {name for name, field in fields.items() if _has_no_default(field)}
+    wrong = sorted((needed - data.keys()) | (data.keys() - fields.keys()))
+    if wrong:
+        raise FileError(
+            f"{where}: fields {', '.join(wrong)} are missing or unknown; was it written by another version?"
+        )
+    values = {}
+    for name, value in data.items():
+        nested = hints[name]
+        if dataclasses.is_dataclass(nested):
+            value = from_plain(nested, value, f"{where}.{name}")  # type: ignore[arg-type]
+        elif isinstance(value, list):
+            value = _tuples(value)
+        values[name] = value
+    return kind(**values)
+
+
+def part_of(kind: type[T], config: Any, **others: Any) -> T:
+    """Return the `kind` whose fields have the values that a dataclass has under the same names, else their defaults.
+
+    A verb's options hold the settings of what it calls, among other things. others: fields that it has otherwise.
+    """
+    given = {field.name for field in dataclasses.fields(config)}
+    names = [field.name for field in dataclasses.fields(kind) if field.name in given]  # type: ignore[arg-type]
+    return kind(**{name: getattr(config, name) for name in names} | others)
+
+
+def _has_no_default(field: dataclasses.Field) -> bool:
+    """Say whether a field must be given."""
+    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+def _tuples(value: Any) -> Any:
+    """Return lists within lists as tuples within tuples."""
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+
+
+def make_folder(out: Path, option: str = "--out") -> None:
+    """Make the directory for results, before the work that fills it. `option`: which names it.
+
+    Raises:
+        StictionError: it cannot be made.
+
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise FileError(f"the directory {out} cannot be made: {error}; choose another {option}") from error

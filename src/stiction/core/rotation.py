@@ -1,0 +1,126 @@
+"""Rotations in NumPy. Quaternions are of unit length, in the order w, x, y, z; angles are in rad.
+
+A function whose name is in the singular takes one quaternion, shape (4,), and vectors of shape (3,); its plural takes N
+of them, batch first. Both are there, written out, because a control loop at 1 kHz and a fleet of thousands must both be
+fast. What has no plural takes any leading shape. Results depend on the order of the operations, to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+"""Orientation of a base that is not turned: it looks along x."""
+
+
+def about(axis: int, angle: float | np.ndarray) -> np.ndarray:
+    """Return the quaternions of turns by angles, shape (...), about x, y or z (0, 1, 2); shape (..., 4)."""
+    quaternion = np.zeros((*np.shape(angle), 4))
+    quaternion[..., 0], quaternion[..., 1 + axis] = np.cos(angle / 2), np.sin(angle / 2)
+    return quaternion
+
+
+def about_vector(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Return the quaternion of a turn by an angle about a unit vector of shape (3,); shape (4,)."""
+    return np.concatenate(([np.cos(angle / 2)], np.sin(angle / 2) * axis))
+
+
+def matrix(quaternion: np.ndarray) -> np.ndarray:
+    """Return the rotation matrix of a frame, shape (3, 3): its columns are the frame's axes in the world."""
+    w, x, y, z = quaternion
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def into_frame(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Return vectors of the world, shape (3,) or (..., 3), as one frame sees them."""
+    return vector @ matrix(quaternion)
+
+
+def into_frames(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Return N vectors of the world, shape (N, 3), each as its own frame, (N, 4), sees it."""
+    w, axis = quaternion[:, :1], quaternion[:, 1:]
+    return vector + 2.0 * crosses(axis, crosses(axis, vector) - w * vector)
+
+
+def up_in_frames(quaternion: np.ndarray) -> np.ndarray:
+    """Return the world's upward direction in N frames, shape (N, 3)."""
+    w, x, y, z = quaternion.T
+    return np.stack([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)], axis=1)
+
+
+def uprightness(quaternion: np.ndarray) -> np.ndarray:
+    """Return the cosine of the angle between a frame's z axis and the world's, shape (...)."""
+    return 1.0 - 2.0 * (quaternion[..., 1] ** 2 + quaternion[..., 2] ** 2)
+
+
+def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
+    """Return roll and pitch, shape (..., 2).
+
+    Roll is atan2(2(wx + yz), 1 - 2(x² + y²)), pitch is asin(2(wy - zx)).
+    """
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
+    roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
+    return np.stack([roll, pitch], axis=-1)
+
+
+def yaw(quaternion: np.ndarray) -> float:
+    """Return the heading of a frame: the angle from the world's x to its own x, seen from above."""
+    forward = matrix(quaternion)[:, 0]
+    return math.atan2(forward[1], forward[0])
+
+
+def yaws(quaternion: np.ndarray) -> np.ndarray:
+    """Return the headings of N frames, shape (N,)."""
+    w, x, y, z = quaternion.T
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
+    """Return N quaternions times the small rotations 1 + a i + b j, shape (N, 3): rolls of 2a, pitches of 2b."""
+    w, x, y, z = quaternion.T
+    one, a, b = tilt.T
+    product = np.stack(
+        [w * one - x * a - y * b, w * a + x * one - z * b, w * b + y * one + z * a, z * one + x * b - y * a], -1
+    )
+    return product / np.linalg.norm(product, axis=-1, keepdims=True)
+
+
+def angle_between(first: np.ndarray, second: np.ndarray) -> float:
+    """Return the angle of the turn from one orientation to another."""
+    away = float(np.linalg.norm(matrix(first) - matrix(second)))
+    return 2.0 * math.asin(min(away / 8**0.5, 1.0))
+
+
+def small_turns(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the small turns from N orientations to others, angle times axis in the first frame, shape (N, 3)."""
+    inverse = first * (1.0, -1.0, -1.0, -1.0)
+    # The vector part of the product of both: half the angle along the axis.
+    half = inverse[:, :1] * second[:, 1:] + second[:, :1] * inverse[:, 1:] + np.cross(inverse[:, 1:], second[:, 1:])
+    return 2 * half
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the cross product of two vectors, shape (3,): that of `np.cross`, which is slow on single vectors."""
+    (ax, ay, az), (bx, by, bz) = a, b
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
+def crosses(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Return the cross products of N pairs of vectors, shape (N, 3): those of `np.cross` to the bit, and faster."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack((ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx), -1)
+
+
+def cross_matrix(vector: np.ndarray) -> np.ndarray:
+    """Return the matrix, shape (3, 3), that takes u to the cross product vector x u."""
+    x, y, z = vector
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

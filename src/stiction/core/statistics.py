@@ -1,0 +1,75 @@
+"""Intervals over training seeds. A seed is one sample; episodes of one policy are not samples of the training."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import sqrt
+
+import numpy as np
+from scipy.stats import t as student_t
+
+Interval = tuple[float, float]
+
+CONFIDENCE = 0.95
+"""Of every interval."""
+
+
+def wilson(successes: float, trials: int, quantile: float = 1.959964) -> Interval:
+    """Return Wilson's 95 % interval of a share (Wilson 1927): it holds near 0 and 1, where the usual one fails.
+
+    successes: a mean of clusters makes them a fraction, which `scipy.stats.binomtest` refuses; for whole numbers this
+    is its `proportion_ci(method="wilson")`. trials: at least one.
+    """
+    share, square = successes / trials, quantile**2
+    centre = (share + square / (2 * trials)) / (1 + square / trials)
+    half = quantile / (1 + square / trials) * sqrt(share * (1 - share) / trials + square / (4 * trials**2))
+    return max(0.0, centre - half), min(1.0, centre + half)
+
+
+def t_interval(points: Sequence[float]) -> Interval | None:
+    """Return the 95 % t-interval of the mean of `points`, one a seed; None for fewer than two.
+
+    mean ± t(n - 1) s / √n.
+    """
+    n = len(points)
+    if n < 2:
+        return None
+    return _interval(float(np.mean(points)), float(np.std(points, ddof=1)) / sqrt(n), n - 1)
+
+
+def difference_interval(first: Sequence[float], second: Sequence[float]) -> Interval | None:
+    """Return Welch's 95 % interval of mean(first) - mean(second); None where either has fewer than two points."""
+    return _welch(float(np.mean(first) - np.mean(second)), (first, 1.0), (second, 1.0)) if first and second else None
+
+
+def ratio_interval(first: Sequence[float], second: Sequence[float]) -> Interval | None:
+    """Return the 95 % interval of mean(first) / mean(second), None where either has fewer than two points.
+
+    To first order in the errors of the two means (the delta method): it holds where the second mean is many of its
+    errors away from zero. None where that mean is zero.
+    """
+    if not first or not second or not (below := float(np.mean(second))):
+        return None
+    ratio = float(np.mean(first)) / below
+    return _welch(ratio, (first, 1.0 / below), (second, ratio / below))
+
+
+def _welch(estimate: float, *samples: tuple[Sequence[float], float]) -> Interval | None:
+    """Return the t-interval of a sum of sample means, each times a weight; None with a sample of fewer than two points.
+
+    Degrees of freedom by Welch and Satterthwaite. Samples without any spread have an interval of no width.
+    """
+    if any(len(points) < 2 for points, _ in samples):
+        return None
+    parts = [weight**2 * float(np.var(points, ddof=1)) / len(points) for points, weight in samples]
+    total = sum(parts)
+    freedom = sum(part**2 / (len(points) - 1) for part, (points, _) in zip(parts, samples, strict=True))
+    return _interval(estimate, sqrt(total), total**2 / freedom if freedom else 1.0)
+
+
+def _interval(estimate: float, error: float, freedom: float) -> Interval:
+    """Return the 95 % t-interval; `student_t.interval` is not a number where the standard error is zero."""
+    if error == 0.0:
+        return estimate, estimate
+    low, high = student_t.interval(CONFIDENCE, freedom, estimate, error)
+    return float(low), float(high)

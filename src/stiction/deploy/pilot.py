@@ -1,0 +1,143 @@
+"""Drives a robot from a policy bundle: NumPy and onnxruntime on one side, a `Port` on the other, nothing else.
+
+An observation goes one way, on a robot as in an evaluation: `Port.read` gives what the sensors measured; here and in
+`observation` and `policy` it becomes an action, joint targets and gains; `Port.exchange` takes them to the motors. What
+is behind the port this room does not know: a virtual robot in the same process has one (`virtual`, its handle), whose
+motors, gears and friction act on an engine (`engines`); a real robot, or one in another process, gets one from its
+transport.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from stiction.core.errors import PolicyError, RobotError
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import Policy, PolicyStep
+from stiction.joints.pd import fed_forward
+
+
+@dataclass(frozen=True)
+class JointCommand:
+    """What the motor controllers are to do until the next command arrives. Arrays have shape (J,)."""
+
+    target: np.ndarray
+    """a [rad]."""
+    kp: np.ndarray
+    """[N m/rad]."""
+    kd: np.ndarray
+    """[N m s/rad]; the target's velocity is taken as zero."""
+    forward: np.ndarray
+    """Torque that is added to what the gains ask for, τ_ff [N m]."""
+
+    @classmethod
+    def position(cls, target: np.ndarray, kp: np.ndarray, kd: np.ndarray) -> JointCommand:
+        """Return the command of a policy: targets and gains."""
+        return cls(target, kp, kd, np.zeros_like(target))
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What came from the robot last."""
+
+    time: float
+    """When it arrived, since the robot was put in place [s]; the robot measured somewhat earlier."""
+    sensors: Sensors
+    """IMU and encoders, shapes (4,), (3,), (J,), (J,)."""
+    joint_torque: np.ndarray
+    """What the motors report: current times the data sheet's torque constant, at the joint [N m], shape (J,)."""
+    foot_contact: np.ndarray
+    """Whether each foot bears load, bool, shape (L,)."""
+
+
+class Port(Protocol):
+    """A robot, as a computer on it sees it."""
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Order of every vector over joints."""
+        ...
+
+    @property
+    def period(self) -> float:
+        """Time between two readings [s]."""
+        ...
+
+    def read(self) -> Reading:
+        """Return what came last; no time passes."""
+        ...
+
+    def exchange(self, command: JointCommand) -> Reading:
+        """Send a command, wait for one period, and return what has come by then."""
+        ...
+
+
+@dataclass(frozen=True)
+class ControlStep:
+    """What happened in one control period."""
+
+    velocity: np.ndarray
+    """What was commanded: forward, sideways [m/s], turn [rad/s], shape (3,)."""
+    before: Reading
+    """What the policy saw."""
+    policy: PolicyStep
+    """What it made of it."""
+    readings: tuple[Reading, ...]
+    """What came while its targets were held, the last one at the end of the period."""
+
+
+class Pilot:
+    """One policy on one robot."""
+
+    def __init__(self, port: Port, policy: Policy, friction: np.ndarray | None = None) -> None:
+        """Connect a policy, as from `deploy.policy.load_policy`, to a robot.
+
+        friction: f that the joint controllers feed forward [N m], shape (J,): at every reading they get the torque
+        f sat((a − θ)/width) beside target and gains, with the contract's `compensation_width`. None: they get none.
+
+        Raises:
+            StictionError: the robot's joints are not the policy's, its readings do not fit the control period, or the
+                policy compensates friction itself.
+
+        """
+        contract = policy.contract
+        if port.joint_names != contract.joint_names:
+            raise RobotError(f"the robot has the joints {port.joint_names}, the bundle {contract.joint_names}")
+        self._readings = round(contract.control_period / port.period)
+        if self._readings < 1 or abs(self._readings * port.period - contract.control_period) > 1e-9:
+            raise PolicyError(
+                f"the robot is read every {port.period} s, the policy acts every {contract.control_period} s; expected "
+                "a whole number of readings to an action"
+            )
+        if friction is not None and contract.compensation is not None:
+            raise PolicyError("the policy compensates friction in its targets; it cannot be fed forward once more")
+        self._port, self._policy = port, policy
+        self._kp, self._kd = contract.array("kp"), contract.array("kd")
+        self._friction = np.zeros(contract.num_joints) if friction is None else friction
+        self._width = contract.compensation_width
+        self._seen: Reading | None = None
+
+    def reset(self) -> None:
+        """Forget the history: the robot was put in place anew."""
+        self._policy.reset()
+        self._seen = None
+
+    def step(self, velocity: np.ndarray) -> ControlStep:
+        """Advance by one control period under a commanded velocity: forward, sideways [m/s], turn [rad/s].
+
+        Raises:
+            PolicyError: a sensor or the command is not finite.
+
+        """
+        before = self._port.read()
+        step = self._policy.step(before.sensors, velocity)
+        # Noise that is put before the policy alone, and so is in `before`, is not in the joint controllers.
+        self._seen, readings = self._seen or before, []
+        for _ in range(self._readings):
+            forward = fed_forward(step.target, self._seen.sensors.joint_position, self._friction, self._width)
+            self._seen = self._port.exchange(JointCommand(step.target, self._kp, self._kd, forward))
+            readings.append(self._seen)
+        return ControlStep(velocity, before, step, tuple(readings))

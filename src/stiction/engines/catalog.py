@@ -1,0 +1,155 @@
+"""The registry of engines: all that the house knows of each, and how one is found by its name.
+
+One of your own touches no file here: an `EngineSpec` in a module of yours is found as `package.module:VARIABLE`, as a
+robot is. Looking it up runs that module, so such a name is typed by a person; none is ever taken from a file.
+
+No engine's package is imported before one is asked for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from stiction.core.errors import EngineError, StictionError, unknown_name
+from stiction.core.plugins import find_named
+from stiction.engines.engine import Body, Engine, Make
+from stiction.engines.ground import Ground, flat
+from stiction.robots.model import RobotSpec
+
+TIMESTEP = 0.002
+"""Physics step at which engines are compared [s]: the bounds of the conformance suite are made for it."""
+
+
+@dataclass(frozen=True)
+class EngineSpec:
+    """One engine."""
+
+    name: str
+    """By which it is found; one of your own is found, and stands in results, as `package.module:VARIABLE` instead."""
+    make: Make
+    """Makes a robot in it, of body, ground and timestep. What it needs is imported in there, not before."""
+    cost: float = 5.0
+    """Time that a walk of one robot takes, MuJoCo's being 1: long walks go first, so that no core waits at the end."""
+    batch_cost: float | None = None
+    """The same for a robot of a batch, in the training's simulator of that name; None: there is none."""
+    timestep: float = TIMESTEP
+    """Physics step of evaluations [s]; virtual robots have their own."""
+    extra: str = ""
+    """What to install for it: an extra of this package."""
+    binaries: Callable[[], dict[str, str | None]] = dict
+    """Returns what it loads that is part of no Python package: name -> SHA-256, None where it is not installed."""
+
+    @property
+    def alone(self) -> str:
+        """Name of one robot in the engine where a batch has the plain name, as in results.csv: `mujoco-alone`."""
+        return self.name if self.batch_cost is None else f"{self.name}-alone"
+
+
+def _mujoco(body: Body, ground: Ground, timestep: float) -> Engine:
+    from stiction.engines.mujoco_engine import MujocoEngine
+
+    return MujocoEngine(body, ground, timestep)
+
+
+def _physx(body: Body, ground: Ground, timestep: float) -> Engine:
+    from stiction.engines.physx import PhysxEngine
+
+    return PhysxEngine(body, ground, timestep)
+
+
+def _ode(body: Body, ground: Ground, timestep: float) -> Engine:
+    from stiction.engines.ode.engine import OdeEngine
+
+    return OdeEngine(body, ground, timestep)
+
+
+def _ode_webots(body: Body, ground: Ground, timestep: float) -> Engine:
+    from stiction.engines.ode.engine import WEBOTS, OdeEngine
+
+    return OdeEngine(body, ground, timestep, WEBOTS)
+
+
+def _libode() -> dict[str, str | None]:
+    from stiction.engines.ode.library import library_digest
+
+    return {"libode": library_digest()}
+
+
+ENGINES = {
+    spec.name: spec
+    for spec in (
+        EngineSpec("mujoco", _mujoco, cost=1.0, batch_cost=0.05, extra="sim"),
+        EngineSpec("physx", _physx, cost=2.0, extra="engines"),
+        EngineSpec("ode", _ode, cost=6.0, extra="engines", binaries=_libode),
+        EngineSpec("ode-webots", _ode_webots, cost=4.0, extra="engines", binaries=_libode),
+    )
+}
+"""The shipped engines by name."""
+
+
+def find_engine(name: str) -> EngineSpec:
+    """Return the engine called `name`: a shipped one, or `package.module:VARIABLE` anywhere on the Python path.
+
+    Raises:
+        StictionError: there is no such engine or module, or it holds no `EngineSpec`.
+
+    """
+    if name in ENGINES:
+        return ENGINES[name]
+    if ":" not in name:
+        message = unknown_name("engine", name, ENGINES)
+        raise EngineError(f"{message}; name one of your own as package.module:VARIABLE")
+    found = find_named("engine", name)
+    if not isinstance(found, EngineSpec):
+        raise EngineError(f"engine {name!r} is not an EngineSpec")
+    return replace(found, name=name, batch_cost=None)
+
+
+def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engine:
+    """Return a robot in the engine called `name`, standing at the origin's height zero until it is reset.
+
+    timestep: of the physics [s].
+
+    Raises:
+        StictionError: there is no such engine, what it needs is not installed, or no physics takes such steps.
+
+    """
+    spec = find_engine(name)
+    if not 0 < timestep <= 0.02:
+        raise EngineError(f"physics step {timestep} s; expected more than 0 and at most 0.02 s")
+    try:
+        return spec.make(body, ground, timestep)
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith("stiction"):
+            raise
+        how = f"; install it with: pip install 'stiction[{spec.extra}]'" if spec.extra else ""
+        raise EngineError(f"the engine {name!r} needs the package {error.name}, which is not installed{how}") from error
+
+
+def binaries(name: str) -> dict[str, str | None]:
+    """Return what an engine loads that no installed package's version tells: name -> SHA-256, None where it is absent.
+
+    Of an engine of one's own that is its module's file, too. A cached walk is found again by it, beside the code here
+    and the versions of packages.
+
+    Raises:
+        StictionError: there is no such engine.
+
+    """
+    found = find_engine(name).binaries()
+    module, colon, _ = name.partition(":")
+    file = sys.modules[module].__file__ if colon else None
+    return found if file is None else found | {module: hashlib.sha256(Path(file).read_bytes()).hexdigest()}
+
+
+def what_is_missing(name: str, robot: RobotSpec) -> str | None:
+    """Return why a robot cannot be had in an engine here and what to do, in one line; None where it can."""
+    try:
+        make_engine(name, Body.nominal(robot), flat(), TIMESTEP)
+    except StictionError as error:
+        return str(error)
+    return None

@@ -1,0 +1,222 @@
+"""The robot on the ground: where it stands, which feet touch, what its joints bear there, and how it slides.
+
+Locked joints make it a rigid table, whose pose on level ground and slopes and whose slide down a slope are known; under
+its controllers it is compared with fine MuJoCo.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from stiction.core.rotation import UPRIGHT, about, angle_between, into_frame
+from stiction.engines.conformance.rig import HELD, Act, Figure, hold, record, still
+from stiction.engines.engine import Body, Make, Motion
+from stiction.engines.ground import Ground, course, flat, sampled
+from stiction.engines.mujoco_engine import MujocoEngine
+from stiction.robots.model import GRAVITY, RobotSpec
+from stiction.robots.terrain import LANDING, RAMP
+from stiction.robots.tree import SHANK_RADIUS, links
+
+FINE = 5e-4
+"""Timestep of the reference [s]."""
+
+SECONDS = 1.0
+"""How long the robot stands [s]."""
+
+LANDED = 0.3
+"""From then on contacts are judged [s]: before, the robot settles; a light one hops on its feet as its springs give."""
+
+CARRIERS = 3
+"""Fewest feet that carry a robot with locked joints."""
+
+RAISED = (0.5, -0.8)
+"""What bends thigh and knee of a leg that is lifted [rad]."""
+
+
+def stand(make: Make, body: Body, timestep: float, act: Act, angles: np.ndarray) -> Motion:
+    """Return the robot put down on the plane with these joint angles [rad], (J,), step by step."""
+    engine = make(body, flat(), timestep)
+    engine.reset(angles, np.array([0.0, 0.0, body.spec.standing_height]), UPRIGHT)
+    return record(engine, round(SECONDS / timestep), act)
+
+
+@cache
+def reference(spec: RobotSpec) -> Motion:
+    """Return how fine MuJoCo stands under its controllers."""
+    body, angles = Body.nominal(spec), spec.joint_values("standing")
+    return stand(MujocoEngine, body, FINE, hold(body, angles), angles)
+
+
+def standing(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """A table of all legs, then the robot under its controllers."""
+    body, angles = Body.nominal(spec), spec.joint_values("standing")
+    table = stand(make, body, timestep, still(body), angles)
+    motion, truth = stand(make, body, timestep, hold(body, angles), angles), reference(spec)
+    down = round(LANDED / timestep)
+    return (
+        Figure("height, joints locked", float(table.base_position[-1, 2] - spec.standing_height), "m", 3e-3),
+        Figure("drift, joints locked", float(np.linalg.norm(table.base_position[-1, :2])), "m", 3e-3),
+        Figure("creep of locked joints in 1 s", float(np.abs(table.joint_position[-1] - angles).max()), "rad", 5e-3),
+        Figure("height, against MuJoCo", float(motion.base_position[-1, 2] - truth.base_position[-1, 2]), "m", 5e-3),
+        Figure("tilt", angle_between(motion.base_quaternion[-1], UPRIGHT), "rad", 0.02),
+        Figure("joint angles, against MuJoCo", _largest(motion, truth, "joint_position"), "rad", 0.03),
+        Figure("mean force at the joints", _ratio(motion, truth, "joint_force"), "1", 0.05),
+        Figure("feet that lose the ground", float((~motion.foot_contact[down:]).sum()), "1", 0.0),
+    )
+
+
+def _largest(motion: Motion, truth: Motion, name: str) -> float:
+    """Return the largest difference of one field at the end."""
+    return float(np.abs(getattr(motion, name)[-1] - getattr(truth, name)[-1]).max())
+
+
+def _ratio(motion: Motion, truth: Motion, name: str) -> float:
+    """Return by how much the mean of one field at the end is off."""
+    return float(getattr(motion, name)[-1].mean() / getattr(truth, name)[-1].mean() - 1.0)
+
+
+def foot_contact(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """Some feet carry a robot with locked joints, then others, until each was up once: exactly those below touch."""
+    wrong = 0
+    for lifted, centre in _lifts(spec):
+        angles = spec.joint_values("standing").reshape(-1, 3)
+        angles[lifted, 1:] += RAISED
+        body = replace(Body.nominal(spec), base_com=centre)
+        motion = stand(make, body, timestep, still(body), angles.ravel())
+        wrong += int((motion.foot_contact[round(LANDED / timestep) :] == lifted).sum())
+    return (Figure("feet that read wrong", float(wrong), "1", 0.0),)
+
+
+def _lifts(spec: RobotSpec) -> list[tuple[np.ndarray, tuple[float, float, float]]]:
+    """Return which legs are lifted, bool, (legs,), and where the trunk's centre of mass is then [m], time by time.
+
+    That is one contact group, then the other, where each can carry the robot. Where it cannot, on four legs, it is one
+    leg at a time, and a trunk whose centre of mass is shifted so that the weight is over the middle of the other feet.
+    """
+    groups = spec.groups()
+    if min(np.bincount(groups)) >= CARRIERS:
+        return [(groups != group, (0.0, 0.0, 0.0)) for group in (0, 1)]
+    mounts, share = np.array([leg.mount for leg in spec.legs]), spec.base.mass / spec.mass
+    lifts = []
+    for lifted in np.eye(len(groups), dtype=bool):
+        x, y, _ = (mounts[~lifted].mean(axis=0) - mounts.mean(axis=0)) / share
+        lifts.append((lifted, (float(x), float(y), 0.0)))
+    return lifts
+
+
+def on_its_back(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """A robot that lies on its back rests on the box of its trunk, and no foot touches."""
+    body = Body.nominal(spec)
+    engine = make(body, flat(), timestep)
+    half = spec.base.size[2] / 2
+    engine.reset(spec.joint_values("standing"), np.array([0.0, 0.0, half + 0.01]), about(0, np.pi))
+    motion = record(engine, round(SECONDS / timestep), still(body))
+    return (
+        Figure("height of the trunk", float(motion.base_position[-1, 2] - half), "m", 3e-3),
+        Figure("feet that read wrong", float(motion.foot_contact.sum()), "1", 0.0),
+    )
+
+
+STEP, ANGLE, CELL = 0.1, 0.2, 0.1
+"""Height of a stair [m], angle of the slope [rad], cell of the height field [m]."""
+
+TERRAIN_SECONDS = 1.0
+"""How long the robot stands or slides [s]."""
+
+SLIPPERY, STEEP = 0.2, 0.3
+"""Friction of the feet [-] and angle [rad] of the slide."""
+
+SLIDE = 0.5
+"""Length of the slide [s]."""
+
+BAR, SWING = (0.03, 0.1, 0.03), 0.5
+"""Half sizes of the bar [m], and the angle of the shank from it at the start [rad]."""
+
+COURSE = (3.0, 3.0)
+"""Half the extent of the height field [m]."""
+
+
+def terrain(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """A table on the landing of the stairs, on a slope made of boxes, and on the same slope as a height field."""
+    stairs, slope = course("stairs", STEP), course("slope", ANGLE)
+    figures = [
+        _landing(make, spec, timestep, "landing of stairs", stairs),
+        _landing(make, spec, timestep, "landing of a height field", sampled(stairs, COURSE, CELL)),
+    ]
+    for name, ground in (("slope", slope), ("slope of a height field", sampled(slope, COURSE, CELL))):
+        figures += _slope(make, spec, timestep, name, ground)
+    return tuple(figures)
+
+
+def _landing(make: Make, spec: RobotSpec, timestep: float, name: str, ground: Ground) -> Figure:
+    """Return the height of a table on level ground above where it should be."""
+    body = Body.nominal(spec)
+    engine = make(body, ground, timestep)
+    top = float(ground.height(np.zeros((1, 2)))[0]) + spec.standing_height
+    engine.reset(spec.joint_values("standing"), np.array([0.0, 0.0, top]), UPRIGHT)
+    motion = record(engine, round(TERRAIN_SECONDS / timestep), still(body))
+    return Figure(f"height, {name}", float(motion.base_position[-1, 2] - top), "m", 3e-3)
+
+
+def _on_slope(
+    make: Make, spec: RobotSpec, timestep: float, ground: Ground, angle: float, friction: float, seconds: float
+) -> Motion:
+    """Return a table on the way up a slope, in the frame of the slope: x up, z away from it, from its middle [m]."""
+    body = replace(Body.nominal(spec), ground_friction=friction)
+    engine = make(body, ground, timestep)
+    # Nose up is a turn about -y.
+    turn = about(1, -angle)
+    middle = np.array([-LANDING - RAMP / 2 * np.cos(angle), 0.0, RAMP / 2 * np.sin(angle)])
+    away = np.array([-np.sin(angle), 0.0, np.cos(angle)])
+    engine.reset(spec.joint_values("standing"), middle + spec.standing_height * away, turn)
+    motion = record(engine, round(seconds / timestep), still(body))
+    return replace(motion, base_position=into_frame(turn, motion.base_position - middle))
+
+
+def _slope(make: Make, spec: RobotSpec, timestep: float, name: str, ground: Ground) -> list[Figure]:
+    """Return how a table stands on a slope that is not too steep for its feet."""
+    motion = _on_slope(make, spec, timestep, ground, ANGLE, 1.0, TERRAIN_SECONDS)
+    place = motion.base_position[-1]
+    return [
+        Figure(f"height, {name}", float(place[2] - spec.standing_height), "m", 3e-3),
+        Figure(f"tilt, {name}", angle_between(motion.base_quaternion[-1], about(1, -ANGLE)), "rad", 5e-3),
+        Figure(f"creep down in 1 s, {name}", float(place[0]), "m", 0.02),
+    ]
+
+
+def foot_friction(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """A table that slides down a slope is accelerated by g (sin α - μ cos α), on boxes."""
+    motion = _on_slope(make, spec, timestep, course("slope", STEEP), STEEP, SLIPPERY, SLIDE)
+    steps = len(motion.base_position) - 1
+    speed = -(motion.base_position[-1, 0] - motion.base_position[steps // 2, 0]) / ((steps - steps // 2) * timestep)
+    # The mean over the second half is the speed in its middle.
+    wanted = GRAVITY * (np.sin(STEEP) - SLIPPERY * np.cos(STEEP)) * 0.75 * SLIDE
+    return (Figure("speed of the slide", float(speed / wanted - 1.0), "1", 0.05),)
+
+
+def shank_contact(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """A shank that swings against a bar in the air, between knee and foot, stops there."""
+    height, stop = 1.0, spec.thigh.standing + spec.shank.standing
+    joint = links(spec)[-2].origin + links(spec)[-3].origin
+    knee = joint + [0.0, 0.0, height] + spec.thigh_link.size[2] * _leaning(spec.thigh.standing)
+    # The bar lies along the shank at the angle at which they meet, behind it.
+    behind = np.array([-np.cos(stop), 0.0, np.sin(stop)])
+    bar = knee + spec.shank_link.size[2] / 2 * _leaning(stop) + (BAR[2] + SHANK_RADIUS) * behind
+    ground = Ground(np.array([BAR]), bar[None], about(1, stop + np.pi / 2)[None])
+    engine = make(Body.nominal(spec, fixed=True), ground, timestep)
+    angles = spec.joint_values("standing")
+    angles[-1] -= SWING
+    engine.reset(angles, np.array([0.0, 0.0, height]), UPRIGHT)
+    torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
+    torque[-1], bound[-1] = 1.0, 0.2
+    motion = record(engine, round(TERRAIN_SECONDS / timestep), lambda number, motion: (torque, bound))
+    reached = motion.joint_position[-1, -1] - spec.shank.standing
+    return (Figure("angle past the bar", float(reached), "rad", 0.02),)
+
+
+def _leaning(angle: float) -> np.ndarray:
+    """Return the direction in which a link hangs that is turned about y by an angle [rad]."""
+    return np.array([-np.sin(angle), 0.0, -np.cos(angle)])

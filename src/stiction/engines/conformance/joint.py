@@ -1,0 +1,175 @@
+"""One joint against what can be computed exactly: dry friction that holds, lets go and brakes as Coulomb's law says.
+
+The robot is bolted to a stand and lies on its side, so that the last shank's axis is vertical: no weight acts on it.
+All other joints are locked. The shank is a rigid box on a hinge, I q'' + B q' = τ − friction, and `stiction.joints`
+has its motion in closed form, stick and slip included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.core.rotation import about
+from stiction.engines.conformance.rig import HELD, Figure, record, test_friction
+from stiction.engines.engine import Body, Make, Motion
+from stiction.engines.ground import flat
+from stiction.joints.friction import Coulomb
+from stiction.joints.pd import PDGains
+from stiction.joints.simulate import Joint, Trajectory, simulate
+from stiction.robots.model import RobotSpec, box_inertia
+
+Pair = tuple[float, float]
+"""Torque and bound of friction [N m]."""
+
+PROFILE = ((0.0, 0.9), (1.0, 0.9), (1.5, 1.4), (1.8, 1.4), (1.81, 0.0), (2.6, 0.0))
+"""Torque over friction [-] at times [s], straight between: held, broken away at 1.1 s, driven, let go, at rest."""
+
+DRIVEN, LET_GO, END = 1.0, 1.8, 2.6
+"""Times in the profile [s]."""
+
+MOVED = 1e-3
+"""A joint that has gone this far has broken away [rad]."""
+
+AT_REST = 1e-3
+"""Speed under which a joint stands [rad/s]."""
+
+AGAINST = 5.0
+"""Torque with which a joint is driven against its limit [N m]."""
+
+SLOW, AMPLITUDE, LEVEL = 0.5, 0.3, 0.1
+"""Of the controlled joint: frequency [Hz] and amplitude [rad] of its target, friction over the torque limit [-]."""
+
+
+def shank_inertia(spec: RobotSpec) -> float:
+    """Return the inertia of a shank about its knee, rotor included [kg m²]: a uniform box on a hinge at its end."""
+    link = spec.shank_link
+    about_centre = box_inertia(link.mass, link.size)[1]
+    return float(spec.shank.armature + about_centre + link.mass * (link.size[2] / 2) ** 2)
+
+
+def exact(
+    spec: RobotSpec, gains: PDGains, friction: float, timestep: float, target: np.ndarray, load: np.ndarray
+) -> Trajectory:
+    """Return the shank's motion in closed form, from rest at the first target; all of shape (samples,)."""
+    joint = Joint(shank_inertia(spec), spec.shank.damping, Coulomb(friction))
+    return simulate(joint, gains, timestep, target, position=float(target[0]), load=load)
+
+
+def _drive(
+    make: Make, spec: RobotSpec, timestep: float, start: float, joint: Callable[[int, float, float], Pair]
+) -> Motion:
+    """Return the motion of the last shank alone, under `joint(number, q, q')` -> torque and bound of friction [N m]."""
+    body = Body.nominal(spec, fixed=True)
+    engine = make(body, flat(), timestep)
+    angles = spec.joint_values("standing")
+    angles[-1] = start
+    # Turned by a quarter about x, the axes y of thighs and shanks point up.
+    engine.reset(angles, np.array([0.0, 0.0, 2.0]), about(0, np.pi / 2))
+    torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
+
+    def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        torque[-1], bound[-1] = joint(number, motion.joint_position[-1], motion.joint_velocity[-1])
+        return torque, bound
+
+    return record(engine, round(END / timestep), act)
+
+
+@dataclass(frozen=True)
+class BreakAway:
+    """A joint that is held, breaks away and comes to rest under `PROFILE`; arrays of shape (steps + 1,)."""
+
+    friction: float
+    """Its dry friction [N m]."""
+    time: np.ndarray
+    """[s]."""
+    load: np.ndarray
+    """Torque on the joint [N m]."""
+    angle: np.ndarray
+    """[rad]."""
+    speed: np.ndarray
+    """[rad/s]."""
+    truth: Trajectory
+    """The exact motion."""
+
+
+def break_away(make: Make, spec: RobotSpec, timestep: float) -> BreakAway:
+    """Return how an engine moves a joint under `PROFILE`, and how it should."""
+    friction = test_friction(spec)
+    times, levels = np.array(PROFILE).T
+    steps = round(END / timestep)
+    grid = np.arange(steps + 1) * timestep
+    start = spec.shank.lower + 0.3
+    # Torque is constant over a step: that of its middle gives a ramp its exact impulse.
+    torque = friction * np.interp(grid[:-1] + timestep / 2, times, levels)
+    motion = _drive(make, spec, timestep, start, lambda number, angle, speed: (torque[number], friction))
+    load = friction * np.interp(grid, times, levels)
+    truth = exact(spec, PDGains(1e-9, 0.0), friction, timestep, np.full(steps + 1, start), load)
+    return BreakAway(friction, grid, load, motion.joint_position[:, -1], motion.joint_velocity[:, -1], truth)
+
+
+def friction_of_one_joint(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """Hold, break away and decay of a joint under a known torque."""
+    seen = break_away(make, spec, timestep)
+    angle, speed, load, truth = seen.angle, seen.speed, seen.load, seen.truth
+    steps, start = len(angle) - 1, float(truth.position[0])
+    driven, let_go = round(DRIVEN / timestep), round(LET_GO / timestep)
+    gone = [np.argmax(np.abs(path - path[driven]) > MOVED) for path in (angle, truth.position)]
+    stopped = [steps - np.argmax(np.abs(path[::-1]) > AT_REST) for path in (speed, truth.velocity)]
+    way = truth.position[-1] - start
+    return (
+        Figure("creep in 1 s under 0.9 of the friction", float(angle[driven] - start), "rad", 1e-3),
+        Figure("torque of break-away", float(load[gone[0]] / load[gone[1]] - 1.0), "1", 0.01),
+        Figure("speed after break-away", float(speed[let_go] / truth.velocity[let_go] - 1.0), "1", 0.01),
+        Figure("when it stops", float(stopped[0] - stopped[1]) * timestep, "s", 0.005),
+        Figure("way until it stops", float((angle[-1] - truth.position[-1]) / way), "1", 0.01),
+        Figure("creep at rest", float(angle[-1] - angle[stopped[0]]), "rad", 1e-4),
+    )
+
+
+def changing_friction(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """A bound that is lowered for a while lets a joint go under a constant torque, and stops it when it rises again.
+
+    In between q' = (τ - f) / B (1 - exp(-B t / I)).
+    """
+    friction = test_friction(spec)
+    free = range(round(0.5 / timestep), round(0.8 / timestep))
+
+    def loosened(number: int, angle: float, speed: float) -> Pair:
+        return friction, 0.5 * friction if number in free else 4.0 * friction
+
+    motion = _drive(make, spec, timestep, spec.shank.lower + 0.3, loosened)
+    rate = spec.shank.damping / shank_inertia(spec)
+    wanted = 0.5 * friction / spec.shank.damping * (1.0 - np.exp(-rate * 0.3))
+    speed = motion.joint_velocity[:, -1]
+    return (
+        Figure("speed before it is loosened", float(np.abs(speed[: free.start]).max()), "rad/s", 1e-3),
+        Figure("speed when it is held again", float(speed[free.stop] / wanted - 1.0), "1", 0.01),
+        Figure("speed at the end", float(speed[-1]), "rad/s", 1e-3),
+    )
+
+
+def joint_limit(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """A joint that is driven against the end of its range stays there."""
+    upper = spec.shank.upper
+    motion = _drive(make, spec, timestep, upper - 0.5, lambda number, angle, speed: (AGAINST, 0.0))
+    return (Figure("angle past the limit", float(motion.joint_position[-1, -1] - upper), "rad", 0.03),)
+
+
+def friction_under_control(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    """Stick and slip of a joint that follows a slow sine under its controller, against the exact motion."""
+    steps = round(END / timestep)
+    friction = LEVEL * spec.shank.torque_limit
+    gains = PDGains(spec.shank.stiffness, spec.shank.derivative)
+    grid = np.arange(steps + 1) * timestep
+    target = spec.shank.standing + AMPLITUDE * np.sin(2 * np.pi * SLOW * grid)
+    truth = exact(spec, gains, friction, timestep, target, np.zeros(steps + 1))
+
+    def controlled(number: int, angle: float, speed: float) -> Pair:
+        return gains.kp * (target[number] - angle) - gains.kd * speed, friction
+
+    motion = _drive(make, spec, timestep, float(target[0]), controlled)
+    error = motion.joint_position[:, -1] - truth.position
+    return (Figure("controlled joint", float(np.abs(error).max() / AMPLITUDE), "1", 0.01),)

@@ -1,0 +1,76 @@
+"""What the checks share: figures with tolerances, a robot that is driven and recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from stiction.engines.engine import Body, Engine, Make, Motion
+from stiction.robots.model import RobotSpec
+
+Act = Callable[[int, Motion], tuple[np.ndarray, np.ndarray]]
+"""What is done at a step: its number and the motion before it -> torques and bounds of friction [N m], shape (J,)."""
+
+HELD = 1e4
+"""Bound of friction of a joint that is to stay where it is [N m]."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured number and how large it may be."""
+
+    name: str
+    """What was measured."""
+    value: float
+    """What came out; zero were perfect."""
+    unit: str
+    """Its unit, `1` for a ratio."""
+    tolerance: float
+    """Largest magnitude that passes."""
+
+    @property
+    def passed(self) -> bool:
+        """Whether the figure is within its tolerance; one that is not a number is not."""
+        return bool(abs(self.value) <= self.tolerance)
+
+    def __str__(self) -> str:
+        """Return the figure as people read it."""
+        verdict = "" if self.passed else "  FAILED"
+        return f"{self.name}: {self.value:.3g} {self.unit} (within {self.tolerance:g}){verdict}"
+
+
+Check = Callable[[Make, RobotSpec, float], tuple[Figure, ...]]
+"""Measures one thing of an engine: what makes it, the robot, timestep [s] -> figures."""
+
+
+def test_friction(spec: RobotSpec) -> float:
+    """Return the dry friction that joints are tested with [N m]: the shank's by the data sheet, or 1 % of its limit."""
+    return spec.shank.frictionloss or 0.01 * spec.shank.torque_limit
+
+
+def record(engine: Engine, steps: int, act: Act) -> Motion:
+    """Drive an engine and return its motion before, between and after the steps, stacked: shapes (steps + 1, ...)."""
+    motions = [engine.motion()]
+    for number in range(steps):
+        engine.step(*act(number, motions[-1]))
+        motions.append(engine.motion())
+    return Motion(**{part.name: np.stack([getattr(m, part.name) for m in motions]) for part in fields(Motion)})
+
+
+def hold(body: Body, target: np.ndarray) -> Act:
+    """Return joint controllers with the robot's gains and no friction, that hold joint angles [rad], shape (J,)."""
+    kp, kd, limit = (body.spec.joint_values(name) for name in ("stiffness", "derivative", "torque_limit"))
+
+    def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        torque = kp * (target - motion.joint_position) - kd * motion.joint_velocity
+        return np.clip(torque, -limit, limit), np.zeros(len(target))
+
+    return act
+
+
+def still(body: Body) -> Act:
+    """Return locked joints: no torque, and friction that nothing overcomes."""
+    count = body.spec.num_joints
+    return lambda number, motion: (np.zeros(count), np.full(count, HELD))

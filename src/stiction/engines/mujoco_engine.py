@@ -1,0 +1,135 @@
+"""One robot in MuJoCo: the model of the training, its joints moved by torques from outside.
+
+What is measured lags the state by one step, as in the fleet, and so do the feet's sensors, which also feel one foot on
+another. Dry friction is the solver's `frictionloss`, as stiff as in training (`robots.physics.FRICTION_D0`); its bound
+may change at every step.
+
+Two things make a policy walk otherwise here than in the other engines and in the fleet, and neither is in the joints:
+contacts are as soft as in training, 20 ms (`geom_solref`), and the controllers are outside, where the fleet has them
+inside and takes kd implicitly. `stiction study engines` measures both; see `results/engines`.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from stiction.core.rotation import UPRIGHT, into_frame
+from stiction.engines.engine import TOUCH, Body, Motion, check_speed
+from stiction.engines.ground import Ground, HeightField
+from stiction.robots.box_legs import GROUND, OBSTACLE, build
+from stiction.robots.model import GRAVITY
+
+# MuJoCo would write every instability to a file in the current folder and to the terminal; `step` raises instead.
+mujoco.set_mju_user_warning(lambda message: None)
+
+FIELD_DEPTH = 0.5
+"""Thickness of the ground under a height field [m]: a foot that is pressed into it is pushed up, not down."""
+
+
+class MujocoEngine:
+    """`Engine` on MuJoCo."""
+
+    name = "mujoco"
+
+    def __init__(self, body: Body, ground: Ground, timestep: float, contact_time: float | None = None) -> None:
+        """Build the robot on its ground, the base at the origin.
+
+        timestep: of the physics [s]; contact_time: in which contacts give way [s], by default as in training.
+        """
+        self.body, self.timestep = body, timestep
+        self._legs, self._joints = len(body.spec.legs), body.spec.num_joints
+        spec = build(body.spec, timestep, ground.half_sizes, joint_sensors=True)
+        spec.option.gravity = [0.0, 0.0, -GRAVITY]
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+        if ground.field is not None:
+            add_field(spec, ground.field)
+        base = spec.body("base")
+        base.ipos = body.base_com
+        if body.fixed:
+            spec.delete(spec.key("standing"))
+            spec.delete(spec.joint("root"))
+        self._model = model = spec.compile()
+        self._data = mujoco.MjData(model)
+        self._base = model.body("base").id
+        self._free = 0 if body.fixed else 6
+        model.dof_armature[self._free :], model.dof_damping[self._free :] = body.armature, body.damping
+        model.dof_frictionloss[:] = 0.0
+        model.geom_friction[[model.geom(name).id for name in body.spec.foot_names], 0] = body.ground_friction
+        for number, (place, turn) in enumerate(zip(ground.positions, ground.quaternions, strict=True)):
+            box = model.geom(f"obstacle{number}").id
+            model.geom_pos[box], model.geom_quat[box] = place, turn
+        if contact_time is not None:
+            model.geom_solref[:, 0] = contact_time
+        mujoco.mj_setConst(model, self._data)
+        self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
+
+    def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Put the robot there, at rest; see `Engine.reset`."""
+        mujoco.mj_resetData(self._model, self._data)
+        if self.body.fixed:
+            self._model.body_pos[self._base], self._model.body_quat[self._base] = position, quaternion
+            self._data.qpos[:] = joint_position
+        else:
+            self._data.qpos[:] = np.concatenate((position, quaternion, joint_position))
+
+    def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
+        """Advance by one timestep; see `Engine.step`."""
+        self._data.qfrc_applied[self._free :] = torque
+        self._model.dof_frictionloss[self._free :] = friction
+        mujoco.mj_step(self._model, self._data)
+        check_speed(self.name, self._data.qvel)
+
+    def motion(self, loads: bool = True) -> Motion:
+        """Return what the robot does now; see `Motion`."""
+        data, feet = self._data, self._legs
+        force, torque = self._transmitted() if loads else np.zeros((2, self._joints))
+        if self.body.fixed:
+            position, quaternion = self._model.body_pos[self._base].copy(), self._model.body_quat[self._base].copy()
+            velocity, rate = np.zeros(3), np.zeros(3)
+        else:
+            position, quaternion = data.qpos[:3].copy(), data.qpos[3:7].copy()
+            velocity, rate = into_frame(quaternion, data.qvel[:3]), data.qvel[3:6].copy()
+        return Motion(
+            base_position=position,
+            base_quaternion=quaternion,
+            base_linear_velocity=velocity,
+            base_angular_velocity=rate,
+            joint_position=data.qpos[-self._joints :].copy(),
+            joint_velocity=data.qvel[-self._joints :].copy(),
+            foot_contact=data.sensordata[:feet] >= TOUCH,
+            joint_force=force,
+            joint_torque=torque,
+        )
+
+    def _transmitted(self) -> np.ndarray:
+        """Return |F| and |T| of every joint in the last step [N, N m], shape (2, J)."""
+        wrench = np.moveaxis(self._data.sensordata[self._legs :].reshape(self._joints, 2, 3), 1, 0)
+        return np.sqrt(np.square(wrench).sum(-1))
+
+
+def add_field(spec: mujoco.MjSpec, field: HeightField) -> None:
+    """Add a height field, which collides like a box.
+
+    MuJoCo centres it, and stretches its data from the lowest to the highest.
+    """
+    heights = np.asarray(field.heights, float)
+    rows, columns = heights.shape
+    lowest, highest = heights.min(), heights.max()
+    half = 0.5 * field.cell * (columns - 1), 0.5 * field.cell * (rows - 1)
+    rise = max(highest - lowest, 1e-6)
+    spec.add_hfield(
+        name="field",
+        size=[*half, rise, FIELD_DEPTH],
+        nrow=rows,
+        ncol=columns,
+        userdata=((heights - lowest) / rise).ravel().tolist(),
+    )
+    spec.worldbody.add_geom(
+        name="field",
+        type=mujoco.mjtGeom.mjGEOM_HFIELD,
+        hfieldname="field",
+        pos=[field.corner[0] + half[0], field.corner[1] + half[1], lowest],
+        contype=OBSTACLE,
+        conaffinity=GROUND | OBSTACLE,
+    )

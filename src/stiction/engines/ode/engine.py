@@ -1,0 +1,219 @@
+"""One robot in ODE 0.16, the family of engines that Webots belongs to: bodies held together by constraints.
+
+MuJoCo and PhysX have joint angles for coordinates; ODE has bodies, and joints that pull them together. A step is one
+linear complementarity problem, solved exactly (`dWorldStep`). ODE's iterative solver (`dWorldQuickStep`) does not hold
+joints by friction: a standing robot sags, with a hundred iterations too, which cost as much as the exact solution.
+
+After an error ODE calls exit(), after a failed assertion abort(); builds without assertions go on with garbage, and a
+linear complementarity problem that holds a NaN may never end. No number that is none, and no body without mass, comes
+past here; the ground checks itself.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stiction.core.errors import EngineError
+from stiction.core.rotation import UPRIGHT
+from stiction.engines.engine import TOUCH, BlownUp, Body, Motion, check_speed
+from stiction.engines.ground import Ground
+from stiction.engines.ode.contact import ContactSettings, OdeContacts
+from stiction.engines.ode.library import ode_library, prepare_thread, taken_messages
+from stiction.engines.ode.robot import OdeRobot
+from stiction.robots.model import GRAVITY
+from stiction.robots.tree import links
+
+WIDEST = 2 * np.pi
+"""Range of a joint [rad]: ODE has angles from -π to π."""
+
+
+def check_body(body: Body) -> None:
+    """Raise `StictionError` for a robot that ODE cannot build."""
+    spec, tree = body.spec, links(body.spec)
+    _expect(spec.name, "mass [kg]", [spec.base.mass, *(link.mass for link in tree)], above=0.0)
+    _expect(spec.name, "moment of inertia [kg m²]", np.array([link.inertia for link in tree]), above=0.0)
+    _expect(spec.name, "size of the trunk [m]", spec.base.size, above=0.0)
+    _expect(spec.name, "length of the shanks [m]", [spec.shank_link.size[2]], above=0.0)
+    _expect(spec.name, "radius of the feet [m]", [spec.foot_radius], above=0.0)
+    _expect(spec.name, "range of a joint [rad]", spec.joint_values("upper") - spec.joint_values("lower"), below=WIDEST)
+    _expect(spec.name, "place of the trunk's centre of mass [m]", body.base_com)
+    _expect(spec.name, "friction of the feet [1]", [body.ground_friction], least=0.0)
+    _expect(spec.name, "armature [kg m²]", body.armature, least=0.0)
+    _expect(spec.name, "damping [N m s/rad]", body.damping, least=0.0)
+    _expect(spec.name, "sum of armature and damping", np.add(body.armature, body.damping), above=0.0)
+
+
+def check_pose(joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
+    """Raise `StictionError` for a pose that is none; arguments as those of `Engine.reset`."""
+    if not (np.isfinite(joint_position).all() and np.isfinite(position).all() and _is_unit(quaternion)):
+        raise EngineError(
+            f"reset of a robot to {position} m, quaternion {quaternion}, joint angles of {np.min(joint_position)} to "
+            f"{np.max(joint_position)} rad; expected finite numbers, and a quaternion of length 1"
+        )
+
+
+def check_drive(torque: np.ndarray, friction: np.ndarray) -> None:
+    """Refuse torques and bounds that are none; arguments as those of `Engine.step`.
+
+    Raises:
+        BlownUp: one is not a finite number.
+        StictionError: a bound is negative.
+
+    """
+    for name, values in (("torque", torque), ("bound of friction", friction)):
+        if not np.isfinite(values).all():
+            joint = int(np.argmin(np.isfinite(values)))
+            raise BlownUp(f"the {name} of joint {joint} is {values[joint]} N m; expected a finite number")
+    if np.min(friction) < 0:
+        raise EngineError(f"the bound of friction of a joint is {np.min(friction):g} N m; expected none under zero")
+
+
+def _expect(
+    robot: str,
+    name: str,
+    values: object,
+    least: float = -np.inf,
+    above: float = -np.inf,
+    below: float = np.inf,
+) -> None:
+    """Raise `StictionError` unless values of a robot are finite and in a range, the first bound included."""
+    numbers = np.ravel(np.asarray(values, float))
+    wrong = ~(np.isfinite(numbers) & (numbers >= least) & (numbers > above) & (numbers < below))
+    if wrong.any():
+        bounds = ((least, "at least"), (above, "above"), (below, "below"))
+        wanted = [f"{word} {bound:.4g}" for bound, word in bounds if np.isfinite(bound)]
+        raise EngineError(
+            f"robot {robot!r}: {name} of {numbers[wrong][0]:g}; the engine 'ode' expects "
+            f"{' and '.join(['a finite number', *wanted])}"
+        )
+
+
+def _is_unit(quaternion: np.ndarray) -> bool:
+    """Say whether a quaternion has length 1."""
+    return bool(abs(np.linalg.norm(quaternion) - 1.0) < 1e-6)
+
+
+ITERATIONS = 100
+"""Of the iterative solver, in a step that the exact one gives up: rare ones, of robots that thrash about on height
+fields."""
+
+
+@dataclass(frozen=True)
+class OdeSettings:
+    """What a user of ODE can set."""
+
+    name: str = "ode"
+    """As in results.csv."""
+    erp: float = 0.2
+    """Share of a joint's gap that is closed in a step [1]."""
+    cfm: float = 1e-10
+    """Speed at which a constraint gives way, per force [m/s/N, rad/s/N m]: as good as none."""
+    contact: ContactSettings = field(default_factory=ContactSettings)
+    """Of the contacts."""
+
+
+ACCURATE = OdeSettings()
+"""The best that ODE can do."""
+
+WEBOTS = OdeSettings("ode-webots", cfm=1e-5, contact=ContactSettings(cfm=1e-3, last_step=False))
+"""What Webots sets unless a world says otherwise, for contacts that do not bounce (its default is to bounce by 0.5)."""
+
+
+class OdeEngine:
+    """`Engine` on ODE. `reset` and `step` are called by one thread."""
+
+    def __init__(self, body: Body, ground: Ground, timestep: float, settings: OdeSettings = ACCURATE) -> None:
+        """Build the robot on its ground, standing, the base at the origin; `timestep` of the physics [s].
+
+        Raises:
+            StictionError: there is no ODE 0.16, or it cannot have such a robot or timestep.
+
+        """
+        if not 0 < timestep < np.inf:
+            raise EngineError(f"physics step {timestep} s; expected a positive number")
+        check_body(body)
+        self._library = library = ode_library()
+        prepare_thread(library)
+        self.name, self.body, self.timestep, self.settings = settings.name, body, timestep, settings
+        self._world = world = library.dWorldCreate()
+        library.dWorldSetGravity(world, 0.0, 0.0, -GRAVITY)
+        library.dWorldSetERP(world, settings.erp)
+        library.dWorldSetCFM(world, settings.cfm)
+        library.dWorldSetQuickStepNumIterations(world, ITERATIONS)
+        self._robot = OdeRobot(library, world, body, timestep)
+        self._contacts = OdeContacts(library, world, self._robot, body, ground, settings.contact)
+        weakref.finalize(self, _destroy, library, world, self._contacts)
+        self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
+
+    def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Put the robot there, at rest; see `Engine.reset`.
+
+        Raises:
+            StictionError: something is not a number, or the quaternion not of length 1.
+
+        """
+        check_pose(joint_position, position, quaternion)
+        prepare_thread(self._library)
+        self._contacts.forget()
+        self._robot.place(joint_position, position, quaternion)
+        self._lost = False
+
+    def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
+        """Advance by one timestep; see `Engine.step`.
+
+        Raises:
+            BlownUp: the robot's numbers, or torques or bounds, are none any more.
+            StictionError: a bound is negative.
+
+        """
+        check_drive(torque, friction)
+        if self._lost:
+            raise BlownUp(f"the robot in the engine {self.name!r} was lost in a step before; reset it first")
+        self._lost = True
+        self._contacts.find()
+        self._robot.drive(torque, friction)
+        self._advance()
+        self._robot.read()
+        check_speed(self.name, *self._robot.speeds())
+        self._lost = False
+
+    def _advance(self) -> None:
+        """Take a step; where the exact solver gives it up, and leaves forces out, take it again with the iterative one.
+
+        That one puts its rows in a random order, each time from the same seed.
+        """
+        library, world, before = self._library, self._world, self._robot.state()
+        taken_messages()
+        done = library.dWorldStep(world, self.timestep)
+        if taken_messages():
+            self._robot.restore(before)
+            library.dRandSetSeed(0)
+            done = library.dWorldQuickStep(world, self.timestep)
+        if not done:
+            raise EngineError("ODE found no memory for a step; free some")
+
+    def motion(self, loads: bool = True) -> Motion:
+        """Return what the robot does now; see `Motion`."""
+        position, quaternion, velocity, rate = self._robot.base_motion()
+        force, torque = self._robot.transmitted() if loads else np.zeros((2, self.body.spec.num_joints))
+        return Motion(
+            base_position=position,
+            base_quaternion=quaternion,
+            base_linear_velocity=velocity,
+            base_angular_velocity=rate,
+            joint_position=self._robot.angle.copy(),
+            joint_velocity=self._robot.speed.copy(),
+            foot_contact=self._contacts.pushes() >= TOUCH,
+            joint_force=force,
+            joint_torque=torque,
+        )
+
+
+def _destroy(library: ctypes.CDLL, world: int, contacts: OdeContacts) -> None:
+    """Give a world and all that is in it back, shapes before the bodies that they know."""
+    contacts.release()
+    library.dWorldDestroy(world)

@@ -1,0 +1,385 @@
+"""Finds ODE 0.16 and makes it callable; says how to get it where it is missing.
+
+The library is a system package, or lies in the wheel of `dartpy`, which the extra `engines` installs on Linux for that
+alone: the wheel is 19 MB, ODE 1.6 MB of it. Neither DART nor any of its other libraries is loaded. ODE's licence is BSD
+or LGPL, by choice.
+
+Handles (worlds, bodies, joints, geometries) are addresses. A prototype that is wrong is not noticed by ctypes: it
+passes garbage. So every function that is used is here, and no other is called.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator
+from ctypes import POINTER, c_char_p, c_double, c_int, c_uint, c_ulong, c_void_p
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from stiction.core.errors import EngineError, StictionError
+
+Handle = c_void_p
+"""dWorldID, dBodyID, dJointID, dGeomID, dSpaceID, ...: a pointer that only ODE looks behind."""
+
+Vector = c_double * 4
+"""dVector3: three numbers and one of padding."""
+
+LO_STOP, HI_STOP, VELOCITY, FORCE_MAX, CFM, STOP_ERP, STOP_CFM = 0, 1, 2, 5, 8, 9, 10
+"""dParamLoStop, HiStop, Vel, FMax, CFM, StopERP, StopCFM. Up to 0.11 those after the third were two lower."""
+
+SECOND_AXIS = 0x100
+"""dParamGroup2: added to a number, it means the second axis of an angular motor."""
+
+FIRST_DIRECTION, SOFT_ERP, SOFT_CFM, APPROX1 = 0x002, 0x008, 0x010, 0x7000
+"""dContactFDir1, SoftERP, SoftCFM, Approx1: bits of `Surface.mode`."""
+
+COLLISION_DATA = 0x1
+"""dAllocateFlagCollisionData."""
+
+
+class Mass(ctypes.Structure):
+    """dMass: mass [kg], centre of mass, inertia about it, rows of a 3 x 4 matrix [kg m²]."""
+
+    _fields_ = (("mass", c_double), ("centre", Vector), ("inertia", c_double * 12))
+
+
+class Feedback(ctypes.Structure):
+    """dJointFeedback: force [N] and torque about its centre of mass [N m] of a joint on its first and second body."""
+
+    _fields_ = (("force1", Vector), ("torque1", Vector), ("force2", Vector), ("torque2", Vector))
+
+
+class Surface(ctypes.Structure):
+    """dSurfaceParameters: what a contact is made of; `mode` says which of the numbers count."""
+
+    _fields_ = (
+        ("mode", c_int),
+        ("mu", c_double),
+        ("mu2", c_double),
+        ("rho", c_double),
+        ("rho2", c_double),
+        ("rho_n", c_double),
+        ("bounce", c_double),
+        ("bounce_velocity", c_double),
+        ("soft_erp", c_double),
+        ("soft_cfm", c_double),
+        ("motion1", c_double),
+        ("motion2", c_double),
+        ("motion_n", c_double),
+        ("slip1", c_double),
+        ("slip2", c_double),
+    )
+
+
+class ContactPoint(ctypes.Structure):
+    """dContactGeom: where two geometries meet; the normal points into the first, `depth` is positive inside [m]."""
+
+    _fields_ = (
+        ("position", Vector),
+        ("normal", Vector),
+        ("depth", c_double),
+        ("geometry1", Handle),
+        ("geometry2", Handle),
+        ("side1", c_int),
+        ("side2", c_int),
+    )
+
+
+class Contact(ctypes.Structure):
+    """dContact: what a contact joint is made from."""
+
+    _fields_ = (("surface", Surface), ("point", ContactPoint), ("first_direction", Vector))
+
+
+MessageHandler = ctypes.CFUNCTYPE(None, c_int, c_char_p, c_void_p)
+"""dMessageFunction: number, format, and a `va_list` of what goes into the format."""
+
+NearCallback = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_void_p)
+"""dNearCallback: data, and two geometries whose boxes overlap."""
+
+_WORLD = {
+    "dWorldCreate": (Handle, ()),
+    "dWorldDestroy": (None, (Handle,)),
+    "dWorldSetGravity": (None, (Handle, c_double, c_double, c_double)),
+    "dWorldSetERP": (None, (Handle, c_double)),
+    "dWorldSetCFM": (None, (Handle, c_double)),
+    "dWorldSetQuickStepNumIterations": (None, (Handle, c_int)),
+    "dWorldStep": (c_int, (Handle, c_double)),
+    "dWorldQuickStep": (c_int, (Handle, c_double)),
+    "dRandSetSeed": (None, (c_ulong,)),
+}
+
+_BODY = {
+    "dBodyCreate": (Handle, (Handle,)),
+    "dBodySetMass": (None, (Handle, POINTER(Mass))),
+    "dBodySetKinematic": (None, (Handle,)),
+    "dBodySetPosition": (None, (Handle, c_double, c_double, c_double)),
+    "dBodySetRotation": (None, (Handle, POINTER(c_double))),
+    "dBodySetQuaternion": (None, (Handle, POINTER(c_double))),
+    "dBodySetLinearVel": (None, (Handle, c_double, c_double, c_double)),
+    "dBodySetAngularVel": (None, (Handle, c_double, c_double, c_double)),
+    "dBodyGetPosition": (POINTER(c_double), (Handle,)),
+    "dBodyGetQuaternion": (POINTER(c_double), (Handle,)),
+    "dBodyGetLinearVel": (POINTER(c_double), (Handle,)),
+    "dBodyGetAngularVel": (POINTER(c_double), (Handle,)),
+    "dBodyGetPointVel": (None, (Handle, c_double, c_double, c_double, POINTER(c_double))),
+}
+
+_JOINT = {
+    "dJointCreateHinge": (Handle, (Handle, Handle)),
+    "dJointCreateAMotor": (Handle, (Handle, Handle)),
+    "dJointCreateContact": (Handle, (Handle, Handle, POINTER(Contact))),
+    "dJointGroupCreate": (Handle, (c_int,)),
+    "dJointGroupEmpty": (None, (Handle,)),
+    "dJointGroupDestroy": (None, (Handle,)),
+    "dJointAttach": (None, (Handle, Handle, Handle)),
+    "dJointSetFeedback": (None, (Handle, POINTER(Feedback))),
+    "dJointSetHingeAnchor": (None, (Handle, c_double, c_double, c_double)),
+    "dJointSetHingeAxis": (None, (Handle, c_double, c_double, c_double)),
+    "dJointSetHingeParam": (None, (Handle, c_int, c_double)),
+    "dJointGetHingeAngle": (c_double, (Handle,)),
+    "dJointGetHingeAngleRate": (c_double, (Handle,)),
+    "dJointSetAMotorNumAxes": (None, (Handle, c_int)),
+    "dJointSetAMotorAxis": (None, (Handle, c_int, c_int, c_double, c_double, c_double)),
+    "dJointSetAMotorParam": (None, (Handle, c_int, c_double)),
+}
+
+_COLLISION = {
+    "dSimpleSpaceCreate": (Handle, (Handle,)),
+    "dSpaceDestroy": (None, (Handle,)),
+    "dSpaceCollide": (None, (Handle, c_void_p, NearCallback)),
+    "dSpaceCollide2": (None, (Handle, Handle, c_void_p, NearCallback)),
+    "dCollide": (c_int, (Handle, Handle, c_int, POINTER(ContactPoint), c_int)),
+    "dCreateSphere": (Handle, (Handle, c_double)),
+    "dCreateBox": (Handle, (Handle, c_double, c_double, c_double)),
+    "dCreateCapsule": (Handle, (Handle, c_double, c_double)),
+    "dCreatePlane": (Handle, (Handle, c_double, c_double, c_double, c_double)),
+    "dCreateTriMesh": (Handle, (Handle, Handle, c_void_p, c_void_p, c_void_p)),
+    "dGeomTriMeshDataCreate": (Handle, ()),
+    "dGeomTriMeshDataDestroy": (None, (Handle,)),
+    "dGeomTriMeshDataBuildDouble": (None, (Handle, c_void_p, c_int, c_int, c_void_p, c_int, c_int)),
+    "dGeomSetBody": (None, (Handle, Handle)),
+    "dGeomSetOffsetPosition": (None, (Handle, c_double, c_double, c_double)),
+    "dGeomSetPosition": (None, (Handle, c_double, c_double, c_double)),
+    "dGeomSetQuaternion": (None, (Handle, POINTER(c_double))),
+    "dGeomSetCategoryBits": (None, (Handle, c_ulong)),
+    "dGeomSetCollideBits": (None, (Handle, c_ulong)),
+}
+
+_LIBRARY = {
+    "dInitODE2": (c_int, (c_uint,)),
+    "dAllocateODEDataForThread": (c_int, (c_uint,)),
+    "dSetErrorHandler": (None, (MessageHandler,)),
+    "dSetDebugHandler": (None, (MessageHandler,)),
+    "dSetMessageHandler": (None, (MessageHandler,)),
+}
+
+PROTOTYPES = _LIBRARY | _WORLD | _BODY | _JOINT | _COLLISION
+"""Name -> type of the result, types of the arguments. `dGetConfiguration` is asked before these are declared."""
+
+ON_MACOS = ("libode.8.dylib", "/opt/homebrew/lib/libode.8.dylib")
+
+SYSTEM_NAMES = ON_MACOS if sys.platform == "darwin" else ("libode.so.8",)
+"""ODE 0.16 as the system's loader knows it; the 8 is the number of its binary interface."""
+
+REMEDY = "pip install 'stiction[engines]' (Linux), apt install libode8, or brew install ode"
+"""How to get it."""
+
+_said: list[str] = []
+"""What ODE has said since `taken_messages` was last called."""
+
+_handlers: list[Callable[..., None]] = []
+"""The functions that ODE calls, kept alive for as long as the process lives."""
+
+
+@cache
+def ode_library() -> ctypes.CDLL:
+    """Return ODE, initialised and with its prototypes declared; the same object every time.
+
+    It is never closed: the system takes its memory back when the process ends, and a world that somebody still holds
+    then does no harm.
+
+    Raises:
+        StictionError: there is no ODE of this version and precision.
+
+    """
+    failures = []
+    for name in candidates():
+        try:
+            return opened(name)
+        except (OSError, StictionError) as error:
+            failures.append(str(error))
+    raise EngineError(
+        f"the engine 'ode' needs ODE 0.16 in double precision; get it with {REMEDY}; tried: {'; '.join(failures)}"
+    )
+
+
+@cache
+def library_digest() -> str | None:
+    """Return the SHA-256 of the file that ODE is loaded from: two builds of one version may round otherwise.
+
+    None where there is no ODE that can be used.
+    """
+    try:
+        function = ode_library().dInitODE2
+    except StictionError:
+        return None
+    return hashlib.sha256(file_of(function).read_bytes()).hexdigest()
+
+
+class _Place(ctypes.Structure):
+    """`Dl_info` of the C library: where an address comes from."""
+
+    _fields_ = (
+        ("file", ctypes.c_char_p),
+        ("base", ctypes.c_void_p),
+        ("symbol", ctypes.c_char_p),
+        ("address", ctypes.c_void_p),
+    )
+
+
+def file_of(function: Any) -> Path:
+    """Return the file that a function of a loaded library comes from, as the system's loader found it.
+
+    Raises:
+        StictionError: the loader does not know it.
+
+    """
+    dladdr, place = ctypes.CDLL(None).dladdr, _Place()
+    dladdr.argtypes = [ctypes.c_void_p, ctypes.POINTER(_Place)]
+    if not dladdr(ctypes.cast(function, ctypes.c_void_p), ctypes.byref(place)) or not place.file:
+        raise EngineError(f"the file of {function} is not known to the system's loader; is the library still there?")
+    return Path(os.fsdecode(place.file))
+
+
+def candidates() -> Iterator[str]:
+    """Yield names and paths of libraries to try, the system's before the wheel's."""
+    yield from SYSTEM_NAMES
+    try:
+        files = metadata.files("dartpy") or []
+    except metadata.PackageNotFoundError:
+        return
+    for file in files:
+        if file.name.startswith("libode-"):
+            yield str(file.locate())
+
+
+def opened(name: str) -> ctypes.CDLL:
+    """Return the library of that name or path, ready for use.
+
+    Raises:
+        OSError: there is none.
+        StictionError: it is not ODE 0.16 in double precision.
+
+    """
+    library = ctypes.CDLL(name)
+    check_precision(library, name)
+    declare(library, name)
+    set_handlers(library)
+    if not library.dInitODE2(0):
+        raise EngineError(f"{name} cannot be initialised")
+    prepare_thread(library)
+    check_numbers(library, name)
+    return library
+
+
+def declare(library: ctypes.CDLL, name: str) -> None:
+    """Give every function that is used its prototype; raise `StictionError` for one that is missing."""
+    for function, (result, arguments) in PROTOTYPES.items():
+        try:
+            entry = getattr(library, function)
+        except AttributeError as error:
+            raise EngineError(f"{name} has no {function}") from error
+        entry.restype, entry.argtypes = result, list(arguments)
+
+
+def check_precision(library: ctypes.CDLL, name: str) -> None:
+    """Raise `StictionError` for what is no ODE, and for one in single precision: its numbers are of another size."""
+    try:
+        configuration = library.dGetConfiguration
+    except AttributeError as error:
+        raise EngineError(f"{name} is not ODE") from error
+    configuration.restype, configuration.argtypes = ctypes.c_char_p, []
+    if b"ODE_double_precision" not in configuration().split():
+        raise EngineError(f"{name} was built in single precision")
+
+
+def check_numbers(library: ctypes.CDLL, name: str) -> None:
+    """Raise `StictionError` unless the numbers of joint parameters mean what they mean in 0.16.
+
+    They moved by two after 0.11, and an older library loses friction without a word. So a motor of known strength turns
+    a body of known inertia: 3 N m on 2 kg m², wanting 1 rad/s, has it at 0.15 rad/s after 0.1 s.
+    """
+    world = library.dWorldCreate()
+    try:
+        library.dWorldSetCFM(world, 0.0)
+        body = library.dBodyCreate(world)
+        mass = Mass(1.0, (0, 0, 0, 0), (2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0))
+        library.dBodySetMass(body, mass)
+        hinge = library.dJointCreateHinge(world, None)
+        library.dJointAttach(hinge, body, None)
+        library.dJointSetHingeAxis(hinge, 0.0, 0.0, 1.0)
+        library.dJointSetHingeParam(hinge, VELOCITY, 1.0)
+        library.dJointSetHingeParam(hinge, FORCE_MAX, 3.0)
+        library.dWorldStep(world, 0.1)
+        rate = library.dJointGetHingeAngleRate(hinge)
+    finally:
+        library.dWorldDestroy(world)
+    if not math.isclose(rate, 0.15, rel_tol=1e-9):
+        raise EngineError(f"{name} is of another version: a motor that should turn at 0.15 rad/s does at {rate:g}")
+
+
+def prepare_thread(library: ctypes.CDLL) -> None:
+    """Let the calling thread use the collision detection, whose memory is a thread's own; more than once does no harm.
+
+    Raises `StictionError` where there is no memory.
+    """
+    if not library.dAllocateODEDataForThread(COLLISION_DATA):
+        raise EngineError("ODE found no memory for this thread's collision detection; free some")
+
+
+def set_handlers(library: ctypes.CDLL) -> None:
+    """Take ODE's messages, which would go to standard error, and say what an error is before ODE ends the process.
+
+    ODE calls exit() after an error and abort() after a failed assertion, whatever its handlers do. So callers see to it
+    that neither happens (`ode_check`), and the handler is the last line of defence: no process ends without a word.
+    """
+    text = _formatter()
+
+    def remember(number: int, form: bytes, arguments: int) -> None:
+        _said.append(text(form, arguments))
+
+    def lament(number: int, form: bytes, arguments: int) -> None:
+        print(f"stiction: ODE gave up and ends this process: {text(form, arguments)}", file=sys.stderr, flush=True)
+
+    last_words, message = MessageHandler(lament), MessageHandler(remember)
+    _handlers.extend((last_words, message))
+    library.dSetErrorHandler(last_words)
+    library.dSetDebugHandler(last_words)
+    library.dSetMessageHandler(message)
+
+
+def taken_messages() -> list[str]:
+    """Return what ODE has said since the last call, and forget it."""
+    taken, _said[:] = _said[:], []
+    return taken
+
+
+def _formatter() -> Callable[[bytes, int], str]:
+    """Return C's vsnprintf as a function of a format and the address of its arguments."""
+    vsnprintf = ctypes.CDLL(None).vsnprintf
+    vsnprintf.restype = ctypes.c_int
+    vsnprintf.argtypes = [ctypes.c_char_p, ctypes.c_size_t, ctypes.c_char_p, ctypes.c_void_p]
+
+    def text(form: bytes, arguments: int) -> str:
+        buffer = ctypes.create_string_buffer(400)
+        vsnprintf(buffer, len(buffer), form, arguments)
+        return buffer.value.decode(errors="replace").strip()
+
+    return text

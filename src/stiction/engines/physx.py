@@ -1,0 +1,233 @@
+"""One robot in PhysX 5.3, by the package sapien: an articulation in reduced coordinates, on the processor, float32.
+
+What PhysX 5.3 calls joint friction multiplies the joint's load without contacts (`stiction.sim.friction`); it is set
+to zero. Dry friction is a drive instead: it wants velocity zero and may use no more torque than the bound. Motor torque
+and viscous friction are joint forces, computed from the state before the step. Armature is the engine's own.
+
+A reset builds the scene anew, for PhysX keeps contacts and solver caches from step to step: without that, the same
+robot would not do the same thing twice.
+"""
+
+from __future__ import annotations
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import EngineError
+from stiction.core.rotation import UPRIGHT, about, cross_matrix, into_frame, matrix
+from stiction.engines.engine import FASTEST, TOUCH, Body, Motion, check_speed
+from stiction.engines.ground import Ground
+from stiction.robots.model import GRAVITY, box_inertia
+from stiction.robots.tree import SHANK_RADIUS, foot_position, links
+
+BRAKE = 1e5
+"""Damping of the drive that is dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
+
+ITERATIONS = (50, 1)
+"""Position and velocity iterations of the solver, PGS. On the ground they decide how fast the locked joints of a
+standing robot creep. TGS, which is sapien's choice, makes them creep faster for the same number."""
+
+CAP = 10 * FASTEST
+"""Largest velocity of a link [m/s, rad/s]; what sapien sets would end a free fall's acceleration at 10 m/s."""
+
+FEET_AND_TRUNK, OBSTACLE, SHANK = (1, 1), (2, 3), (2, 0)
+"""What a shape is and what it meets, as bits: two shapes touch if a bit of one's first is in the other's second."""
+
+
+def sapien() -> Any:
+    """Return the package sapien, without its warning that it finds nothing to draw with."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import sapien
+    return sapien
+
+
+class PhysxEngine:
+    """`Engine` on PhysX."""
+
+    name = "physx"
+
+    def __init__(self, body: Body, ground: Ground, timestep: float) -> None:
+        """Build the robot on its ground, the base at the origin; `timestep` of the physics [s].
+
+        Raises:
+            StictionError: a ground friction that cannot be made here.
+
+        """
+        self._sapien = sapien()
+        if not 0 <= body.ground_friction <= 2:
+            raise EngineError(f"ground friction {body.ground_friction}; the engine 'physx' takes 0 to 2")
+        self.body, self.ground, self.timestep = body, ground, timestep
+        self._lever = cross_matrix(np.array(body.base_com))
+        self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
+
+    def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Put the robot there, at rest; see `Engine.reset`."""
+        physx = self._sapien.physx
+        physx.set_scene_config(gravity=np.array([0.0, 0.0, -GRAVITY], np.float32), enable_tgs=False)
+        self._system = physx.PhysxCpuSystem()
+        self._system.timestep = self.timestep
+        self._scene = self._sapien.Scene([self._system])
+        # PhysX averages the coefficients of what touches: on this ground feet get theirs, and all else gets 1.
+        mu = self.body.ground_friction
+        self._rubber = physx.PhysxMaterial(mu, mu, 0.0)
+        self._hull = physx.PhysxMaterial(2.0 - mu, 2.0 - mu, 0.0)
+        self._add_ground()
+        self._add_robot(position, quaternion)
+        angles = np.empty(len(self._order), np.float32)
+        angles[self._order] = joint_position
+        self._robot.set_qpos(angles)
+        self._friction = np.zeros(len(self._order))
+        self._stepped = False
+
+    def _add_ground(self) -> None:
+        """Add plane, boxes and the triangles of the height field."""
+        physx, pose = self._sapien.physx, self._sapien.Pose
+        ground = physx.PhysxRigidStaticComponent()
+        plane = physx.PhysxCollisionShapePlane(self._rubber)
+        # A plane of PhysX looks along its x axis.
+        plane.set_local_pose(pose(q=[np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0]))
+        _attach(ground, plane, FEET_AND_TRUNK)
+        boxes = self.ground
+        for half, place, turn in zip(boxes.half_sizes, boxes.positions, boxes.quaternions, strict=True):
+            box = physx.PhysxCollisionShapeBox(half, self._rubber)
+            box.set_local_pose(pose(p=place, q=turn))
+            _attach(ground, box, OBSTACLE)
+        if boxes.field is not None:
+            vertices, triangles = boxes.field.triangles()
+            surface = physx.PhysxCollisionShapeTriangleMesh(vertices, triangles, np.ones(3), self._rubber)
+            _attach(ground, surface, OBSTACLE)
+        self._lain = set(ground.get_collision_shapes())
+        entity = self._sapien.Entity()
+        entity.add_component(ground)
+        self._scene.add_entity(entity)
+
+    def _add_robot(self, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Add the robot in its zero position; remember where its joints and feet are in PhysX's own order."""
+        body, spec, pose = self.body, self.body.spec, self._sapien.Pose
+        builder = self._scene.create_articulation_builder()
+        base = builder.create_link_builder()
+        base.set_mass_and_inertia(spec.base.mass, pose(p=body.base_com), box_inertia(spec.base.mass, spec.base.size))
+        built: list[Any] = []
+        for link in links(spec):
+            part = builder.create_link_builder(built[link.parent] if link.parent >= 0 else base)
+            part.set_joint_name(link.joint)
+            part.set_mass_and_inertia(link.mass, pose(p=link.com), link.inertia)
+            # A hinge of PhysX turns about the x axis of its frame.
+            turn = _turn_to(link.axis)
+            frames = pose(p=link.origin, q=turn), pose(q=turn)
+            part.set_joint_properties("revolute_unwrapped", [[-1.0, 1.0]], *frames)
+            built.append(part)
+        builder.set_initial_pose(pose(p=position, q=quaternion))
+        self._robot = robot = builder.build(fix_root_link=body.fixed)
+        robot.set_solver_position_iterations(ITERATIONS[0])
+        robot.set_solver_velocity_iterations(ITERATIONS[1])
+        robot.set_sleep_threshold(0.0)
+        for part in robot.get_links():
+            part.set_linear_damping(0.0)
+            part.set_angular_damping(0.0)
+            part.set_max_linear_velocity(CAP)
+            part.set_max_angular_velocity(CAP)
+        joints = {joint.name: (number, joint) for number, joint in enumerate(robot.get_active_joints())}
+        self._order = np.array([joints[name][0] for name in spec.joint_names])
+        self._joints = [joints[name][1] for name in spec.joint_names]
+        self._links = [joint.child_link for joint in self._joints]
+        self._rows = np.array([link.index for link in self._links])
+        centres = [into_frame(_turn_to(link.axis), link.com) for link in links(spec)]
+        self._centres = np.array([cross_matrix(centre) for centre in centres])
+        lower, upper = spec.joint_values("lower"), spec.joint_values("upper")
+        for number, joint in enumerate(self._joints):
+            joint.set_limits(np.array([[lower[number], upper[number]]], np.float32))
+            joint.set_armature(np.array([body.armature[number]], np.float32))
+            joint.set_friction(0.0)
+            joint.set_max_velocity(CAP)
+            joint.set_drive_properties(0.0, BRAKE, 0.0, "force")
+        self._add_shapes()
+
+    def _add_shapes(self) -> None:
+        """Give the robot what can touch: trunk, shanks, feet."""
+        physx, pose, spec = self._sapien.physx, self._sapien.Pose, self.body.spec
+        trunk = physx.PhysxCollisionShapeBox([extent / 2 for extent in spec.base.size], self._hull)
+        _attach(self._robot.get_root(), trunk, FEET_AND_TRUNK)
+        length = spec.shank_link.size[2]
+        self._feet: dict[Any, int] = {}
+        for leg, link in enumerate(self._links[2::3]):
+            shank = physx.PhysxCollisionShapeCapsule(SHANK_RADIUS, length / 2, self._hull)
+            # A capsule of PhysX lies along x.
+            shank.set_local_pose(pose(p=[0.0, 0.0, -length / 2], q=[np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]))
+            _attach(link, shank, SHANK)
+            foot = physx.PhysxCollisionShapeSphere(spec.foot_radius, self._rubber)
+            foot.set_local_pose(pose(p=foot_position(spec)))
+            _attach(link, foot, FEET_AND_TRUNK)
+            self._feet[foot] = leg
+
+    def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
+        """Advance by one timestep; see `Engine.step`."""
+        forces = np.empty(len(self._order), np.float32)
+        forces[self._order] = torque - self.body.damping * self._robot.get_qvel()[self._order]
+        self._robot.set_qf(forces)
+        for number in np.flatnonzero(friction != self._friction):
+            self._joints[number].set_drive_properties(0.0, BRAKE, float(friction[number]), "force")
+        self._friction = np.array(friction, float)
+        self._system.step()
+        self._stepped = True
+        robot = self._robot
+        check_speed(self.name, robot.get_qvel(), robot.get_root_linear_velocity(), robot.get_root_angular_velocity())
+
+    def motion(self, loads: bool = True) -> Motion:
+        """Return what the robot does now; see `Motion`."""
+        robot = self._robot
+        pose = robot.get_root_pose()
+        quaternion = np.array(pose.q, float)
+        turn = matrix(quaternion)
+        rate = robot.get_root_angular_velocity().astype(float) @ turn
+        # What PhysX calls the velocity of a link is that of its centre of mass.
+        velocity = robot.get_root_linear_velocity().astype(float) @ turn + self._lever @ rate
+        force, torque = self._transmitted() if loads else np.zeros((2, len(self._order)))
+        return Motion(
+            base_position=np.array(pose.p, float),
+            base_quaternion=quaternion,
+            base_linear_velocity=velocity,
+            base_angular_velocity=rate,
+            joint_position=robot.get_qpos()[self._order].astype(float),
+            joint_velocity=robot.get_qvel()[self._order].astype(float),
+            foot_contact=self._pushes() >= TOUCH,
+            joint_force=force,
+            joint_torque=torque,
+        )
+
+    def _pushes(self) -> np.ndarray:
+        """Return the normal force on each foot in the last step [N], shape (legs,)."""
+        push = np.zeros(len(self.body.spec.legs))
+        if not self._stepped:
+            return push
+        for contact in self._system.get_contacts():
+            one, other = contact.shapes
+            foot = one if other in self._lain else other
+            if foot in self._feet and (one in self._lain or other in self._lain):
+                push[self._feet[foot]] += sum(abs(float(point.impulse @ point.normal)) for point in contact.points)
+        return push / self.timestep
+
+    def _transmitted(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return |F| and |T| of every joint in the last step [N, N m], shape (J,) each.
+
+        PhysX gives both in the frame of the joint, the torque about the joint. About the centre of mass of the link,
+        which is at r in that frame, it is T - r x F.
+        """
+        wrench = self._robot.get_link_incoming_joint_forces()[self._rows].astype(float)
+        force, torque = wrench[:, :3], wrench[:, 3:]
+        torque = torque - np.matmul(self._centres, force[:, :, None])[..., 0]
+        return np.sqrt(np.square(force).sum(-1)), np.sqrt(np.square(torque).sum(-1))
+
+
+def _attach(component: Any, shape: Any, bits: tuple[int, int]) -> None:
+    """Give a body a shape that meets what `bits` say."""
+    shape.set_collision_groups([*bits, 0, 0])
+    component.attach(shape)
+
+
+def _turn_to(axis: np.ndarray) -> np.ndarray:
+    """Return the quaternion that turns the x axis to a unit vector in the plane of x and y."""
+    return about(2, np.arctan2(axis[1], axis[0]))

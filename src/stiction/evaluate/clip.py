@@ -1,0 +1,205 @@
+"""Renders a short clip of a bundle walking, as an animated WebP.
+
+Rendering happens in a process of its own: the kind of OpenGL is chosen before MuJoCo is imported, and a graphics driver
+that fails, or takes its process down, costs the clip and nothing else.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from stiction.core.errors import EngineError
+from stiction.core.provenance import seed_streams
+from stiction.deploy.check import check_bundle, robot_of
+from stiction.deploy.policy import load_policy
+from stiction.engines.catalog import make_engine
+from stiction.engines.engine import Motion
+from stiction.evaluate.command import Command, parse_command
+from stiction.evaluate.rollout import Rollout, friction_at
+from stiction.formats.bundle import Bundle
+from stiction.joints.friction import Law
+from stiction.sim.fleet import Fleet
+from stiction.virtual.cases import Case, Level
+from stiction.virtual.trial import World, walk
+
+WIDTH, HEIGHT = 320, 240
+"""Size of a frame [pixels]."""
+
+FRAME_EVERY = 2
+"""Control steps per frame: 25 frames a second at 50 Hz."""
+
+SETTLE = 1.0
+"""What is not shown at the start [s]."""
+
+TIMEOUT = 120.0
+"""Longest that a clip may take [s]."""
+
+CAMERA = {"azimuth": 125.0, "elevation": -30.0, "distance": 1.8}
+"""Where the camera stands about the robot [degrees, m]."""
+
+
+class ClipError(EngineError):
+    """A clip could not be rendered, mostly for want of OpenGL."""
+
+
+def opengl_environment() -> dict[str, str]:
+    """Return the environment for rendering: EGL on Linux where there is no display and nothing was chosen."""
+    environment = dict(os.environ)
+    headless = not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+    if sys.platform == "linux" and headless:
+        environment.setdefault("MUJOCO_GL", "egl")
+    return environment
+
+
+def record_clip(
+    bundle: Path,
+    level: float,
+    command: str,
+    out: Path,
+    seconds: float = 4.0,
+    law: str = "coulomb",
+    robot: int | None = None,
+) -> Path:
+    """Render a clip of a bundle at a friction level under a command; return its path.
+
+    Args:
+        bundle: directory of the bundle.
+        level: dry friction as a fraction of the torque limit, or the law's coefficient [-].
+        command: as for `parse_command`.
+        out: the WebP file to write.
+        seconds: length of the clip [s].
+        law: law of the dry friction; `stribeck` with its default numbers. A virtual robot has its own.
+        robot: seed of a virtual robot that walks in PhysX, which is installed, and is shown in MuJoCo's renderer; None:
+            the robot of the data sheet in the simulator of the training.
+
+    Raises:
+        ClipError: no OpenGL, or the renderer failed; the message says what it said.
+
+    """
+    arguments = [
+        sys.executable,
+        "-m",
+        "stiction.evaluate.clip",
+        str(bundle),
+        str(level),
+        command,
+        str(out),
+        str(seconds),
+        law,
+        *([] if robot is None else [str(robot)]),
+    ]
+    try:
+        done = subprocess.run(
+            arguments, env=opengl_environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ClipError(f"no clip: rendering took more than {TIMEOUT:.0f} s") from error
+    if done.returncode != 0 or not out.is_file():
+        said = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
+        raise ClipError(
+            f"no clip: OpenGL is not available here ({said}); on Debian and Ubuntu: apt install libegl1 libgl1"
+        )
+    return out
+
+
+def film(fleet: Fleet, advance: Callable[[], object], out: Path, seconds: float) -> None:
+    """Write a clip of the first robot of a fleet, with the ground that it has, to the WebP file `out`.
+
+    `advance` takes the fleet one control period further; the clip begins after `SETTLE` and lasts `seconds`. Needs
+    OpenGL; to be called in a process of its own.
+    """
+    import mujoco
+    from PIL import Image
+
+    model, _ = fleet.data(0)
+    camera = mujoco.MjvCamera()
+    camera.type, camera.trackbodyid = mujoco.mjtCamera.mjCAMERA_TRACKING, model.body("base").id
+    for name, value in CAMERA.items():
+        setattr(camera, name, value)
+    frames = []
+    period = fleet.control_period
+    with mujoco.Renderer(model, HEIGHT, WIDTH) as renderer:
+        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
+            renderer.scene.flags[flag] = 0
+        for step in range(round((SETTLE + seconds) / period)):
+            advance()
+            if step * period >= SETTLE and step % FRAME_EVERY == 0:
+                renderer.update_scene(fleet.data(0)[1], camera)
+                frames.append(Image.fromarray(renderer.render()))
+    duration = round(1000 * FRAME_EVERY * period)
+    frames[0].save(out, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=60, method=2)
+
+
+def _render(bundle: Path, level: float, command: str, out: Path, seconds: float, law: Law) -> None:
+    """Roll the bundle out and film it."""
+    loaded = check_bundle(bundle).bundle
+    noise = seed_streams(0, ["clip"])["clip"]
+    contract = loaded.contract
+    policy, friction = load_policy(contract, loaded.policy, (1,)), friction_at(contract, np.array([level]), law)
+    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise], law=law)
+    velocity = np.array([parse_command(command).velocity])
+    film(rollout.fleet, lambda: rollout.step(velocity), out, seconds)
+
+
+def _render_robot(bundle: Path, level: float, command: str, out: Path, seconds: float, robot: int) -> None:
+    """Let the bundle walk on a virtual robot and film its motion."""
+    loaded = check_bundle(bundle).bundle
+    contract = loaded.contract
+    fleet = Fleet(robot_of(contract), 1, contract.physics_timestep, contract.decimation)
+    steps = round((SETTLE + seconds) / fleet.control_period)
+    film(fleet, replay(fleet, walked(loaded, robot, level, parse_command(command), steps)), out, seconds)
+
+
+if __name__ == "__main__":
+    asked = Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3], Path(sys.argv[4]), float(sys.argv[5])
+    if len(sys.argv) > 7:
+        _render_robot(*asked, int(sys.argv[7]))
+    else:
+        _render(*asked, Law(sys.argv[6]))
+
+ENGINE, CELL = "physx", "all"
+"""Where the robot walks, an engine that no policy was trained in, and what of it is real."""
+
+
+def walked(bundle: Bundle, robot: int, level: float, command: Command, steps: int) -> list[Motion]:
+    """Let a bundle walk on a virtual robot; return its motion at the start of every control period until it falls.
+
+    robot: its seed; level: mean over its joints of f/τ_max [-].
+
+    Raises:
+        StictionError: the bundle does not fit the robot, or the engine is not installed.
+
+    """
+    velocity = np.array(command.velocity)
+    motions: list[Motion] = []
+
+    def steer(step: int, motion: Motion) -> np.ndarray:
+        motions.append(motion)
+        return velocity
+
+    walk(bundle, Case(robot, CELL, Level(level)), World(partial(make_engine, ENGINE)), steer, steps)
+    return motions
+
+
+def replay(fleet: Fleet, motions: Sequence[Motion]) -> Callable[[], None]:
+    """Return what puts the first robot of a fleet where the next of the motions has it; it stays in the last one.
+
+    Engine and fleet have the same base frame, quaternions w, x, y, z, and joints in the order of the robot's.
+    """
+    left = iter(motions)
+
+    def advance() -> None:
+        motion = next(left, None)
+        if motion is not None:
+            fleet.base_position[0] = motion.base_position
+            fleet.base_quaternion[0] = motion.base_quaternion
+            fleet.joint_position[0] = motion.joint_position
+
+    return advance

@@ -1,0 +1,24 @@
+"""By which code a walk is known: what is kept of one counts as long as none of these files has changed."""
+
+from __future__ import annotations
+
+FLEET = (
+    *("core/rotation.py", "core/provenance.py", "sim/*.py", "joints/pd.py", "joints/friction.py", "robots/*.py"),
+    *("locomotion/friction.py", "locomotion/terrain.py", "formats/contract.py", "formats/known_friction.py"),
+    "formats/walk.py",
+    *(f"evaluate/{name}.py" for name in ("command", "course", "evaluate", "known_friction", "rollout", "metrics")),
+)
+"""Code that decides what robots do under a contract in the simulator of the training, whoever drives them."""
+
+WALKING = (
+    *(*FLEET, "deploy/*.py", "engines/*.py", "engines/ode/*.py", "virtual/*.py"),
+    *("evaluate/grid.py", "evaluate/run.py"),
+)
+"""Code that decides what a walk of a bundle is worth; of an engine `binaries` come beside it."""
+
+RUN_WALKING = (
+    *(*FLEET, "deploy/observation.py", "rma/models.py", "rma/runner.py", "rma/equivariant.py"),
+    *("locomotion/observations.py", "locomotion/randomization.py", "locomotion/symmetry.py"),
+    *("evaluate/export.py", "evaluate/trained.py", "evaluate/methods.py"),
+)
+"""The same of the teacher and the student of a run, both in the simulator of the training."""

@@ -1,0 +1,79 @@
+"""What a policy is told to do for a whole episode: drive forward, sideways, turn, or stand. No simulator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+
+AXES = ("vx", "vy", "wz")
+"""Forward and sideways velocity [m/s], turn rate [rad/s], in the base frame."""
+
+STAND = "stand"
+"""The command to stand still."""
+
+SETTLE = 2.0
+"""What is not measured at the start of a walk [s]: getting up to speed is not what is asked."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """A constant velocity command."""
+
+    label: str
+    """As it stands in results: `vx=0.5`."""
+    velocity: tuple[float, float, float]
+    """Forward, sideways [m/s], turn [rad/s]."""
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether a horizontal velocity is commanded."""
+        return any(self.velocity[:2])
+
+    @property
+    def is_turn(self) -> bool:
+        """Whether a turn and nothing else is commanded."""
+        return not self.is_linear and self.velocity[2] != 0.0
+
+    @property
+    def direction(self) -> np.ndarray | None:
+        """Unit vector over (vx, vy, wz) along which speed is measured, shape (3,); None for `stand`."""
+        vector = np.array(self.velocity)
+        vector[2] *= self.is_turn
+        norm = np.linalg.norm(vector)
+        return vector / norm if norm else None
+
+    @property
+    def speed(self) -> float:
+        """Commanded speed along `direction` [m/s], or [rad/s] for a turn."""
+        return float(np.hypot(*self.velocity[:2])) if self.is_linear else abs(self.velocity[2])
+
+
+def parse_command(text: str) -> Command:
+    """Return the command that `text` names.
+
+    Raises:
+        StictionError: an axis that does not exist or comes twice, or what is not a finite number.
+
+    """
+    if text.strip() == STAND:
+        return Command(STAND, (0.0, 0.0, 0.0))
+    values: dict[str, float] = {}
+    for part in text.split(","):
+        axis, _, number = part.strip().partition("=")
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if axis not in AXES or axis in values or not math.isfinite(value):
+            raise ConfigurationError(
+                f"command {text!r} is not understood; expected such as vx=0.5 or vx=0.3,wz=0.2 or {STAND}"
+            )
+        values[axis] = value
+    if not any(values.values()):
+        return Command(STAND, (0.0, 0.0, 0.0))
+    label = ",".join(f"{axis}={values[axis]:g}" for axis in AXES if values.get(axis))
+    return Command(label, (values.get("vx", 0.0), values.get("vy", 0.0), values.get("wz", 0.0)))

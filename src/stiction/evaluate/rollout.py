@@ -1,0 +1,201 @@
+"""A bundle driving a fleet of MuJoCo robots: sensors with noise in, joint targets out. No torch.
+
+Evaluation, golden vectors and clips are loops over `Rollout.step`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import PolicyStep
+from stiction.formats.contract import Contract
+from stiction.formats.walk import Recording
+from stiction.joints.friction import Law, has_coefficient
+from stiction.locomotion.config import NoiseCfg
+from stiction.robots.model import DELAY_SAMPLES, RobotSpec
+from stiction.robots.physics import EXACT, PhysicsCfg
+from stiction.robots.terrain import Terrain
+from stiction.sim.fleet import Fleet
+from stiction.sim.friction import JointFriction
+from stiction.virtual.sensors import INITIAL_ANGLE, disturbed, drawn_width
+
+COULOMB = Law("coulomb")
+"""The law where none is named."""
+
+
+class Driver(Protocol):
+    """What turns sensors into joint targets for N robots: the deployed policy, or its twin in torch."""
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Forget the history and the last action of the robots in `mask`, bool, shape (N,)."""
+
+    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Advance by one control period under the commands, shape (N, 3)."""
+
+
+@dataclass(frozen=True)
+class RolloutStep:
+    """What happened in one control period."""
+
+    sensors: Sensors
+    """What the robots measured at its start, noise included, shapes (N, ...)."""
+    policy: PolicyStep
+    """What the policy made of it, shapes (N, ...)."""
+    blown_up: np.ndarray
+    """Robots whose simulation became unstable and was put back to standing, ids."""
+
+
+def friction_at(contract: Contract, level: np.ndarray, law: Law = COULOMB) -> np.ndarray:
+    """Return what a law gives every joint at levels of shape (N,): torques [N m] or coefficients [-], shape (N, J)."""
+    unit = np.ones(contract.num_joints) if has_coefficient(law.name) else contract.array("torque_limit")
+    return np.asarray(level)[:, None] * unit
+
+
+class Rollout:
+    """N robots with the gains, inertias and viscous friction of the contract, driven by one policy."""
+
+    def __init__(
+        self,
+        contract: Contract,
+        policy: Driver,
+        spec: RobotSpec,
+        friction: np.ndarray,
+        generators: Sequence[np.random.Generator],
+        threads: int = 1,
+        noise: NoiseCfg | None = None,
+        action_delay: float = 0.0,
+        terrain: Terrain | None = None,
+        law: Law = COULOMB,
+        physics: PhysicsCfg = EXACT,
+        timestep: float | None = None,
+    ) -> None:
+        """Put the robots into their standing pose.
+
+        Args:
+            contract: what the policy expects.
+            policy: what drives the robots, its batch (N,).
+            spec: the robot, as from `robot_of`.
+            friction: what the law gives each robot's joints, torques [N m] or coefficients, (N, J); see `friction_at`.
+            generators: sources of noise; robot i uses number i modulo their count, so that robots that share one
+                meet the same noise.
+            threads: threads of the simulator.
+            noise: sensor noise, by default as in training.
+            action_delay: delay between target and motor [s], in whole physics steps as in training.
+            terrain: courses of the robots, flat ground by default.
+            law: law of the dry friction.
+            physics: how dry friction is simulated, and
+            timestep: the physics step [s], a part of the contract's control period: other ones than evaluation's only
+                to see what they do to a walk.
+
+        Raises:
+            StictionError: the delay is longer than the model holds.
+
+        """
+        num = len(friction)
+        timestep = contract.physics_timestep if timestep is None else timestep
+        decimation = round(contract.physics_timestep * contract.decimation / timestep)
+        longest = DELAY_SAMPLES * timestep
+        if not 0.0 <= action_delay <= longest:
+            raise ConfigurationError(
+                f"action delay {action_delay} s; expected 0 to {longest:g} s, what the model holds"
+            )
+        self.fleet = Fleet(
+            spec,
+            num,
+            timestep,
+            decimation,
+            threads,
+            terrain=terrain,
+            joint_sensors=law.spec.loaded,
+            physics=physics,
+        )
+        self.fleet.set_gains(contract.array("kp"), contract.array("kd"))
+        JointFriction(self.fleet, law).set_level(friction)
+        self.fleet.damping[:] = contract.array("damping")
+        self.fleet.armature[:] = contract.array("armature")
+        self.fleet.delay[:] = round(action_delay / timestep) * timestep
+        self.fleet.set_const(np.arange(num))
+        self._policy = policy
+        self._contract = contract
+        self._noise = noise or NoiseCfg()
+        self._generators = generators
+        self._robots_per_generator = num // len(generators)
+        self.reset(np.arange(num))
+
+    def _uniform(self, width: int) -> np.ndarray:
+        """Return numbers in [-1, 1), one row per robot, shape (N, width)."""
+        drawn = np.stack([generator.uniform(-1.0, 1.0, width) for generator in self._generators])
+        return np.tile(drawn, (self._robots_per_generator, 1))
+
+    def reset(self, ids: np.ndarray) -> None:
+        """Stand the robots `ids` on the ground, joints slightly off the standing pose, the policy's history empty."""
+        standing = self._contract.array("standing")
+        position = standing + INITIAL_ANGLE * self._uniform(len(standing))
+        position = np.clip(position, self._contract.array("lower"), self._contract.array("upper"))
+        self.fleet.reset(ids, joint_position=position[ids])
+        self._policy.reset(np.isin(np.arange(self.fleet.num_envs), ids))
+
+    def sense(self) -> Sensors:
+        """Return what the robots measure now; roll and pitch are disturbed by a small rotation of the base."""
+        fleet = self.fleet
+        true = Sensors(fleet.base_quaternion, fleet.base_angular_velocity, fleet.joint_position, fleet.joint_velocity)
+        return disturbed(true, self._noise, self._uniform(drawn_width(self._contract.num_joints)))
+
+    def act(self, command: np.ndarray) -> tuple[Sensors, PolicyStep]:
+        """Sense, and set the policy's joint targets under the commanded velocities, shape (N, 3); no time passes."""
+        sensors = self.sense()
+        step = self._policy.step(sensors, command)
+        self.fleet.set_targets(step.target)
+        return sensors, step
+
+    def step(self, command: np.ndarray) -> RolloutStep:
+        """Advance by one control period under the commanded velocities, shape (N, 3)."""
+        sensors, step = self.act(command)
+        blown_up = self.fleet.step()
+        self._policy.reset(np.isin(np.arange(self.fleet.num_envs), blown_up))
+        return RolloutStep(sensors, step, blown_up)
+
+
+def record(
+    rollout: Rollout, commands: Callable[[Fleet], np.ndarray], steps: int, progress: Callable[[float], None]
+) -> tuple[Recording, int]:
+    """Run the batch and keep what the metrics need; return it and the number of simulations that blew up.
+
+    commands: gives those of every robot before each control step: forward, sideways [m/s], turn [rad/s], (N, 3).
+    """
+    fleet, legs = rollout.fleet, len(rollout.fleet.spec.legs)
+    num, period = fleet.num_envs, fleet.control_period
+    recording = Recording(
+        period,
+        velocity=np.zeros((steps, num, 3), dtype=np.float32),
+        position=np.zeros((steps, num, 2), dtype=np.float32),
+        contact=np.zeros((steps, num, legs), dtype=bool),
+        power=np.zeros((steps, num), dtype=np.float32),
+        square_acceleration=np.zeros((steps, num), dtype=np.float32),
+        upright=np.zeros((steps, num), dtype=bool),
+        friction=(friction := np.zeros((steps, num), dtype=np.float32)),
+    )
+    upright, blown_up = np.ones(num, dtype=bool), 0
+    last_velocity = fleet.joint_velocity.copy()
+    for t in range(steps):
+        step = rollout.step(commands(fleet))
+        blown_up += len(step.blown_up)
+        upright = upright & ~fleet.fallen()
+        upright[step.blown_up] = False
+        recording.velocity[t, :, :2] = fleet.base_linear_velocity[:, :2]
+        recording.velocity[t, :, 2] = fleet.base_angular_velocity[:, 2]
+        recording.position[t] = fleet.base_position[:, :2]
+        recording.contact[t] = fleet.foot_contact
+        recording.power[t] = np.abs(fleet.torque * fleet.joint_velocity).sum(axis=1)
+        recording.square_acceleration[t] = (((fleet.joint_velocity - last_velocity) / period) ** 2).mean(axis=1)
+        recording.upright[t] = upright
+        friction[t] = fleet.friction.mean(axis=1)
+        last_velocity = fleet.joint_velocity.copy()
+        progress((t + 1) / steps)
+    return recording, blown_up

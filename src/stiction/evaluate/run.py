@@ -1,0 +1,237 @@
+"""Walks a grid on all cores, resumable: what its ledger has is not walked again.
+
+A line is found again by everything that its walk depends on: the bundle's digest, the cell, the settings, the code
+that measures, and the engine.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from stiction.core.cache import Ledger, key_of
+from stiction.core.errors import EngineError
+from stiction.core.parallel import spread
+from stiction.core.rotation import yaw
+from stiction.deploy.check import robot_of
+from stiction.engines import catalog
+from stiction.engines.catalog import binaries, what_is_missing
+from stiction.engines.engine import Motion
+from stiction.engines.ground import course
+from stiction.evaluate.benches import forwarded, informed
+from stiction.evaluate.code import WALKING
+from stiction.evaluate.command import Command
+from stiction.evaluate.course import FOOT, Course, starts, straight_on
+from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluate.grid import GridCfg, Unit, Walk, plan, units
+from stiction.evaluate.metrics import Metrics, measure
+from stiction.formats.bundle import Bundle
+from stiction.robots.catalog import find_robot
+from stiction.robots.model import GRAVITY, RobotSpec
+from stiction.virtual import trial as trials
+from stiction.virtual.cases import Case, DataSheet, parse_level
+from stiction.virtual.trial import TIMESTEP, CommandSource, RobotCase, World
+
+
+class WalkLedger(Ledger):
+    """The walks of one grid that are done."""
+
+    def __init__(self, path: Path, cfg: GridCfg, digests: dict[str, str], robot: str | None = None) -> None:
+        """Read what is there.
+
+        Args:
+            path: the file; its folder exists.
+            cfg: the grid.
+            digests: policy -> digest of its bundle.
+            robot: robot of one's own, see `robot_of`.
+
+        Raises:
+            StictionError: the file cannot be read.
+
+        """
+        super().__init__(path)
+        self._digests = digests
+        spec = None if robot is None else find_robot(robot)
+        self._common = key_of([cfg.settings(), robot, spec], *WALKING)
+
+    def key(self, walk: Walk) -> str:
+        """Return what a walk is found by."""
+        engine = binaries(walk.simulator.spec.name)
+        return key_of([self._common, asdict(walk), self._digests[walk.policy], engine])[:24]
+
+    def find(self, walk: Walk) -> Metrics | None:
+        """Return what a walk was worth; None where it was not done."""
+        entry = self.get(self.key(walk))
+        if entry is None:
+            return None
+        share = entry["metrics"]["group_share"]
+        return Metrics(**entry["metrics"] | {"group_share": None if share is None else tuple(share)})
+
+    def add(self, walks: tuple[Walk, ...], metrics: list[Metrics]) -> None:
+        """Add walks; they are on the disk when this returns. Raises `FileError` where the file cannot be written."""
+        done = zip(walks, metrics, strict=True)
+        self.extend([{"key": self.key(walk), "walk": asdict(walk), "metrics": asdict(one)} for walk, one in done])
+
+
+def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
+    """Do a unit and return what each of its walks was worth.
+
+    Raises:
+        StictionError: the bundle does not fit the robot, or what the engine needs is not installed.
+
+    """
+    return _batch(bundle, unit, cfg, robot) if unit.simulator.is_batch else [_alone(bundle, unit.walks[0], cfg, robot)]
+
+
+def _batch(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None) -> list[Metrics]:
+    """Walk all episodes of a unit at once."""
+    first, episodes = unit.walks[0], len(unit.walks)
+    asked = cfg.asked(first.terrain, first.command)
+    asked = replace(asked, friction_levels=(float(first.level),), episodes=episodes, first_episode=first.episode)
+    return list(evaluate_bundle(bundle, asked, robot).episodes[0])
+
+
+def _alone(bundle: Bundle, one: Walk, cfg: GridCfg, robot: str | None) -> Metrics:
+    """Walk one robot in one engine."""
+    asked, engine = cfg.asked(one.terrain, one.command), one.simulator.spec
+    ground = asked.course
+    aside, askew = (0.0, 0.0) if ground.is_flat else starts(asked.seed, one.episode + 1)[-1].tolist()
+    world = World(
+        make=partial(catalog.make_engine, engine.name),
+        ground=course(ground.kind, ground.size, asked.seed),
+        start=(0.0 if ground.is_flat else -FOOT, aside),
+        heading=askew,
+        timestep=engine.timestep if one.robot is None else TIMESTEP,
+        noise=asked.noise if one.robot is None else None,
+    )
+    case: RobotCase
+    if one.robot is None or one.simulator.cell is None:
+        case = DataSheet(asked.seed, asked.law, float(one.level))
+    else:
+        case = Case(one.robot, one.simulator.cell, parse_level(one.level))
+    friction, known = (None if told is None else np.array(told) for told in (one.forward, one.known))
+    seed = 0 if one.robot is None else asked.seed
+    return walk_once(bundle, case, world, asked, one.episode, robot_of(bundle.contract, robot), friction, seed, known)
+
+
+def walk_once(
+    bundle: Bundle,
+    case: RobotCase,
+    world: World,
+    asked: EvaluationCfg,
+    episode: int,
+    spec: RobotSpec,
+    friction: np.ndarray | None = None,
+    seed: int = 0,
+    known: np.ndarray | None = None,
+) -> Metrics:
+    """Walk one episode with one robot, and return what it was worth.
+
+    asked: the ground, which `world` has too, one command, times; spec: the robot; other arguments and errors as of
+    `walk`.
+    """
+    (command,), period = asked.parsed_commands, bundle.contract.control_period
+    steps = round(asked.duration / period)
+    trial = trials.walk(
+        bundle, case, world, command_source(command, asked.course), steps, episode, None, spec, friction, seed, known
+    )
+    part = trial.recording.lasting(steps).of(slice(0, 1), round(asked.settle / period))
+    return measure(part, command, spec.groups(), spec.mass * GRAVITY, asked.course)
+
+
+def command_source(command: Command, ground: Course) -> CommandSource:
+    """Return what commands a robot: the command itself on flat ground; over a course its speed, straight on."""
+    velocity = np.array(command.velocity)
+    if ground.is_flat:
+        return lambda step, motion: velocity
+
+    def straight(step: int, motion: Motion) -> np.ndarray:
+        return np.array([velocity[0], 0.0, straight_on(yaw(motion.base_quaternion))])
+
+    return straight
+
+
+LEDGER = "walks.jsonl"
+"""Name of the ledger in the folder of the results."""
+
+BENCHES = "bench"
+"""Name of the folder beside it for what was identified of virtual robots, where friction is fed forward or told."""
+
+Progress = Callable[[str, float], None]
+"""Called with the name of an engine and the share of its walks that is done."""
+
+
+def walk_grid(
+    bundles: Sequence[Bundle],
+    cfg: GridCfg,
+    out: Path,
+    jobs: int = 1,
+    robot: str | None = None,
+    progress: Progress = lambda name, share: None,
+) -> dict[Walk, Metrics]:
+    """Walk what is not in the ledger of `out` yet, and return every walk of the grid, those of one row together.
+
+    Args:
+        bundles: checked, each of another name.
+        cfg: the grid.
+        out: folder of the results; it exists.
+        jobs: processes at once. They do not change the result.
+        robot: a robot of one's own, see `robot_of`.
+        progress: see `Progress`.
+
+    Raises:
+        StictionError: a bundle does not fit its robot, an engine is not installed, friction cannot be fed forward, or a
+            process was killed. What was walked until then is kept.
+
+    """
+    for bundle in bundles:
+        spec = robot_of(bundle.contract, robot)
+        for simulator in cfg.simulators:
+            if not simulator.is_batch and (why := what_is_missing(simulator.spec.name, spec)):
+                raise EngineError(why)
+    ledger = WalkLedger(out / LEDGER, cfg, {bundle.name: bundle.digest for bundle in bundles}, robot)
+    walks = plan([bundle.name for bundle in bundles], cfg)
+    walks += forwarded(bundles, cfg, out / BENCHES, jobs, robot, progress)
+    walks = informed(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
+    done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
+    tally = _Tally(walks, progress)
+    tally.add(list(done))
+    new = [unit for unit in units(walks, cfg) if any(walk not in done for walk in unit.walks)]
+    by_name = {bundle.name: bundle for bundle in bundles}
+    for unit, metrics in _walked(new, by_name, cfg, robot, jobs):
+        ledger.add(unit.walks, metrics)
+        tally.add([walk for walk in unit.walks if walk not in done])
+        done |= dict(zip(unit.walks, metrics, strict=True))
+    return {walk: done[walk] for walk in walks}
+
+
+class _Tally:
+    """Counts walks by engine."""
+
+    def __init__(self, walks: Sequence[Walk], progress: Progress) -> None:
+        """Begin with nothing done."""
+        self._total, self._done, self._progress = (
+            Counter(walk.simulator.label for walk in walks),
+            Counter[str](),
+            progress,
+        )
+
+    def add(self, walks: Sequence[Walk]) -> None:
+        """Count walks as done and report each engine that they are of."""
+        self._done.update(walk.simulator.label for walk in walks)
+        for name in dict.fromkeys(walk.simulator.label for walk in walks):
+            self._progress(name, self._done[name] / self._total[name])
+
+
+def _walked(
+    new: Sequence[Unit], bundles: dict[str, Bundle], cfg: GridCfg, robot: str | None, jobs: int
+) -> Iterator[tuple[Unit, list[Metrics]]]:
+    """Do units and give each as it ends."""
+    tasks = [(bundles[unit.policy], unit, cfg, robot) for unit in new]
+    for number, metrics in spread(walk_unit, tasks, jobs):
+        yield new[number], metrics

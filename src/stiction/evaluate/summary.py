@@ -1,0 +1,87 @@
+"""Evaluates several bundles under the same conditions, and says what was run on what."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.provenance import Origin
+from stiction.evaluate.benches import not_identified, not_told
+from stiction.evaluate.grid import GridCfg
+from stiction.evaluate.run import BENCHES, Progress, walk_grid
+from stiction.evaluate.table import methods_of, rows_of
+from stiction.formats.bundle import Bundle
+from stiction.formats.results import ResultRow
+from stiction.virtual.cases import warnings_on
+
+
+def evaluate_all(
+    bundles: Sequence[Bundle],
+    cfg: GridCfg,
+    out: Path,
+    robot: str | None = None,
+    jobs: int = 1,
+    progress: Progress = lambda name, share: None,
+) -> tuple[list[ResultRow], dict[str, Any]]:
+    """Walk a grid; return its rows and the summary. Arguments and errors as of `walk_grid`.
+
+    Raises:
+        StictionError: besides, where two bundles have the same name.
+
+    """
+    check_names([bundle.name for bundle in bundles])
+    origin, start = Origin.now(), time.perf_counter()
+    done = walk_grid(bundles, cfg, out, jobs, robot, progress)
+    rows, details = rows_of(done, bundles, robot)
+    summary = {
+        "evaluation": asdict(cfg.base),
+        "engines": list(cfg.engines),
+        "terrains": list(cfg.terrains),
+        "robots": cfg.used_robots,
+        "warnings": [
+            *origin.warnings(),
+            *warnings_on(cfg.used_robots),
+            *not_told(bundles, cfg, out / BENCHES, robot),
+            *not_identified(done, bundles, cfg, out / BENCHES, robot),
+        ],
+        "forward": list(cfg.forward),
+        "conditions": cfg.base.conditions,
+        "robot": robot,
+        "seconds": time.perf_counter() - start,
+        **origin.provenance,
+        "policies": {bundle.name: describe(bundle) for bundle in bundles},
+        "ways": methods_of(rows, bundles),
+        "rows": details,
+    }
+    return rows, summary
+
+
+def check_names(names: Sequence[str], kind: str = "bundles") -> None:
+    """Raise `StictionError` where two of a kind have the same name."""
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise ConfigurationError(
+            f"two {kind} are called {twice[0]!r}; rename one directory, results tell them apart by name"
+        )
+
+
+def describe(bundle: Bundle) -> dict[str, Any]:
+    """Return what identifies a policy: its digest, and how it was made."""
+    contract = bundle.contract
+    return {
+        "digest": bundle.digest,
+        "robot": contract.robot,
+        "method": contract.method,
+        "friction_law": contract.friction_law,
+        "friction_level": contract.friction_level,
+        "friction_range": contract.friction_range,
+        "joints_file": contract.joints_file,
+        "actuator": contract.actuator,
+        "known_friction": contract.known_friction,
+        "seed": contract.seed,
+        "revision": contract.revision,
+        "command": contract.command,
+    }

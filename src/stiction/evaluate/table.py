@@ -1,0 +1,175 @@
+"""From walks to rows: the episodes of a cell together; and whose seeds are samples of one training."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from stiction.core.statistics import wilson
+from stiction.deploy.check import robot_of
+from stiction.evaluate.grid import FORWARD, Walk
+from stiction.evaluate.methods import MethodCell, method_of
+from stiction.evaluate.metrics import Metrics, combine
+from stiction.formats.bundle import Bundle
+from stiction.formats.contract import Contract
+from stiction.formats.results import ResultRow
+from stiction.robots.model import RobotSpec
+from stiction.virtual.cases import parse_level
+
+
+class OfPolicy(Protocol):
+    """A row of any table that belongs to a policy and its training method."""
+
+    @property
+    def policy(self) -> str:
+        """Name of the policy."""
+
+    @property
+    def method(self) -> str:
+        """Its training method."""
+
+
+@dataclass(frozen=True)
+class Sample(MethodCell):
+    """One column in one cell, over training seeds; a row of methods.csv. The command may be `BOTH`."""
+
+    column: str
+    """A column of results.csv; `crossed`, the share of walks that crossed their course; `speed_error`, |speed ratio -
+    1|, of virtual robots the mean over robots."""
+    seeds: str
+    """Training seeds, separated by blanks."""
+    each: str
+    """What each of them reached, in the same order."""
+    mean: float
+    """Their mean."""
+    low: float | None
+    """Lower end of its 95 % t-interval; None for one seed."""
+    high: float | None
+    """Upper end."""
+    trials: int | None
+    """Of a rate, its trials: walks, or pairs of policy and virtual robot; else None. Such pairs are not independent:
+    all policies walk on the same robots. A verdict takes the robots as a sample beside them."""
+    trials_low: float | None
+    """Lower end of Wilson's 95 % interval over them."""
+    trials_high: float | None
+    """Upper end."""
+
+
+BOTH = "both"
+"""In methods.csv the command of a sample over forward and backward, each alike."""
+
+
+def rows_of(
+    done: Mapping[Walk, Metrics], bundles: Sequence[Bundle], robot: str | None = None
+) -> tuple[list[ResultRow], list[dict[str, Any]]]:
+    """Return a row per cell, in the order of the walks, and the same rows as plain data with intervals of the rates.
+
+    Intervals there are Wilson's, of `fall_rate`, and of `crossed` over a course: over episodes; over virtual robots
+    where those walk, for one that falls falls again. A row of those also has, of each robot, its speed ratio, by its
+    seed, and in the same order `robot_fall_rates`, `robot_tracking_errors` and `robot_crossed`. Where a policy was told
+    its joints' friction, `known_friction` says what, by robot: f/τ_max of each kind of joint.
+    """
+    contracts = {bundle.name: bundle.contract for bundle in bundles}
+    cells: dict[tuple[str, ...], list[Walk]] = {}
+    for walk in done:
+        cells.setdefault(walk.cell, []).append(walk)
+    rows, details = [], []
+    for walks in cells.values():
+        first, metrics = walks[0], combine([done[walk] for walk in walks])
+        contract = contracts[first.policy]
+        row = ResultRow(
+            policy=first.name,
+            method=method_of(contract) + first.suffix,
+            seed=contract.seed,
+            engine=first.simulator.label,
+            friction_law=first.law if first.robot is None else real_law(first),
+            friction_level=number(first, contract.array("torque_limit"), robot_of(contract, robot)),
+            terrain=first.terrain,
+            command=first.command,
+            episodes=len(walks),
+            **metrics.columns,
+        )
+        rows.append(row)
+        details.append(asdict(row) | metrics.beside | _beside(walks, done))
+    return rows, details
+
+
+def real_law(walk: Walk) -> str:
+    """Return the friction law of a virtual robot as it stands in results.csv: `real`, `real-bench`, `real+load0.02`."""
+    level = parse_level(walk.level)
+    bench = "-bench" if level.share is None else ""
+    return walk.law + bench + (f"+load{level.load:g}" if level.load else "")
+
+
+def number(walk: Walk, torque_limit: np.ndarray, spec: RobotSpec) -> float:
+    """Return the friction level of a walk as a number; of a virtual robot the mean over joints of f/τ_max [-]."""
+    if walk.robot is None:
+        return float(walk.level)
+    return round(float((parse_level(walk.level).coulomb(spec) / torque_limit).mean()), 6)
+
+
+def _beside(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, Any]:
+    """Return what a row has in summary.json alone: Wilson's intervals, and what each virtual robot did."""
+    robots = dict.fromkeys(walk.robot for walk in walks if walk.robot is not None)
+    each = {robot: combine([done[walk] for walk in walks if walk.robot == robot]) for robot in robots}
+    samples = list(each.values()) or [done[walk] for walk in walks]
+    crossed = [one.crossed for one in samples if one.crossed is not None]
+    beside: dict[str, Any] = {
+        "fall_interval": wilson(sum(one.fall_rate for one in samples), len(samples)),
+        "crossed_interval": wilson(sum(crossed), len(crossed)) if crossed else None,
+    }
+    if each:
+        beside["robots"] = {str(robot): one.speed_ratio for robot, one in each.items()}
+        beside["robot_fall_rates"] = [one.fall_rate for one in samples]
+        beside["robot_tracking_errors"] = [one.tracking_error for one in samples]
+        beside["robot_crossed"] = crossed or None
+    if known := {walk.robot: walk.known for walk in walks if walk.known is not None}:
+        beside["known_friction"] = {
+            "data sheet" if robot is None else str(robot): told for robot, told in known.items()
+        }
+    return beside
+
+
+def sample_names(contracts: Mapping[str, Contract]) -> dict[str, str]:
+    """Return what stands behind the method of each policy so that only samples of one thing have one name.
+
+    Those are policies of one method, for one robot, trained on one ground in as many phases with one law, level and
+    range of friction, each with another seed. Where a method has several such groups, what they differ in is named:
+    `deception (stairs)`. Where one seed is there twice, nobody can say which policy is the
+    sample: each of that group stands alone, by its name.
+
+    contracts: by name of the policy.
+    """
+    groups: dict[tuple[str, ...], list[str]] = {}
+    for name, contract in contracts.items():
+        groups.setdefault(_sample_of(contract), []).append(name)
+    behind = {}
+    for group, names in groups.items():
+        values = zip(*(other for other in groups if other[0] == group[0]), strict=True)
+        told = [mine for mine, all_of_way in zip(group, values, strict=True) if len(set(all_of_way)) > 1]
+        twice = len({contracts[name].seed for name in names}) < len(names)
+        for name in names:
+            words = [name] if twice else told
+            behind[name] = f" ({', '.join(words)})" if words else ""
+    return behind
+
+
+def _sample_of(contract: Contract) -> tuple[str, ...]:
+    """Return what two policies share that are samples of one thing, in words; the way comes first."""
+    low, high = contract.friction_range
+    phases = {1: "one phase", 2: "two phases"}.get(contract.phases or 0, "phases not recorded")
+    trained = contract.robot, contract.terrain, phases, contract.friction_law, f"{contract.friction_level:g}"
+    return method_of(contract), *trained, f"range {low:g} to {high:g}"
+
+
+def methods_of(rows: Sequence[OfPolicy], bundles: Sequence[Bundle]) -> dict[str, str]:
+    """Return policy, as rows call it -> training method under which only its own seeds stand, see `sample_names`.
+
+    bundles: those that walked.
+    """
+    names = sample_names({bundle.name: bundle.contract for bundle in bundles})
+    base = {row.policy: row.policy if row.policy in names else row.policy.removesuffix(FORWARD) for row in rows}
+    return {row.policy: row.method + names[base[row.policy]] for row in rows}

@@ -1,0 +1,356 @@
+"""Throughput, measured side by side in one run: the task against the bare simulator on the same states and threads.
+
+The replay has the states and the controls of every step (joint targets; the last physics step's torques where an
+Actuator Net gives them), and the robots' parameters (friction, masses, gains) as they are when the block ends: keeping
+every robot's parameters at every step would cost more than what is measured. A robot that ends an episode within the
+block is drawn anew then, so its earlier steps are replayed with its later parameters, and the step that ended the
+episode with standing targets.
+
+The task walks on boxes (`robots/terrain.py`); this is the measurement that the choice rests on. Height fields are of
+two kinds: with square cells, as any ground would need, and with cells as wide as the stairs, which only steps across
+one axis allow. Their risers lean by one cell.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import torch
+from mujoco.batch import Batch
+
+from stiction.core.provenance import num_threads, stream_seed
+from stiction.core.rotation import UPRIGHT
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import load_policy
+from stiction.formats.bundle import read_bundle
+from stiction.joints.net import ActuatorNet
+from stiction.locomotion.device import find_device
+from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.friction import FrictionMethod
+from stiction.rma.config import TrainCfg
+from stiction.rma.figures import Board
+from stiction.rma.phase import PhaseRunner, torch_threads
+from stiction.rma.run import RunDirectory
+from stiction.rma.runner import multiply_adds, ppo_cfg
+from stiction.robots.box_legs import build
+from stiction.robots.model import RobotSpec
+from stiction.robots.physics import EXACT, FAST, PhysicsCfg
+from stiction.robots.terrain import REACH, STEPS, half_sizes, stair_height
+from stiction.sim.native import NativeSimulation
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Env-steps per second of the three things timed, one entry a block, all blocks in one run."""
+
+    bare: tuple[float, ...]
+    """`Batch.step` alone, replaying the block's states and controls with the parameters of its end; empty where
+    MuJoCo Warp simulates: it has no counterpart on the same threads, and no ratio is given."""
+    rollout: tuple[float, ...]
+    """`LocomotionEnv.step`: observations, rewards, resets and randomisation on."""
+    iteration: tuple[float, ...]
+    """A whole teacher iteration: policy, rollout, update."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return medians and the ratios of paired blocks, with their spread."""
+
+        def spread(values: np.ndarray) -> dict[str, float]:
+            return {"min": float(values.min()), "median": float(np.median(values)), "max": float(values.max())}
+
+        rates = {name: np.array(values) for name, values in vars(self).items() if values}
+        ratios = {}
+        if self.bare:
+            ratios = {f"{name}_ratio": rates[name] / rates["bare"] for name in ("rollout", "iteration")}
+        return {
+            **{
+                name: float(np.median(ratios[name])) if ratios else None
+                for name in ("rollout_ratio", "iteration_ratio")
+            },
+            "spread": {name: spread(ratio) for name, ratio in ratios.items()},
+            "env_steps_per_second": {name: spread(values) for name, values in rates.items()},
+        }
+
+
+def _timed_rollout(env: LocomotionEnv, actions: torch.Tensor) -> tuple[float, list[dict[str, np.ndarray]]]:
+    """Step the task with `actions`, (steps, N, joints); return the seconds of `step` alone and each state before it."""
+    states, seconds = [], 0.0
+    with torch.no_grad(), torch_threads(1):
+        for action in actions:
+            before, control = env.fleet.simulation.state(), env.fleet.simulation.bind("ctrl")
+            start = time.perf_counter()
+            env.step(action)
+            seconds += time.perf_counter() - start
+            states.append(before | {"ctrl": control.copy()})
+    return seconds, states
+
+
+def _timed_replay(env: LocomotionEnv, states: list[dict[str, np.ndarray]]) -> float:
+    """Replay the states through the bare batch; return the seconds of its `step` alone.
+
+    The simulation's state is put back. Derived fields (torques, contacts) are those of the replay until the task's
+    next step computes them anew; its stored observation does not change.
+    """
+    simulation, seconds = env.fleet.simulation, 0.0
+    if not isinstance(simulation, NativeSimulation):
+        raise TypeError(f"the bare simulator is MuJoCo's Batch; the task runs on {type(simulation).__name__}")
+    after = simulation.state()
+    for state in states:
+        simulation.load_state(state)
+        start = time.perf_counter()
+        simulation.batch.step(nstep=env.fleet.decimation)
+        seconds += time.perf_counter() - start
+    simulation.load_state(after)
+    return seconds
+
+
+def measure_training(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = None) -> tuple[Timing, dict[str, int]]:
+    """Time `blocks` paired blocks of one rollout each; return the timing and the networks' multiply-adds per env-step.
+
+    Each block times the task, then, on the processor, the bare simulator on the states that the task went through, then
+    one training iteration. `actuator`: gives the torque in the task; the bare simulator has none.
+    """
+    threads = num_threads()
+    torch.set_num_threads(threads)
+    torch.manual_seed(stream_seed(cfg.seed, "bench"))
+    device, seed = find_device(cfg.device, cfg.contacts), stream_seed(cfg.seed, "environment")
+    env = LocomotionEnv(cfg.task, cfg.num_envs, seed, threads, device=device, actuator=actuator)
+    with tempfile.TemporaryDirectory() as folder:
+        run, board = RunDirectory(Path(folder)), Board(Path(folder))
+        runner = PhaseRunner("teacher", env, run, ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, board)
+        runner.alg.train_mode()
+        steps = cfg.teacher.steps * cfg.num_envs
+        seconds: dict[str, list[float]] = {"bare": [], "rollout": [], "iteration": []}
+        runner.iterate()
+        for _ in range(blocks):
+            actions = cfg.network.initial_std * torch.randn(cfg.teacher.steps, cfg.num_envs, env.num_actions)
+            rollout, states = _timed_rollout(env, actions)
+            seconds["rollout"].append(rollout)
+            if cfg.device == "cpu":
+                seconds["bare"].append(_timed_replay(env, states))
+            start = time.perf_counter()
+            runner.iterate()
+            seconds["iteration"].append(time.perf_counter() - start)
+        rates = {name: tuple(steps / value for value in values) for name, values in seconds.items()}
+        return Timing(**rates), multiply_adds(runner)
+
+
+def measure_runtime(bundle: Path, steps: int = 3000) -> dict[str, float]:
+    """Time the deployed policy, one robot, sensors in and joint targets out [ms]: median, 99th percentile, worst."""
+    data = read_bundle(bundle)
+    policy = load_policy(data.contract, data.policy)
+    rng = np.random.default_rng(0)
+    joints, command = data.contract.num_joints, np.array([0.5, 0.0, 0.0])
+    spent = []
+    for _ in range(steps):
+        noise = 0.1 * rng.standard_normal((2, joints))
+        sensors = Sensors(UPRIGHT, noise[0, :3], noise[0], noise[1])
+        start = time.perf_counter()
+        policy.step(sensors, command)
+        spent.append(1e3 * (time.perf_counter() - start))
+    warm = np.array(spent[100:])
+    return {"p50": float(np.median(warm)), "p99": float(np.percentile(warm, 99)), "max": float(warm.max())}
+
+
+def bench_cfg(cfg: TrainCfg, method: FrictionMethod, level: float) -> TrainCfg:
+    """Return `cfg` with the friction that the bench runs under."""
+    friction = replace(cfg.task.friction, method=method, level=level)
+    return replace(cfg, task=replace(cfg.task, friction=friction))
+
+
+STEP = 0.10
+"""Height of a step [m]."""
+
+CELL = 0.02
+"""Cell of the height fields along the way [m]: a riser leans by this much over its height."""
+
+GROUNDS = ("plane", "boxes", "height field, wide cells", "height field, square cells")
+"""What is measured; the first is what the others are compared with."""
+
+
+def ground_model(spec: RobotSpec, ground: str, timestep: float = 0.005) -> mujoco.MjModel:
+    """Return a robot on one of `GROUNDS`; the steps go along x, and are as wide as the square stairs."""
+    model = build(spec, timestep)
+    if ground == "boxes":
+        for number, (half, _, thick) in enumerate(half_sizes("stairs")):
+            top = STEP * (number + 1)
+            kind = mujoco.mjtGeom.mjGEOM_BOX
+            model.worldbody.add_geom(type=kind, size=[half, REACH, thick], pos=[0.0, 0.0, top - thick])
+    elif ground != "plane":
+        # MuJoCo stretches heights from the lowest to the highest: there must be ground at zero.
+        half = REACH + CELL
+        columns = round(2 * half / CELL) + 1
+        rows = columns if "square" in ground else 2
+        way = np.linspace(-half, half, columns)
+        profile = stair_height(np.stack((way, np.zeros(columns)), -1)[None], np.array([[STEP]]))[0]
+        top = STEP * STEPS
+        model.add_hfield(
+            name="stairs",
+            size=[half, half, top, 0.1],
+            nrow=rows,
+            ncol=columns,
+            userdata=np.tile(profile / top, rows).tolist(),
+        )
+        model.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="stairs")
+    return model.compile()
+
+
+def measure_grounds(spec: RobotSpec, num: int, blocks: int, threads: int) -> dict[str, Any]:
+    """Return control steps a second on every ground, by block and as medians, and their ratios to the plane's.
+
+    The robots stand all over the stairs and follow random targets, the same on every ground; each block goes through
+    all grounds in turn, so that a busy machine slows all of them.
+    """
+    rng = np.random.default_rng(0)
+    place = rng.uniform(-REACH, REACH, (num, 2)) * (1.0, 0.5)
+    batches = {name: Batch(ground_model(spec, name), nsim=num, nthread=threads) for name in GROUNDS}
+    for name, batch in batches.items():
+        _stand(batch, name, place)
+    rates: dict[str, list[float]] = {name: [] for name in GROUNDS}
+    for _ in range(blocks):
+        noise = rng.standard_normal((20, num, spec.num_joints))
+        for name, batch in batches.items():
+            targets, standing = batch.bind("ctrl"), spec.joint_values("standing")
+            start = time.perf_counter()
+            for step in noise:
+                targets[:] = standing + 0.5 * spec.action_scale * step
+                batch.step(nstep=4)
+            rates[name].append(len(noise) * num / (time.perf_counter() - start))
+    medians = {name: float(np.median(values)) for name, values in rates.items()}
+    paired = {name: np.array(rates[name]) / np.array(rates["plane"]) for name in GROUNDS}
+    return {
+        "control_steps_per_second": medians,
+        "over_plane": {name: float(np.median(ratio)) for name, ratio in paired.items()},
+        "spread": {name: [float(ratio.min()), float(ratio.max())] for name, ratio in paired.items()},
+    }
+
+
+def _stand(batch: Batch, ground: str, place: np.ndarray) -> None:
+    """Put every robot onto the highest ground under its trunk, standing."""
+    batch.reset(np.arange(len(place)), keyframe=0)
+    pose = batch.bind("qpos")
+    pose[:, :2] = place
+    if ground != "plane":
+        along = place[:, :1] + np.array([-0.4, -0.2, 0.0, 0.2, 0.4])
+        under = np.stack((along, np.zeros_like(along)), -1)
+        pose[:, 2] += stair_height(under, np.full((len(place), 1), STEP)).max(axis=1) + 0.01
+
+
+PHYSICS = {
+    "rows": EXACT,
+    "rows, impedance 0.9": PhysicsCfg(impedance=0.9),
+    "plastic, Newton": PhysicsCfg("plastic", solver="newton"),
+    "plastic": FAST,
+}
+"""What is compared, the physics of every evaluation first."""
+
+PARTS = ("physics", "task", "inference", "ppo", "supervised", "other")
+"""What an iteration consists of."""
+
+
+class Meter:
+    """Adds up the CPU time of methods while one iteration runs."""
+
+    def __init__(self, clock: Callable[[], float] = time.process_time) -> None:
+        """`clock`: time spent so far [s]."""
+        self.clock = clock
+        self.spent: dict[str, float] = {}
+
+    def watch(self, owner: Any, method: str, name: str) -> None:
+        """Count every call of `owner.method` under `name`."""
+        watched = getattr(owner, method)
+
+        def timed(*args: Any, **kwargs: Any) -> Any:
+            start = self.clock()
+            try:
+                return watched(*args, **kwargs)
+            finally:
+                self.spent[name] = self.spent.get(name, 0.0) + self.clock() - start
+
+        setattr(owner, method, timed)
+
+    def take(self) -> dict[str, float]:
+        """Return the parts of what has run since the last call [s], and their sum, `iteration`."""
+        spent, self.spent = self.spent, {}
+        inference = spent["act"] + spent["store"] + spent["returns"]
+        return {
+            "physics": spent["bare"],
+            "task": spent["step"] - spent["bare"],
+            "inference": inference,
+            "ppo": spent["update"] - spent["supervise"],
+            "supervised": spent["supervise"],
+            "other": spent["iterate"] - spent["step"] - inference - spent["update"],
+            "iteration": spent["iterate"],
+        }
+
+
+def watched_runner(cfg: TrainCfg, folder: Path, actuator: ActuatorNet | None) -> tuple[PhaseRunner, Meter]:
+    """Return a teacher's runner and the meter of its parts."""
+    torch.manual_seed(stream_seed(cfg.seed, "bench"))
+    env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), num_threads(), actuator=actuator)
+    runner = PhaseRunner("teacher", env, RunDirectory(folder), ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, Board(folder))
+    runner.alg.train_mode()
+    simulation, meter = env.fleet.simulation, Meter()
+    if not isinstance(simulation, NativeSimulation):
+        raise TypeError(f"the bare simulator is MuJoCo's Batch; the task runs on {type(simulation).__name__}")
+    meter.watch(simulation.batch, "step", "bare")
+    meter.watch(env, "step", "step")
+    for method, name in {
+        "act": "act",
+        "process_env_step": "store",
+        "compute_returns": "returns",
+        "update": "update",
+        "_supervise": "supervise",
+    }.items():
+        meter.watch(runner.alg, method, name)
+    meter.watch(runner, "iterate", "iterate")
+    return runner, meter
+
+
+def measure_parts(
+    cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = None, physics: Mapping[str, PhysicsCfg] = PHYSICS
+) -> dict[str, dict[str, list[float]]]:
+    """Return the CPU seconds of an iteration's parts, name of the physics -> part -> one number a block.
+
+    cfg: the training; its physics is replaced. actuator: gives the joints' torque in place of the PD law.
+    """
+    torch.set_num_threads(num_threads())
+    with tempfile.TemporaryDirectory() as folder:
+        runners = {
+            name: watched_runner(replace(cfg, task=replace(cfg.task, physics=option)), Path(folder), actuator)
+            for name, option in physics.items()
+        }
+        found: dict[str, dict[str, list[float]]] = {name: {} for name in runners}
+        for block in range(blocks + 1):
+            for name, (runner, meter) in runners.items():
+                runner.iterate()
+                for part, seconds in meter.take().items():
+                    if block:  # the first warms up
+                        found[name].setdefault(part, []).append(seconds)
+    return found
+
+
+def parts_summary(found: Mapping[str, Mapping[str, list[float]]]) -> dict[str, dict[str, float]]:
+    """Return the medians over the blocks, and ratios of paired blocks.
+
+    `rollout_over_bare`, `iteration_over_bare`: what bare physics of the same kind takes, over what the rollout without
+    its inference and the whole iteration take; `speedup`: the first physics' iteration over this one's.
+    """
+    summary = {}
+    first = np.array(next(iter(found.values()))["iteration"])
+    for name, parts in found.items():
+        bare, task, whole = (np.array(parts[part]) for part in ("physics", "task", "iteration"))
+        ratios = {
+            "rollout_over_bare": bare / (bare + task),
+            "iteration_over_bare": bare / whole,
+            "speedup": first / whole,
+        }
+        medians = {part: float(np.median(seconds)) for part, seconds in parts.items()}
+        summary[name] = medians | {ratio: float(np.median(values)) for ratio, values in ratios.items()}
+    return summary

@@ -1,0 +1,1 @@
+"""How other simulators read what is made here."""

@@ -1,0 +1,69 @@
+"""Isaac Lab: actuator groups with joint friction as an effort, and the coefficient of the older PhysX where asked for.
+
+Since PhysX 5.6 (Isaac Sim 5) `friction`, `dynamic_friction` [N m] and `viscous_friction` [N m s/rad] of an actuator are
+what their names say. Before, `friction` was a unitless coefficient c, friction at most c (|F| + |T|) of the force and
+torque that the joint transmits, so that no number in N m can be converted without saying under which load.
+"""
+
+from __future__ import annotations
+
+from stiction.exchange.physics import Conversion, JointPhysics, notes_of, number
+
+
+def isaaclab_snippet(joints: list[JointPhysics], assumed_load: float | None = None) -> Conversion:
+    """Return Python with one actuator group a joint; its name is the group's joint expression, a regular expression.
+
+    assumed_load: |F| + |T| that the joint transmits [N + N m], for the coefficients of the older PhysX; without it none
+    are written.
+    """
+    notes = _notes(joints, assumed_load)
+    lines = [f"# {note}" for note in notes]
+    lines += ["", "from isaaclab.actuators import IdealPDActuatorCfg", "", "IDENTIFIED_ACTUATORS = {"]
+    for joint in joints:
+        lines += _group(joint)
+    lines.append("}")
+    if assumed_load is not None:
+        lines += ["", f"# unitless, PhysX before 5.6 only, at an assumed load of {number(assumed_load)} N + N m"]
+        lines.append("FRICTION_COEFFICIENTS = {")
+        for joint in joints:
+            if joint.friction is not None:
+                lines.append(f"    {joint.name!r}: {number(joint.friction / assumed_load)},")
+        lines.append("}")
+    return Conversion.of("\n".join(lines) + "\n", joints, notes)
+
+
+def _group(joint: JointPhysics) -> list[str]:
+    """Return the lines of one actuator group."""
+    static = joint.record.static_friction
+    rest = joint.friction if static is None or joint.friction is None else max(static.value, joint.friction)
+    values = {
+        "friction": rest,
+        "dynamic_friction": joint.friction,
+        "viscous_friction": joint.damping,
+        "armature": joint.armature,
+    }
+    gains = {"stiffness": joint.record.kp, "damping": joint.record.kd}
+    lines = [f"    {joint.name!r}: IdealPDActuatorCfg(", f"        joint_names_expr=[{joint.name!r}],"]
+    for name, gain in gains.items():
+        lines.append(f"        {name}={'None' if gain is None else number(gain)},  # of the test; put the policy's own")
+    lines += [f"        {name}={number(value)}," for name, value in values.items() if value is not None]
+    return [*lines, "    ),"]
+
+
+def _notes(joints: list[JointPhysics], assumed_load: float | None) -> list[str]:
+    """Say which versions read this, then what was left out of each joint."""
+    general = [
+        "friction as an effort [N m] needs PhysX 5.6 or later (Isaac Sim 5): there friction holds at rest, "
+        "dynamic_friction brakes in motion",
+        "before that, friction is a unitless coefficient of the load on the joint: these numbers would mean something "
+        "else; set friction to 0 there, or use coefficients for one load",
+    ]
+    if assumed_load is None:
+        general.append(
+            "no coefficient is written: it is f / (|F| + |T|), and nobody said the load; give --assumed-load"
+        )
+    else:
+        general.append(
+            "the coefficients are right at the assumed load alone; viscous friction goes to the actuator there"
+        )
+    return notes_of(joints, *general, represented=frozenset({"static_friction"}))

@@ -1,0 +1,174 @@
+"""What a record gives a simulated joint, and what it does not: the part that every simulator shares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stiction.core.errors import FileError
+from stiction.formats.joints import Estimate, JointRecord
+from stiction.identify.reference import CONDITIONS
+
+
+@dataclass(frozen=True)
+class JointPhysics:
+    """One joint of a model, from one record. What is None is left as the simulator has it."""
+
+    name: str
+    """The joint in the model."""
+    recorded: str
+    """The record that it comes from."""
+    record: JointRecord
+    """The record itself."""
+    friction: float | None
+    """Coulomb friction, not negative [N m, or N]."""
+    damping: float | None
+    """Viscous friction, not negative [N m s/rad, or N s/m]."""
+    armature: float | None
+    """Inertia of rotor and gear at the joint [kg m², or kg]: from a bare motor alone."""
+    notes: tuple[str, ...]
+    """What was left out, and why; one line each."""
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """What a converter returns."""
+
+    text: str
+    """Contents of the file."""
+    joints: dict[str, str]
+    """Joint of the model -> record."""
+    notes: tuple[str, ...]
+    """What the simulator cannot hold, what was left out, and what to mind."""
+
+    @classmethod
+    def of(cls, text: str, joints: list[JointPhysics], notes: list[str]) -> Conversion:
+        """Return what became of some joints."""
+        return cls(text, {joint.name: joint.recorded for joint in joints}, tuple(notes))
+
+
+def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -> JointPhysics:
+    """Return what the record `recorded` gives the joint `name` of a model (by default called the same).
+
+    Raises `StictionError` for a record of which nothing can be used.
+    """
+    notes: list[str] = []
+    coulomb, viscous = record.coulomb_friction, record.viscous_friction
+    if stribeck_law(record):
+        # The best symmetric fit of such a joint has too much dry friction and too little viscous.
+        coulomb, viscous = (_of_law(record, name) for name in ("coulomb_friction", "viscous_friction"))
+    friction, damping = _size(coulomb, "dry friction", notes), _size(viscous, "viscous friction", notes)
+    armature = _armature(record, notes)
+    missing = [
+        label
+        for label, value in (("dry friction", friction), ("viscous friction", damping), ("inertia", record.inertia))
+        if value is None
+    ]
+    if missing:
+        notes.append(f"{' and '.join(missing)} not known, left out{_known_instead(record)}")
+    if friction is None and damping is None and armature is None:
+        raise FileError(
+            f"record {recorded!r} holds nothing that a simulator takes: {'; '.join(notes)}; identify with measured "
+            "torque"
+        )
+    if record.test_condition != "loaded" and friction is not None:
+        stated = CONDITIONS.get(record.test_condition or "", "under no stated condition")
+        notes.append(f"dry friction was measured {stated}: a lower bound for a joint that carries load")
+    return JointPhysics(name or recorded, recorded, record, friction, damping, armature, tuple(notes))
+
+
+def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset()) -> list[str]:
+    """Name what the record knows beyond symmetric Coulomb and viscous friction, but for what is `represented`."""
+    richer = ("static_friction", "stribeck_velocity", "load_coefficient")
+    notes = [
+        f"{quantity} {number(estimate.value)} is not represented"
+        for quantity in richer
+        if quantity not in represented and (estimate := getattr(record, quantity)) is not None
+    ]
+    law = (record.friction_law or {}).get("law")
+    if law not in (None, "coulomb"):
+        instead = "its Coulomb and viscous part" if stribeck_law(record) else "the symmetric Coulomb and viscous fit"
+        notes.append(f"the friction law that fitted best, {law}, is replaced by {instead}")
+    offset = record.offset
+    if offset is not None and not offset.interval95[0] <= 0 <= offset.interval95[1]:
+        notes.append(f"the constant torque that the motor had to supply, {number(offset.value)}, is not represented")
+    return notes
+
+
+def stribeck_law(record: JointRecord) -> bool:
+    """Return whether friction at rest was identified in N m: Coulomb and viscous friction are then the law's own."""
+    law = record.friction_law or {}
+    return law.get("law") == "stribeck" and not law.get("over_strength") and record.static_friction is not None
+
+
+def _of_law(record: JointRecord, name: str) -> Estimate:
+    """Return a parameter of the law that was chosen."""
+    parameters = (record.friction_law or {}).get("parameters", {})
+    return Estimate.from_dict(parameters.get(name), f"friction_law.parameters.{name}")
+
+
+def notes_of(
+    joints: list[JointPhysics],
+    *general: str,
+    represented: frozenset[str] = frozenset(),
+    rotor: str | None = None,
+) -> list[str]:
+    """Return who wrote a file, what holds for all its joints, and what is left out of each record, once.
+
+    general: what holds for all joints; represented: see `beyond_coulomb`; rotor: what to say of a rotor inertia that
+    the simulator has no place for.
+    """
+    notes = dict.fromkeys(("written by `stiction convert` from an identification", *general))
+    for joint in joints:
+        own = [*joint.notes, *beyond_coulomb(joint.record, represented)]
+        if rotor is not None and joint.armature is not None:
+            own.append(f"{rotor}: {number(joint.armature)} is left out")
+        notes |= dict.fromkeys(one_line(f"{joint.recorded}: {note}") for note in own)
+    return list(notes)
+
+
+def number(value: float) -> str:
+    """Return a number as a simulator's file has it, six digits."""
+    return f"{value:.6g}"
+
+
+def one_line(text: str) -> str:
+    """Return text that cannot end the comment it is put into: no line breaks, no control characters."""
+    return " ".join("".join(c if c.isprintable() or c.isspace() else "?" for c in text).split())
+
+
+def _size(estimate: Estimate | None, label: str, notes: list[str]) -> float | None:
+    """Return an estimate of friction as simulators take it: what is below zero is zero, with a note."""
+    if estimate is None:
+        return None
+    if estimate.value < 0:
+        notes.append(f"the estimate of the {label}, {number(estimate.value)}, is below zero: written as 0")
+    return max(0.0, estimate.value)
+
+
+def _armature(record: JointRecord, notes: list[str]) -> float | None:
+    """Return the rotor's inertia at the joint, which a bare motor alone shows without the links."""
+    if record.inertia is None:
+        return None
+    value = record.inertia.value
+    if record.test_condition == "bare_motor" and value > 0:
+        return value
+    if record.test_condition == "bare_motor":
+        notes.append(f"the inertia is {number(value)}, which no rotor has: left out")
+    elif record.test_condition == "in_air":
+        notes.append(
+            f"the inertia {number(value)} was measured in the air and includes the link's, which the model adds too: "
+            "armature left out; it is that less the model's link inertia about the joint"
+        )
+    else:
+        stated = "measured loaded" if record.test_condition else "measured under no stated condition"
+        notes.append(f"the inertia {number(value)} was {stated} and says nothing about the rotor: armature left out")
+    return None
+
+
+def _known_instead(record: JointRecord) -> str:
+    """Name the combinations that were identified in place of the parameters."""
+    known = [f"{name} = {number(estimate.value)}" for name, estimate in record.combinations.items()]
+    ratios = {"friction over torque limit": record.friction_ratio, "dead band": record.dead_band}
+    if record.coulomb_friction is None:
+        known += [f"{name} = {number(estimate.value)}" for name, estimate in ratios.items() if estimate is not None]
+    return f"; known instead: {', '.join(known)}" if known else ""

@@ -1,0 +1,1 @@
+"""A bundle as a Webots project (not run in Webots)."""

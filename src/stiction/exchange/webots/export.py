@@ -1,0 +1,317 @@
+"""Turns a policy bundle into a Webots project: protos/, worlds/, controllers/, plugins/. Not run in Webots.
+
+The project is made of the robot's `RobotSpec` (shape, masses, limits) and of the bundle's contract (gains, rotor
+inertia and viscous friction of the joints, rates). The bundle is checked before it is copied, and the copy after.
+
+Webots has no rotor inertia. Lumped into the link it would be wrong: a rotor turns against its link, not with it. In
+ODE, which Webots is built on, an angular motor for each joint holds it: a constraint on the joint's rate q' with
+
+    target speed = q' before the step,    CFM = Δt / I,    as good as no bound on its torque
+
+gives the torque -I (q'_after - q'_before) / Δt, which is -I q'': the rotor's, taken implicitly. A test compiles the
+plugin and steps it in ODE 0.16, where the ODE library is at hand. **Not run in Webots.** Without rotor inertia a light
+link is stiff against its gains at the physics step, and the joint controller may ring.
+
+The plugin tells the controller in every step that it acts (a message on channel `CHANNEL`), and says nothing where a
+joint of its table is missing: the controller then refuses to walk without rotor inertia.
+
+Source: ODE's manual, "Stops and motor parameters" and "CFM"; docs/reference of https://github.com/cyberbotics/webots,
+callback-functions.md and utility-functions.md.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction import __version__
+from stiction.core.cache import publish
+from stiction.core.errors import BundleError, ConfigurationError, FileError, PolicyError, RobotError
+from stiction.deploy.check import check_bundle, robot_of
+from stiction.exchange.webots.controller import CHANNEL, PLUGIN
+from stiction.exchange.webots.proto import FARTHEST, friction_field, number, proto_name, stops, write_proto
+from stiction.exchange.webots.world import ROBOT, joint_friction, milliseconds, write_world
+from stiction.formats.bundle import Bundle, read_bundle
+from stiction.formats.contract import Contract
+from stiction.joints.friction import MAX_LEVEL, level_text
+from stiction.robots.model import JOINT_KINDS, RobotSpec, box_inertia
+from stiction.robots.terrain import STEEPEST
+from stiction.robots.tree import links
+
+TABLE = "joints.h"
+"""The generated file."""
+
+FIXED = (f"{PLUGIN}.c", "Makefile")
+"""Files that are the same for every robot; they lie beside this module."""
+
+
+def write_table(spec: RobotSpec, contract: Contract) -> str:
+    """Return the text of `joints.h`: Δt [s] and, for every joint, the links before and behind it and I [kg m²]."""
+    inertia = dict(zip(spec.joint_names, contract.armature, strict=True))
+    tree, rows = links(spec), []
+    for link in tree:
+        parent = ROBOT if link.parent < 0 else f"{ROBOT}.{tree[link.parent].name}"
+        rows.append(f'  {{"{parent}", "{ROBOT}.{link.name}", {number(inertia[link.joint])}}},\n')
+    return (
+        f"/* {proto_name(spec.name)}: the joints and the inertia of their rotors, at the joint [kg m^2].\n"
+        "   Written by `stiction export --to webots`. NOT RUN in Webots. */\n"
+        f"#define TIMESTEP {number(contract.physics_timestep)} /* physics step of the world [s] */\n"
+        f"#define CHANNEL {CHANNEL} /* of the robot's receiver */\n"
+        f"#define JOINTS {len(rows)}\n"
+        "static const struct {\n  const char *parent, *child;\n  double inertia;\n} TABLE[JOINTS] = {\n"
+        f"{''.join(rows)}}};\n"
+    )
+
+
+def plugin_files(spec: RobotSpec, contract: Contract) -> dict[str, str]:
+    """Return name -> text of the files of the plugin's folder."""
+    beside = resources.files(__package__)
+    return {name: beside.joinpath(name).read_text("utf-8") for name in FIXED} | {TABLE: write_table(spec, contract)}
+
+
+TEMPLATE = """\
+# {robot} in Webots
+
+**Not run.** Neither this project nor any other that `stiction export --to webots` wrote has been opened in Webots:
+it could not be installed where this was written. What was tested, short of running: the worlds and the PROTO parse,
+names, masses, limits and inertias equal those of the robot; the plugin compiles; the controller gives the policy's own
+targets when a stand-in of Webots plays its recorded sensors; and in ODE 0.16, set up from such files as Webots' source
+does it, with the plugin and the controller, a shipped policy (deception, 20 %) walks at 20 % friction. If something
+does not work, it is ours: please report it.
+
+| | |
+|---|---|
+| policy | `{policy}`, digest `{digest}` |
+| trained with | {method}, {law} friction, nominal {level} |
+| physics step, control period | {timestep:g} ms, {period:g} ms |
+| Webots | R2023b or later |
+
+## Start
+
+```console
+export WEBOTS_HOME=/usr/local/webots     # wherever Webots is
+make -C plugins/physics/{plugin}    # compiles the rotor inertia
+$WEBOTS_HOME/webots worlds/flat.wbt &    # it waits for the controller
+$WEBOTS_HOME/webots-controller controllers/stiction_policy/stiction_policy.py --command vx=0.5
+```
+
+The controller runs in the Python that `python3` is, with stiction {version} in it, the base install: neither torch nor
+a simulator.
+
+Without a window: `webots --batch --mode=fast --no-rendering --stdout --stderr --minimize worlds/flat.wbt`. On stairs
+(`worlds/stairs.wbt`, steps of {step_height:g} m): `--command vx=0.4 --hold-heading --seconds 60`; a policy that was
+trained on flat ground may get stuck at their foot. The controller checks the bundle beside it before it does anything,
+and prints at the end which share of the commanded speed was reached.
+
+## Joint friction
+
+It is a field of the robot for each kind of joint, in N m, in `worlds/*.wbt` and in Webots' scene tree. It was exported
+at {exported:g} % of the torque limits.
+
+| | torque limit [N m] | exported | 10 % | 20 % | 30 % |
+|---|---|---|---|---|---|
+{friction}
+
+Webots' `staticFriction` acts only while a controller sets torques, as this one does; under Webots' own position or
+velocity control it does nothing (cyberbotics/webots#2483). A change acts from the next start of the simulation.
+
+## What to look at first
+
+1. The console says `rotor_inertia: {joints} joints have rotor inertia`. Without it the controller refuses to walk: a
+   shank would have {knee:.0f} % of its inertia about the knee, and the joint controller may ring.
+2. The robot stands in its standing pose, feet on the ground, before the controller starts.
+3. `--command stand` stands still; after that `--command vx=0.5`.
+
+## What is different from the simulation that the policy was trained in
+
+* Contacts: Webots' own (`softCFM` 0.001, `softERP` 0.2, friction pyramid), bounce 0, Coulomb coefficient 1.
+* kd acts explicitly, from the velocity at the start of each physics step; MuJoCo takes it implicitly.
+* The shank collides with everything, in training with obstacles alone; its lower end is within the foot. The robot's
+  own parts do not collide with each other.
+* Angles in Webots count from the standing pose. {clipped}
+* No sensor noise, no delay. Laws of friction other than Coulomb's are not here.
+"""
+
+
+def write_readme(spec: RobotSpec, bundle: Bundle, policy: str, level: float, step_height: float) -> str:
+    """Return the text of README.md.
+
+    policy: name of the bundle; level: dry friction in the worlds, a fraction of the torque limits [-]; step_height [m].
+    """
+    contract = bundle.contract
+    return TEMPLATE.format(
+        robot=proto_name(spec.name),
+        policy=policy,
+        digest=bundle.digest,
+        method=contract.method,
+        law=contract.friction_law,
+        level=level_text(contract.friction_law, contract.friction_level),
+        timestep=1000 * contract.physics_timestep,
+        period=1000 * contract.control_period,
+        version=__version__,
+        plugin=PLUGIN,
+        step_height=step_height,
+        exported=100 * level,
+        friction=_friction_rows(spec, {"exported": level, "10": 0.1, "20": 0.2, "30": 0.3}),
+        joints=spec.num_joints,
+        knee=100 * _share_of_link(spec, contract.armature[spec.joint_names.index(f"{spec.legs[0].name}_shank")]),
+        clipped=_clipped(spec),
+    )
+
+
+def _friction_rows(spec: RobotSpec, levels: Mapping[str, float]) -> str:
+    """Return the rows of the table of friction torques [N m]."""
+    rows = []
+    for kind in JOINT_KINDS:
+        limit = getattr(spec, kind).torque_limit
+        torques = " | ".join(f"{level * limit:g}" for level in levels.values())
+        rows.append(f"| `{friction_field(kind)}` | {limit:g} | {torques} |")
+    return "\n".join(rows)
+
+
+def _share_of_link(spec: RobotSpec, armature: float) -> float:
+    """Return the shank's share of the inertia about the knee, the rotor being the rest [-]; armature [kg m²]."""
+    link = spec.shank_link
+    inertia = box_inertia(link.mass, link.size)[1] + link.mass * (link.size[2] / 2) ** 2
+    return float(inertia / (inertia + armature))
+
+
+def _clipped(spec: RobotSpec) -> str:
+    """Say which stops are nearer than the robot's, since Webots sees angles modulo 2π."""
+    nearer = []
+    for kind in JOINT_KINDS:
+        joint = getattr(spec, kind)
+        if stops(joint) != (joint.lower - joint.standing, joint.upper - joint.standing):
+            nearer.append(kind)
+    if not nearer:
+        return "Stops are the robot's."
+    return f"Stops of {' and '.join(nearer)} are nearer than the robot's: {FARTHEST:g} rad from standing at most."
+
+
+CONTROLLER = "stiction_policy"
+"""Name of the controller's folder and program."""
+
+NOT_RUN = "written and tested short of running; not run in Webots"
+"""What everybody is told."""
+
+
+@dataclass(frozen=True)
+class WebotsCfg:
+    """What the worlds are like."""
+
+    friction_level: float = 0.0
+    """Dry friction of the joints as a fraction of each one's torque limit [-]. None by default: the friction of a world
+    is the question that is asked, so it is said and not assumed. Webots has Coulomb's law alone."""
+    step_height: float = 0.10
+    """Height of the stairs' steps [m]. A policy trained on stairs climbed 12 cm in 92 of 100 trials in MuJoCo, without
+    friction (`results/stairs`); this is a little less."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no world."""
+        if not 0 <= self.friction_level <= MAX_LEVEL:
+            raise ConfigurationError(
+                f"friction level {self.friction_level} is outside [0, {MAX_LEVEL}], fractions of the torque limit"
+            )
+        if not 0 < self.step_height <= STEEPEST["stairs"]:
+            raise ConfigurationError(f"step height {self.step_height} m: expected one in (0, {STEEPEST['stairs']}] m")
+
+
+@dataclass(frozen=True)
+class WebotsProject:
+    """What was written."""
+
+    path: Path
+    """The project's folder."""
+    robot: str
+    """Name of the robot."""
+    bundle: Bundle
+    """The bundle within it, as it was checked."""
+    cfg: WebotsCfg
+    """What the worlds are like."""
+    files: tuple[str, ...]
+    """Its files, relative, in alphabetical order."""
+
+    def summary(self) -> dict[str, Any]:
+        """Return plain data for `--json`."""
+        return {
+            "path": str(self.path),
+            "robot": self.robot,
+            "digest": self.bundle.digest,
+            "friction_level": self.cfg.friction_level,
+            "step_height": self.cfg.step_height,
+            "files": list(self.files),
+            "state": NOT_RUN,
+        }
+
+
+def export_webots(source: Path, out: Path, cfg: WebotsCfg | None = None, robot: str | None = None) -> WebotsProject:
+    """Write the Webots project of a bundle to a folder that does not exist yet, whole or not at all.
+
+    source: directory of the bundle; robot: one of one's own, `package.module:NAME`, by default the bundle's.
+
+    Raises:
+        StictionError: the bundle does not pass its checks, does not fit the robot or Webots, or the folder exists.
+
+    """
+    cfg = cfg or WebotsCfg()
+    if out.exists():
+        raise FileError(f"{out} exists already; choose another --out or remove it")
+    bundle = check_bundle(source).bundle
+    spec = robot_of(bundle.contract, robot)
+    check_fit(spec, bundle.contract)
+    try:
+        with publish(out) as partial:
+            partial.mkdir()
+            _write(partial, spec, bundle, source, cfg)
+    except OSError as error:
+        raise FileError(f"the project {out} cannot be written: {error}; choose another --out") from error
+    files = sorted(path.relative_to(out).as_posix() for path in out.rglob("*") if path.is_file())
+    return WebotsProject(out, spec.name, bundle, cfg, tuple(files))
+
+
+def check_fit(spec: RobotSpec, contract: Contract) -> None:
+    """Raise `StictionError` where robot and contract differ in what the PROTO takes from one and the controller from
+    the other, or where Webots cannot take the contract's physics step: a controller steps in whole milliseconds.
+    """
+    for field in ("standing", "lower", "upper"):
+        if not np.array_equal(spec.joint_values(field), contract.array(field)):
+            raise RobotError(
+                f"robot {spec.name!r} has another {field} angle of its joints than the bundle; name the right one with "
+                "--robot"
+            )
+    step = milliseconds(contract.physics_timestep)
+    if step < 1 or not math.isclose(step, round(step), abs_tol=1e-6):
+        raise PolicyError(
+            f"the policy's physics step is {step:g} ms; a controller in Webots steps in whole milliseconds, so this "
+            "bundle cannot be exported there"
+        )
+
+
+def _write(folder: Path, spec: RobotSpec, bundle: Bundle, source: Path, cfg: WebotsCfg) -> None:
+    """Write the project's files into an empty folder."""
+    contract = bundle.contract
+    friction = joint_friction(spec, cfg.friction_level)
+    program = resources.files(__package__).joinpath("controller.py").read_text("utf-8")
+    texts = {
+        "README.md": write_readme(spec, bundle, bundle.name, cfg.friction_level, cfg.step_height),
+        f"protos/{proto_name(spec.name)}.proto": write_proto(spec, contract),
+        "worlds/flat.wbt": write_world(spec, contract.physics_timestep, friction),
+        "worlds/stairs.wbt": write_world(spec, contract.physics_timestep, friction, cfg.step_height),
+        f"controllers/{CONTROLLER}/{CONTROLLER}.py": program,
+        **{f"plugins/physics/{PLUGIN}/{name}": text for name, text in plugin_files(spec, contract).items()},
+    }
+    for name, text in texts.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    copy = folder / "controllers" / CONTROLLER / "bundle"
+    shutil.copytree(source, copy)
+    if read_bundle(copy).digest != bundle.digest:
+        raise BundleError(f"{source} changed while it was copied; try again")

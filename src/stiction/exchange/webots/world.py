@@ -1,0 +1,120 @@
+"""Worlds for the exported robot: flat ground, and the stairs of the training's courses. Not run in Webots.
+
+Sources: docs/reference of https://github.com/cyberbotics/webots (worldinfo.md, contactproperties.md, solid.md).
+
+* `basicTimeStep` [ms] is the physics step of the policy's training; the controller refuses any other.
+* Contacts: `bounce` is 0 (Webots' default is 0.5), the Coulomb coefficient 1, as between foot and ground in training;
+  `softCFM` and `softERP` are Webots' own.
+* Bodies at rest are not put to sleep: both thresholds are zero. A robot held still by dry friction is not idle.
+* A PROTO is declared before it is used: `EXTERNPROTO "../protos/NAME.proto"`, since R2022b.
+* The floor is a box, not a `Plane`: a box looks the same in every convention of axes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stiction.exchange.webots.controller import PLUGIN
+from stiction.exchange.webots.proto import HEADER, Node, Value, comment, friction_field, proto_name, text, vector, write
+from stiction.locomotion.terrain import START
+from stiction.robots.box_legs import STONES
+from stiction.robots.model import JOINT_KINDS, RobotSpec
+from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, Terrain
+
+ROBOT = "ROBOT"
+"""Name by which the physics plugin finds the robot."""
+
+GROUND_FRICTION = 1.0
+"""Coulomb coefficient between any two surfaces [-]."""
+
+FLOOR = (60.0, 60.0, 1.0)
+"""Extent of the floor [m]; its top is at 0."""
+
+
+def joint_friction(spec: RobotSpec, level: float) -> dict[str, float]:
+    """Return the dry friction of each kind of joint [N m] at a level, a fraction of its torque limit [-]."""
+    return {kind: level * getattr(spec, kind).torque_limit for kind in JOINT_KINDS}
+
+
+def stairs(step_height: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return the boxes of the stairs that training uses: full sizes and middles [m], both of shape (boxes, 3).
+
+    step_height: [m], at most what training has.
+    """
+    terrain = Terrain(np.array([KINDS.index("stairs")]))
+    terrain.place(np.array([0]), np.array([step_height / STEEPEST["stairs"]]), np.zeros((1, SLABS, 4)))
+    return 2 * terrain.boxes, terrain.position[0]
+
+
+def write_world(spec: RobotSpec, timestep: float, friction: Mapping[str, float], step_height: float = 0.0) -> str:
+    """Return the text of a world: the robot on flat ground, or before stairs.
+
+    timestep: physics step [s]; friction: of each kind of joint [N m]; step_height: [m], of stairs, 0 for none.
+    """
+    start = -(REACH + START) if step_height else 0.0
+    about = comment(
+        f"{spec.name} {f'before stairs of {step_height:g} m' if step_height else 'on flat ground'}; "
+        f"friction of the joints [N m] is a field of the robot.\n"
+        "Written by `stiction export --to webots`. NOT RUN in Webots."
+    )
+    nodes = [_info(spec, timestep), *_scenery(spec, start)]
+    if step_height:
+        nodes += [
+            _box(f"step {k}", *each, STONES[k % 2]) for k, each in enumerate(zip(*stairs(step_height), strict=True))
+        ]
+    robot: dict[str, Value] = {"translation": (start, 0.0, spec.standing_height), "name": spec.name}
+    robot |= {friction_field(kind): torque for kind, torque in friction.items()}
+    nodes.append(Node(proto_name(spec.name), robot, define=ROBOT))
+    extern = f"EXTERNPROTO {text(f'../protos/{proto_name(spec.name)}.proto')}"
+    return f"{HEADER}\n{about}\n{extern}\n\n" + "".join(f"{write(node)}\n" for node in nodes)
+
+
+def _info(spec: RobotSpec, timestep: float) -> Node:
+    """Return the settings of the world."""
+    silent: dict[str, Value] = {sound: "" for sound in ("bumpSound", "rollSound", "slideSound")}
+    contact = Node("ContactProperties", {"coulombFriction": [GROUND_FRICTION], "bounce": 0, **silent})
+    return Node(
+        "WorldInfo",
+        {
+            "title": f"stiction: {spec.name}",
+            "physics": PLUGIN,
+            "basicTimeStep": milliseconds(timestep),
+            "physicsDisableLinearThreshold": 0,
+            "physicsDisableAngularThreshold": 0,
+            "contactProperties": [contact],
+        },
+    )
+
+
+def milliseconds(timestep: float) -> float:
+    """Return a time [s] in milliseconds, without the noise of the conversion: 0.005 is 5."""
+    return round(1000 * timestep, 9)
+
+
+def _scenery(spec: RobotSpec, start: float) -> list[Node]:
+    """Return view, light and floor; the view looks along x, 0.3 rad down, and follows the robot."""
+    return [
+        Node(
+            "Viewpoint", {"orientation": (0.0, 1.0, 0.0, 0.3), "position": (start - 3.0, 0.0, 1.2), "follow": spec.name}
+        ),
+        Node("Background", {"skyColor": [(0.75, 0.83, 0.9)]}),
+        Node("DirectionalLight", {"direction": (0.3, 0.4, -1.0), "intensity": 2, "castShadows": True}),
+        _box("floor", np.array(FLOOR), np.array([0.0, 0.0, -FLOOR[2] / 2]), (0.9, 0.9, 0.88)),
+    ]
+
+
+def _box(name: str, size: np.ndarray, middle: np.ndarray, colour: tuple[float, ...]) -> Node:
+    """Return a box that nothing moves; sizes and place in metres."""
+    box = Node("Box", {"size": vector(size)})
+    paint = Node("PBRAppearance", {"baseColor": colour, "roughness": 1, "metalness": 0})
+    return Node(
+        "Solid",
+        {
+            "translation": vector(middle),
+            "children": [Node("Shape", {"appearance": paint, "geometry": box})],
+            "name": name,
+            "boundingObject": box,
+        },
+    )

@@ -1,0 +1,149 @@
+"""Webots: `staticFriction` and `dampingConstant` of a `HingeJointParameters`.
+
+Webots' `staticFriction` has no effect while a motor is under position or velocity control; under torque control it is
+Coulomb friction (https://github.com/cyberbotics/webots/issues/2483). Webots has no rotor inertia.
+
+Not a parser of the language: braces make nodes, the word before a brace is a node's type, and text within quotes,
+comments and templates (`%< ... >%`) is passed over.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+
+from stiction.core.errors import FileError
+from stiction.exchange.physics import Conversion, JointPhysics, notes_of, number, one_line
+from stiction.exchange.urdf import Edit, edited
+
+_TOKEN = re.compile(rb'#[^\n]*|"(?:\\.|[^"\\])*"|%<|[{}\[\]]|"|[^\s,{}\[\]"#%]+|%', re.DOTALL)
+
+
+@dataclass
+class Node:
+    """A node: `HingeJointParameters { ... }`."""
+
+    kind: str
+    """Its type."""
+    start: int
+    """Offset after its `{` [bytes]."""
+    parent: int | None
+    """Index of the node that it is in."""
+    words: list[tuple[str, int, int]] = field(default_factory=list)
+    """Its own words and quoted strings, those of nodes within it apart: text, start and end [bytes]."""
+
+    def value(self, name: str) -> tuple[str, int, int] | None:
+        """Return the word after the field `name`; None where the node has no such field."""
+        texts = [text for text, _, _ in self.words]
+        at = texts.index(name) + 1 if name in texts else len(texts)
+        return self.words[at] if at < len(texts) else None
+
+
+def parse_nodes(data: bytes, where: str) -> list[Node]:
+    """Return every node, in the order of their braces; `where` is named in messages.
+
+    Raises `StictionError` for what is not UTF-8, and for quotes, braces or templates that do not close.
+    """
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise FileError(f"{where}: not UTF-8 ({error.reason}); expected a PROTO or a world") from error
+    nodes: list[Node] = []
+    inside: list[int] = []
+    word, at = "", 0
+    while (found := _TOKEN.search(data, at)) is not None:
+        at, token = found.end(), found[0]
+        if token == b"%<":
+            at = data.find(b">%", at) + 2
+            if at == 1:
+                raise FileError(f"{where}: a template %< does not close; expected a PROTO or a world")
+        elif token == b"{":
+            nodes.append(Node(word, at, inside[-1] if inside else None))
+            inside.append(len(nodes) - 1)
+        elif token == b"}":
+            if not inside:
+                raise FileError(f"{where}: a brace closes that never opened; expected a PROTO or a world")
+            inside.pop()
+        elif token == b'"':
+            raise FileError(f"{where}: a quote does not close; expected a PROTO or a world")
+        elif token not in (b"[", b"]", b"%") and not token.startswith(b"#"):
+            word = token.decode("utf-8")
+            if inside:
+                nodes[inside[-1]].words.append((word, found.start(), found.end()))
+    if inside:
+        raise FileError(f"{where}: a brace does not close; expected a PROTO or a world")
+    return nodes
+
+
+def webots_snippet(joints: list[JointPhysics]) -> Conversion:
+    """Return `jointParameters` fields, one a joint, for a PROTO or a world; raise `StictionError` for a linear axis."""
+    notes = _notes(joints)
+    notes.append("add the fields to each joint's own HingeJointParameters, beside its axis and anchor")
+    lines = [f"# {note}" for note in notes]
+    for joint in joints:
+        fields = [f"  {name} {value}" for name, value in _fields(joint).items()]
+        lines += [f"# {one_line(joint.name)}", "jointParameters HingeJointParameters {", *fields, "}"]
+    return Conversion.of("\n".join(lines) + "\n", joints, notes)
+
+
+def webots_joints(data: bytes, where: str) -> dict[str, Node]:
+    """Return name of the motor -> parameters of its hinge, for every hinge that has both.
+
+    In Webots a joint has no name of its own; `urdf2webots` gives the motor the joint's.
+    """
+    nodes = parse_nodes(data, where)
+    motors: dict[int, str] = {}
+    parameters: dict[int, Node] = {}
+    for node in nodes:
+        if node.parent is None or nodes[node.parent].kind != "HingeJoint":
+            continue
+        name = node.value("name")
+        if node.kind == "RotationalMotor" and name is not None and name[0].startswith('"'):
+            motors[node.parent] = name[0][1:-1]
+        elif node.kind == "HingeJointParameters":
+            parameters[node.parent] = node
+    return {motors[joint]: node for joint, node in parameters.items() if joint in motors}
+
+
+def patch_webots(data: bytes, where: str, joints: list[JointPhysics]) -> Conversion:
+    """Return a PROTO or a world with the fields of `joints` set, and comments after its first line; the rest as it was.
+
+    Raises `StictionError` for a field that is bound to a parameter of the PROTO.
+    """
+    tree, notes = webots_joints(data, where), _notes(joints)
+    edits: list[Edit] = []
+    for joint in joints:
+        node = tree[joint.name]
+        body = data[node.start :]
+        space = body[: len(body) - len(body.lstrip())] or b" "
+        added = b""
+        for name, value in _fields(joint).items():
+            there = node.value(name)
+            if there is None:
+                added += space + f"{name} {value}".encode()
+            elif there[0] == "IS":
+                raise FileError(f"joint {joint.name!r}: {name} is bound to a parameter of the PROTO; set it there")
+            else:
+                edits.append((there[1], there[2], value.encode()))
+        edits.append((node.start, node.start, added))
+    first = data.find(b"\n") + 1
+    edits.append((first, first, "".join(f"# {note}\n" for note in notes).encode()))
+    return Conversion.of(edited(data, edits), joints, notes)
+
+
+def _fields(joint: JointPhysics) -> dict[str, str]:
+    """Return what is known of a joint as Webots calls it; refuse a linear axis."""
+    if joint.record.axis == "linear":
+        raise FileError(f"record {joint.recorded!r} is of a linear axis; HingeJointParameters are for rotary ones")
+    known = {"staticFriction": joint.friction, "dampingConstant": joint.damping}
+    return {name: number(value) for name, value in known.items() if value is not None}
+
+
+def _notes(joints: list[JointPhysics]) -> list[str]:
+    """Say under which control this acts, then what was left out of each joint."""
+    return notes_of(
+        joints,
+        "staticFriction acts only under torque control (setTorque); under position or velocity control Webots ignores "
+        "it: let the controller run its own PD at every basicTimeStep and set torques",
+        rotor="Webots has no rotor inertia, a physics plugin could add it",
+    )

@@ -1,1 +1,0 @@
-"""From `joints.json` to the joints of a simulator: text in, text out, no simulator needed."""

@@ -1,0 +1,245 @@
+"""What a reader should know before trusting a record: each warning says what was seen, what it means, what to do."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from stiction.formats.joints import JointRecord
+from stiction.identify.checks import unit_warnings
+from stiction.identify.consistency import LARGEST_SIGMAS, beyond_chance
+from stiction.identify.intervals import FEWEST_BLOCKS
+from stiction.identify.runs import Run
+
+LARGEST_REST = 0.3
+"""Share of the torque that may go unexplained, |residual| / |torque|; good logs leave a tenth or less."""
+
+LARGEST_CHANGE = 0.02
+"""Relative change of a parameter, once torque may follow the position, that is worth a warning."""
+
+LARGEST_EXCESS = 1.05
+"""Logged torque over torque limit that noise of the current sensor still explains."""
+
+LARGEST_DRIFT = 0.05
+"""Change of the friction over the log, as a share, that is worth a warning if it is also beyond its interval."""
+
+SAME_FRICTION = 0.15
+"""Relative gap of the friction at a common speed under which two parts agree on it."""
+
+UNDECLARED = (
+    "where torque was measured was not declared: taken as the motor's side (current or command, joint friction not in "
+    "it); declare it with --torque-source"
+)
+
+HINTS = {
+    "inertia": "; is the controller's velocity late (--velocity-delay)?",
+    **dict.fromkeys(
+        ("viscous_friction", "coulomb_friction"),
+        "; or friction is higher at rest, which the regression sees in slow motion alone, for it leaves turning points "
+        "out: log some of it slower",
+    ),
+}
+"""What a disagreement on a parameter may come from."""
+
+NAMELESS = (
+    "nobody named the joint, so it is called 'joint': `stiction train --joints` finds a robot's joints by name or "
+    "kind; give --joint FL_shank, or --joint shank for all of its kind"
+)
+
+
+def find_warnings(record: JointRecord, run: Run) -> tuple[str, ...]:
+    """Return what the record's numbers and the run behind it call for."""
+    return (
+        *run.notes,
+        *_missing(record, run),
+        *_unknown(record, run),
+        *_fit(record),
+        *_parts(record, run),
+        *_estimators(record),
+        *(run.signals.timing.warnings() if run.signals.timing else ()),
+        *_signals(record, run),
+    )
+
+
+def _missing(record: JointRecord, run: Run) -> list[str]:
+    """Name what was not given, and what is null for it."""
+    found = [UNDECLARED] if run.measured and run.setup.torque_source is None else []
+    if record.kp is None:
+        found.append("no kp: the dead band f/kp is null")
+    if record.torque_limit is None:
+        found.append("no torque limit: the ratio f/τ_max is null; give --torque-limit")
+    if record.test_condition is None:
+        found.append(
+            "the test condition was not stated: a bare motor, a leg in the air and a loaded leg differ; "
+            "give --test-condition"
+        )
+    if record.diagnostics["closed_loop"]:
+        found.append(record.diagnostics["closed_loop"])
+    return found
+
+
+def _unknown(record: JointRecord, run: Run) -> list[str]:
+    """Say what this kind of log cannot tell, and which experiment would."""
+    found = []
+    strength = record.diagnostics["strength"]
+    if strength["missing"]:
+        found.append(strength["missing"])
+    if not run.measured and run.setup.kd and not run.setup.velocity_delay:
+        found.append(
+            f"I/k holds for a controller whose velocity is not late: each millisecond of lateness adds "
+            f"{1e-3 * run.setup.kd:.3g} to it (--velocity-delay)"
+        )
+    if "encoder_bias" in run.setup.unknowns and record.encoder_bias is not None and run.setup.hanging_angle is None:
+        found.append(
+            "the encoder's bias is that of the log's angle against the controller's; one that both share shows in "
+            "gravity alone: --hanging-angle"
+        )
+    if strength["source"] == "declared":
+        found.append(f"all of it rests on the motor strength that was declared, {run.setup.motor_strength:.4g}")
+    if run.setup.payload is not None and strength["source"] == "unknown":
+        found.append(
+            "the payload's weight cannot be told from the link's own: log once without it as well and give that log "
+            "with --repeat"
+        )
+    if run.setup.torque_calibrated is False:
+        found.append(
+            "the unit of the torque is not known: the torque limit was taken to be in the unit of the torque column, "
+            "and the dead band is null, for kp is not in that unit"
+        )
+    for name in run.setup.unknowns:
+        if getattr(record, name) is None:
+            found.append(f"the {name.replace('_', ' ')} was asked for, and this log does not tell it")
+    if not strength["missing"] and record.offset is None and record.inertia is not None:
+        found.append("over this range of angles the offset cannot be told from gravity: it is null; move further")
+    return found
+
+
+def _fit(record: JointRecord) -> list[str]:
+    """Warn of parameters that the log does not show, and of intervals that rest on little."""
+    found = []
+    for name in ("inertia", "viscous_friction", "coulomb_friction"):
+        estimate = getattr(record, name)
+        if estimate is not None and estimate.interval95[1] < 0:
+            found.append(
+                f"{name} comes out below zero, which no joint has: viscous and Coulomb friction are not its law"
+            )
+        elif estimate is not None and estimate.interval95[0] <= 0:
+            found.append(
+                f"the interval of {name} reaches zero: the log does not show that there is any; move more, or longer"
+            )
+    unexplained = record.diagnostics["relative_torque_error"]
+    if unexplained > LARGEST_REST:
+        found.append(
+            f"{unexplained:.0%} of the torque is not explained by inertia and friction: gravity, a load, or noise; "
+            "intervals cover noise, not a model that lacks something"
+        )
+    found += _follows(record.diagnostics["position_torque"])
+    if record.diagnostics["blocks"] == FEWEST_BLOCKS:
+        found.append(
+            f"the residual's memory is long for this log: intervals rest on {FEWEST_BLOCKS} blocks only; log for longer"
+        )
+    return found
+
+
+def _follows(follows: dict[str, Any] | None) -> list[str]:
+    """Warn of torque that follows the position where no gravity was fitted."""
+    if follows is None or abs(follows["slope"]) <= LARGEST_SIGMAS * follows["std"]:
+        return []
+    worst = max(follows["changes"], key=lambda name: abs(follows["changes"][name]), default=None)
+    if worst is None or abs(follows["changes"][worst]) <= LARGEST_CHANGE:
+        return []
+    return [
+        f"the torque follows the position too ({follows['slope']:.3g} per unit): gravity, a spring or a cable, which "
+        f"the model lacks; with it {worst} would change by {follows['changes'][worst]:+.0%}, which the interval does "
+        "not cover: --gravity fits it, or turn the joint's axis upright, or take the load off"
+    ]
+
+
+def _parts(record: JointRecord, run: Run) -> list[str]:
+    """Warn where parts of the log, or repeats, do not agree, and say what that points to."""
+    found = []
+    for comparison in record.diagnostics["comparisons"]:
+        one, two = comparison["parts"]
+        if comparison["disputed"] and comparison["alternative"]:
+            reason = (
+                "torque and angle of the log are not of the same instant, as with a controller that holds its torque "
+                "between updates; log faster"
+                if run.measured
+                else "give --delay, and --velocity-delay, if they are known"
+            )
+            found.append(
+                f"with the {two}, {' and '.join(comparison['disputed'])} come out otherwise, beyond their intervals, "
+                f"which are widened until they admit both: {reason}"
+            )
+        elif comparison["disputed"]:
+            found.append(
+                f"{one} and {two} do not agree on {' and '.join(comparison['disputed'])}, beyond their own intervals"
+                f"{_reason(comparison)}; the stated intervals are widened until they admit both"
+            )
+    law = (record.friction_law or {}).get("law", "coulomb")
+    if law != "coulomb":
+        found.append(
+            f"this joint's friction is not plain Coulomb friction: the {law} law (see friction_law) predicts unseen "
+            "parts of the log better; the standard values are the best symmetric description, over all speeds, "
+            "directions and angles of the log"
+        )
+    change = record.diagnostics["drift"]["change"]
+    if change is not None:
+        low, high = change["interval95"]
+        if low * high > 0 and abs(change["value"]) > LARGEST_DRIFT:
+            found.append(
+                f"friction changes by {change['value']:+.0%} from start to end of the log ({low:+.0%} to {high:+.0%}): "
+                "does the joint warm up? Warm it up first, or log it cold and hot and compare the two with --repeat"
+            )
+    return found
+
+
+def _reason(comparison: dict[str, Any]) -> str:
+    """Say whether two parts agree on the friction itself, though not on how it splits into viscous and dry."""
+    if not {"viscous_friction", "coulomb_friction"} & set(comparison["disputed"]):
+        return ""
+    one, two = (data["value"] for data in comparison["friction"])
+    gap = abs(one - two) / max(abs(one), abs(two), 1e-300)
+    where = f"at a speed of {comparison['speed']:.3g}, which both reach, their friction is {one:.4g} and {two:.4g}"
+    if gap < SAME_FRICTION:
+        return f": {where}, so they differ in how it splits into viscous and dry, not in how much there is"
+    return f": {where}"
+
+
+def _estimators(record: JointRecord) -> list[str]:
+    """Warn where the estimators do not agree."""
+    found: list[str] = []
+    if record.diagnostics["method"] == "output_error":
+        # Least squares on torque that was not measured is known to be the worse estimator: no news.
+        return found
+    for name, gap in (record.diagnostics["disagreement"] or {}).items():
+        if beyond_chance(gap):
+            found.append(
+                f"regression and output error disagree on {name} by {gap['relative']:.0%} ({gap['sigmas']:.1f} "
+                "combined standard deviations): the model, the gains or the timing are not quite right" + HINTS[name]
+            )
+    return found
+
+
+def _signals(record: JointRecord, run: Run) -> list[str]:
+    """Warn of units, of a logged velocity that is not the derivative of the position, of a motor at its limit."""
+    signals, velocity = run.signals, run.prepared.velocity
+    found = list(unit_warnings(signals, record.axis))
+    if signals.velocity is not None:
+        slope = float(np.dot(signals.velocity, velocity) / np.dot(velocity, velocity))
+        if not 0.9 < slope < 1.1:
+            found.append(
+                f"the logged velocity is {slope:.3g} times the derivative of the position: units? It is not used"
+            )
+    if record.torque_limit is not None and run.measured:
+        share = float(np.mean(np.abs(run.torque) >= 0.99 * record.torque_limit))
+        if share > 0.01:
+            found.append(f"the motor is at its torque limit in {share:.0%} of the samples: move more gently")
+        peak = float(np.abs(run.torque).max())
+        if peak > LARGEST_EXCESS * record.torque_limit:
+            found.append(
+                f"the log's torque reaches {peak:.4g}, beyond the torque limit {record.torque_limit:.4g}: the torque's "
+                "unit (--torque-scale) or the limit is not as declared"
+            )
+    return found

@@ -1,0 +1,388 @@
+"""The Actuator Net in NumPy: what it sees of a joint, and the torque it gives. No torch: evaluation runs it too.
+
+For joint j at sample t the net returns τ_t / τ_max from two signals over a window, H = 3 in the paper. `default`: the
+position errors e = a - θ and the velocities θ' at t, t-1, ..., t-H. `paper`, as printed: θ_t ... θ_{t-H} and
+θ'_{t-1} ... θ'_{t-H}; without the target, that net cannot tell what was asked for.
+
+τ = clip(kp (a - θ) - kd θ', ±τ_max) - λ kd Δθ' - f sat(θ'/w) - B θ', with f, B and λ of each joint by least squares. A
+torque logged on the motor's side has no friction in it, and finds f and B near zero.
+
+Δθ' is the change of the velocity over the period that follows, and λ the share of the period after which kd θ' acts: a
+logged torque is a mean over that period. λ is 0 for a controller that holds its torque, one half for one that runs much
+faster than the log, and 1 in MuJoCo, which takes kd implicitly. Without the term a law that a simulator follows to the
+last digit errs by 2 to 3 % of the limit on the simulator's own walks, and a net that has learned to foresee Δθ' would
+look better than the truth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, FileError
+
+
+@dataclass(frozen=True)
+class ActuatorNet:
+    """A multilayer perceptron with softsign units for each group of joints. All joints of a group share its weights."""
+
+    robot: str
+    """Name of the robot whose joints it was trained on."""
+    joint_names: tuple[str, ...]
+    """Names of the joints, in the order of every vector over joints."""
+    torque_limit: tuple[float, ...]
+    """Largest torque of each motor [N m]: the net's output is in these units."""
+    groups: tuple[tuple[str, ...], ...]
+    """Names of the joints that share weights, group by group; every joint is in one."""
+    inputs: str
+    """Set of inputs, one of `INPUT_SETS`."""
+    history: int
+    """H, samples of the past beside the current one."""
+    period: float
+    """Time between two samples [s]: the simulator's physics step must be the same."""
+    torque_source: str
+    """`motor_side` (the joint's friction is not in the torque, the simulation keeps its own) or `output_side` (dry and
+    viscous friction are in it, the simulation drops its own)."""
+    layers: tuple[Layers, ...]
+    """Weights of each group. Inputs in SI units, row by row: the first signal (error or position) now, one sample ago,
+    ..., H samples ago, then the velocity likewise; an input that the set lacks has zero weights."""
+    training: Mapping[str, str]
+    """File -> SHA-256 of each log that it was fitted to."""
+    validation: Mapping[str, str]
+    """File -> SHA-256 of each log that was kept out."""
+    loss: Mapping[str, float]
+    """`training`, `validation`: mean squared error of torque over limit at the end [-]."""
+    seed: int
+    """Seed of weights, order of samples and split."""
+    revision: str
+    """Revision of the code that trained it."""
+    command: str
+    """Command that made it."""
+
+    def __post_init__(self) -> None:
+        """Refuse what no simulation could use."""
+        _check(self)
+
+    def check_use(self, robot: str, joint_names: Sequence[str], torque_limit: np.ndarray, period: float) -> None:
+        """Raise `FileError` unless the net is for these joints and this physics step [s]."""
+        if tuple(joint_names) != self.joint_names:
+            raise FileError(
+                f"the Actuator Net is for the joints of {self.robot!r}, {', '.join(self.joint_names[:3])}, ...; the "
+                f"robot {robot!r} has {', '.join(joint_names[:3])}, ...; train one on its logs"
+            )
+        if not np.allclose(torque_limit, self.torque_limit, rtol=1e-6):
+            raise FileError(
+                f"the Actuator Net was trained with torque limits of {min(self.torque_limit):g} to "
+                f"{max(self.torque_limit):g} N m, the robot {robot!r} has {min(torque_limit):g} to "
+                f"{max(torque_limit):g} N m; name the robot that was logged"
+            )
+        if not math.isclose(period, self.period, rel_tol=PERIOD_TOLERANCE):
+            raise FileError(
+                f"the Actuator Net has a period of {self.period:g} s, the simulation steps by {period:g} s; use "
+                f"--task.timestep {self.period:g}, or train a net on logs sampled every {period:g} s"
+            )
+
+
+Layers = tuple[tuple[np.ndarray, np.ndarray], ...]
+"""Weights, shape (outputs, inputs), and bias, shape (outputs,), of each layer in turn, float32."""
+
+INPUT_SETS = {
+    "default": "position errors (target - position) and velocities, now and over the last H samples",
+    "paper": "positions, now and over the last H samples, and velocities of the last H samples without the current one",
+}
+"""Set of inputs -> what the net sees. The paper's has no target: that net cannot know what was asked for."""
+
+PERIOD_TOLERANCE = 1e-6
+"""Largest relative difference of two periods that are the same."""
+
+
+def _expect(condition: bool, field: str, value: object, expected: str) -> None:
+    """Raise `FileError` naming the field unless the condition holds."""
+    if not condition:
+        raise FileError(f"Actuator Net, field {field!r}: {str(value)[:80]}; expected {expected}")
+
+
+def _check(net: ActuatorNet) -> None:
+    """Check every field."""
+    names = net.joint_names
+    _expect(bool(names) and len(set(names)) == len(names) and all(map(_text, names)), "joint_names", names, "names")
+    for field in ("robot", "revision", "command"):
+        _expect(_text(getattr(net, field)), field, getattr(net, field), "a text")
+    limits = net.torque_limit
+    fits = len(limits) == len(names) and all(_number(limit) and limit > 0 for limit in limits)
+    _expect(fits, "torque_limit", limits, f"{len(names)} positive numbers")
+    together = [name for group in net.groups for name in group]
+    once = sorted(together) == sorted(names) and all(net.groups)
+    _expect(once, "groups", net.groups, "every joint in one group")
+    _expect(net.inputs in INPUT_SETS, "inputs", net.inputs, " or ".join(INPUT_SETS))
+    whole = isinstance(net.history, int) and not isinstance(net.history, bool)
+    _expect(whole and 0 <= net.history <= 100, "history", net.history, "0 to 100 samples")
+    _expect(_number(net.period) and 1e-5 <= net.period <= 0.1, "period", net.period, "1e-5 to 0.1 s")
+    _expect(net.torque_source in TORQUE_SOURCES, "torque_source", net.torque_source, " or ".join(TORQUE_SOURCES))
+    for field in ("training", "validation"):
+        value = getattr(net, field)
+        named = isinstance(value, Mapping) and all(_text(k) and _text(v) for k, v in value.items())
+        _expect(named, field, value, "an object, file -> SHA-256")
+    right = isinstance(net.loss, Mapping) and all(_number(value) and value >= 0 for value in net.loss.values())
+    _expect(right, "loss", net.loss, "an object of numbers of at least 0")
+    seeded = isinstance(net.seed, int) and not isinstance(net.seed, bool) and net.seed >= 0
+    _expect(seeded, "seed", net.seed, "an integer of at least 0")
+    _check_layers(net)
+
+
+def _check_layers(net: ActuatorNet) -> None:
+    """Check that each group's layers fit each other, the inputs, and one output."""
+    _expect(len(net.layers) == len(net.groups), "layers", f"{len(net.layers)} groups", f"{len(net.groups)}")
+    for index, layers in enumerate(net.layers):
+        width, where = 2 * (net.history + 1), f"layers of group {index}"
+        _expect(len(layers) >= 1, where, "none", "at least one")
+        for weight, bias in layers:
+            typed = weight.dtype == np.float32 and bias.dtype == np.float32
+            fits = weight.ndim == 2 and weight.shape[1] == width and bias.shape == weight.shape[:1]
+            _expect(typed and fits, where, f"{weight.dtype} {weight.shape}", f"float32 (outputs, {width})")
+            _expect(bool(np.isfinite(weight).all() and np.isfinite(bias).all()), where, "not finite", "finite numbers")
+            width = len(bias)
+        _expect(width == 1, where, f"{width} outputs", "one, the torque over its limit")
+
+
+def _text(value: object) -> bool:
+    """Return whether a value is a text that is not empty."""
+    return isinstance(value, str) and bool(value.strip())
+
+
+def _number(value: object) -> bool:
+    """Return whether a value is a finite number and not a bool."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+TORQUE_SOURCES = ("motor_side", "output_side")
+
+ROWS = 3072
+"""Rows that go through the layers at once: what they hold stays in the processor's cache. Measured for 9216 rows of a
+net 8-32-32-1 on one core: 0.51 ms; 1.5 ms all at once; 0.7 ms by torch."""
+
+
+@dataclass(frozen=True)
+class ActuatorCfg:
+    """What the net is and how it is fitted."""
+
+    inputs: Literal["default", "paper"] = "default"
+    """`default`: position errors and velocities, the current ones included. `paper`: as the paper prints it, positions
+    and past velocities, without the target."""
+    history: int = 3
+    """H, samples of the past beside the current one; the paper's."""
+    share: Literal["kind", "all"] = "kind"
+    """Who shares weights: joints of a kind (`FL_shank` is a `shank`), or all. Joints of a kind have the same motor,
+    gear and controller, and every leg adds data; between kinds torque limits and gains differ, and an error alone does
+    not tell which joint it is of."""
+    hidden: tuple[int, ...] = (32, 32)
+    """Widths of the hidden layers, softsign units: the field's much-copied net. Empty: a linear law."""
+    epochs: int = 40
+    """Passes over the training samples."""
+    batch: int = 512
+    """Samples of one gradient step."""
+    learning_rate: float = 1e-2
+    """First learning rate; it falls to zero along a cosine."""
+    validation_share: float = 0.25
+    """Share of the runs that is kept out of the fit, at least one. Whole runs: windows overlap, so windows drawn at
+    random would be in both parts."""
+    seed: int = 0
+    """Seed of weights, order of samples and split."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be fitted."""
+        if self.inputs not in INPUT_SETS or self.share not in ("kind", "all"):
+            raise ConfigurationError(
+                f"inputs {self.inputs!r}, shared by {self.share!r}: expected {' or '.join(INPUT_SETS)}, and kind or all"
+            )
+        if not 1 <= self.history <= 100 or not all(1 <= width <= 4096 for width in self.hidden):
+            raise ConfigurationError(
+                f"history {self.history}, hidden layers {self.hidden}: expected 1 to 100 samples and widths from 1"
+            )
+        if min(self.epochs, self.batch) < 1 or not self.learning_rate > 0 or self.seed < 0:
+            raise ConfigurationError(
+                f"{self.epochs} epochs, batches of {self.batch}, learning rate {self.learning_rate}, seed {self.seed}: "
+                "expected at least 1, a positive rate, and a seed of at least 0"
+            )
+        if not 0 < self.validation_share < 1:
+            raise ConfigurationError(f"validation share {self.validation_share}: expected a share between 0 and 1")
+
+
+def kinds(joint_names: tuple[str, ...], share: str) -> tuple[tuple[str, ...], ...]:
+    """Return the joints that share weights, in order of first appearance; `share`: see `ActuatorCfg`."""
+    found: dict[str, list[str]] = {}
+    for name in joint_names:
+        found.setdefault(name.rpartition("_")[2] if share == "kind" else "", []).append(name)
+    return tuple(map(tuple, found.values()))
+
+
+def first_signal(inputs: str, target: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Return what the net sees beside the velocity: errors a - θ, or θ as printed in the paper [rad], any shape."""
+    return position if inputs == "paper" else target - position
+
+
+def seen(inputs: str, history: int) -> np.ndarray:
+    """Return which of the 2 (H + 1) inputs a set has, bool: the paper's lacks the current velocity."""
+    mask = np.ones(2 * (history + 1), bool)
+    mask[history + 1] = inputs != "paper"
+    return mask
+
+
+def windows(signal: np.ndarray, velocity: np.ndarray, history: int) -> np.ndarray:
+    """Return the inputs of every sample that has a whole past, shape (T - H, J, 2 (H + 1)).
+
+    signal: of `first_signal`, velocity: θ' [rad/s], both (T, J). In each row, first the signal now, one sample ago,
+    ..., H samples ago, then the velocity likewise.
+    """
+    length = len(signal) - history
+    lags = [x[history - lag : history - lag + length] for x in (signal, velocity) for lag in range(history + 1)]
+    return np.stack(lags, axis=-1)
+
+
+def perceptron(layers: Layers, inputs: np.ndarray) -> np.ndarray:
+    """Return the net's output, float32, shape (rows,). inputs: float32, one column a row, shape (width, rows)."""
+    rows = inputs.shape[1]
+    output = np.empty(rows, np.float32)
+    for begin in range(0, rows, ROWS):
+        x = inputs[:, begin : begin + ROWS]
+        for weight, bias in layers[:-1]:
+            x = weight @ x
+            x += bias[:, None]
+            # Softsign, x / (1 + |x|), in place.
+            size = np.abs(x)
+            size += 1.0
+            x /= size
+        weight, bias = layers[-1]
+        output[begin : begin + ROWS] = (weight @ x)[0] + bias[0]
+    return output
+
+
+class ActuatorMemory:
+    """The last H + 1 samples of the joints of N robots, and the torque that the net gives for them.
+
+    Inside, joints are ordered by group and stand before robots, so that each group's rows lie side by side.
+    """
+
+    def __init__(self, net: ActuatorNet, num: int) -> None:
+        """Start without a past: the first sample of a robot stands for all that were before it."""
+        self.net, self.num = net, num
+        places = {name: index for index, name in enumerate(net.joint_names)}
+        self._order = np.array([places[name] for group in net.groups for name in group])
+        self._back = np.argsort(self._order)
+        self._limit = np.array(net.torque_limit)
+        self.past = np.zeros((2, net.history + 1, len(self._order), num), np.float32)
+        """Signal and velocity, newest first, shape (2, H + 1, J, N)."""
+        self.fresh = np.ones(num, bool)
+        """Robots without a past, shape (N,)."""
+
+    def forget(self, ids: np.ndarray) -> None:
+        """Begin anew with the robots `ids`."""
+        self.fresh[ids] = True
+
+    def torque(self, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """Take in one sample, (N, J) [rad, rad/s]; return the torques [N m], not clipped to the limits, (N, J)."""
+        self.past[:, 1:] = self.past[:, :-1]
+        self.past[0, 0] = first_signal(self.net.inputs, target, position).T[self._order]
+        self.past[1, 0] = velocity.T[self._order]
+        if self.fresh.any():
+            self.past[:, 1:, :, self.fresh] = self.past[:, :1, :, self.fresh]
+            self.fresh[:] = False
+        rows = self.past.reshape(2 * (self.net.history + 1), -1)
+        share, begin = [], 0
+        for group, layers in zip(self.net.groups, self.net.layers, strict=True):
+            end = begin + len(group) * self.num
+            share.append(perceptron(layers, rows[:, begin:end]))
+            begin = end
+        return np.concatenate(share).reshape(-1, self.num)[self._back].T * self._limit
+
+
+def predict(net: ActuatorNet, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+    """Return the torque [N m] for a whole log, clipped to the limit, shape (T - H, J); arguments (T, J)."""
+    rows = windows(first_signal(net.inputs, target, position), velocity, net.history).astype(np.float32)
+    result = np.empty(rows.shape[:2])
+    places = {name: index for index, name in enumerate(net.joint_names)}
+    for group, layers in zip(net.groups, net.layers, strict=True):
+        columns = [places[name] for name in group]
+        part = rows[:, columns]
+        result[:, columns] = perceptron(layers, part.reshape(-1, part.shape[-1]).T).reshape(part.shape[:2])
+    limit = np.array(net.torque_limit)
+    return np.clip(result * limit, -limit, limit)
+
+
+WIDTH = 0.05
+"""Speed at which the friction of the baseline is whole [rad/s]. At rest friction takes any value up to f, which no law
+of the speed alone can tell; a ramp is the least wrong."""
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The analytic law of every joint, arrays of shape (J,)."""
+
+    kp: np.ndarray
+    """Proportional gains [N m/rad]."""
+    kd: np.ndarray
+    """Derivative gains [N m s/rad]."""
+    torque_limit: np.ndarray
+    """Largest torques [N m]."""
+    coulomb: np.ndarray
+    """f, fitted [N m]."""
+    viscous: np.ndarray
+    """B, fitted [N m s/rad]."""
+    later: np.ndarray
+    """λ, fitted, share of a period by which kd θ' acts later than the sample, in [0, 1] [-]."""
+
+    def torque(self, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
+        """Return the torque [N m] of one run, shape (T, J); arguments [rad, rad/s], (T, J).
+
+        The change of the velocity after the last sample is not known, and taken as none.
+        """
+        motor, change = self._at_the_sample(target, position, velocity)
+        return motor + self.later * change - self.coulomb * ramp(velocity) - self.viscous * velocity
+
+    def _at_the_sample(
+        self, target: np.ndarray, position: np.ndarray, velocity: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the PD law of the sample, and -kd Δθ' where that law is within its limit, (T, J) each [N m]."""
+        asked = self.kp * (target - position) - self.kd * velocity
+        ahead = np.diff(velocity, axis=0, append=velocity[-1:])
+        free = np.abs(asked) < self.torque_limit
+        return np.clip(asked, -self.torque_limit, self.torque_limit), -self.kd * ahead * free
+
+
+def ramp(velocity: np.ndarray) -> np.ndarray:
+    """Return the direction of motion, sat(θ'/w), in [-1, 1], any shape."""
+    return np.clip(velocity / WIDTH, -1.0, 1.0)
+
+
+def fit_baseline(
+    gains: tuple[np.ndarray, np.ndarray, np.ndarray],
+    runs: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]],
+) -> Baseline:
+    """Fit f, B and λ of each joint to the training runs: target, position, velocity, torque of each, (T, J).
+
+    gains: kp, kd and torque limit, each (J,). A joint that never moved has neither friction, one without kd no λ.
+    """
+    none = np.zeros_like(gains[0])
+    plain = Baseline(*gains, none, none, none)
+    lost, columns = [], []
+    for target, position, velocity, torque in runs:
+        motor, change = plain._at_the_sample(target, position, velocity)
+        lost.append(motor - torque)
+        columns.append(np.stack([ramp(velocity), velocity, -change], axis=-1))
+    missing, known = np.concatenate(lost), np.concatenate(columns)
+    return Baseline(*gains, *np.array([_fit_joint(known[:, j], missing[:, j]) for j in range(missing.shape[1])]).T)
+
+
+def _fit_joint(columns: np.ndarray, lost: np.ndarray) -> np.ndarray:
+    """Return f, B and λ by least squares with λ in [0, 1]; columns: of f, B and λ, (T, 3), lost: (T,) [N m]."""
+    free = np.linalg.lstsq(columns, lost, rcond=None)[0]
+    later = float(np.clip(free[2], 0.0, 1.0))
+    if later == free[2]:
+        return free
+    # The squares are convex, so that with one bound the least of them is on it.
+    rest = np.linalg.lstsq(columns[:, :2], lost - later * columns[:, 2], rcond=None)[0]
+    return np.append(rest, later)

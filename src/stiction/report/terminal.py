@@ -1,0 +1,144 @@
+"""What verbs share on the terminal: a progress bar for named pieces of work, and a table of results."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from types import FrameType
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.provenance import num_threads
+from stiction.formats.following import row_pace
+from stiction.formats.results import ResultRow
+from stiction.joints.friction import level_text
+
+
+@contextmanager
+def work_progress() -> Iterator[Callable[[str, float], None]]:
+    """Show a bar on standard error for each piece of work that reports its name and the share of it that is done.
+
+    Where standard error is not a terminal, a finished piece is a line.
+    """
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+    tasks: dict[str, TaskID] = {}
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
+
+        def report(name: str, share: float) -> None:
+            if name not in tasks:
+                tasks[name] = bars.add_task(name, total=1.0)
+            bars.update(tasks[name], completed=share)
+            if share >= 1.0 and not console.is_terminal:
+                console.print(f"{name}: done", soft_wrap=True, highlight=False)
+
+        yield report
+
+
+def print_warnings(verb: str, warnings: Sequence[str]) -> None:
+    """Print what a reader must know before the results, a line each, on standard error."""
+    for warning in warnings:
+        print(f"stiction {verb}: {warning}", file=sys.stderr)
+
+
+COLUMNS = ("friction", "command", "speed ratio", "pace", "error", "falls", "jitter", "tripod")
+"""Main columns of results."""
+
+
+def print_rows(rows: Sequence[ResultRow]) -> None:
+    """Print the main columns of results on standard output, a heading and a table for each policy."""
+    console = Console()
+    for policy in dict.fromkeys(row.policy for row in rows):
+        console.print(policy, style="bold", soft_wrap=True, highlight=False, markup=False)
+        table = Table(collapse_padding=True)
+        named = {"engine": [row.engine for row in rows], "ground": [row.terrain for row in rows]}
+        where = [name for name, values in named.items() if len(set(values)) > 1]
+        for name in where:
+            table.add_column(name, overflow="fold")
+        for name, cells in zip(COLUMNS, zip(*map(_cells, rows), strict=True), strict=True):
+            # On a narrow terminal headings and words fold before commands and numbers do.
+            least = 1 if name == "pace" else max(map(len, cells))
+            left = name in ("command", "pace")
+            table.add_column(name, justify="left" if left else "right", overflow="fold", min_width=least)
+        for index, row in enumerate(rows):
+            if row.policy == policy:
+                table.add_row(*(named[name][index] for name in where), *_cells(row))
+        console.print(table)
+
+
+def _cells(row: ResultRow) -> list[str]:
+    """Return a row's cells, a dash where there is no number."""
+    return [
+        level_text(row.friction_law, row.friction_level),
+        row.command,
+        "–" if row.speed_ratio is None else f"{row.speed_ratio:.2f}",
+        row_pace(row) or "–",
+        f"{row.tracking_error:.3f}",
+        f"{row.fall_rate:.0%}",
+        f"{row.joint_jitter:.0f}",
+        "–" if row.tripod_share is None else f"{row.tripod_share:.0%}",
+    ]
+
+
+class StopRequest:
+    """Remembers the signal that asked to stop; a second one does not wait."""
+
+    def __init__(self, say: Callable[[str], None], what: str) -> None:
+        """`say`: prints the answer to the first signal; `what`: that which is still brought to its end."""
+        self.say, self.what = say, what
+        self.signal = 0
+
+    def __call__(self) -> bool:
+        """Say whether somebody asked to stop."""
+        return self.signal != 0
+
+    @property
+    def status(self) -> int:
+        """Exit status of a program that a signal ended: 130 for Ctrl-C, 143 for SIGTERM."""
+        return 128 + self.signal
+
+    def receive(self, number: int, _: FrameType | None) -> None:
+        """Take a signal. Raises `KeyboardInterrupt` at the second."""
+        if self.signal:
+            raise KeyboardInterrupt
+        self.signal = number
+        self.say(f"stopping after {self.what}; press Ctrl-C once more to stop at once")
+
+
+@contextmanager
+def stop_requests(say: Callable[[str], None], what: str) -> Iterator[StopRequest]:
+    """Take Ctrl-C and SIGTERM as a request while the work lasts."""
+    request = StopRequest(say, what)
+    before = {number: signal.signal(number, request.receive) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield request
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def jobs_of(asked: int | None) -> int:
+    """Return how many tasks are done at once; by default as many as there are cores (STICTION_THREADS).
+
+    Raises `StictionError` where less than one is asked for.
+    """
+    if asked is not None and asked < 1:
+        raise ConfigurationError(f"--jobs {asked}: expected at least 1")
+    return asked or num_threads()
+
+
+RobotSeeds = Annotated[
+    tuple[int, ...],
+    tyro.conf.arg(
+        help="Seeds of the virtual robots. Those from 1000 on are kept for results; smaller ones are for making and "
+        "tuning methods, and results on them are called exploratory."
+    ),
+]
+"""Type of an option `robots`."""

@@ -1,0 +1,80 @@
+"""The options of `stiction train`, and how they are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from stiction.rma.config import PRESETS, TrainCfg, preset
+
+DESCRIPTION = """Train a policy that walks on what the robot measures, with or without friction in its joints.
+
+A first look, some ten minutes of one core; then results, some twenty-five:
+  stiction train --preset quick --method deception --friction-level 0.2 --out runs/first
+  stiction train --method deception --friction-level 0.2 --out runs/deception
+These learn in one phase. The paper's two, a teacher (PPO, sees everything) and its student (behaviour cloning):
+  stiction train --preset two-phase --method deception --friction-level 0.2 --out runs/paper
+Terrain wants that one: its teacher sees the ground.
+
+Watch it: the terminal shows the time left and how the robots walk (`nohup stiction train ... 2> train.log &` writes a
+line every 30 s). `tensorboard --logdir runs` shows every figure, teacher and student as two runs: reward/* (weighted
+terms), walk/* (tracking error, tripod share, falls), latent/explained (two phases; 1: the history tells all that the
+privileged encoder says), estimator/velocity_error [m/s], estimator/friction_error, friction/low, high and mean
+(multipliers of the nominal friction), terrain/*. A short clip of the policy at 0.5 m/s appears in clips/ every 100
+iterations.
+
+Stop it: Ctrl-C or SIGTERM ends it after the iteration, with a checkpoint and exit status 130 or 143; kill -9 costs the
+iterations since the last checkpoint. `stiction train --resume runs/deception` goes on to the same parameters, bit for
+bit. A run that diverges ends with status 1 and says what it saw, since when, and what to try.
+
+The run holds config.json, metrics.jsonl (a line an iteration), tensorboard/, checkpoints/, clips/, curves.png and, when
+it is finished, summary.json. Next: `stiction export runs/deception`."""
+
+
+@dataclass(frozen=True)
+class Train:
+    """Options of `stiction train`."""
+
+    config: Annotated[TrainCfg, tyro.conf.arg(name="")] = field(default_factory=TrainCfg)
+    """The whole configuration."""
+    preset: Literal["full", "quick", "two-phase", "paper"] = "full"
+    """Defaults for everything else. `quick`: one phase of 440 iterations, some ten minutes of one core. `full`: 1000 of
+    them. `two-phase`: a teacher (350 iterations), then its student (80), as the claims of the paper were judged.
+    `paper`: 700 and 240, and randomises the paper's table and no more."""
+    out: Path = Path("runs/train")
+    """Folder of the run."""
+    friction_from: Path | None = None
+    """A `training.json` of `stiction identify`; its method and level go in place of --method and --friction-level."""
+    resume: Path | None = None
+    """Continue the run in this folder; all other options come from its config.json."""
+    json: bool = False
+    """Print the summary on standard output, and nothing else there; progress goes to standard error."""
+
+
+def parse(arguments: list[str]) -> Train:
+    """Return the options that `stiction train` has when it is given these arguments.
+
+    Raises `ConfigurationError` where one of them would have no effect.
+    """
+    default = Train(config=_defaults(arguments))
+    options = tyro.cli(Train, args=arguments, prog="stiction train", description=DESCRIPTION, default=default)
+    options.config.check_effects()
+    return options
+
+
+def _named(arguments: list[str], flag: str) -> str | None:
+    """Return the word that a flag has, None without it."""
+    for index, word in enumerate(arguments):
+        name, _, value = word.partition("=")
+        if name == flag:
+            return value or (arguments[index + 1] if index + 1 < len(arguments) else "")
+    return None
+
+
+def _defaults(arguments: list[str]) -> TrainCfg:
+    """Find preset and device first: they change the defaults that the parser then shows."""
+    name = _named(arguments, "--preset")
+    return preset(name if name in PRESETS else "full", _named(arguments, "--device") or "cpu")

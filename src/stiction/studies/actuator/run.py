@@ -1,0 +1,199 @@
+"""The paper's loop f0 -> log -> f_motor -> f1, stage by stage; what is there already is not made again.
+
+    bundles/f0                  conventionally trained (runs/f0), or given
+    logs/VARIANT/               f0 on the virtual robots
+    nets/VARIANT-INPUTS/        f_motor, for both sets of inputs
+    bundles/f1-VARIANT          trained (runs/f1-VARIANT) with that f_motor in the loop
+    evaluation/POLICY.json      f0 and every f1 on all virtual robots, and on the study's own without friction
+
+Each is written under another name and renamed, or ends with the file that says that it is whole.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from stiction.core.cache import publish
+from stiction.core.errors import ConfigurationError, FileError, PolicyError
+from stiction.core.provenance import num_threads
+from stiction.core.records import to_plain
+from stiction.deploy.check import check_bundle
+from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluate.export import export_run
+from stiction.evaluate.summary import describe
+from stiction.formats.actuator import FILE, read_actuator
+from stiction.formats.bundle import Bundle, find_bundle, read_bundle
+from stiction.joints.net import INPUT_SETS
+from stiction.rma.actuator import error_of, train_actuator, write_trained
+from stiction.rma.actuator_data import LoggedRun, read_run
+from stiction.rma.config import TrainCfg
+from stiction.rma.run import RunDirectory, write_json
+from stiction.rma.runner import train
+from stiction.studies.actuator.config import LoopCfg
+from stiction.studies.actuator.robots import check_seconds, loop_robots, record_logs, spread
+
+Progress = Callable[[str, float], None]
+"""Called with the name of the stage and the share of it that is done."""
+
+
+class ActuatorLoop:
+    """One study in one folder."""
+
+    def __init__(self, out: Path, cfg: LoopCfg, command: str, progress: Progress = lambda name, share: None) -> None:
+        """Begin or continue the study in `out`.
+
+        Raises:
+            StictionError: `out` holds a study with other options, or these cannot be run.
+
+        """
+        check_seconds(cfg)
+        self.out, self.cfg, self.command, self.progress = out, cfg, command, progress
+        options = json.loads(json.dumps(to_plain(cfg), default=str))
+        file = out / "study.json"
+        if file.is_file():
+            held = _read_options(file)
+            if other := [name for name in options if held.get(name) != options[name]]:
+                raise ConfigurationError(
+                    f"{out} holds this study with another {', '.join(other)}; say the same options to go on, or name "
+                    "another --out"
+                )
+        else:
+            if cfg.policy is not None:
+                self._check_given(find_bundle(cfg.policy))
+            try:
+                out.mkdir(parents=True, exist_ok=True)
+                write_json(file, {"options": options, "command": command})
+            except OSError as error:
+                raise FileError(f"{out} cannot be written: {error.strerror or error}; choose another --out") from error
+
+    def _check_given(self, path: Path) -> None:
+        """Refuse a first policy that is damaged, or was made for another robot or physics step."""
+        contract, task = check_bundle(path).bundle.contract, self.cfg.train.task
+        if (contract.robot, contract.physics_timestep) != (task.robot, task.timestep):
+            raise ConfigurationError(
+                f"{path} is for {contract.robot} at steps of {contract.physics_timestep} s, the study trains "
+                f"{task.robot} at {task.timestep} s; say --task.robot and --task.timestep"
+            )
+
+    def run(self) -> dict[str, Any]:
+        """Go through all stages that are not done; return what the page needs: errors of the nets, rows, robots."""
+        torch.set_num_threads(num_threads())
+        start = self._first_policy()
+        logs = {name: self._logs(name, start) for name in self.cfg.variants}
+        nets = {}
+        for name, runs in logs.items():
+            for inputs in INPUT_SETS:
+                nets[f"{name}-{inputs}"] = self._net(name, inputs, runs)
+        policies = {"f0": start}
+        for name in self.cfg.variants:
+            policies[f"f1-{name}"] = self._second_policy(name)
+        evaluated = {name: self._evaluate(name, bundle) for name, bundle in policies.items()}
+        return {
+            "robots": spread(loop_robots(self.cfg.level, self.cfg.train.seed)),
+            "nets": nets,
+            "cross": self._cross(logs),
+            "policies": {name: describe(bundle) for name, bundle in policies.items()},
+            "rows": [row for rows in evaluated.values() for row in rows],
+        }
+
+    def _first_policy(self) -> Bundle:
+        """Return f0: the bundle that was given, or one trained here."""
+        folder = self.out / "bundles" / "f0"
+        if self.cfg.policy is None:
+            return self._trained("f0", self.cfg.train)
+        if not folder.exists():
+            with publish(folder) as copy:
+                shutil.copytree(find_bundle(self.cfg.policy), copy)
+        return read_bundle(folder)
+
+    def _trained(self, name: str, cfg: TrainCfg) -> Bundle:
+        """Return a policy, trained from where its run stands."""
+        folder, path = self.out / "bundles" / name, self.out / "runs" / name
+        if not folder.exists():
+            run = RunDirectory(path)
+            if (path / "config.json").exists():
+                run.resume()
+            else:
+                run = RunDirectory.create(path, cfg, self.command, None)
+            total = cfg.teacher.iterations + cfg.student.iterations
+
+            def report(phase: str, iteration: int, iterations: int, figures: dict[str, float]) -> None:
+                done = iteration + (cfg.teacher.iterations if phase == "student" else 0)
+                self.progress(f"train {name}", done / total)
+
+            train(run.config(), run, None, report)
+            export_run(path, folder)
+        return read_bundle(folder)
+
+    def _second_policy(self, variant: str) -> Bundle:
+        """Return f1 of a data set: trained as f0 was, but for its motors."""
+        net = self.out / "nets" / f"{variant}-{self.cfg.net.inputs}"
+        return self._trained(f"f1-{variant}", replace(self.cfg.train, actuator=str(net)))
+
+    def _logs(self, variant: str, policy: Bundle) -> list[LoggedRun]:
+        """Return the runs of a data set."""
+        folder = self.out / "logs" / variant
+        if not folder.exists():
+            with publish(folder) as logs:
+                report = partial(self.progress, f"log {variant}")
+                if not record_logs(policy, variant, self.cfg, logs, num_threads(), report):
+                    raise PolicyError(f"f0 fell at once in every run of {variant!r}: there is nothing to fit a net to")
+        return [read_run(file) for file in sorted(folder.glob("*.npz"))]
+
+    def _net(self, variant: str, inputs: str, runs: list[LoggedRun]) -> dict[str, Any]:
+        """Return the errors of a net, fitted first where it is not there."""
+        folder = self.out / "nets" / f"{variant}-{inputs}"
+        if not (folder / FILE).exists():
+
+            def report(group: str, share: float) -> None:
+                self.progress(f"net {variant}, {inputs} inputs, {group}", share)
+
+            trained = train_actuator(runs, replace(self.cfg.net, inputs=inputs), self.command, report)  # type: ignore[arg-type]
+            write_trained(folder, trained)
+        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        return {name: summary[name] for name in ("rmse", "samples", "inputs", "torque_source")}
+
+    def _cross(self, logs: dict[str, list[LoggedRun]]) -> dict[str, dict[str, float]]:
+        """Return the error of every net on the runs of every data set, but those it was fitted to [of the limit]."""
+        errors: dict[str, dict[str, float]] = {}
+        for name in logs:
+            net = read_actuator(self.out / "nets" / f"{name}-{self.cfg.net.inputs}")
+            fitted = set(net.training.values())
+            errors[name] = {
+                other: error_of(net, [run for run in runs if run.sha256 not in fitted]) for other, runs in logs.items()
+            }
+        return errors
+
+    def _evaluate(self, name: str, bundle: Bundle) -> list[dict[str, Any]]:
+        """Return a policy's rows on every virtual robot, and on the study's own without friction."""
+        file = self.out / "evaluation" / f"{name}.json"
+        if not file.exists():
+            robots, rows = loop_robots(self.cfg.level, self.cfg.train.seed), []
+            for index, robot in enumerate(robots):
+                levels = (0.0, robot.level) if index == 0 else (robot.level,)
+                found = evaluate_bundle(
+                    replace(bundle, name=name, contract=robot.joints(bundle.contract)),
+                    EvaluationCfg(levels, self.cfg.commands, self.cfg.episodes, self.cfg.seconds),
+                    threads=num_threads(),
+                )
+                rows += [{"robot": robot.name} | asdict(row) for row in found.rows]
+                self.progress(f"evaluate {name}", (index + 1) / len(robots))
+            file.parent.mkdir(parents=True, exist_ok=True)
+            write_json(file, rows)
+        return json.loads(file.read_text(encoding="utf-8"))
+
+
+def _read_options(file: Path) -> dict[str, Any]:
+    """Return the options in a study's `study.json`."""
+    try:
+        return dict(json.loads(file.read_text(encoding="utf-8"))["options"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FileError(f"{file} is not what this study writes ({error}); name another --out") from error

@@ -1,0 +1,52 @@
+"""`stiction study actuator`: the paper's loop f0 -> log -> f_motor -> f1, on virtual robots, resumable."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from stiction.studies.actuator.config import LoopCfg
+from stiction.studies.study import Options, Report, Study, Work
+
+DESCRIPTION = """The paper's loop with an Actuator Net: a policy f0 trained without joint friction walks on a robot that
+has it, its log trains an Actuator Net, and a second policy f1 is trained with that net in the loop. The log is of
+backward walking only, as in the paper; controls are walking in all directions, and three different robots.
+
+Stop it at any time; the same command goes on where it stood."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActuatorOptions(Options):
+    """Options of `stiction study actuator`."""
+
+    config: Annotated[LoopCfg, tyro.conf.arg(name="")] = field(default_factory=LoopCfg)
+    """What is run."""
+    out: Path = Path("actuator-study")
+    """Folder of the study."""
+    json: bool = False
+    """Print summary.json on standard output, and nothing else."""
+
+
+def run(options: ActuatorOptions, work: Work) -> Report:
+    """Go through the loop."""
+    from stiction.core.records import to_plain
+    from stiction.report.training import write_actuator_page
+    from stiction.studies.actuator.page import report
+    from stiction.studies.actuator.run import ActuatorLoop
+
+    cfg = options.config
+    found = ActuatorLoop(options.out, cfg, work.command, work.progress).run()
+    plain = {name: to_plain(value) if name in ("net", "train") else value for name, value in vars(cfg).items()}
+    plain["policy"] = None if cfg.policy is None else str(cfg.policy)
+
+    def write_nets(out: Path) -> None:
+        for name in found["nets"]:
+            write_actuator_page(out / "nets" / name)
+
+    return replace(report({"options": plain} | found), files=write_nets)
+
+
+STUDY = Study("the loop of an Actuator Net: f0, log, f_motor, f1", DESCRIPTION, ActuatorOptions, run)

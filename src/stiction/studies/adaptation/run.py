@@ -1,0 +1,168 @@
+"""The study of adaptation, run by run; what is finished is kept and not done again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.core.cache import key_of, read_entry
+from stiction.core.errors import ConfigurationError
+from stiction.core.records import to_plain
+from stiction.core.statistics import t_interval
+from stiction.deploy.wear import Moments
+from stiction.evaluate.code import RUN_WALKING
+from stiction.evaluate.evaluate import EvaluationCfg
+from stiction.evaluate.export import contract_of
+from stiction.evaluate.summary import check_names
+from stiction.rma.config import TrainCfg
+from stiction.rma.run import RunDirectory, identified_values, write_json
+from stiction.rma.runner import load_actor
+from stiction.studies.adaptation.monitor import TOLD, fit_monitor, latent_effects, over_seeds
+from stiction.studies.adaptation.probes import FrictionWalk, Per, WalkCfg, probe_walk, walk_with_friction
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a piece of work and the share of it that is done."""
+
+FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
+"""Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
+
+
+PROBING = (*RUN_WALKING, "locomotion/*.py", "deploy/wear.py", "studies/adaptation/*.py")
+"""Code that decides what a run's part is."""
+
+
+@dataclass(frozen=True)
+class AdaptationCfg:
+    """What the study does with every run."""
+
+    evaluation: EvaluationCfg = field(
+        default_factory=lambda: EvaluationCfg(friction_levels=(0.0, 0.1, 0.2, 0.3), episodes=16, seconds=10.0)
+    )
+    """The walks on latents of their own and from elsewhere."""
+    walk: WalkCfg = field(default_factory=WalkCfg)
+    """The walks that are probed."""
+
+    def __post_init__(self) -> None:
+        """Refuse what leaves nothing to swap or to split."""
+        if len(self.evaluation.friction_levels) < 2 or self.evaluation.episodes < 2:
+            raise ConfigurationError(
+                "latents are swapped between friction levels and episodes; give at least two of each"
+            )
+        if self.walk.robots < FEWEST_ROBOTS or self.walk.seconds - self.walk.settle < SHORTEST_WALK:
+            raise ConfigurationError(
+                f"{self.walk.robots} robots for {self.walk.seconds:g} s: a probe needs at least {FEWEST_ROBOTS} of "
+                f"them, and {SHORTEST_WALK:g} s beside the {self.walk.settle:g} s to settle"
+            )
+
+
+def study(
+    runs: Sequence[Path], out: Path, cfg: AdaptationCfg, threads: int, progress: Progress = lambda name, share: None
+) -> dict[str, Any]:
+    """Study every run; return the summary. Each run's part is kept in `out` as RUN.json and RUN-wear.json.
+
+    Raises:
+        StictionError: a run without a finished student, or two of the same name.
+
+    """
+    check_names([run.resolve().name for run in runs], "runs")
+    for run in runs:
+        RunDirectory(run).check_finished("student")
+    parts = [study_run(run, out, cfg, threads, progress) for run in runs]
+    trained = [RunDirectory(run).config() for run in runs]
+    seeds = same_but_for_seed([(part["method"], made) for part, made in zip(parts, trained, strict=True)])
+    methods = {}
+    for method, members in seeds.items():
+        same = [parts[index] for index in members]
+        effects, names = over_seeds([part["latents"] for part in same]), [part["name"] for part in same]
+        methods[method] = {"runs": names, "effects": effects, "probes": pooled_probes(same)}
+    return {
+        "config": asdict(cfg),
+        "threshold": TOLD,
+        "methods": methods,
+        "runs": {part["name"]: part for part in parts},
+    }
+
+
+def same_but_for_seed(runs: Sequence[tuple[str, TrainCfg]]) -> dict[str, list[int]]:
+    """Return the runs that are samples of one training, by number: all of their configuration but the seed is equal.
+
+    runs: method and configuration. The name is the method, with a number where several trainings share it: another
+    friction range, budget or robot is another training, and no seed.
+    """
+    groups: dict[str, list[int]] = {}
+    for index, (_, cfg) in enumerate(runs):
+        groups.setdefault(json.dumps(to_plain(replace(cfg, seed=0)), sort_keys=True, default=str), []).append(index)
+    methods = [runs[members[0]][0] for members in groups.values()]
+    names = [
+        method if methods.count(method) == 1 else f"{method} {methods[: number + 1].count(method)}"
+        for number, method in enumerate(methods)
+    ]
+    return dict(zip(names, groups.values(), strict=True))
+
+
+def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: Progress) -> dict[str, Any]:
+    """Return one run's part: `latents`, `probes`, `wear`; read from `out` where the same was done before."""
+    directory, name = RunDirectory(run), run.resolve().name
+    header, train = directory.header(), directory.config()
+    student = directory.student_digest()
+    key = key_of({"config": asdict(cfg), "student": student}, *PROBING)
+    file = out / f"{name}.json"
+    if (done := read_entry(file, key)) is not None:
+        progress(name, 1.0)
+        return done
+    latents = latent_effects(run, cfg.evaluation, threads, lambda share: progress(f"{name}: latents", share))
+    contract, actor = contract_of(train, header), load_actor(directory, "student")
+    moments = Moments(contract.observation, contract.action_scale)
+    found = identified_values(header)
+    probes: list[dict[str, Any]] = []
+    walks: dict[Per, FrictionWalk] = {}
+
+    def walk_and_probe(per: Per) -> None:
+        def share(done: float) -> None:
+            progress(f"{name}: friction per {per}", done)
+
+        walks[per] = walk_with_friction(train, found, actor, per, cfg.walk, threads, lambda done: share(done / 2))
+        probes.extend(probe_walk(walks[per], moments, per, lambda done: share((1 + done) / 2)))
+
+    walk_and_probe("joint")
+    walk_and_probe("robot")
+    wear = fit_monitor(walks, moments, contract.joint_names, cfg.walk.highest, student)
+    kept = out / f"{name}-wear.json"
+    kept.unlink(missing_ok=True)
+    if any(wear.told):
+        kept.write_text(wear.to_json())
+    per_target = ("told", "determination", "coverage", "reach")
+    part = {
+        "key": key,
+        "name": name,
+        "method": contract.method,
+        "seed": contract.seed,
+        "revision": contract.revision,
+        "command": contract.command,
+        "latents": latents,
+        "probes": probes,
+        "fallen": {per: walk.fallen for per, walk in walks.items()},
+        "wear": {"targets": list(wear.targets), "window": wear.window * contract.control_period}
+        | {field: list(getattr(wear, field)) for field in per_target},
+    }
+    write_json(file, part)
+    return part
+
+
+def pooled_probes(parts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the mean R² of runs of one method, with t-intervals over seeds (null for a single one)."""
+    pooled = []
+    for same in zip(*(part["probes"] for part in parts), strict=True):
+        values = np.array([probe["mean"] for probe in same])
+        interval = t_interval(values.tolist())
+        pooled.append(
+            {name: same[0][name] for name in ("input", "row", "per", "shuffled")}
+            | {"mean": float(values.mean()), "interval95": None if interval is None else list(interval)}
+            | {"each": values.tolist()}
+        )
+    return pooled

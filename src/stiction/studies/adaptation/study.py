@@ -1,0 +1,70 @@
+"""`stiction study adaptation RUN...`: what adaptation does, and whether it tells the friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from stiction.studies.study import Options, Report, Study, UsageError, Work
+
+
+@dataclass(frozen=True, kw_only=True)
+class AdaptationOptions(Options):
+    """Walk students on latents that are not their own, and probe what theirs tell."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Directories of finished training runs; several seeds of a method are put together."""
+    friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3)
+    """Dry friction of the walks on other latents, fractions of the torque limit [-]; at least two."""
+    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    """Commanded velocities of these walks."""
+    episodes: int = 16
+    """Episodes per level and command."""
+    seconds: float = 10.0
+    """Length of an episode [s]; its first 2 s are not measured."""
+    robots: int = 384
+    """Robots of each walk that is probed; all but their friction is drawn as in the run's training."""
+    walk_seconds: float = 22.1
+    """Length of these walks [s]; their first 2 s are left out."""
+    seed: int = 0
+    """Seed of initial states, noise and robots."""
+    out: Path = Path("stiction-adaptation")
+    """Directory for results.csv, summary.json, report.html, and a RUN-wear.json per run whose walk tells friction."""
+
+
+def run(options: AdaptationOptions, work: Work) -> Report:
+    """Study the runs."""
+    if not options.runs:
+        raise UsageError("no run given")
+    from stiction.evaluate.evaluate import EvaluationCfg
+    from stiction.studies.adaptation.page import report
+    from stiction.studies.adaptation.probes import WalkCfg
+    from stiction.studies.adaptation.run import AdaptationCfg, study
+
+    cfg = AdaptationCfg(
+        EvaluationCfg(
+            friction_levels=options.friction_levels,
+            commands=options.commands,
+            episodes=options.episodes,
+            seconds=options.seconds,
+            seed=options.seed,
+        ),
+        WalkCfg(robots=options.robots, seconds=options.walk_seconds, seed=options.seed),
+    )
+    return report(study(options.runs, work.begin(), cfg, work.threads, work.progress))
+
+
+DESCRIPTION = (
+    "What does adaptation do? Every student also walks with its latent z* frozen at its mean and taken from another "
+    "robot, and a linear probe asks what z*, and the history that it is made from, tell of each joint's friction."
+)
+
+STUDY = Study(
+    "what a student's latent z* does, and whether it tells the friction of the joints",
+    DESCRIPTION,
+    AdaptationOptions,
+    run,
+)

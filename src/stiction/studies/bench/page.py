@@ -1,0 +1,192 @@
+"""The page of the benches: what identification found of virtual robots, beside what was there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from stiction.core.statistics import wilson
+from stiction.report.page import (
+    COLORS,
+    INK,
+    Section,
+    figure_uri,
+    fold,
+    new_figure,
+    paragraph,
+    picture,
+    table,
+)
+from stiction.studies.bench.robots import IdentifiedFriction, score
+from stiction.studies.study import Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def by_robot(rows: Sequence[IdentifiedFriction]) -> dict[str, list[IdentifiedFriction]]:
+    """Return the rows of each robot."""
+    robots: dict[str, list[IdentifiedFriction]] = {}
+    for row in rows:
+        robots.setdefault(row.robot, []).append(row)
+    return robots
+
+
+def scores(rows: Sequence[IdentifiedFriction]) -> dict[str, Any]:
+    """Return how well friction was found, of all joints and of each robot, as plain data for summary.json."""
+    robots = {robot: asdict(score(some)) for robot, some in by_robot(rows).items()}
+    return {"all": asdict(score(rows)), "robots": robots}
+
+
+def report(
+    rows: Sequence[IdentifiedFriction],
+    next_steps: Mapping[str, str],
+    settings: Mapping[str, Any],
+    warnings: Sequence[str] = (),
+) -> Report:
+    """Return the report of the study; bench.csv is there already.
+
+    next_steps: robot -> the command that trains with what was found of it, or why there is none; settings: `failed` is
+    robot -> why it could not be identified, and more for summary.json.
+    """
+    figure, said = draw_benches(rows), lead(rows)
+    return Report(
+        title="Virtual robots on the bench",
+        lead=said,
+        sections=sections(rows, next_steps, figure),
+        run=(paragraph(SIMULATED),),
+        summary={**settings, "next": dict(next_steps), "scores": scores(rows), "lead": said},
+        warnings=warnings,
+        figures={"bench": figure},
+        further=[
+            f"next: {step}" if step.startswith("stiction") else f"{name}: {step}" for name, step in next_steps.items()
+        ],
+        status=1 if settings["failed"] else 0,
+    )
+
+
+def lead(rows: Sequence[IdentifiedFriction]) -> str:
+    """Return the answer in a few sentences."""
+    found, robots = score(rows), len(by_robot(rows))
+    said = f"{found.joints} joint{_s(found.joints)} of {robots} virtual robot{_s(robots)}: "
+    if found.identified == 0:
+        return said + "none could be identified."
+    low, high = wilson(found.held, found.identified)
+    said += (
+        f"{found.held} of {found.identified} intervals of 95 % hold the friction that a perfect log would show "
+        f"({found.held / found.identified:.0%}, {low:.0%} to {high:.0%} with every "
+        "joint taken as independent, though those of a robot share a log)"
+    )
+    if found.median_error is not None and found.worst_error is not None:
+        said += f", the median error is {found.median_error:.1%} and the worst {found.worst_error:+.1%}"
+    if found.median_friction_error is not None and found.worst_friction_error is not None:
+        said += (
+            f". Beside the friction itself, whatever a log can show, the median error is "
+            f"{found.median_friction_error:.1%} and the worst {found.worst_friction_error:+.1%}"
+        )
+    refused = found.joints - found.identified
+    return said + (f". Not identified: {refused}." if refused else ".")
+
+
+def sections(rows: Sequence[IdentifiedFriction], next_steps: Mapping[str, str], figure: Figure) -> list[Section]:
+    """Return the sections of the page."""
+    steps = table(["robot", "to train with what was found of it"], [[name, text] for name, text in next_steps.items()])
+    return [
+        Section("Found over true", (picture(figure_uri(figure), CAPTION), paragraph(SHOWN))),
+        Section("Each robot", (robots_table(rows),)),
+        Section("Each joint", tuple(fold(robot, [joints_table(some)]) for robot, some in by_robot(rows).items())),
+        Section("How a training takes it", (paragraph(TAKEN), steps)),
+    ]
+
+
+SHOWN = (
+    "A log shows friction in the unit in which the motor reports its torque: f/k, where k is the torque that the motor "
+    "gives over the torque that it reports. Under a law with load it also shows what the load adds while the joint "
+    "moves on its bench. Intervals are held against that, (f + load)/k. What is left is the method's own error: "
+    "sensors, delays, backlash and a friction law that is not Coulomb's. Nothing but this page and bench.csv has the "
+    "truth in it."
+)
+CAPTION = "Friction found over (f + load)/k, with its 95 % interval: a point a joint, a colour a robot, the line is 1."
+TAKEN = (
+    "training.json proposes one level for all joints, that of the worst, with a margin for the load that was not on "
+    "the bench; joints.json has the numbers themselves, which `stiction train --joints` takes as the nominal joints."
+)
+SIMULATED = "Everything here is simulation. No robot was involved."
+
+
+def draw_benches(rows: Sequence[IdentifiedFriction]) -> Figure:
+    """Return what was found over what a perfect log shows, joint by joint, robot beside robot."""
+    figure, (axis,) = new_figure(size=(9.6, 3.6))
+    axis.axhline(1.0, color=INK, linewidth=0.8)
+    place = 0
+    for index, (robot, some) in enumerate(by_robot(rows).items()):
+        drawn = [
+            (place + number, row.identified / row.shown, row.low / row.shown, row.high / row.shown)
+            for number, row in enumerate(some)
+            if row.identified is not None and row.low is not None and row.high is not None and row.shown > 0.0
+        ]
+        place += len(some) + 2
+        if drawn:
+            x, ratio, low, high = (list(column) for column in zip(*drawn, strict=True))
+            ends = [[a - b for a, b in zip(ratio, low, strict=True)], [a - b for a, b in zip(high, ratio, strict=True)]]
+            color = COLORS[index % len(COLORS)]
+            axis.errorbar(x, ratio, yerr=ends, fmt=".", markersize=4, linewidth=0.8, color=color, label=robot)
+    axis.set(ylabel="found over true", xticks=[])
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(fontsize=7, labelcolor=INK, frameon=False, ncols=2)
+    return figure
+
+
+def robots_table(rows: Sequence[IdentifiedFriction]) -> Markup:
+    """Return a row a robot: how many intervals hold, median and worst error."""
+    lines = []
+    for robot, some in by_robot(rows).items():
+        found = score(some)
+        lines.append(
+            [
+                robot,
+                f"{found.identified} of {found.joints}",
+                str(found.held),
+                _percent(found.median_error),
+                _percent(found.worst_error, "+"),
+                found.worst_joint.rpartition(" ")[2],
+                str(found.held_friction),
+                _percent(found.median_friction_error),
+                _percent(found.worst_friction_error, "+"),
+            ]
+        )
+    header = ["robot", "identified", "hold (f + load)/k", "median error", "worst", "of", "hold f", "median", "worst"]
+    return table(header, lines, "Errors are relative; the last three columns are against f itself.")
+
+
+def joints_table(rows: Sequence[IdentifiedFriction]) -> Markup:
+    """Return every joint of a robot."""
+    lines = [
+        [
+            row.joint,
+            f"{row.friction:.4g}",
+            f"{row.load:.3g}",
+            f"{row.strength:.3f}",
+            f"{row.shown:.4g}",
+            "not known" if row.identified is None else f"{row.identified:.4g}",
+            "" if row.low is None or row.high is None else f"{row.low:.4g} to {row.high:.4g}",
+            "yes" if row.holds else "no",
+            _percent(row.error, "+"),
+        ]
+        for row in rows
+    ]
+    header = ["joint", "f", "load", "k", "(f + load)/k", "found", "95 % interval", "holds", "error"]
+    return table(header, lines, "Friction in N m.")
+
+
+def _s(count: int) -> str:
+    """Return the end of a word of which there are so many."""
+    return "" if count == 1 else "s"
+
+
+def _percent(share: float | None, sign: str = "") -> str:
+    """Return a share as text, a dash where there is none."""
+    return "–" if share is None else f"{share:{sign}.1%}"

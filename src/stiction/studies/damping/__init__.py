@@ -1,0 +1,1 @@
+"""B and k·kd as one number to a joint: where that holds, and where it fails."""

@@ -1,0 +1,225 @@
+"""The page of the study of damping: where B and k kd are one number to a joint's motion, and where not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from markupsafe import Markup
+
+from stiction.report.page import (
+    COLORS,
+    Section,
+    figure_uri,
+    fold,
+    legend,
+    new_figure,
+    paragraph,
+    picture,
+    row_table,
+    table,
+)
+from stiction.studies.damping.joint import (
+    EFFORT,
+    FILTERED,
+    FRICTION,
+    LATE,
+    LEVELS,
+    LIMIT,
+    SHARP,
+    DrawRow,
+    NetRow,
+    RobotRow,
+    SwapRow,
+    angle_text,
+)
+from stiction.studies.study import Report
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def swap_table(rows: Sequence[SwapRow]) -> Markup:
+    """Return the differences as a table: robot, case and level down, swaps across."""
+    names = list(dict.fromkeys(row.swap for row in rows))
+    cells: dict[tuple[str, str, float], list[str]] = {}
+    for row in rows:
+        cells.setdefault((row.robot, row.case, row.level), []).append(angle_text(row.position_difference))
+    lines = [[f"{robot}, {case}", f"{level:g}", *sizes] for (robot, case, level), sizes in cells.items()]
+    caption = f"Largest difference of the angle [rad]. Levels: {'; '.join(f'{k}: {v}' for k, v in LEVELS.items())}."
+    return table(["joint and case", "level", *names], lines, caption)
+
+
+def stability_table(rows: Sequence[SwapRow]) -> Markup:
+    """Return how the sampled loops grow, before and after all of k kd went to B."""
+    lines = [
+        [f"{row.robot}, {row.case}", f"{row.level:g}", f"{row.growth:.3f}", f"{row.growth_swapped:.3f}"]
+        for row in rows
+        if row.growth is not None and row.growth_swapped is not None and row.swap.startswith("all")
+    ]
+    return table(["joint and case", "period [s]", "with kd", "with B"], lines)
+
+
+def size(value: float) -> str:
+    """Return an angle [rad] within a sentence."""
+    return "exactly nothing" if value == 0.0 else f"{angle_text(value)} rad"
+
+
+FLOOR = 1e-16
+"""Where a difference of exactly zero is drawn [rad]."""
+
+PANELS = (
+    ((FRICTION, EFFORT), "dry friction, over torque limit or drive torque"),
+    ((LIMIT,), "torque limit, over largest torque asked for"),
+    ((SHARP, LATE, FILTERED), "control period [s]"),
+)
+"""Cases and horizontal axis of each panel."""
+
+
+@dataclass(frozen=True)
+class DampingResult:
+    """All that the study found."""
+
+    swaps: tuple[SwapRow, ...]
+    nets: tuple[NetRow, ...]
+    draws: tuple[DrawRow, ...]
+    robots: tuple[RobotRow, ...]
+
+
+def report(result: DampingResult, settings: dict[str, Any]) -> Report:
+    """Return the report of the study. settings: `study`, `walk`, `seconds`."""
+    figure, said = draw_swaps(result.swaps), lead(result)
+    return Report(
+        title="B and k·kd: one number?",
+        lead=said,
+        tables=vars(result),
+        sections=sections(result, figure),
+        run=(paragraph(_made(settings["study"])),),
+        summary=settings | {"lead": said} | {name: list(map(asdict, rows)) for name, rows in vars(result).items()},
+        figures={"damping": figure},
+    )
+
+
+def draw_swaps(rows: Sequence[SwapRow]) -> Figure:
+    """Return the largest difference of the angle over each case's level, half of k kd moved, B × 1.2 dashed."""
+    robots = list(dict.fromkeys(row.robot for row in rows))
+    figure, axes = new_figure(len(robots), len(PANELS), size=(4.2 * len(PANELS), 3.1 * len(robots)))
+    for index, axis in enumerate(axes):
+        robot, (cases, label) = robots[index // len(PANELS)], PANELS[index % len(PANELS)]
+        for case, color in zip(cases, COLORS, strict=False):
+            for swap, style in (("half of k·kd to B", "-"), ("B × 1.2", "--")):
+                chosen = [row for row in rows if (row.robot, row.case, row.swap) == (robot, case, swap)]
+                heights = [max(row.position_difference, FLOOR) for row in chosen]
+                name = case if style == "-" else None
+                axis.plot([r.level for r in chosen], heights, style, color=color, marker="o", markersize=3, label=name)
+        axis.set(title=robot, xlabel=label, yscale="log", ylim=(FLOOR / 3, 30.0))
+        if cases == (LIMIT,):
+            axis.invert_xaxis()
+        if SHARP in cases:
+            axis.set_xscale("log")
+        legend(axis)
+        if index % len(PANELS) == 0:
+            axis.set_ylabel("largest difference of the angle [rad]")
+    return figure
+
+
+def lead(result: DampingResult) -> str:
+    """Return the answer in a few sentences."""
+    free = max(row.position_difference for row in result.swaps if row.case == FRICTION)
+    levels = [row.level for row in result.swaps if row.case == FRICTION]
+    walking = [row.free_difference for row in result.robots if row.free_difference is not None]
+    limited = [row.limited_difference for row in result.robots if row.limited_difference is not None]
+    said = (
+        f"With dry friction up to {max(levels):.0%} of the torque limit, "
+        f"a swap between B and kd at equal B + k·kd moves the exactly simulated joint by {size(free)}, and whole "
+        f"simulated robots whose motors stay under their limits by at most {size(max(walking))}."
+    )
+    if limited:
+        said += f" Once a motor reaches its limit, angles part by up to {max(limited):.2f} rad within a second."
+    return (
+        said + " A sampled controller, friction that grows with the drive torque and an Actuator Net tell them apart."
+    )
+
+
+def sections(result: DampingResult, figure: Figure) -> list[Section]:
+    """Return the sections of the page."""
+    nets = row_table(result.nets, "Damping in N m s/rad.")
+    return [
+        Section("One joint", (paragraph(JOINT), picture(figure_uri(figure), CAPTION))),
+        Section("Why", (paragraph(READING), *_folds(result.swaps))),
+        Section("Whole robots, in the simulator of the training", (paragraph(ROBOTS), row_table(result.robots))),
+        Section("What it means for randomisation", (paragraph(DRAWS), row_table(result.draws), paragraph(WHICH))),
+        Section(
+            "What it means for an Actuator Net",
+            (paragraph(NETS), nets, paragraph(SIDES)),
+        ),
+    ]
+
+
+JOINT = (
+    "I θ'' + B θ' = k (kp (a − θ) − kd θ') + f has B and kd in it as B + k·kd alone, whatever f(θ') is. Each point "
+    "is the same joint simulated twice, before and after damping was moved from kd to B: half of k·kd (solid), or as "
+    "much as the paper's randomisation adds at most, 20 % of B (dashed). The exact simulation adds the two numbers "
+    "before it computes, so its difference under dry friction is zero by construction; the checks from outside are the "
+    "sampled controller, whose difference falls with its period, and the robots further down."
+)
+CAPTION = (
+    "Largest difference of the angle within the motion; 1e-16 stands for exactly zero. Differences of the size of the "
+    "motion itself, at long periods, are unstable controllers. Friction by effort is simulated with a controller "
+    "sampled every 0.25 ms, which alone makes 1e-4 of it."
+)
+READING = (
+    "A torque limit cuts kp (a − θ) − kd θ' as a whole and leaves B alone; a swap towards B also asks for more torque, "
+    "and so reaches the limit first. A sampled controller holds its torque: it acts half a period late, and later with "
+    "a late or filtered velocity, which to first order takes k·kd times the delay off the inertia. B is never late. "
+    "With long periods kd makes the loop unstable and B cannot. Friction that grows with the drive torque (c |τ|) "
+    "feels kd, which is in τ, and not B. Folded: all numbers, and the factor by which the sampled loop grows in a "
+    "period (above 1 it is unstable), as it is and with all of k·kd moved to B."
+)
+ROBOTS = (
+    "MuJoCo with the training's physics step and implicit integration, which treats joint damping and controller "
+    "damping as two things. Half of kd was moved to B in every joint. Robots that reached no torque limit within the "
+    "first second (under) are counted apart from those that did (at limit); with lifted limits, a hundred times as "
+    "high, the same policies reach none. Twins start 1e-9 rad apart and have no swap: what contacts make of rounding. "
+    "Speeds show that what parts is the single motion, not the walk."
+)
+DRAWS = (
+    "B and kd both drawn (multipliers of 0.8 to 1.2), kd alone drawn so that B + k·kd is the same number joint by "
+    "joint, and with B alone drawn over its own 0.8 to 1.2. Spread is what a policy would meet: the "
+    "standard deviation of the angle. Pairs is the largest difference between joints of the same sum."
+)
+WHICH = (
+    "So randomising both gives what randomising one gives, but the one must be kd (or the motor's strength, which "
+    "scales k·kd and kp alike): the same multipliers on B alone move the sum by a few per cent of what they move it by "
+    "on kd, and to cover kd's range B would have to become negative. Under a torque limit and in a sampled loop the "
+    "pairs part, yet by far less than the spread: the distribution stays the same there too."
+)
+NETS = (
+    "A linear net, torque = w1 (a − θ) − w2 θ', fitted by least squares to the torque of a logged joint, then put into "
+    "a simulated joint in place of the PD law. A network with hidden layers would learn friction and limits too; where "
+    "the damping ends up is the same for both. Motor side: the torque before B and friction take their share, the "
+    "simulation keeps dry friction; Output side: what is left after them, the simulation has none. B of the "
+    "simulation is the logged joint's own, one with half of k·kd more (a swapped partner's, whose motion was the "
+    "same), or none."
+)
+SIDES = (
+    "A motor-side net knows kd and nothing of B: it reproduces the joint with that joint's own B, and with the B of a "
+    "joint that moves exactly alike it does not. An output-side net knows B + k·kd: with a B beside it damping counts "
+    "twice. So with a net in the loop kd cannot be drawn, drawing B is the only way to vary the damping, and the log "
+    "must say on which side its torque was. Dry friction in an output-side log turns up as damping in a linear net."
+)
+
+
+def _folds(rows: Sequence[SwapRow]) -> tuple[Markup, ...]:
+    """Return the long tables, folded."""
+    return fold("Every difference", [swap_table(rows)]), fold("Stability of the loops", [stability_table(rows)])
+
+
+def _made(study: dict[str, Any]) -> str:
+    """Return what the numbers are of."""
+    return (
+        "Joints: those of the robots' specifications, without links, at their measured dry friction unless said "
+        f"otherwise; target: {study['amplitude']:g} rad at {study['frequency']:g} Hz, held for {study['hold']:g} s. "
+        "Everything here is simulation."
+    )

@@ -1,0 +1,117 @@
+"""What the study of engines measures of each: the conformance suite, two motions to draw, and pace."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, EngineError
+from stiction.engines.catalog import ENGINES, make_engine, what_is_missing
+from stiction.engines.conformance import flight, joint
+from stiction.engines.conformance.suite import CHECKS, Measured, check_timestep, conformance, steps_per_second
+from stiction.robots.model import RobotSpec
+from stiction.studies.engines.walks import FigureRow, PaceRow, Traces
+
+ROUNDS = 3
+"""Times that every engine's pace is measured, in turn, so that what else the machine does meets all of them."""
+
+
+@dataclass(frozen=True)
+class Engines:
+    """Which engines are studied."""
+
+    here: tuple[str, ...]
+    """Names of those that can be had here."""
+    missing: dict[str, str]
+    """Names of the others -> why not and how to get them, one line each."""
+
+
+def find_engines(asked: Sequence[str] | None, spec: RobotSpec) -> Engines:
+    """Return the engines to study a robot in: those asked for, or all; of all, what is not here is named and left out.
+
+    Raises:
+        StictionError: one that was asked for is unknown, not here, or was asked for twice.
+
+    """
+    names = tuple(ENGINES if asked is None else asked)
+    if not names or len(set(names)) < len(names):
+        raise ConfigurationError(f"engines {', '.join(names) or 'none'}: expected at least one, each once")
+    missing = {name: line for name in names if (line := what_is_missing(name, spec))}
+    here = tuple(name for name in names if name not in missing)
+    if missing and (asked is not None or not here):
+        raise EngineError(next(iter(missing.values())))
+    return Engines(here, missing)
+
+
+def check_timesteps(timesteps: Sequence[float]) -> None:
+    """Raise `StictionError` unless there is a timestep, each once, and the suite can be run with each."""
+    if not timesteps or len(set(timesteps)) < len(timesteps):
+        raise ConfigurationError(f"timesteps {list(timesteps)}: expected at least one, each once")
+    for timestep in timesteps:
+        check_timestep(timestep)
+
+
+def figure_rows(name: str, spec: RobotSpec, timestep: float, progress: Callable[[float], None]) -> list[FigureRow]:
+    """Run the suite on a robot in an engine; `progress` is called with the share of the suite that is done."""
+    rows, order = [], list(CHECKS)
+    for measured in conformance(partial(make_engine, name), spec, timestep):
+        rows.append(_row(name, timestep, measured))
+        progress(order.index(measured.check) / len(order))
+    progress(1.0)
+    return rows
+
+
+def _row(name: str, timestep: float, measured: Measured) -> FigureRow:
+    """Return a figure as a record."""
+    figure = measured.figure
+    return FigureRow(
+        engine=name,
+        timestep=timestep,
+        check=measured.check,
+        figure=figure.name,
+        value=figure.value if math.isfinite(figure.value) else None,
+        unit=figure.unit,
+        bound=figure.tolerance,
+        passed=figure.passed,
+    )
+
+
+def traces(names: Sequence[str], spec: RobotSpec, timestep: float) -> Traces:
+    """Return the joint that breaks away and the free flight, in every engine at one timestep."""
+    makers = {name: partial(make_engine, name) for name in names}
+    joints = {name: joint.break_away(make, spec, timestep) for name, make in makers.items()}
+    one = next(iter(joints.values()))
+    flown = flight.reference(spec, timestep, 0.0).joint_position
+    flights = {name: flight.fly(make, spec, timestep, 0.0, timestep).joint_position for name, make in makers.items()}
+    return Traces(
+        time=one.time,
+        load=one.load / one.friction,
+        exact_speed=one.truth.velocity,
+        speed={name: seen.speed for name, seen in joints.items()},
+        error={name: np.abs(seen.angle - seen.truth.position) for name, seen in joints.items()},
+        flight={name: np.abs(angles - flown).max(-1) for name, angles in flights.items()},
+        flight_time=np.arange(len(flown)) * timestep,
+    )
+
+
+def pace_rows(names: Sequence[str], spec: RobotSpec, timestep: float, seconds: float = 1.0) -> list[PaceRow]:
+    """Return how fast the engines step, side by side: `ROUNDS` times one after the other, `seconds` simulated each."""
+    paces: dict[str, list[float]] = {name: [] for name in names}
+    for _ in range(ROUNDS):
+        for name in names:
+            paces[name].append(steps_per_second(partial(make_engine, name), spec, timestep, seconds))
+    first = paces[names[0]]
+    return [
+        PaceRow(
+            name,
+            timestep,
+            statistics.median(mine),
+            statistics.median(one / other for one, other in zip(mine, first, strict=True)),
+        )
+        for name, mine in paces.items()
+    ]

@@ -1,0 +1,106 @@
+"""`stiction study engines`: whether every physics engine does what it should, and how the same policy walks in each."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stiction.core.records import make_folder
+from stiction.studies.study import ParallelOptions, Report, Study, Work
+
+if TYPE_CHECKING:
+    from stiction.formats.bundle import Bundle
+    from stiction.studies.engines.walks import FigureRow, Walk
+
+DESCRIPTION = (
+    "Run the conformance suite in every physics engine that can be had here, and let the same policies walk in each, "
+    "on flat ground. The exit status is 1 where a figure of the suite is out of bounds. Stop it at any time: the same "
+    "command goes on. What is lost is the suite, which takes a minute, and for each core one policy's episodes in one "
+    "simulator at one level and command."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnginesOptions(ParallelOptions):
+    """Options of `stiction study engines`."""
+
+    engines: tuple[str, ...] | None = None
+    """Some of mujoco, physx, ode, ode-webots, or one of your own, package.module:ENGINE (an `EngineSpec`); by default
+    all shipped ones that can be had here, and what others need is said."""
+    robot: str = "saturn_lite"
+    """Robot that the suite is run with: go1, saturn_lite, or one of your own, package.module:NAME."""
+    timesteps: tuple[float, ...] = (0.002,)
+    """Physics steps of the suite [s]; its bounds are made for 0.002. Policies walk at that step whatever this says."""
+    walks: bool = True
+    """Let policies walk. The suite alone takes a minute."""
+    policies: tuple[Path, ...] | None = None
+    """Policies: directories or names of shipped bundles; by default the shipped ones for flat ground."""
+    friction_levels: tuple[float, ...] = (0.0, 0.2)
+    """Dry friction of the walks in every joint, as fractions of its torque limit [-]."""
+    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    """Commanded velocities; each must ask for motion."""
+    episodes: int = 5
+    """Walks of each policy in each simulator, per friction level and command."""
+    seconds: float = 6.0
+    """Length of a walk [s]; its first 2 s are not measured."""
+    seed: int = 0
+    """Seed of the first joint angles."""
+    out: Path = Path("stiction-engines")
+    """Directory for conformance.csv, pace.csv, walks.csv, episodes.csv, motions.png, walks.png, summary.json and
+    report.html; and for walks, a file for the episodes of a policy in one simulator at one level and command."""
+
+
+def run(options: EnginesOptions, work: Work) -> Report:
+    """Run suite and walks."""
+    from stiction.evaluate.evaluate import EvaluationCfg
+    from stiction.evaluate.summary import describe
+    from stiction.robots.catalog import find_robot
+    from stiction.studies.engines.page import EnginesResult, report
+    from stiction.studies.engines.run import check_timesteps, figure_rows, find_engines, pace_rows, traces
+    from stiction.studies.engines.walks import check_walks, simulators, walk_bundles
+
+    cfg = EvaluationCfg(options.friction_levels, options.commands, options.episodes, options.seconds, seed=options.seed)
+    check_timesteps(options.timesteps)
+    check_walks(cfg)
+    bundles = _bundles(options, work) if options.walks else []
+    spec = find_robot(options.robot)
+    engines = find_engines(options.engines, spec)
+    out = work.begin()
+    figures: list[FigureRow] = []
+    walked: list[Walk] = []
+    for timestep in options.timesteps:
+        for name in engines.here:
+            figures += figure_rows(name, spec, timestep, partial(work.progress, f"{name}, {1000 * timestep:g} ms"))
+    paces = [row for timestep in options.timesteps for row in pace_rows(engines.here, spec, timestep)]
+    motions = traces(engines.here, spec, options.timesteps[0])
+    if bundles:
+        make_folder(out / "walks")
+        walked = walk_bundles(bundles, simulators(engines.here), cfg, out / "walks", work.jobs, work.progress)
+    episodes = tuple(episode for walk in walked for episode in walk.episodes)
+    result = EnginesResult(
+        tuple(figures), tuple(paces), motions, tuple(walk.row for walk in walked), episodes, engines.missing
+    )
+    settings = {
+        "engines": engines.here,
+        "robot": spec.name,
+        "evaluation": asdict(cfg),
+        "policies": {bundle.name: describe(bundle) for bundle in bundles},
+        "seconds": work.seconds,
+    }
+    return report(result, settings)
+
+
+def _bundles(options: EnginesOptions, work: Work) -> list[Bundle]:
+    """Return the checked bundles that are to walk."""
+    bundles = work.bundles(options.policies)
+    return [one for one in bundles if options.policies is not None or one.contract.terrain == "flat"]
+
+
+STUDY = Study(
+    "whether every physics engine does what it should, and how the same policy walks in each",
+    DESCRIPTION,
+    EnginesOptions,
+    run,
+)

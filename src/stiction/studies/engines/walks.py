@@ -1,0 +1,317 @@
+"""Lets the same bundles walk in the training's simulator and in every engine: flat ground, the robot of the data sheet.
+
+Nothing differs between simulators but the simulator: no sensor noise, no delay, Coulomb friction of the same share of
+the torque limit in every joint. What is left is how contacts and joints are solved, and where the controllers run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.core.cache import cached, key_of
+from stiction.core.errors import ConfigurationError
+from stiction.core.parallel import spread
+from stiction.core.records import column
+from stiction.core.statistics import ratio_interval, t_interval, wilson
+from stiction.deploy.check import robot_of
+from stiction.engines.catalog import TIMESTEP, binaries, make_engine
+from stiction.engines.conformance.rig import Make
+from stiction.evaluate.code import WALKING
+from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluate.metrics import Metrics
+from stiction.evaluate.run import walk_once
+from stiction.formats.bundle import Bundle
+from stiction.joints.friction import Law
+from stiction.locomotion.config import NoiseCfg
+from stiction.virtual.cases import DataSheet
+from stiction.virtual.trial import World
+
+TRAINING, FINE_TRAINING = "training", "training (1 ms)"
+"""The simulator that policies were trained in, many robots at once, their controllers part of the engine: at its own
+step, and at a finer one."""
+
+MUJOCO, COARSE, STIFF = "mujoco", "mujoco (training's step)", "mujoco (contacts of 4 ms)"
+"""MuJoCo with one robot and torque from outside: at the step of the other engines, at the step of the training, and at
+the step of the others with contacts about as stiff as theirs."""
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """One figure of the conformance suite in one engine."""
+
+    engine: str
+    """Name of the engine."""
+    timestep: float
+    """Physics step [s]."""
+    check: str
+    """Name of the check."""
+    figure: str
+    """What was measured."""
+    value: float | None
+    """What came out, zero were perfect; None where it is not a number."""
+    unit: str
+    """Its unit, `1` for a ratio."""
+    bound: float
+    """Largest magnitude that passes."""
+    passed: bool
+    """Whether it does."""
+
+
+@dataclass(frozen=True)
+class PaceRow:
+    """How fast one engine steps, all engines side by side in one run."""
+
+    engine: str = field(metadata=column("engine"))
+    """Name of the engine."""
+    timestep: float = field(metadata=column("step", form=lambda step: f"{1000 * step:g} ms"))
+    """Physics step [s]."""
+    steps_per_second: float = field(metadata=column("steps/s", form=",.0f"))
+    """Steps per second of processor time, median over rounds [1/s]."""
+    share: float = field(metadata=column("share", form=".2f"))
+    """... over that of the first engine in the same rounds, median [1]."""
+
+
+@dataclass(frozen=True)
+class WalkRow:
+    """How one policy walked in one simulator at one friction level and command."""
+
+    policy: str
+    """Name of the bundle."""
+    simulator: str
+    """`TRAINING`, `FINE_TRAINING`, `COARSE`, `STIFF`, or the name of an engine."""
+    timestep: float
+    """Physics step [s]."""
+    friction_level: float
+    """Dry friction in every joint as a fraction of its torque limit [-]."""
+    command: str
+    """Commanded velocity: `vx=0.5`."""
+    episodes: int
+    """Number of walks, each from other joint angles."""
+    speed_ratio: float
+    """Mean speed along the command over the commanded speed [-]."""
+    speed_low: float | None
+    """Lower end of the 95 % t-interval of that mean over episodes; None for one episode."""
+    speed_high: float | None
+    """Its upper end."""
+    falls: int
+    """Episodes with a fall."""
+    fall_low: float
+    """Lower end of Wilson's 95 % interval of the share of falls."""
+    fall_high: float
+    """Its upper end."""
+    to_training: float | None
+    """Speed over that in `TRAINING` [-]; None there, and where that is zero."""
+    to_training_low: float | None
+    """Lower end of its 95 % interval (the delta method); None where there is none."""
+    to_training_high: float | None
+    """Its upper end."""
+
+
+@dataclass(frozen=True)
+class EpisodeRow:
+    """One walk behind a `WalkRow`."""
+
+    policy: str
+    """Name of the bundle."""
+    simulator: str
+    """As in `WalkRow`."""
+    friction_level: float
+    """As in `WalkRow`."""
+    command: str
+    """As in `WalkRow`."""
+    episode: int
+    """Its number."""
+    speed_ratio: float
+    """Mean speed along the command over the commanded speed, zero after a fall [-]."""
+    fell: bool
+    """Whether the robot fell."""
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Two motions of every engine, to be drawn; arrays of shape (samples,)."""
+
+    time: np.ndarray
+    """Of the joint's samples [s]."""
+    load: np.ndarray
+    """Torque on the joint over its dry friction [1]."""
+    exact_speed: np.ndarray
+    """Of the joint, in closed form [rad/s]."""
+    speed: dict[str, np.ndarray]
+    """Engine -> speed of the joint [rad/s]."""
+    error: dict[str, np.ndarray]
+    """Engine -> magnitude of the error of the joint's angle [rad]."""
+    flight: dict[str, np.ndarray]
+    """Engine -> largest error of a joint's angle in free flight, from the start to its end [rad]."""
+    flight_time: np.ndarray
+    """Of the flight's samples [s]."""
+
+
+FINE = 0.001
+"""Physics step of `FINE_TRAINING` [s]."""
+
+CONTACT_TIME = 0.004
+"""In which contacts give way in `STIFF` [s]: the shortest that MuJoCo takes at this step, twice the step."""
+
+NO_NOISE = NoiseCfg(0.0, 0.0, 0.0, 0.0)
+"""Perfect sensors."""
+
+
+@dataclass(frozen=True)
+class Simulator:
+    """What a policy walks in."""
+
+    name: str
+    """As in `WalkRow`."""
+    make: Make | None
+    """Makes the engine; None for the training's simulator."""
+    timestep: float | None
+    """Physics step [s]; None: the policy's own, that of the training."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """All episodes of one policy in one simulator at one level and command."""
+
+    row: WalkRow
+    """What they came to."""
+    episodes: tuple[EpisodeRow, ...]
+    """Each of them."""
+
+
+def simulators(engines: Sequence[str]) -> list[Simulator]:
+    """Return what policies walk in, the training's simulator first: the engines at 2 ms, MuJoCo in three ways."""
+    found = [Simulator(TRAINING, None, None), Simulator(FINE_TRAINING, None, FINE)]
+    for name in engines:
+        make = partial(make_engine, name)
+        if name == MUJOCO:
+            from stiction.engines.mujoco_engine import MujocoEngine
+
+            stiff = partial(MujocoEngine, contact_time=CONTACT_TIME)
+            found += [Simulator(COARSE, make, None), Simulator(name, make, TIMESTEP), Simulator(STIFF, stiff, TIMESTEP)]
+        else:
+            found.append(Simulator(name, make, TIMESTEP))
+    return found
+
+
+def check_walks(cfg: EvaluationCfg) -> None:
+    """Raise `StictionError` where a command asks for no motion, of which there is no speed to compare."""
+    for command in cfg.parsed_commands:
+        if command.direction is None:
+            raise ConfigurationError(f"command {command.label!r}: expected one that asks for motion, such as vx=0.5")
+
+
+def walk_bundles(
+    bundles: Sequence[Bundle],
+    found: Sequence[Simulator],
+    cfg: EvaluationCfg,
+    folder: Path,
+    jobs: int,
+    progress: Callable[[str, float], None],
+) -> list[Walk]:
+    """Let bundles walk over levels and commands in every simulator, by bundle, level, command, simulator.
+
+    Args:
+        bundles: each of another name.
+        found: as from `simulators`.
+        cfg: as `stiction evaluate` has it; its noise, law and delay are not used.
+        folder: in which what was walked is kept, a file for every such cell; it exists.
+        jobs: processes at once. They do not change the result.
+        progress: called with `walks` and the share that is done.
+
+    Raises:
+        StictionError: a bundle does not fit the robot, a command asks for no motion, or a process was killed.
+
+    """
+    check_walks(cfg)
+    same = replace(cfg, noise=NO_NOISE, action_delay=0.0, friction_law="coulomb")
+    asked = [
+        replace(same, friction_levels=(level,), commands=(command,))
+        for level, command in product(cfg.friction_levels, cfg.commands)
+    ]
+    tasks = [(bundle, simulator, one, folder) for bundle, one, simulator in product(bundles, asked, found)]
+    walked: dict[int, tuple[EpisodeRow, ...]] = {}
+    for number, episodes in spread(walk_cell, tasks, jobs):
+        walked[number] = episodes
+        progress("walks", len(walked) / len(tasks))
+    # The training's simulator is the first one of each cell.
+    return [
+        Walk(_row(timestep_of(bundle, simulator), walked[n], walked[n - n % len(found)]), walked[n])
+        for n, (bundle, simulator, _, _) in enumerate(tasks)
+    ]
+
+
+def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder: Path) -> tuple[EpisodeRow, ...]:
+    """Return the episodes of a policy in one simulator, from their file if they have walked before.
+
+    asked: one level and one command.
+    """
+    made_from: dict[str, Any] = {"bundle": bundle.digest, "simulator": simulator.name, "asked": asdict(asked)}
+    ours = simulator.name in (TRAINING, FINE_TRAINING, COARSE, STIFF)
+    made_from["binaries"] = binaries(MUJOCO if ours else simulator.name)
+    name = f"{bundle.name}--{simulator.name}--{asked.friction_levels[0]:g}--{asked.commands[0]}".replace(" ", "-")
+
+    def make() -> dict[str, list[dict[str, Any]]]:
+        return {"episodes": [asdict(row) for row in _episodes(bundle, simulator, asked)]}
+
+    entry = cached(folder, name, key_of(made_from, *WALKING, "studies/engines/walks.py"), make)
+    return tuple(EpisodeRow(**row) for row in entry["episodes"])
+
+
+def _episodes(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg) -> list[EpisodeRow]:
+    """Let a policy walk."""
+    (level,), (command,) = asked.friction_levels, asked.parsed_commands
+    timestep, cell = timestep_of(bundle, simulator), (bundle.name, simulator.name, level, command.label)
+    measured: Sequence[Metrics]
+    if simulator.make is None:
+        (measured,) = evaluate_bundle(at_step(bundle, timestep), asked).episodes
+    else:
+        world = World(simulator.make, timestep=timestep, period=bundle.contract.control_period)
+        case, spec = DataSheet(asked.seed, Law(), level), robot_of(bundle.contract)
+        measured = [walk_once(bundle, case, world, asked, episode, spec) for episode in asked.numbers]
+    return [EpisodeRow(*cell, n, float(one.speed_ratio or 0.0), one.fall_rate > 0) for n, one in enumerate(measured)]
+
+
+def at_step(bundle: Bundle, timestep: float) -> Bundle:
+    """Return a bundle that evaluation steps at another timestep [s], with the same control period."""
+    decimation = round(bundle.contract.control_period / timestep)
+    return replace(bundle, contract=replace(bundle.contract, physics_timestep=timestep, decimation=decimation))
+
+
+def timestep_of(bundle: Bundle, simulator: Simulator) -> float:
+    """Return the physics step of a policy's walk [s]."""
+    return bundle.contract.physics_timestep if simulator.timestep is None else simulator.timestep
+
+
+def _row(timestep: float, episodes: Sequence[EpisodeRow], trained: Sequence[EpisodeRow]) -> WalkRow:
+    """Return what episodes came to, beside those of the training's simulator."""
+    speeds, base = ([one.speed_ratio for one in some] for some in (episodes, trained))
+    first, falls = episodes[0], sum(one.fell for one in episodes)
+    low, high = t_interval(speeds) or (None, None)
+    fall_low, fall_high = wilson(falls, len(speeds))
+    other = first.simulator != TRAINING and bool(np.mean(base))
+    ratio_low, ratio_high = (ratio_interval(speeds, base) if other else None) or (None, None)
+    return WalkRow(
+        policy=first.policy,
+        simulator=first.simulator,
+        timestep=timestep,
+        friction_level=first.friction_level,
+        command=first.command,
+        episodes=len(speeds),
+        speed_ratio=float(np.mean(speeds)),
+        speed_low=low,
+        speed_high=high,
+        falls=falls,
+        fall_low=fall_low,
+        fall_high=fall_high,
+        to_training=float(np.mean(speeds) / np.mean(base)) if other else None,
+        to_training_low=ratio_low,
+        to_training_high=ratio_high,
+    )

@@ -1,0 +1,303 @@
+"""Evaluates the finished runs, teacher and student, over friction; what was evaluated once is read from its file.
+
+Candidates: friction over torque limit, f/τ_max; over the gain, f/kp, the dead band; over what the first actions ask
+for, f/(kp · action scale · σ). The three differ once gains, limits and σ are varied one at a time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from stiction.core.cache import entry_file, key_of, publish
+from stiction.core.errors import ConfigurationError, StictionError, TrainingError
+from stiction.core.parallel import spread
+from stiction.evaluate.code import RUN_WALKING
+from stiction.evaluate.evaluate import EvaluationCfg
+from stiction.evaluate.grid import BATCH
+from stiction.evaluate.samples import SeedValues
+from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow, read_results, write_results
+from stiction.joints.friction import has_coefficient
+from stiction.locomotion.friction import FrictionCfg
+from stiction.rma.config import TrainCfg
+from stiction.rma.run import latest_checkpoint
+from stiction.robots.catalog import find_robot
+from stiction.studies.friction.evidence import TrainingEvidence, at
+from stiction.studies.friction.manifest import LEVEL, Place, condition_of
+from stiction.studies.friction.records import Collapse, CurvePoint, Onset
+
+Who = Literal["teacher", "student"]
+
+LEVELS = (0.0, 0.01, 0.05, 0.1, 0.12, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
+"""Coulomb friction of the evaluation at nominal 0.2 [-]: none, the paper's 1 %, the mean of deception (0.12), the
+nominal one, and beyond what was trained, so that the onset of every policy is in sight. In proportion where the nominal
+level is another: a robot with twice the torque meets the same friction in N m."""
+
+COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.442)
+"""Coefficients of the law `load` in the evaluation [-]."""
+
+COMMANDS = {"student": (*DIRECTIONS, "wz=0.5", "stand"), "teacher": DIRECTIONS}
+"""What is commanded. The teacher is there for comparison: what no verdict needs of it is left out."""
+
+BASE = EvaluationCfg(LEVELS, DIRECTIONS, episodes=16, seconds=10.0)
+"""The evaluation of a run at the experiment's level; commands by policy."""
+
+DIGITS = 6
+"""Significant digits that are kept: more than the episodes can tell, and the files stay small."""
+
+
+def training_mean(friction: FrictionCfg) -> float:
+    """Return the mean friction level of the last stage of training [-].
+
+    Raises `StictionError` where the level is the robot's own, which differs from joint to joint.
+    """
+    if friction.level is None:
+        raise ConfigurationError("the run has the robot's own friction; expected one trained at a --friction-level")
+    mixture = friction.last.mixture
+    mean = sum(weight * (low + high) / 2 for weight, low, high in mixture) / sum(weight for weight, _, _ in mixture)
+    return round(mean * friction.level, 6)
+
+
+def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
+    """Return what the policies of a run are put through, under the friction law that they were trained with.
+
+    The levels of `base` in proportion to the run's own, those of `COEFFICIENTS` where the level is a coefficient, and
+    in both cases the mean of its training.
+    """
+    friction = cfg.task.friction
+    levels: set[float] = set(COEFFICIENTS)
+    if not has_coefficient(friction.law):
+        levels = {round(level * (friction.level or 0.0) / LEVEL, 6) for level in base.friction_levels}
+    settings = replace(base, friction_levels=tuple(sorted(levels | {training_mean(friction)})))
+    return replace(
+        settings,
+        friction_law=friction.law,
+        static_ratio=friction.static_ratio,
+        stribeck_velocity=friction.stribeck_velocity,
+    )
+
+
+@dataclass(frozen=True)
+class Task:
+    """One policy to evaluate."""
+
+    path: Path
+    """Folder of its run."""
+    who: Who
+    """Which of the run's two policies."""
+    settings: EvaluationCfg
+    """What it is put through."""
+    cache: Path
+    """Folder in which its rows are kept."""
+
+    @property
+    def name(self) -> str:
+        """Name of the policy in results.csv."""
+        return f"{self.path.resolve().name}/{self.who}"
+
+    @property
+    def file(self) -> Path:
+        """File of its rows, named after everything that they depend on: weights, settings and code.
+
+        Raises `StictionError` where the run has no such policy.
+        """
+        checkpoint = latest_checkpoint(self.path / "checkpoints", self.who)
+        if checkpoint is None:
+            raise TrainingError(f"{self.path} has no {self.who}; finish it with `stiction train --resume {self.path}`")
+        weights = hashlib.sha256(checkpoint.read_bytes()).hexdigest()
+        return entry_file(self.cache, self.who, key_of([weights, asdict(self.settings)], *RUN_WALKING), ".csv")
+
+
+def tasks_for(places: Sequence[Place], base: EvaluationCfg = BASE, cache: Path | None = None) -> list[Task]:
+    """Return the policies of finished runs, of one phase the student alone: no teacher walked in its training.
+
+    cache: a folder for the rows; by default `evaluation` in each run's.
+    """
+    return [
+        Task(
+            place.path,
+            who,
+            replace(settings_for(place.cfg, base), commands=COMMANDS[who]),
+            place.path / "evaluation" if cache is None else cache / place.run.name,
+        )
+        for place in places
+        for who in get_args(Who)
+        if who == "student" or place.cfg.teacher.latent != "history"
+    ]
+
+
+def evaluate_task(task: Task) -> list[ResultRow]:
+    """Evaluate one policy on one thread, unless its rows are there; return them."""
+    file = task.file
+    if not file.exists():
+        import torch
+
+        from stiction.evaluate.trained import evaluate_run
+
+        torch.set_num_threads(1)
+        rows = [_rounded(row) for row in evaluate_run(task.path, task.who, task.settings)]
+        with publish(file) as partial:
+            write_results(partial, rows)
+    return read_results(file)
+
+
+def _rounded(row: ResultRow) -> ResultRow:
+    """Return a row with `DIGITS` significant digits in every number."""
+    numbers: dict[str, Any] = {name: value for name, value in asdict(row).items() if isinstance(value, float)}
+    numbers = {name: float(f"{value:.{DIGITS}g}") for name, value in numbers.items()}
+    return replace(row, **numbers)
+
+
+def evaluate_tasks(
+    tasks: Sequence[Task], jobs: int, progress: Callable[[str, float], None] = lambda name, share: None
+) -> tuple[list[ResultRow], dict[str, str]]:
+    """Evaluate policies, `jobs` at once; return the rows in the order of the tasks, and policy -> why it has none.
+
+    Raises `StictionError` where a process was killed; what is evaluated by then is kept.
+    """
+    found: dict[str, list[ResultRow]] = {}
+    failed: dict[str, str] = {}
+    kept = [task for task in tasks if task.file.exists()]
+    new = [task for task in tasks if task not in kept]
+    for some, processes in ((kept, 1), (new, jobs)):
+        for number, rows in spread(_rows_or_reason, [(task,) for task in some], processes):
+            if isinstance(rows, str):
+                failed[some[number].name] = rows
+            else:
+                found[some[number].name] = rows
+            progress("evaluation", (len(found) + len(failed)) / len(tasks))
+    return [row for task in tasks for row in found.get(task.name, [])], failed
+
+
+def _rows_or_reason(task: Task) -> list[ResultRow] | str:
+    try:
+        return evaluate_task(task)
+    except StictionError as error:
+        return str(error)
+
+
+Rows = Sequence[dict[str, Any]]
+"""The lines of one run's metrics.jsonl."""
+
+WALKS = FOLLOWS[0]
+"""Speed ratio in training from which a teacher counts as walking, however fast [-]."""
+
+WINDOW = 10
+"""Iterations that are averaged: 240 control steps of 512 robots."""
+
+FORWARD, BACKWARD = "walk/forward_ratio", "walk/backward_ratio"
+
+
+def learning_curve(run: str, rows: Rows) -> list[CurvePoint]:
+    """Return the speed ratios of a run, means of `WINDOW` iterations; a rest that is shorter is left out."""
+    points = []
+    for phase in ("teacher", "student"):
+        own = [row for row in rows if row["phase"] == phase]
+        for end in range(WINDOW, len(own) + 1, WINDOW):
+            part = own[end - WINDOW : end]
+            forward, backward = (float(np.mean([row[name] for row in part])) for name in (FORWARD, BACKWARD))
+            points.append(CurvePoint(run, phase, int(part[-1]["iteration"]), forward, backward))
+    return points
+
+
+def iterations_to_walk(curve: Sequence[CurvePoint]) -> tuple[int, bool]:
+    """Return the iteration from which the robot walks both ways, and whether it does at all. curve: of a first phase.
+
+    A run that never walks counts as its whole first phase, which is less than the truth.
+    """
+    for point in curve:
+        if min(point.forward_ratio, point.backward_ratio) >= WALKS:
+            return point.iteration, True
+    return curve[-1].iteration, False
+
+
+def iterations_by_seed(condition: str, curves: Mapping[str, Sequence[CurvePoint]]) -> tuple[SeedValues, int]:
+    """Return the iterations of every seed of a condition until it walks both ways, and how many seeds never do.
+
+    curves: run -> its learning curve.
+    """
+    first = {condition_of(run): [p for p in curve if p.phase == "teacher"] for run, curve in curves.items()}
+    own = {seed: curve for (name, seed), curve in sorted(first.items()) if name == condition and curve}
+    found = {seed: iterations_to_walk(curve) for seed, curve in own.items()}
+    never = sum(not walks for _, walks in found.values())
+    return {seed: float(iteration) for seed, (iteration, _) in found.items()}, never
+
+
+CLEARER = 1.2
+"""The best axis must beat the second by this factor in spread to count as decided: seeds move an onset by some 10 %."""
+
+FEWEST = 3
+"""Conditions needed to compare axes: two would agree on some axis by accident."""
+
+AXES = ("f/τ_max", "f/kp [rad]", "f/(kp·scale·σ)")
+
+CANDIDATES = {
+    "direct": ("", "-strong", "-weak", "-kp05", "-kp2", "-torque2"),
+    "deception": ("", "-kp05", "-kp2", "-torque2"),
+}
+"""Method -> endings of the conditions whose onsets are compared."""
+
+
+def onset_level(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
+    """Return the level at which the speed ratio first slows under 80 %, the lower of `FOLLOWS`, between levels.
+
+    That it does not says nothing of being too fast. 0 where it is under from the start, None where it never is.
+    `levels` rise from 0.
+    """
+    for index, ratio in enumerate(ratios):
+        if ratio < FOLLOWS[0]:
+            if index == 0:
+                return 0.0
+            above = ratios[index - 1] - FOLLOWS[0]
+            share = above / (ratios[index - 1] - ratio)
+            return levels[index - 1] + share * (levels[index] - levels[index - 1])
+    return None
+
+
+def axis_scales(cfg: TrainCfg) -> dict[str, float]:
+    """Return what one unit of the friction level is on each axis, for the shank, whose friction is the largest."""
+    robot = find_robot(cfg.task.robot)
+    shank = robot.shank
+    first = shank.stiffness * robot.action_scale * cfg.network.initial_std
+    return dict(zip(AXES, (1.0, shank.torque_limit / shank.stiffness, shank.torque_limit / first), strict=True))
+
+
+def onsets(evidence: TrainingEvidence, configured: Mapping[str, TrainCfg]) -> list[Onset]:
+    """Return the onset of the student of every condition that was evaluated. `configured`: condition -> its runs'."""
+    found = []
+    for method, endings in CANDIDATES.items():
+        for name in (f"coulomb20-{method}{ending}" for ending in endings):
+            measured = {level: evidence.slower(name, at(level)).seeds for level in evidence.levels(name, BATCH)}
+            slower = {level: list(seeds.values()) for level, seeds in measured.items()}
+            levels = [level for level, values in slower.items() if values]
+            if levels and name in configured:
+                level = onset_level(levels, [float(np.mean(slower[level])) for level in levels])
+                found.append(Onset(name, method, level, axis_scales(configured[name])))
+    return found
+
+
+def collapse(method: str, found: Sequence[Onset]) -> Collapse:
+    """Return the axis on which the onsets of one method's conditions have the smallest ratio of largest to smallest."""
+    own = [onset for onset in found if onset.method == method]
+    if len(own) < FEWEST:
+        return Collapse(method, {}, None, f"not decided: {len(own)} conditions, at least {FEWEST} are needed")
+    without = [onset.condition for onset in own if not onset.level]
+    if without:
+        where = ", ".join(without)
+        return Collapse(method, {}, None, f"not decided: no onset between the tested levels for {where}")
+    spread = {axis: _ratio([onset.on(axis) or 0.0 for onset in own]) for axis in AXES}
+    best, second = sorted(AXES, key=spread.__getitem__)[:2]
+    text = f"spread {spread[best]:.2f} on {best}, {spread[second]:.2f} on {second}"
+    if spread[second] < CLEARER * spread[best]:
+        return Collapse(method, spread, None, f"not decided: {text}, too close to tell")
+    return Collapse(method, spread, best, f"{text}, over {len(own)} conditions")
+
+
+def _ratio(values: Sequence[float]) -> float:
+    """Return the largest over the smallest."""
+    return max(values) / min(values)

@@ -1,0 +1,71 @@
+"""The results of the experiment as evidence: rows by training condition, with learning curves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Self
+
+import numpy as np
+
+from stiction.core.statistics import t_interval
+from stiction.evaluate.grid import BATCH
+from stiction.evaluate.samples import Condition, Evidence, Measurement
+from stiction.formats.results import ResultRow
+from stiction.studies.friction.manifest import condition_of
+from stiction.studies.friction.records import CurvePoint, SeedMean
+
+STUDENT = "student"
+
+
+@dataclass(frozen=True)
+class TrainingEvidence(Evidence):
+    """Rows by cell, and learning curves. The method of a student is the name of its training condition."""
+
+    curves: Mapping[str, Sequence[CurvePoint]] = field(default_factory=dict)
+    """Run -> its learning curve."""
+
+    @classmethod
+    def of_runs(cls, rows: Iterable[ResultRow], curves: Mapping[str, Sequence[CurvePoint]] | None = None) -> Self:
+        """Sort rows whose policies are called `<condition>-s<seed>/<who>`; teachers are methods `<condition>/<who>`."""
+        named = (asdict(row) | dict(zip(("method", "seed"), _method_and_seed(row), strict=True)) for row in rows)
+        return replace(cls.of(named), curves=curves or {})
+
+    def error_up_to(self, method: str, highest: float = 0.3) -> Measurement:
+        """Return the mean of |speed ratio - 1| over both directions and the levels up to one, of every seed."""
+        return self.error(method, *(at(level) for level in self.levels(method, BATCH) if level <= highest))
+
+
+def _method_and_seed(row: ResultRow) -> tuple[str, int]:
+    """Return the training condition, with `/teacher` for one, and the seed of a row."""
+    run, _, who = row.policy.partition("/")
+    condition, seed = condition_of(run)
+    return condition if who == STUDENT else f"{condition}/{who}", seed
+
+
+def at(level: float, law: str = "coulomb") -> Condition:
+    """Return a friction in the engine of training."""
+    return Condition(BATCH, level, law)
+
+
+def seed_means(evidence: Evidence) -> list[SeedMean]:
+    """Return the mean speed ratio over seeds of every cell that has one, with its t-interval."""
+    found = []
+    for cell in evidence.cells:
+        method, _, law, level, _, command = cell
+        if values := list(evidence.column(cell, "speed_ratio").values()):
+            condition, _, who = method.partition("/")
+            low, high = t_interval(values) or (None, None)
+            mean = float(np.mean(values))
+            found.append(SeedMean(condition, who or STUDENT, law, level, command, len(values), mean, low, high))
+    return sorted(found, key=lambda one: (one.condition, one.who, one.friction_level, one.command))
+
+
+def median_seed(rows: Iterable[ResultRow], condition: str, highest: float = 0.3) -> int | None:
+    """Return the seed that is shipped: the median by the student's speed error over levels up to `highest`.
+
+    Of an even number of seeds the better of the two in the middle; None where no student was evaluated.
+    """
+    errors = TrainingEvidence.of_runs(rows).error_up_to(condition, highest).seeds
+    ranked = sorted(errors, key=lambda seed: (errors[seed], seed))
+    return ranked[(len(ranked) - 1) // 2] if ranked else None

@@ -1,0 +1,298 @@
+"""Every run of the experiment, with the reason for it. Data; what is computed from it stands elsewhere.
+
+All conditions have one preset, without its clips: the same budget, no early stop. Three ask what three times as much
+would do. They differ from `stiction train --preset PRESET --video-every 0` in the options that stand here and nothing
+else. The first part is trained with any preset of `PRESETS`, the others with `two-phase` alone, whose phases they name.
+
+The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
+kp · action scale · σ = 100 N m/rad · 0.25 rad · 0.8 = 20 N m, one standard deviation, against 5 N m (hip, thigh) and
+9 N m (shank) of friction at level 0.2: by default they break away. So both sides of that are tried: `strong` with
+σ = 1.6 (40 N m, four to eight times the friction; PPO, whose entropy bonus stays as it is, has 1.47 after 60
+iterations), and `weak` with σ = 0.15 (3.75 N m, less than the friction of every joint), beside `weak` without friction,
+to tell weak exploration itself from friction that filters it. Both `weak` stood still, so there is `mid`, σ = 0.3
+(7.5 N m, between the friction of hip and shank), with and without friction.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection
+from dataclasses import dataclass, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, FileError, TrainingError, unknown_name
+from stiction.formats.actuator import read_actuator
+from stiction.formats.results import read_metrics
+from stiction.joints.net import ActuatorNet
+from stiction.rma.config import TrainCfg
+from stiction.rma.run import RunDirectory, latest_checkpoint
+
+LEVEL = 0.2
+"""Nominal dry friction of the experiment, a fraction of each joint's torque limit [-]."""
+
+LOAD_COEFFICIENTS = (0.05, 0.2, 0.442)
+"""Coefficients of the law `load` [-]: where walking begins to suffer and where it ends, for policies that never met the
+law (mean friction 3 and 12 N m a joint), and the number of the paper's Table III read as one."""
+
+PRESETS = ("two-phase", "quick", "full")
+"""Presets of `stiction train` that the first part can have; of two phases, and of one."""
+
+PARTS = {
+    "1": "The training methods, five seeds",
+    "2": "The paper's other ways, more budget, more and less exploration",
+    "3": "What makes the wide range work",
+    "4": "Which number predicts the onset",
+    "5": "Friction that grows with load",
+    "6": "A quadruped, which can fall",
+    "gait": "The gait rewards, without friction",
+    "history": "Longer histories for the student",
+}
+"""Part -> what it is about, in the order in which the parts are worth their time."""
+
+
+@dataclass(frozen=True)
+class Condition:
+    """one training method, and the seeds that it is trained with."""
+
+    name: str
+    """Name of its runs without `-s<seed>`."""
+    part: str
+    """Part of the experiment, see `PARTS`."""
+    purpose: str
+    """Why it is there."""
+    options: tuple[str, ...]
+    """Words for `stiction train`, without preset, seed and folder."""
+    seeds: tuple[int, ...] = (0,)
+    """Seeds of its runs."""
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """One run a seed."""
+        return tuple(Run(self, seed) for seed in self.seeds)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One training run."""
+
+    condition: Condition
+    """What it is a sample of."""
+    seed: int
+    """Seed of everything random in it."""
+    preset: str = PRESETS[0]
+    """Preset of its training."""
+
+    @property
+    def name(self) -> str:
+        """Name of its folder."""
+        return f"{self.condition.name}-s{self.seed}"
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Words for `stiction train`, without the folder. Nobody looks at the clips of an experiment."""
+        return "--preset", self.preset, *self.condition.options, "--seed", str(self.seed), "--video-every", "0"
+
+
+def condition_of(run: str) -> tuple[str, int]:
+    """Return condition and seed of a run's name: `coulomb20-none-s3` -> (`coulomb20-none`, 3).
+
+    Raises `StictionError` for a name without a seed.
+    """
+    name, mark, seed = run.rpartition("-s")
+    if not mark or not seed.isdecimal():
+        raise ConfigurationError(f"{run!r} is no run of the experiment; expected CONDITION-s<SEED>")
+    return name, int(seed)
+
+
+def _coulomb(name: str, part: str, purpose: str, method: str, *options: str, seeds: int = 1) -> Condition:
+    """Return a condition with Coulomb friction at the experiment's level."""
+    words = ("--method", method, "--friction-level", f"{LEVEL:g}", *options)
+    return Condition(f"coulomb20-{name}", part, purpose, words, tuple(range(seeds)))
+
+
+def _load(coefficient: float, method: str) -> Condition:
+    """Return a condition with friction c (|F| + |T|)."""
+    options = ("--method", method, "--friction-law", "load", "--friction-level", f"{coefficient:g}")
+    return Condition(f"load{round(1000 * coefficient)}-{method}", "5", "the number as a coefficient of load", options)
+
+
+def _variant(short: str, robot: str, level: float, method: str) -> Condition:
+    """Return a condition with another robot at the same friction in N m."""
+    options = ("--method", method, "--friction-level", f"{level:g}", "--robot", robot)
+    return Condition(f"coulomb20-{method}-{short}", "4", f"{robot}, the same friction in N m", options)
+
+
+MANIFEST: tuple[Condition, ...] = (
+    _coulomb("none", "1", "conventional randomisation", "none", seeds=5),
+    _coulomb("direct", "1", "0.8 to 1.2 of the nominal friction", "direct", seeds=5),
+    _coulomb("deception", "1", "0 to 1.2 of it", "deception", seeds=5),
+    _coulomb("finetune", "2", "half the budget without friction, then all of it at once", "finetune"),
+    _coulomb("iterative", "2", "half the budget without friction, then four steps", "iterative"),
+    _coulomb("compensation", "2", "the nominal friction added to the command", "compensation"),
+    _coulomb(
+        *("direct-long", "2", "three times the budget: slow, or stuck?", "direct"),
+        *("--teacher.iterations", "1050", "--student.iterations", "240"),
+    ),
+    _coulomb(
+        *("deception-long", "2", "the same for the wide range", "deception"),
+        *("--teacher.iterations", "1050", "--student.iterations", "240"),
+    ),
+    _coulomb(
+        *("deception-student240", "2", "three times the student's budget: does it overshoot less?", "deception"),
+        *("--student.iterations", "240"),
+    ),
+    _coulomb("direct-strong", "2", "first actions of 40 N m (σ)", "direct", "--network.initial-std", "1.6"),
+    _coulomb("direct-weak", "2", "first actions of 3.75 N m (σ)", "direct", "--network.initial-std", "0.15"),
+    _coulomb("none-weak", "2", "the same, without friction", "none", "--network.initial-std", "0.15"),
+    _coulomb("direct-mid", "2", "first actions of 7.5 N m (σ)", "direct", "--network.initial-std", "0.3"),
+    _coulomb("none-mid", "2", "the same, without friction", "none", "--network.initial-std", "0.3"),
+    _coulomb("narrow", "3", "the mean of deception, no easy robots", "direct", "--task.friction.range", "0.48", "0.72"),
+    _coulomb("mean-kept", "3", "easy robots, mean kept: 0 to 2", "deception", "--task.friction.range", "0", "2"),
+    _coulomb(
+        *("mixture", "3", "one robot in five without friction, the rest with the nominal one", "deception"),
+        *("--task.friction.mixture", "0.2", "0", "0", "0.8", "1", "1"),
+    ),
+    _coulomb("deception-joint", "3", "drawn for each joint", "deception", "--task.friction.per", "joint"),
+    *(_variant("kp05", "saturn_lite@kp=0.5", LEVEL, method) for method in ("direct", "deception")),
+    *(_variant("kp2", "saturn_lite@kp=2", LEVEL, method) for method in ("direct", "deception")),
+    *(_variant("torque2", "saturn_lite@torque=2", LEVEL / 2, method) for method in ("direct", "deception")),
+    *(_load(coefficient, method) for coefficient in LOAD_COEFFICIENTS for method in ("direct", "deception")),
+    *(
+        Condition(
+            *(f"go1-coulomb20-{method}", "6", "a quadruped"),
+            ("--method", method, "--friction-level", f"{LEVEL:g}", "--robot", "go1"),
+        )
+        for method in ("none", "direct", "deception")
+    ),
+    _coulomb("none-notrot", "gait", "without r_trot", "none", "--task.rewards.trot", "0"),
+    _coulomb("none-nounsync", "gait", "without r_unsync", "none", "--task.rewards.unsync", "0"),
+    _coulomb(
+        *("none-nogait", "gait", "without both", "none"),
+        *("--task.rewards.trot", "0", "--task.rewards.unsync", "0"),
+    ),
+    # The set that runs from t - H to t has H + 1 frames.
+    _coulomb("deception-history20", "history", "H = 20 in place of 10", "deception", "--task.history", "21"),
+    _coulomb("deception-history50", "history", "H = 50", "deception", "--task.history", "51"),
+)
+"""The conditions in the order in which they are trained."""
+
+
+def runs_of(parts: Collection[str], preset: str = PRESETS[0]) -> list[Run]:
+    """Return the runs of some parts, of all that the preset has where none is named: part by part, in each part seed by
+    seed. So an experiment that is cut short has the same seeds of every condition.
+
+    Raises `StictionError` for a part that does not exist, or is not trained with this preset.
+    """
+    unknown = [part for part in parts if part not in PARTS]
+    if unknown:
+        raise ConfigurationError(unknown_name("part", unknown[0], PARTS))
+    own = list(PARTS) if preset == PRESETS[0] else list(PARTS)[:1]
+    if others := [part for part in parts if part not in own]:
+        raise ConfigurationError(
+            f"part {others[0]} is not trained with the preset {preset!r}; expected part {own[0]} alone, or --preset "
+            f"{PRESETS[0]}"
+        )
+    asked = parts or own
+    chosen = [replace(r, preset=preset) for c in MANIFEST if c.part in asked for r in c.runs]
+    order = list(PARTS)
+    return sorted(chosen, key=lambda run: (order.index(run.condition.part), run.seed))
+
+
+State = Literal["missing", "interrupted", "finished"]
+
+
+MADE_BY = {"layers": None, "revision": None, "command": None}
+"""Fields of an Actuator Net that are compared by value, or not at all."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A run of the manifest, what it is to be, and the folder where it is or will be."""
+
+    run: Run
+    """The run."""
+    cfg: TrainCfg
+    """Its configuration, complete."""
+    path: Path
+    """Its folder."""
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of teacher and student together."""
+        return self.cfg.teacher.iterations + self.cfg.student.iterations
+
+    def done(self) -> int:
+        """Return the iterations that its metrics have."""
+        rows = read_metrics(self.path / "metrics.jsonl")
+        if not rows:
+            return 0
+        before = self.cfg.teacher.iterations if rows[-1]["phase"] == "student" else 0
+        return before + int(rows[-1]["iteration"])
+
+    def state(self) -> State:
+        """Return where the run stands.
+
+        A configuration that was written before a field existed equals the manifest's when the field has its default. A
+        `joints.json` and an Actuator Net are known by what is in them, and may have moved.
+
+        Raises:
+            StictionError: the folder holds a run with another configuration, joints or net, or one of the manifest's
+                cannot be read.
+
+        """
+        if not (self.path / "config.json").exists():
+            return "missing"
+        run = RunDirectory(self.path)
+        if other := [*differences(_pathless(run.config()), _pathless(self.cfg)), *self._other_files(run)]:
+            raise TrainingError(
+                f"{self.path} holds another run than the manifest's: {', '.join(other)}; "
+                "move it away, or name another folder with --runs"
+            )
+        newest = latest_checkpoint(self.path / "checkpoints", "student")
+        last = newest is not None and int(newest.stem.rpartition("_")[2]) == self.cfg.student.iterations
+        return "finished" if last and (self.path / "summary.json").is_file() else "interrupted"
+
+    def _other_files(self, run: RunDirectory) -> list[str]:
+        """Return in which of the files that a training starts from a run is another than the manifest's."""
+        identified, joints = run.header()["identified"], self.cfg.joints
+        found = identified["sha256"] if identified else None
+        expected = None if joints is None else _digest(Path(joints))
+        net = None if self.cfg.actuator is None else read_actuator(Path(self.cfg.actuator))
+        other = differences(found, expected, "SHA-256 of joints")
+        return other if _alike(run.actuator(), net) else [*other, f"actuator is another net than {self.cfg.actuator}"]
+
+
+def _pathless(cfg: TrainCfg) -> TrainCfg:
+    """Return a configuration without the paths of its files, which say nothing of what is in them."""
+    return replace(cfg, joints=None, actuator=None)
+
+
+def _digest(file: Path) -> str:
+    """Return the SHA-256 of a file, as `stiction train` records it; raise `StictionError` where it cannot be read."""
+    try:
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError as error:
+        raise FileError(f"{file} cannot be read: {error}; expected the joints.json to train with") from error
+
+
+def _alike(net: ActuatorNet | None, other: ActuatorNet | None) -> bool:
+    """Say whether two nets are the same but for the command and the revision that made them."""
+    if net is None or other is None:
+        return net is other
+    arrays, others = ([array for group in one.layers for layer in group for array in layer] for one in (net, other))
+    same = len(arrays) == len(others) and all(map(np.array_equal, arrays, others))
+    return same and vars(net) | MADE_BY == vars(other) | MADE_BY
+
+
+def differences(found: Any, expected: Any, name: str = "") -> list[str]:
+    """Return the fields in which two configurations differ, as `teacher.iterations is 3, expected 350`."""
+    if is_dataclass(found) and is_dataclass(expected):
+        nested = (
+            differences(getattr(found, f.name), getattr(expected, f.name), f"{name}.{f.name}".lstrip("."))
+            for f in fields(found)
+        )
+        return [text for texts in nested for text in texts]
+    return [] if found == expected else [f"{name} is {found}, expected {expected}"]

@@ -1,0 +1,142 @@
+"""`stiction study friction`: trains, evaluates and judges the training methods under dry friction."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from stiction.core.errors import TrainingError
+from stiction.report.terminal import stop_requests
+from stiction.studies.study import ParallelOptions, Report, Study, Work
+
+if TYPE_CHECKING:
+    from stiction.studies.friction.manifest import Place
+    from stiction.studies.friction.records import Experiment
+
+DESCRIPTION = """The experiment on training with dry friction: every run of its manifest, and what follows from them.
+
+`stiction study friction --train` trains what is missing, goes on with what was interrupted, and then evaluates;
+without --train it evaluates what is finished. Stop it at any time: nothing is done twice."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrictionOptions(ParallelOptions):
+    """Options of `stiction study friction`."""
+
+    preset: Literal["two-phase", "quick", "full"] = "two-phase"
+    """How the runs are trained. The first part alone has presets of one phase, and then no teacher."""
+    runs: Path = Path("runs")
+    """Folder of the training runs, one folder each."""
+    add: bool = False
+    """Add to what --out has: results of runs that are not in --runs, but were in --runs when --out was written, stay.
+    Trainings on several machines, or over several days, then make one experiment."""
+    out: Path = Path("results/friction-training")
+    """Folder of results.csv, intervals.csv, following.csv, curves.csv, summary.json, tables.md, figures,
+    report.html."""
+    parts: tuple[str, ...] = ()
+    """Parts of the experiment: 1 to 6, gait, history; all of them by default."""
+    train: bool = False
+    """First train what is missing."""
+    cache: Path | None = None
+    """Folder in which evaluations are kept; by default `evaluation` in each run's folder."""
+    episodes: int = 16
+    """Episodes per level and command."""
+    seconds: float = 10.0
+    """Length of an episode [s]; its first 2 s are not measured."""
+    judge_again: bool = False
+    """Train and evaluate nothing: judge what --out has by today's criteria, and draw its page anew."""
+    advice: Path | None = None
+    """Also write who follows into this file of what `stiction identify` advises by."""
+    ship: Path | None = None
+    """Export the median seed of each training method of the first part into this folder."""
+    list: bool = False
+    """Only say what the experiment is made of, and where it stands."""
+    json: bool = False
+    """Print the verdicts as JSON on standard output, and nothing else."""
+
+
+def places_of(options: FrictionOptions) -> list[Place]:
+    """Return the runs of the chosen parts with their configurations and folders."""
+    from stiction.rma.arguments import parse
+    from stiction.studies.friction.manifest import Place, runs_of
+
+    runs = runs_of(options.parts, options.preset)
+    return [Place(run, parse([*run.arguments]).config, options.runs / run.name) for run in runs]
+
+
+def run(options: FrictionOptions, work: Work) -> Report | int:
+    """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
+    from stiction.studies.friction.assemble import assemble, judge_again, read_experiment, ship
+    from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
+    from stiction.studies.friction.training import train_missing
+
+    if options.judge_again:
+        return told(options, judge_again(options.out, work.made))
+    places = places_of(options)
+    states = {place.run.name: place.state() for place in places}
+    if options.list:
+        print_places(places, states)
+        return 0
+    if not options.train and "finished" not in states.values():
+        raise TrainingError(
+            f"no run of the experiment in {options.runs} is finished; train them with --train, or name their folder "
+            "with --runs"
+        )
+    before = read_experiment(options.out, options.preset) if options.add else None
+    work.begin()
+    failed: dict[str, str] = {}
+    if options.train:
+        with stop_requests(work.say, "an iteration of each run") as asked:
+            failed = train_missing(places, work.jobs, work.progress, asked=asked)
+        if asked():
+            return asked.status
+    base = replace(BASE, episodes=options.episodes, seconds=options.seconds)
+    finished = [place for place in places if place.state() == "finished"]
+    rows, unevaluated = evaluate_tasks(tasks_for(finished, base, options.cache), work.jobs, work.progress)
+    failed |= unevaluated
+    for name, reason in failed.items():
+        work.say(f"{name}: {reason}")
+
+    made = work.made | {"failed": failed, "preset": options.preset}
+
+    def write_bundles(_: Path) -> None:
+        for folder in ship(places, rows, options.ship) if options.ship else []:
+            work.say(f"shipped {folder}")
+
+    report = told(options, assemble(places, rows, base, made, before), write_bundles)
+    return replace(report, status=1 if failed else 0)
+
+
+def told(
+    options: FrictionOptions, experiment: Experiment, further: Callable[[Path], None] = lambda out: None
+) -> Report:
+    """Return the report of the experiment; with it its part of the advice is written if asked for, then `further`."""
+    from stiction.formats.advice import TRAINING, write_source
+    from stiction.studies.friction.assemble import source_of
+    from stiction.studies.friction.page import report
+
+    def write_advice(out: Path) -> None:
+        if options.advice is not None:
+            write_source(options.advice, TRAINING, source_of(experiment))
+        further(out)
+
+    return replace(report(experiment), files=write_advice)
+
+
+def print_places(places: list[Place], states: Mapping[str, str]) -> None:
+    """Print every run with its state and the command that trains it by hand."""
+    for place in places:
+        run = place.run
+        share = place.done() / place.iterations
+        print(f"{states[run.name]:<12}{share:>5.0%}  stiction train {shlex.join(run.arguments)} --out {place.path}")
+
+
+STUDY = Study(
+    "which training method works under joint friction, and at how much of it; a verdict a claim",
+    DESCRIPTION,
+    FrictionOptions,
+    run,
+)

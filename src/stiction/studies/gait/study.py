@@ -1,0 +1,104 @@
+"""`stiction study gait BUNDLE...`: the gaits of policies trained with and without r_trot and r_unsync."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from stiction.core.errors import ConfigurationError
+from stiction.studies.study import Options, Report, Study, UsageError, Work
+
+DESCRIPTION = (
+    "Drive policies over commands and show which feet are on the ground when: gait diagram, shares of each contact "
+    "group, flight, synchrony; and judge the paper's sentences on its two gait rewards. Which rewards a policy had is "
+    "read off the training command in its contract, or off the run. Train the ablations with `stiction train "
+    "--task.rewards.trot 0`, `--task.rewards.unsync 0`, and both."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GaitOptions(Options):
+    """Options of `stiction study gait`."""
+
+    policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Policy bundles: directories, names of shipped ones, or finished training runs, which are exported first."""
+    variants: tuple[Literal["both", "no-trot", "no-unsync", "neither"], ...] = ()
+    """Gait rewards of each policy, in order, where its training command does not tell them."""
+    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    """Commanded velocities; each must ask for motion."""
+    friction_level: float = 0.0
+    """Dry friction in every joint, as a fraction of its torque limit [-]."""
+    episodes: int = 16
+    """Episodes per command."""
+    seconds: float = 12.0
+    """Length of an episode [s]; its first 2 s are not measured."""
+    seed: int = 0
+    """Seed of initial states and sensor noise."""
+    robot: str | None = None
+    """A robot of your own, `package.module:NAME`; by default the shipped robot that the bundle names."""
+    out: Path = Path("stiction-gait")
+    """Directory for gaits.csv, feet.csv, claims.csv, contacts.npz, gait.png, summary.json and report.html."""
+
+
+def run(options: GaitOptions, work: Work) -> Report:
+    """Check and drive the policies, judge what they do."""
+    if not options.policies:
+        raise UsageError("no bundle given")
+    if options.variants and len(options.variants) != len(options.policies):
+        raise ConfigurationError(
+            f"{len(options.variants)} variants for {len(options.policies)} policies; expected one each, or none"
+        )
+    from dataclasses import asdict
+    from functools import partial
+
+    from stiction.evaluate.evaluate import EvaluationCfg
+    from stiction.evaluate.summary import describe
+    from stiction.studies.gait.claims import judge
+    from stiction.studies.gait.measure import trained_alike, trained_variant, walk_gaits
+    from stiction.studies.gait.page import GaitResult, report
+
+    cfg = EvaluationCfg(
+        (options.friction_level,), options.commands, options.episodes, options.seconds, seed=options.seed
+    )
+    out = work.begin()
+    bundles = work.bundles([_exported(path, out) for path in options.policies])
+    variants: tuple[str, ...] = options.variants or tuple(
+        trained_variant(bundle.contract.command) for bundle in bundles
+    )
+    walked = []
+    for bundle, variant in zip(bundles, variants, strict=True):
+        progress = partial(work.progress, bundle.name)
+        walked += walk_gaits(bundle, variant, cfg, options.robot, work.threads, progress)
+    gaits = tuple(one.row for one in walked)
+    result = GaitResult(
+        gaits,
+        tuple(foot for one in walked for foot in one.feet),
+        tuple(judge(gaits, trained_alike(bundles))),
+        tuple(one.contact for one in walked),
+        walked[0].period,
+    )
+    named = zip(bundles, variants, strict=True)
+    settings = {
+        "evaluation": asdict(cfg),
+        "seconds": work.seconds,
+        "policies": {bundle.name: describe(bundle) | {"variant": variant} for bundle, variant in named},
+    }
+    return report(result, settings)
+
+
+def _exported(path: Path, out: Path) -> Path:
+    """Return the bundle that a path means; a training run is exported into `out` under its own name."""
+    made = out / "bundles" / path.name
+    if not (path / "config.json").is_file():
+        return path
+    if not made.exists():
+        from stiction.evaluate.export import export_run
+
+        export_run(path, made)
+    return made
+
+
+STUDY = Study("which feet are down when, with and without the two gait rewards", DESCRIPTION, GaitOptions, run)

@@ -1,0 +1,1 @@
+"""What a faster simulation of joint friction does to the speed of a walk."""

@@ -1,0 +1,236 @@
+"""The paper's sentences on its comparison, and the explanations that stand to be tested, each with its criterion.
+
+`E`: the paper's section on Sim2Sim and Sim2Real. The virtual robot stands in for the real one, PhysX, ODE for Webots.
+`V`: its section on training with friction, whose failures it saw on the robot. `T`: its table of motors, and what it
+concludes from it. `X`: explanations for why the paper saw what it saw.
+
+A policy walks while it reaches half of the command in the slower direction and falls in less than half of its walks.
+Levels of the virtual robot are shares of the torque limit, the bench's value, and that with shares of the load.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from stiction.evaluate.methods import FED
+from stiction.evaluate.samples import Evidence, each_seed
+from stiction.formats.following import LEAST
+from stiction.formats.results import DIRECTIONS
+from stiction.studies.claims import FOLLOWING, Claim, Verdict
+from stiction.studies.replication import criteria
+from stiction.studies.replication.plan import ROBOT
+from stiction.studies.replication.records import EvidenceRow
+
+FORWARD, BACKWARD = DIRECTIONS
+
+
+CLAIMS: tuple[Claim[Evidence], ...] = (
+    Claim(
+        "E1",
+        "in Sim2Sim the robot achieved the best performance using domain randomization without static friction",
+        "other engines, no friction: mean |speed ratio - 1| of none is below that of deception, and of actuator",
+        criteria.best_without_friction,
+    ),
+    Claim(
+        "E2a",
+        "using Actuator Net, the robot exhibited significant abnormal behavior [in Sim2Sim]",
+        "actuator, other engines, no friction: joint accelerations above 1.5 times those of none while both walk, or "
+        "falls in more than a third of walks, both directions together",
+        criteria.abnormal_elsewhere("actuator", "none"),
+    ),
+    Claim(
+        "E2b",
+        "eventually leading to system failure",
+        "actuator, other engines, no friction: under 20 % of the command in the slower direction, or at least half of "
+        "the walks in a direction end in a fall",
+        criteria.fails_elsewhere("actuator"),
+    ),
+    Claim(
+        "E3",
+        "with static friction, the robot displayed irregular jittering [in Sim2Sim]",
+        "other engines, no friction: joint accelerations of deception above 1.5 times those of none while both walk",
+        criteria.jitters_elsewhere,
+    ),
+    Claim(
+        "E4",
+        "and jumping",
+        "other engines, no friction: deception has no foot on the ground in more than 5 % of its moving steps",
+        criteria.jumps_elsewhere,
+    ),
+    Claim(
+        "E5",
+        "but was still capable of ascending and descending stairs",
+        "deception trained on stairs, other engines, no friction: at least 80 % of crossings, at each height",
+        criteria.climbs_elsewhere("deception"),
+    ),
+    Claim(
+        "E6",
+        "domain randomization without static friction enabled the robot to walk backward on flat ground",
+        "none, virtual robot: at least 50 % of the command backward, at each level",
+        criteria.walks("none", BACKWARD),
+    ),
+    Claim(
+        "E7",
+        "but forward walking caused it to fall",
+        "none, virtual robot: at least half of the walks forward end in a fall, at each level",
+        criteria.falls("none", FORWARD),
+    ),
+    Claim(
+        "E8a",
+        "using Actuator Net allowed the robot to walk forward",
+        "actuator, virtual robot: at least 50 % of the command forward, at each level",
+        criteria.walks("actuator", FORWARD),
+    ),
+    Claim(
+        "E8b",
+        "albeit unsteadily",
+        "actuator, virtual robot, forward: joint accelerations above 1.5 times those of deception while both walk, or "
+        "falls in more than a third of walks, at each level",
+        criteria.unsteady("actuator", "deception", FORWARD),
+    ),
+    Claim(
+        "E9",
+        "and it was unable to climb stairs",
+        "actuator trained on stairs, virtual robot, level 0.2: under 20 % of crossings, at each height; no preset "
+        "trains such a policy: judged only where some are given",
+        criteria.climbs_not("actuator", ROBOT, 0.2),
+    ),
+    Claim(
+        "E10",
+        "domain randomization with static friction achieved stable walking on flat ground",
+        f"deception follows on the virtual robot: {FOLLOWING}, at each level",
+        criteria.follows("deception"),
+    ),
+    Claim(
+        "E11",
+        "and successful stair navigation",
+        "deception trained on stairs, virtual robot, level 0.2: at least 80 % of crossings, at each height",
+        criteria.climbs("deception", ROBOT, 0.2),
+    ),
+    Claim(
+        "E12",
+        "this approach significantly improved Sim2Real performance",
+        "virtual robot: mean |speed ratio - 1| of deception is below that of none, at each level",
+        criteria.better_on_the_robot("deception", "none"),
+    ),
+    Claim(
+        "E13",
+        "albeit with a slight sacrifice in Sim2Sim performance",
+        "other engines, no friction: mean |speed ratio - 1| of deception is above that of none",
+        criteria.worse_elsewhere("deception", "none"),
+    ),
+    Claim(
+        "E14",
+        "static friction is the primary cause of this discrepancy",
+        "none: slower with the virtual robot's friction alone than with everything else alone, at each level",
+        criteria.friction_is_the_cause,
+    ),
+    Claim(
+        "V2",
+        "directly incorporating static friction caused the robot to remain stationary [during training]",
+        "direct, moved to the virtual robot: under 20 % of the command in the faster direction, and upright in most "
+        "walks in each, at each level; training itself is judged by `stiction study friction`",
+        criteria.stationary("direct"),
+    ),
+    Claim(
+        "V3",
+        "manually compensating for it in the actions caused the robot to remain stationary [during training]",
+        "compensation, moved to the virtual robot: under 20 % of the command in the faster direction, and upright in "
+        "most walks in each, at each level; training itself is judged by `stiction study friction`",
+        criteria.stationary("compensation"),
+    ),
+    Claim(
+        "V5",
+        "fine-tuning a model that was trained without static friction also failed",
+        f"finetune, virtual robot: too slow, under {LEAST} of the command in the slower direction, at each level",
+        criteria.too_slow("finetune"),
+    ),
+    Claim(
+        "V7",
+        "models trained with the iterative method exhibited severe jitter during real-world deployment",
+        "virtual robot: joint accelerations of iterative above 1.5 times those of deception while both walk, at each "
+        "level",
+        criteria.jitters_on_the_robot("iterative", "deception"),
+    ),
+    Claim(
+        "V8",
+        "even making stable standing difficult",
+        "iterative, virtual robot, told to stand: faster than 0.1 m/s, or more than a third of walks fall, at each "
+        "level",
+        criteria.stands_badly("iterative"),
+    ),
+    Claim(
+        "T1",
+        "static friction [0.98 % of the torque limit] leads to a noticeable impact",
+        "none, other engines: the slower direction loses at least 10 % of the command between no friction and 1 %",
+        criteria.loses("none", 0.01),
+    ),
+    Claim(
+        "T2",
+        "joints with lower friction-to-torque ratios could further alleviate this issue",
+        "none, virtual robot: mean |speed ratio - 1| at 0.1 is below that at 0.2",
+        criteria.lower_is_better,
+    ),
+    Claim(
+        "X1",
+        "the unit: 0.442 read as a coefficient of the joint's load freezes conventional policies",
+        "none, law load, c = 0.442: under 20 % of the command in the faster direction, upright in most walks in each",
+        criteria.frozen_by("load"),
+    ),
+    Claim(
+        "X2",
+        "the unit: 0.442 read as a coefficient of the motor's torque does",
+        "none, law effort, c = 0.442: under 20 % of the command in the faster direction, upright in most walks in each",
+        criteria.frozen_by("effort"),
+    ),
+    Claim(
+        "X3",
+        "had the paper's Sim2Sim had joint friction, it would have shown [Webots ignores it under position control]",
+        "none, ODE as Webots sets it up: the slower direction loses at least 10 % of the command, at each level above "
+        "0; that Webots ignores it was read in its source and not tried",
+        criteria.loses_at_each_level("none", "ode-webots"),
+    ),
+    Claim(
+        "X4",
+        "on the real robot friction under load was far above the bench's value",
+        f"none, virtual robot: in the slower direction not under {LEAST} at the bench's value, and under it with 0.1 "
+        "of the load",
+        criteria.load_above_bench,
+    ),
+    Claim(
+        "X5",
+        "what a user would try: friction fed forward in the joint controllers makes a conventional policy walk",
+        f"{FED} follows on the virtual robot, friction as identified on its bench: {FOLLOWING}, at each level; robots "
+        "whose bench does not tell the friction are left out, and counted",
+        criteria.follows(FED),
+    ),
+    Claim(
+        "X6",
+        "and training with friction is better than that",
+        f"virtual robot: mean |speed ratio - 1| of deception is below that of {FED}, at each level, over the robots "
+        "on which friction was fed forward",
+        criteria.better_on_the_robot("deception", FED),
+    ),
+    Claim(
+        "X7",
+        "and a range, around and below the friction that one knows, is better than training at that friction alone",
+        "virtual robot: mean |speed ratio - 1| of deception is below that of point, at each level",
+        criteria.better_on_the_robot("deception", "point"),
+    ),
+)
+"""In the order of the paper, then the criteria."""
+
+WITHOUT_POLICY = ("E9",)
+"""Sentences of a policy that no preset has: an Actuator Net's for stairs."""
+
+
+def judge_all(
+    evidence: Evidence, claims: Iterable[Claim[Evidence]] = CLAIMS
+) -> tuple[list[Verdict], list[EvidenceRow]]:
+    """Return what became of every sentence, and the numbers that each criterion read."""
+    verdicts, read = [], []
+    for claim in claims:
+        own = evidence.afresh()
+        verdicts.append(claim.verdict(own))
+        read += [EvidenceRow(*cell, claim.id, column, *each_seed(seeds)) for (cell, column), seeds in own.reads.items()]
+    return verdicts, read

@@ -1,0 +1,126 @@
+"""The Actuator Net of the comparison: fitted to what the motors of one virtual robot said while it walked.
+
+As in the paper the conventional policy f0 walks on the robot, backward only, and its log trains f_motor; f1 is then
+trained with that net in place of the PD law. The torque is the motors' own, a current times a constant, for that is
+what such a robot logs: friction of the joints, which lies behind the motor, is not in it. `stiction study actuator`
+asks what a torque sensor behind the gear would change.
+
+The folder has the logs and the net; it is an entry of `core.cache`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+from stiction.core.cache import has_entry, key_of, publish_entry
+from stiction.core.errors import FileError, PolicyError
+from stiction.core.parallel import spread
+from stiction.engines.catalog import make_engine
+from stiction.evaluate.code import WALKING
+from stiction.evaluate.command import parse_command
+from stiction.evaluate.course import FLAT
+from stiction.evaluate.run import command_source
+from stiction.evaluate.walk_logs import SHORTEST
+from stiction.formats.bundle import Bundle
+from stiction.formats.walk import write_walk
+from stiction.joints.net import ActuatorCfg
+from stiction.robots.model import RobotSpec
+from stiction.studies.actuator.config import BACKWARD, RUNS
+from stiction.virtual.bench import walk_log
+from stiction.virtual.cases import Case
+from stiction.virtual.trial import World, walk
+
+MAKING = (*WALKING, "joints/*.py", "rma/actuator*.py", "studies/replication/net.py")
+"""Code that decides what the net is."""
+
+Progress = Callable[[str, float], None]
+"""Called with the name of a piece of work and the share of it that is done."""
+
+
+@dataclass(frozen=True)
+class WalkedNet:
+    """A net of one robot."""
+
+    engine: str
+    """Name in the catalogue of engines."""
+    case: Case
+    """The robot."""
+    spec: RobotSpec
+    """Its data sheet."""
+    policy: Bundle
+    """f0, which walks."""
+    seconds: float = 10.0
+    """Length of each of its `RUNS` walks [s]."""
+    cfg: ActuatorCfg = field(default_factory=ActuatorCfg)
+    """How the net is fitted."""
+
+    @property
+    def label(self) -> str:
+        """Name for people, of robot and policy."""
+        return f"{self.spec.name}--{self.engine}--{self.case.label}--{self.policy.name}"
+
+    @property
+    def key(self) -> str:
+        """What it was made from, as one number: robot, engine, policy, settings, code."""
+        return key_of([self.engine, self.case, self.spec, self.policy.digest, self.seconds, self.cfg], *MAKING)
+
+
+def make_net(
+    walked: WalkedNet, folder: Path, command: str, jobs: int = 1, progress: Progress = lambda *_: None
+) -> None:
+    """Let the policy walk and fit the net to its logs, unless the folder has it.
+
+    Args:
+        walked: robot, policy and settings.
+        folder: for `logs` and the net's files.
+        command: the command line, for the record.
+        jobs: processes at once. They do not change the result.
+        progress: see `Progress`.
+
+    Raises:
+        StictionError: the policy fell at once in nearly every run, or the folder cannot be written.
+
+    """
+    from stiction.rma.actuator import train_actuator, write_trained
+    from stiction.rma.actuator_data import read_run
+
+    if has_entry(folder, walked.key):
+        return
+    try:
+        with publish_entry(folder, walked.key, walked.label) as net:
+            logs = net / "logs"
+            logs.mkdir()
+            tasks = [(walked, name, episode, logs) for name in BACKWARD for episode in range(RUNS // len(BACKWARD))]
+            for done, _ in enumerate(spread(log_walk, tasks, jobs), start=1):
+                progress("Actuator Net, log", done / len(tasks))
+            runs = [read_run(file) for file in sorted(logs.glob("*.npz"))]
+            if len(runs) < 2:
+                raise PolicyError(
+                    f"{walked.policy.name} fell at once on {walked.case.label}: {len(runs)} of {len(tasks)} logs, too "
+                    "few for a net; give a policy that walks"
+                )
+            write_trained(net, train_actuator(runs, walked.cfg, command, partial(_named, progress)))
+    except OSError as error:
+        raise FileError(f"{folder} cannot be written: {error}; choose another --runs") from error
+
+
+def log_walk(walked: WalkedNet, command: str, episode: int, logs: Path) -> None:
+    """Walk once and write the log `<command>--<episode>.npz`, if the robot stays up for `SHORTEST`.
+
+    It is logged at the training's physics rate, at which the net will run.
+    """
+    contract = walked.policy.contract
+    world = World(partial(make_engine, walked.engine), period=contract.physics_timestep)
+    order = command_source(parse_command(command), FLAT)
+    steps = round(walked.seconds / contract.control_period)
+    trial = walk(walked.policy, walked.case, world, order, steps, episode, spec=walked.spec)
+    if len(trial.steps) * contract.control_period >= SHORTEST:
+        log = walk_log(trial.steps, walked.policy, walked.spec, walked.engine, command)
+        write_walk(logs / f"{command}--{episode}.npz", log)
+
+
+def _named(progress: Progress, group: str, share: float) -> None:
+    progress(f"Actuator Net, {group}", share)

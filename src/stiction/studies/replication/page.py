@@ -1,0 +1,485 @@
+"""The page of the paper's comparison: verdicts, the friction budget, every method in every place, and clips."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from stiction.evaluate.methods import FED
+from stiction.evaluate.table import BOTH, Sample
+from stiction.formats.following import BAND, LEAST, MOST, Following
+from stiction.formats.results import FOLLOWS
+from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
+from stiction.joints.pd import COMPENSATION_WIDTH
+from stiction.report.evaluation import sample_text
+from stiction.report.following import (
+    changes_sheet,
+    friction_text,
+    needs_sentence,
+    needs_sheet,
+    places_sheet,
+)
+from stiction.report.page import (
+    COLORS,
+    INK,
+    Section,
+    Sheet,
+    Spread,
+    draw_seeds,
+    figure_uri,
+    fold,
+    new_figure,
+    paragraph,
+    picture,
+)
+from stiction.report.page import table as page_table
+from stiction.robots.terrain import STEPS, TREAD
+from stiction.studies import study
+from stiction.studies.claims import LIMITS, Verdict
+from stiction.studies.replication.clips import ClipPair, clip_sections
+from stiction.studies.replication.records import (
+    FEWEST_LEVELS,
+    BudgetPoint,
+    EvidenceRow,
+    ForwardPoint,
+    Onset,
+    Replication,
+)
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def curves(points: Sequence[BudgetPoint]) -> dict[tuple[str, str], list[BudgetPoint]]:
+    """Return the points of each engine and law that have levels enough for a curve."""
+    groups: dict[tuple[str, str], list[BudgetPoint]] = {}
+    for point in points:
+        groups.setdefault((point.engine, point.friction_law), []).append(point)
+    return {key: some for key, some in groups.items() if len({p.friction_level for p in some}) >= FEWEST_LEVELS}
+
+
+def draw_budget(points: Sequence[BudgetPoint], methods: Sequence[str], band: float) -> Figure:
+    """Return speed ratio of the slower direction over friction, a panel for each of `curves`, at least one.
+
+    band: dead band f/kp of the shank at a friction of the whole torque limit [rad], for the axis on top.
+    """
+    shown = curves(points)
+    columns = min(3, len(shown))
+    rows = -(-len(shown) // columns)
+    figure, axes = new_figure(rows, columns, size=(max(6.3, 4.2 * columns), 3.7 * rows))
+    for axis, ((engine, law), some) in zip(axes, shown.items(), strict=False):
+        axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
+        axis.axhline(0.0, color=INK, linewidth=0.8)
+        for method in methods:
+            own = sorted((p for p in some if p.method == method), key=lambda p: p.friction_level)
+            if own:
+                places = (level_number(law, p.friction_level) for p in own)
+                spreads = [Spread(at, p.ratio, p.low, p.high, p.each) for at, p in zip(places, own, strict=True)]
+                draw_seeds(axis, spreads, method, methods)
+        axis.set(title=engine, xlabel=level_axis(law), ylim=(-0.2, 1.9))
+        if not has_coefficient(law):
+            _dead_band(axis, band)
+    for axis in axes[len(shown) :]:
+        axis.set_visible(False)
+    axes[0].set_ylabel("speed reached / commanded")
+    lines = {line.get_label(): line for axis in axes for line in axis.get_legend_handles_labels()[0]}
+    drawn = [method for method in methods if method in lines]
+    handles = [lines[method] for method in drawn]
+    figure.legend(handles, drawn, loc="outside lower center", ncols=5, fontsize=8, labelcolor=INK, frameon=False)
+    return figure
+
+
+def _dead_band(axis: Axes, band: float) -> None:
+    """Add the axis of the shank's dead band on top."""
+    unit = 10 * band  # mrad per per cent
+
+    def angle(level: Any) -> Any:
+        return level * unit
+
+    def level(angle: Any) -> Any:
+        return angle / unit
+
+    top = axis.secondary_xaxis("top", functions=(angle, level))
+    top.set_xlabel("dead band f/kp of the shank [mrad]", fontsize=8, color=INK)
+    top.tick_params(colors=INK, labelsize=7)
+
+
+def draw_needs(cells: Sequence[Following], methods: Sequence[str]) -> Figure:
+    """Return how many seeds of each method follow at each tested level, a panel for each place; at least one cell.
+
+    The greener, the more seeds; ▼ so many are too slow, ▲ so many too fast, × so many fell.
+    """
+    places = list(dict.fromkeys(cell.engine for cell in cells))
+    levels = sorted({cell.friction_level for cell in cells})
+    shown = [method for method in methods if any(cell.method == method for cell in cells)]
+    columns = min(2, len(places))
+    height = -(-len(places) // columns)
+    figure, axes = new_figure(height, columns, size=(5.4 * columns, (0.62 * len(shown) + 1.1) * height))
+    for axis, place in zip(axes, places, strict=False):
+        for cell in (cell for cell in cells if cell.engine == place and cell.method in shown):
+            at, row = levels.index(cell.friction_level), shown.index(cell.method)
+            share = cell.follow / cell.seeds
+            axis.barh(row, 0.94, 0.9, at - 0.47, color=COLORS[2], alpha=0.05 + 0.6 * share, linewidth=0)
+            wrong = (("▼", cell.too_slow), ("▲", cell.too_fast), ("×", cell.fell))
+            text = " ".join(f"{mark}{number}" for mark, number in wrong if number)
+            said = f"{cell.follow} of {cell.seeds}" + (f"\n{text}" if text else "")
+            axis.text(at, row, said, ha="center", va="center", fontsize=7.5, color=INK)
+        axis.set_xticks(range(len(levels)), [level_text("coulomb", level) for level in levels])
+        axis.set_yticks(range(len(shown)), shown)
+        axis.grid(False)
+        axis.set(title=place, xlim=(-0.5, len(levels) - 0.5), ylim=(len(shown) - 0.5, -0.5))
+    for axis in axes[len(places) :]:
+        axis.set_visible(False)
+    figure.supxlabel("dry friction over each joint's torque limit", fontsize=9, color=INK)
+    return figure
+
+
+PLACES = {
+    "mujoco": "MuJoCo, the simulator of the training",
+    "mujoco-alone": "Sim2Sim: MuJoCo with one robot in it, motors and friction by us",
+    "physx": "Sim2Sim: PhysX",
+    "ode-webots": "Sim2Sim: ODE as Webots sets it up; not run in Webots",
+    "ode": "Sim2Sim: ODE",
+    "physx+all": "The virtual robot",
+    "physx+friction": "The virtual robot's friction alone",
+    "physx+rest": "All of the virtual robot but friction",
+    "physx+nominal": "The virtual robot with nothing hidden",
+}
+"""Engine -> title of its table."""
+
+COLUMNS = (
+    ("vx=0.5", "speed_ratio", "forward", ".2f"),
+    ("vx=-0.5", "speed_ratio", "backward", ".2f"),
+    ("vy=0.3", "speed_ratio", "sideways", ".2f"),
+    ("wz=0.5", "speed_ratio", "turn", ".2f"),
+    (BOTH, "fall_rate", "falls", ".0%"),
+    (BOTH, "joint_jitter", "jitter [rad/s²]", ".0f"),
+    (BOTH, "flight_share", "flight", ".0%"),
+    (BOTH, "tripod_share", "tripod", ".0%"),
+    ("stand", "tracking_error", "standing [m/s]", ".3f"),
+)
+"""Command, column, heading, format."""
+
+NOTE = (
+    "Mean ± 95 % t-interval over training seeds; one seed has none. Forward to turn: speed reached over commanded. "
+    "Falls to tripod: forward and backward together. Jitter: root mean square joint acceleration. In brackets behind a "
+    "share of walks: Wilson's 95 % interval over trials, which are walks, and of virtual robots pairs of policy and "
+    "robot: all policies share the robots, so it is too narrow for other robots. Every seed's number is in methods.csv."
+)
+"""What a reader of these tables must know."""
+
+
+def place_sheets(samples: Sequence[Sample]) -> list[Sheet]:
+    """Return a table of all ways at all levels for every engine and law on flat ground, known engines first.
+
+    The laws of a virtual robot share one: they are its friction alone, of the bench, and with load.
+    """
+    groups: dict[tuple[str, str], list[Sample]] = {}
+    for sample in samples:
+        if sample.terrain == "flat":
+            law = "" if "+" in sample.engine else sample.friction_law
+            groups.setdefault((sample.engine, law), []).append(sample)
+    rank = {engine: number for number, engine in enumerate(PLACES)}
+    keys = sorted(groups, key=lambda key: rank.get(key[0], len(rank)))
+    return [_place_sheet(_title(*key), groups[key]) for key in keys]
+
+
+def _title(engine: str, law: str) -> str:
+    """Return the title of a table."""
+    title = PLACES.get(engine, engine)
+    return title if law in ("", "coulomb") else f"{title}, friction by the law {law}"
+
+
+def _place_sheet(title: str, own: Sequence[Sample]) -> Sheet:
+    """Return one place: a row for every friction and method, the columns that somebody has."""
+    cells = {(s.friction_law, s.friction_level, s.method, s.command, s.column): s for s in own}
+    frictions = sorted({key[:2] for key in cells}, key=lambda one: (len(one[0]), one))
+    methods = list(dict.fromkeys(s.method for s in own))
+    columns = [one for one in COLUMNS if any((s.command, s.column) == one[:2] for s in own)]
+    rows = []
+    for law, level in frictions:
+        for method in methods:
+            shown = [cells.get((law, level, method, *column[:2])) for column in columns]
+            if any(shown):
+                texts = (sample_text(one, column[-1]) for one, column in zip(shown, columns, strict=True))
+                rows.append((friction_text(law, level), method, seeds_text(shown), *texts))
+    header = ("friction", "method", "seeds", *(heading for *_, heading, _ in columns))
+    return Sheet(title, header, tuple(rows), NOTE)
+
+
+def seeds_text(samples: Iterable[Sample | None]) -> str:
+    """Return the number of training seeds behind samples."""
+    counts = sorted({len(sample.seeds.split()) for sample in samples if sample is not None})
+    return " or ".join("one" if count == 1 else str(count) for count in counts)
+
+
+def stairs_sheet(samples: Sequence[Sample]) -> Sheet | None:
+    """Return the crossings of every training method; None where none was walked."""
+    cells = {(s.method, s.engine, s.friction_law, s.friction_level, s.terrain, s.column): s for s in samples}
+    rows = []
+    for (method, engine, law, level, terrain, column), sample in cells.items():
+        if column == "crossed":
+            steps = cells.get((method, engine, law, level, terrain, "steps_climbed"))
+            place = method, engine, friction_text(law, level), terrain, seeds_text([sample]), str(sample.trials)
+            rows.append((*place, sample_text(sample, ".0%"), sample_text(steps, ".1f")))
+    header = ("method", "engine", "friction", "ground", "seeds", "trials", "crossed", "steps passed")
+    note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, 0.4 m/s. {NOTE}"
+    return Sheet("Stairs", header, tuple(rows), note) if rows else None
+
+
+COUNTERPARTS = (
+    ("Fig. 1, the robot on stairs", "clips of `stiction study stairs`; the table of stairs on this page"),
+    ("Figs. teacher and student", "ARCHITECTURE.md of the project; curves in every run of `stiction train`"),
+    ("Fig. Actuator Net", "`stiction study actuator`, which runs f0, log, net, f1"),
+    ("Fig. Sim2Sim and Sim2Real", "the tables of methods on this page: other engines, and the virtual robot"),
+    ("Table robot parameters", "`saturn_lite` and `go1` in the package's robots"),
+    (
+        "Table of randomisation",
+        "`stiction train --help`, and `stiction doctor --randomization`, which measures each",
+    ),
+    ("Table shank motors", "`stiction identify`, and its table of references"),
+    ("Section V, B and k_d", "`stiction study damping`"),
+    ("Gait rewards", "`stiction study gait`"),
+)
+"""What the paper shows, and where its counterpart is."""
+
+
+def verdict_sheet(verdicts: Sequence[Verdict]) -> Sheet:
+    """Return what became of each sentence and explanation."""
+    note = (
+        "Means over training seeds with 95 % t-intervals in brackets and every seed in parentheses. `undecided`: the "
+        f"interval straddles the criterion. {LIMITS} Shares of the torque limit and of the load are axes of their own: "
+        "the evidence says on which one x is, and on the others the sentence holds throughout, or nowhere. A rate "
+        "(falls, crossings) also has Wilson's interval, over trials, and is decided where both agree: the one knows "
+        "how trainings differ, the other how many walks there were. A trial is a walk; of virtual robots it is a pair "
+        "of policy and robot, since the walks of one robot are not independent. All policies walk on the same virtual "
+        "robots: there, rates and speeds have one more interval with the robots as the sample, which must agree; joint "
+        "accelerations are compared over seeds alone, of those that walk. One seed carries no verdict: `not tested`, "
+        "with its number. Each sentence is judged by itself; their number is not corrected for. E: the paper's "
+        "comparison; V: its section on training with friction; T: what it concludes from its motors; X: explanations "
+        "for what it saw."
+    )
+    return study.verdict_sheet(verdicts, note, "The paper's sentences")
+
+
+def evidence_sheet(claim: str, evidence: Sequence[EvidenceRow]) -> Sheet:
+    """Return the rows that one sentence was judged by."""
+    rows = []
+    for row in evidence:
+        if row.claim == claim:
+            friction = friction_text(row.friction_law, row.friction_level)
+            where = row.method, row.engine, friction, row.terrain, row.command
+            rows.append((*where, row.column, row.seeds, row.each))
+    header = ("method", "engine", "friction", "ground", "command", "column", "seeds", "each seed")
+    return Sheet(f"What {claim} was judged by", header, tuple(rows))
+
+
+def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
+    """Return where each method slows under 80 %, in every engine, with every seed."""
+    rows = []
+    for one in onsets:
+        if one.level is None:
+            text = f"not up to {level_text(one.friction_law, one.tested)}"
+        else:
+            text = "from the start" if one.level == 0 else level_text(one.friction_law, round(one.level, 4))
+        interval = "–" if one.low is None or one.high is None else f"{max(0.0, one.low):.3g} to {one.high:.3g}"
+        band = "–" if one.dead_band is None else f"{1000 * one.dead_band:.0f}"
+        rows.append((one.method, one.engine, one.friction_law, text, interval, band, one.each))
+    header = ("method", "engine", "law", f"slows under {LEAST}", "95 % over seeds", "dead band [mrad]", "each seed")
+    note = f"The slower of forward and backward. What is above {LEAST} may be over {MOST}, and then follows no more."
+    return Sheet(f"Where each training method slows under {LEAST} of the command", header, tuple(rows), note)
+
+
+def forward_sheet(points: Sequence[ForwardPoint], virtual: bool) -> Sheet | None:
+    """Return the conventional policy alone, with friction fed forward, and friction-aware training beside it.
+
+    virtual: on virtual robots, or on the robot of the data sheet. None where no friction was fed forward there.
+    """
+    cells = {(p.method, p.engine, p.friction_law, p.friction_level): p for p in points}
+    rows = []
+    for one in points:
+        if one.method == FED and ("+" in one.engine) == virtual:
+            where = one.engine, one.friction_law, one.friction_level
+            three = (cells.get((method, *where)) for method in ("none", FED, "deception"))
+            counts = (f"{one.robots} of {one.robots + one.left_out}",) if virtual else ()
+            rows.append((one.engine, friction_text(*where[1:]), *counts, *map(_ratio_text, three)))
+    header = ("engine", "friction", *(("robots",) if virtual else ()), "none", FED, "deception")
+    where_text = "on the virtual robot" if virtual else "on the robot of the data sheet"
+    source = "what was identified from the log of each robot's own bench" if virtual else "the friction itself"
+    left_out = " Robots whose bench does not tell it are left out, of the methods beside it too." if virtual else ""
+    note = (
+        "Speed reached over commanded in the slower direction, mean ± 95 % t-interval over training seeds, in brackets "
+        f"their number. Fed forward: f sat((a − θ)/{COMPENSATION_WIDTH:g} rad) in the joint controllers. f is {source}."
+        f"{left_out}"
+    )
+    return Sheet(f"Friction fed forward, {where_text}", header, tuple(rows), note) if rows else None
+
+
+def _ratio_text(point: BudgetPoint | None) -> str:
+    """Return a speed ratio with its interval and number of seeds."""
+    if point is None:
+        return "–"
+    spread = "" if point.high is None else f" ± {point.high - point.ratio:.2f}"
+    return f"{point.ratio:.2f}{spread} ({point.seeds})"
+
+
+def counterpart_sheet() -> Sheet:
+    """Return where each of the paper's figures and tables has its counterpart."""
+    return Sheet("The paper's figures and tables, and ours", ("in the paper", "here"), COUNTERPARTS)
+
+
+TITLE = "Does it transfer? The paper's comparison"
+
+SAID = 0.2
+"""Friction of which the first sentence says who follows [-]: that of the training."""
+
+REMEDY = (
+    "A verdict takes several training seeds of every method that a sentence compares: give those of each seed "
+    "with --policies, or train them with --preset full. It has three seeds or more of every method "
+    "on flat ground, and of `none` and `deception` over stairs. It has no policy of an Actuator Net for stairs: E9 is "
+    "judged only where such policies are given."
+)
+"""What to do about a single seed."""
+
+
+def report(result: Replication, clips: Sequence[ClipPair]) -> study.Report:
+    """Return the report of the comparison. clips: of some policies."""
+    figures = draw_figures(result)
+    return study.Report(
+        title=TITLE,
+        lead=lead(result),
+        tables=result.tables,
+        sections=sections(result, figures, clips),
+        run=run_blocks(result),
+        summary=result.plain,
+        notes=warnings(result),
+        figures=figures,
+        sheets=sheets_of(result),
+        json={verdict.id: verdict.outcome for verdict in result.verdicts},
+    )
+
+
+def draw_figures(result: Replication) -> dict[str, Figure]:
+    """Return the friction budget and who follows where."""
+    methods = list(dict.fromkeys(point.method for point in result.budget))
+    found = (
+        {"budget": draw_budget(result.budget, methods, result.summary["dead_band"])} if curves(result.budget) else {}
+    )
+    return found | ({"needs": draw_needs(result.needs, list(result.methods))} if result.needs else {})
+
+
+def sheets_of(result: Replication) -> list[Sheet]:
+    """Return the tables that a README can take."""
+    needs = (needs_sheet(result.needs), places_sheet(result.needs)) if result.needs else ()
+    changes = changes_sheet(result.summary)
+    first = [*needs, onset_sheet(result.onsets), verdict_sheet(result.verdicts), *((changes,) if changes else ())]
+    others = (*(forward_sheet(result.forward, virtual) for virtual in (True, False)), stairs_sheet(result.samples))
+    return [*first, *(sheet for sheet in others if sheet), *place_sheets(result.samples)]
+
+
+def sections(result: Replication, figures: Mapping[str, Figure], clips: Sequence[ClipPair]) -> list[Section]:
+    """Return the sections of the page: what a robot builder needs, the verdicts, then all the rest folded."""
+    page = []
+    if "needs" in figures:
+        caption = (
+            "Training seeds that follow. ▼ too slow, ▲ too fast, × fell; a seed can be too slow one way, too fast "
+        )
+        caption += "the other."
+        table = fold("The same place by place, in numbers", places_sheet(result.needs).blocks())
+        blocks = (*needs_sheet(result.needs).blocks(), picture(figure_uri(figures["needs"]), caption), table)
+        page.append(Section("Which training does my joint need?", blocks))
+    if "budget" in figures:
+        caption = f"Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: {BAND}."
+        table = fold(f"Where each method slows under {LEAST}, in numbers", onset_sheet(result.onsets).blocks())
+        page.append(Section("The friction budget", (picture(figure_uri(figures["budget"]), caption), table)))
+    page += clip_sections(clips)
+    if fed := forward_blocks(result):
+        page.append(Section("Is it enough to feed friction forward?", fed))
+    page.append(Section("What became of the paper's sentences", verdict_blocks(result)))
+    if stairs := stairs_sheet(result.samples):
+        page.append(Section("Stairs", stairs.blocks()))
+    if places := place_sheets(result.samples):
+        page.append(Section("Every method, place by place", tuple(fold(one.title, one.blocks()) for one in places)))
+    return [*page, Section("Where the paper's figures are", counterpart_sheet().blocks())]
+
+
+def forward_blocks(result: Replication) -> tuple[Markup, ...]:
+    """Return what feeding friction forward came to: on the virtual robot, and behind a fold where f is known."""
+    robot, sheet = (forward_sheet(result.forward, virtual) for virtual in (True, False))
+    return (*(robot.blocks() if robot else ()), *((fold(sheet.title, sheet.blocks()),) if sheet else ()))
+
+
+def verdict_blocks(result: Replication) -> tuple[Markup, ...]:
+    """Return the verdicts, and behind a fold for each its numbers, their intervals and the rows that it read."""
+    sheet = verdict_sheet(result.verdicts)
+    short = replace(sheet, header=sheet.header[:-1], rows=tuple(cells[:-1] for cells in sheet.rows))
+    folds = []
+    for verdict in result.verdicts:
+        rows = evidence_sheet(verdict.id, result.evidence)
+        blocks = [paragraph(verdict.evidence), *(rows.blocks() if rows.rows else ())]
+        folds.append(fold(f"{verdict.id}: {verdict.outcome}", blocks))
+    changes = changes_sheet(result.summary)
+    told = (fold(changes.title, changes.blocks()),) if changes else ()
+    return (*short.blocks(), *told, fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds))
+
+
+def run_blocks(result: Replication) -> tuple[Markup, ...]:
+    """Return methods, policies and grids."""
+    summary = result.summary
+    policies = [
+        (name, p["way"], str(p["seed"]), p["revision"], p["digest"][:16], p["command"])
+        for name, p in summary["policies"].items()
+    ]
+    grids = [paragraph(f"{name}: {json.dumps(grid)}") for name, grid in summary["grids"].items()]
+    return (
+        page_table(("method", "what it is"), list(result.methods.items())),
+        fold("Policies", [page_table(("policy", "method", "seed", "revision", "digest", "made by"), policies)]),
+        fold("Grids", grids),
+        paragraph("Everything here is simulation. The virtual robot plays the real one; no robot was involved."),
+    )
+
+
+def lead(result: Replication) -> str:
+    """Return the outcome in a sentence or two; where each method has one seed, first that nothing is judged."""
+    single, several = seeds_of_ways(result)
+    told = ""
+    if several:
+        counts = Counter(verdict.outcome for verdict in result.verdicts)
+        outcomes = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
+        told = f"Of {len(result.verdicts)} sentences and explanations: {outcomes}."
+    elif single:
+        told = f"One training seed a method: numbers, no verdicts. {REMEDY}"
+    return f"{told} {needs_sentence(result.needs, SAID)}".strip()
+
+
+def seeds_of_ways(result: Replication) -> tuple[list[str], list[str]]:
+    """Return the training methods of which one seed walked, and those of several; on stairs apart from flat ground."""
+    seeds: dict[str, set[str]] = {}
+    for sample in result.samples:
+        where = sample.method if sample.terrain == "flat" else f"{sample.method} on stairs"
+        seeds.setdefault(where, set()).update(sample.seeds.split())
+    return [method for method, own in seeds.items() if len(own) == 1], [
+        method for method, own in seeds.items() if len(own) > 1
+    ]
+
+
+def warnings(result: Replication) -> list[str]:
+    """Return what a reader must know before the numbers."""
+    failed: Mapping[str, str] = result.summary.get("failed", {})
+    found = [f"Not trained, and left out: {name}. {reason}" for name, reason in failed.items()]
+    single, several = seeds_of_ways(result)
+    if single and several:
+        found.append(f"One training seed, a number and no verdict: {', '.join(single)}. {REMEDY}")
+    kept = [f"{part.title} ({part.kept})" for part in result.parts if part.kept]
+    if kept:
+        found.append(f"Not walked by this command: {'; '.join(kept)}.")
+    found += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
+    missing = [method for method in ("none", "actuator", "deception") if method not in result.methods]
+    if missing:
+        found.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")
+    return found

@@ -1,0 +1,363 @@
+"""Walks the comparison, part by part, and puts together what it came to."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from stiction.core.errors import ConfigurationError, EngineError, FileError
+from stiction.core.records import make_folder
+from stiction.deploy.check import robot_of
+from stiction.engines.catalog import what_is_missing
+from stiction.evaluate.benches import all_made, bench_of, benches_of, forwarded, informed, not_identified, not_told
+from stiction.evaluate.grid import GridCfg, Walk, plan, plan_forward
+from stiction.evaluate.methods import METHODS, method_of
+from stiction.evaluate.metrics import Metrics
+from stiction.evaluate.run import BENCHES, LEDGER, WalkLedger, walk_grid
+from stiction.evaluate.samples import Evidence, samples
+from stiction.evaluate.summary import check_names, describe
+from stiction.evaluate.table import number, real_law, rows_of
+from stiction.formats.advice import Source, TrainedWith
+from stiction.formats.bundle import Bundle
+from stiction.formats.contract import Contract
+from stiction.formats.following import following
+from stiction.formats.results import COLUMNS, ResultRow, read_summary
+from stiction.robots.catalog import find_robot
+from stiction.robots.model import RobotSpec
+from stiction.studies.claims import Verdict, changed_verdicts
+from stiction.studies.replication.budget import beside_forward, budget, onsets
+from stiction.studies.replication.claims import judge_all
+from stiction.studies.replication.effects import friction_effects
+from stiction.studies.replication.plan import Part, conventional
+from stiction.studies.replication.records import SUMMARY, PartRecord, Replication, read_parts
+
+Progress = Callable[[str, float], None]
+"""Called with part and engine, and the share of its walks that is done."""
+
+Key = tuple[Any, ...]
+"""The values of `KEY`."""
+
+KEY = ("policy", "engine", "friction_law", "friction_level", "terrain", "command")
+"""Columns by which a row is known."""
+
+
+def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progress: Progress) -> PartRecord:
+    """Walk one grid, resumable; in its rows the method is the training method.
+
+    bundles: those that the part takes. out: folder of its ledger.
+    """
+    make_folder(out)
+    grid = _grid(part, bundles)
+    done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
+    return PartRecord(part.name, part.title, *rows_of(done, bundles), warnings=_not_known(done, bundles, grid, out))
+
+
+def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
+    """Return the rows of a grid that were walked before, those all of whose walks are in its ledger; walk nothing.
+
+    None where there are none. Arguments as of `walk_part`; raises as `WalkLedger`.
+    """
+    if not bundles or not (out / LEDGER).exists():
+        return None
+    grid = _grid(part, bundles)
+    ledger = WalkLedger(out / LEDGER, grid, {bundle.name: bundle.digest for bundle in bundles})
+    walks = _planned(grid, bundles, out)
+    done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
+    rows, details = rows_of(_whole(walks, done), bundles)
+    kept = f"not asked for: {len(rows)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
+    not_known = _not_known(walks, bundles, grid, out)
+    return PartRecord(part.name, part.title, rows, details, kept, not_known) if rows else None
+
+
+def check_nothing_lost(now: Iterable[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
+    """Raise `StictionError` where a report has rows, or more walks in a row, that would not be written in their place.
+
+    They are of another preset, of other policies or robots, or of a part that is not walked anew and was measured by
+    other code.
+
+    Args:
+        now: row -> walks that will be in it, of every part in their order; the first part that has a row counts.
+        report: the report's summary.json.
+        asked: names of the parts that are walked anew.
+
+    """
+    walks: dict[Key, int] = {}
+    for rows in now:
+        walks = {**rows, **walks}
+    for name, before in read_parts(report).items():
+        if lost := sum(row["episodes"] > walks.get(key_of(row), 0) for row in before):
+            add = "" if name in asked else f"add {name} to --parts, or "
+            raise ConfigurationError(
+                f"{report.parent}: the report there has {lost} rows of the part {name!r} that this preset, these "
+                f"policies and this code do not have, and would be replaced; {add}give another --out"
+            )
+
+
+def planned_rows(part: Part, bundles: Sequence[Bundle]) -> dict[Key, int]:
+    """Return the rows that walking a part comes to, and how many walks are in each. Arguments as of `walk_part`."""
+    if not bundles:
+        return {}
+    grid = _grid(part, bundles)
+    fed = [replace(walk, forward=()) for walk in plan_forward(grid)]
+    walks = [*plan([bundle.name for bundle in bundles], grid), *fed]
+    counts = Counter(walk.cell for walk in walks)
+    cells = {walk.cell: walk for walk in walks}
+    contracts = {bundle.name: bundle.contract for bundle in bundles}
+    return {row_key(walk, contracts[walk.policy]): counts[cell] for cell, walk in cells.items()}
+
+
+def rows_in(details: Iterable[Mapping[str, Any]]) -> dict[Key, int]:
+    """Return rows of summary.json, and how many walks are in each."""
+    return {key_of(row): row["episodes"] for row in details}
+
+
+def key_of(row: Mapping[str, Any]) -> Key:
+    """Return by what a row of summary.json is known: one of every policy in every cell."""
+    return tuple(row[name] for name in KEY)
+
+
+def row_key(walk: Walk, contract: Contract) -> Key:
+    """Return the same of the row that a walk will be in. contract: its policy's."""
+    law = walk.law if walk.robot is None else real_law(walk)
+    level = number(walk, contract.array("torque_limit"), robot_of(contract))
+    return walk.name, walk.simulator.label, law, level, walk.terrain, walk.command
+
+
+def _grid(part: Part, bundles: Sequence[Bundle]) -> GridCfg:
+    """Return a part's grid, with the policies that walk with friction fed forward too."""
+    if not part.forward:
+        return part.grid
+    return replace(part.grid, forward=tuple(b.name for b in bundles if conventional(b.contract)))
+
+
+def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
+    """Return every walk of a grid; those with friction fed forward only where every robot was on its bench."""
+    specs = {bundle.name: robot_of(bundle.contract) for bundle in bundles}
+    walks = plan(list(specs), grid)
+    benches = [bench for walk in plan_forward(grid) if (bench := bench_of(walk, specs[walk.policy])) is not None]
+    if all_made(benches, out / BENCHES):
+        walks += forwarded(bundles, grid, out / BENCHES)
+    told = all_made(benches_of(walks, bundles, grid), out / BENCHES)
+    return informed(walks, bundles, grid, out / BENCHES) if told else walks
+
+
+def _not_known(walks: Collection[Walk], bundles: Sequence[Bundle], grid: GridCfg, out: Path) -> list[str]:
+    """Return sentences for what the benches did not tell: friction that is not fed forward, or told otherwise."""
+    benches = out / BENCHES
+    return [*not_told(bundles, grid, benches), *not_identified(walks, bundles, grid, benches)]
+
+
+def _whole(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[Walk, Metrics]:
+    """Return the walks of cells that are done to the last one, in the order of `walks`."""
+    missing = Counter(walk.cell for walk in walks if walk not in done)
+    return {walk: done[walk] for walk in walks if not missing[walk.cell]}
+
+
+def replicate(
+    bundles: Sequence[Bundle],
+    parts: Sequence[Part],
+    out: Path,
+    jobs: int = 1,
+    progress: Progress = lambda name, share: None,
+    summary: dict[str, Any] | None = None,
+    asked: Collection[str] | None = None,
+) -> Replication:
+    """Walk every part that has policies, resumable, and judge the paper's sentences.
+
+    Args:
+        bundles: checked policies of one robot, each of another name.
+        parts: the grids; the ledger of each is in a folder of its name in `out`.
+        out: folder of the results; it exists.
+        jobs: processes at once.
+        progress: see `Progress`.
+        summary: what the summary begins with: the command, and what `Origin` says.
+        asked: names of the parts to walk, by default all; of the others what was walked before in `out` is judged too.
+
+    Raises:
+        StictionError: two bundles have one name, they are of several robots, none fits a part, as `walk_grid`, as
+            `check_ways`, or as `check_nothing_lost`.
+
+    """
+    check_names([bundle.name for bundle in bundles])
+    if len(robots := {bundle.contract.robot for bundle in bundles}) != 1:
+        raise ConfigurationError(
+            f"policies of {len(robots)} robots ({', '.join(sorted(robots))}); expected those of one"
+        )
+    check_ways(bundles)
+    asked = [part.name for part in parts] if asked is None else asked
+    check_engines([part for part in parts if part.name in asked], robot_of(bundles[0].contract))
+    start = time.perf_counter()
+    records = _once(_records(bundles, parts, out, jobs, progress, asked))
+    by_name = {part.name: part for part in parts}
+    spec = robot_of(bundles[0].contract)
+    made = {
+        **(summary or {}),
+        "dead_band": spec.shank.torque_limit / spec.shank.stiffness,
+        "grids": {record.name: _settings(by_name[record.name], record) for record in records},
+        "seconds": time.perf_counter() - start,
+        "policies": {bundle.name: describe(bundle) | {"way": method_of(bundle.contract)} for bundle in bundles},
+    }
+    return judged(records, spec, made)
+
+
+def judged(records: Sequence[PartRecord], spec: RobotSpec, summary: dict[str, Any]) -> Replication:
+    """Return what rows come to. records: no row twice; spec: the policies' robot; summary: how the rows were made."""
+    evidence = Evidence.of(row for record in records for row in record.details)
+    verdicts, read = judge_all(evidence)
+    return Replication(
+        records,
+        samples(evidence),
+        budget(evidence),
+        beside_forward(evidence),
+        onsets(evidence, spec),
+        following((row for record in records for row in record.rows), lambda row: row.method),
+        verdicts,
+        read,
+        {method: text for method, text in METHODS.items() if method in evidence.methods()},
+        summary,
+    )
+
+
+def _records(
+    bundles: Sequence[Bundle],
+    parts: Sequence[Part],
+    out: Path,
+    jobs: int,
+    progress: Progress,
+    asked: Collection[str],
+) -> list[PartRecord]:
+    """Return the parts that have rows, those that are not asked for as they were; arguments as of `replicate`."""
+    takes = {part.name: [bundle for bundle in bundles if part.takes(bundle.contract)] for part in parts}
+    if not any(takes[part.name] for part in parts if part.name in asked):
+        raise ConfigurationError(
+            "no policy fits any part of the comparison; give policies for flat ground or for stairs"
+        )
+    others = [part for part in parts if part.name not in asked]
+    found = {part.name: kept_part(part, takes[part.name], out / part.name) for part in others}
+    planned = {part.name: planned_rows(part, takes[part.name]) for part in parts if part.name in asked}
+    kept = {name: rows_in(record.details) for name, record in found.items() if record is not None}
+    check_nothing_lost([(planned | kept).get(part.name, {}) for part in parts], out / SUMMARY, asked)
+    for part in parts:
+        if part.name in asked and takes[part.name]:
+            found[part.name] = walk_part(part, takes[part.name], out / part.name, jobs, progress)
+    return [record for part in parts if (record := found.get(part.name)) is not None]
+
+
+def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
+    """Return the parts without rows that a part before has: a cell that several parts walk is one row."""
+    seen: set[tuple[object, ...]] = set()
+    kept = []
+    for record in records:
+        pairs = []
+        for row, detail in zip(record.rows, record.details, strict=True):
+            cell = key_of(detail)
+            if cell not in seen:
+                pairs.append((row, detail))
+            seen.add(cell)
+        rows, details = [row for row, _ in pairs], [detail for _, detail in pairs]
+        kept.append(replace(record, rows=rows, details=details))
+    return kept
+
+
+def check_ways(bundles: Sequence[Bundle]) -> None:
+    """Raise `StictionError` where policies of one way are no seeds of one training: they would count as its samples.
+
+    On flat ground and over stairs apart, they must be of one robot, ground and friction, and of a seed each.
+    """
+    groups: dict[tuple[str, bool], list[Bundle]] = {}
+    for bundle in bundles:
+        groups.setdefault((method_of(bundle.contract), bundle.contract.terrain == "flat"), []).append(bundle)
+    for (method, _), own in groups.items():
+        first, seeds = own[0], {own[0].contract.seed: own[0].name}
+        for other in own[1:]:
+            if (one := _trained(first.contract)) != (two := _trained(other.contract)):
+                raise ConfigurationError(
+                    f"{first.name} and {other.name} are both of the method {method!r}, trained as {one} and as {two}; "
+                    "expected seeds of one training: leave one of them out"
+                )
+            if (seed := other.contract.seed) in seeds:
+                raise ConfigurationError(
+                    f"{seeds[seed]} and {other.name} are both of the method {method!r}, for {other.contract.terrain}, "
+                    f"seed {seed}; expected one policy a method and seed"
+                )
+            seeds[seed] = other.name
+
+
+def _trained(contract: Contract) -> str:
+    """Return what the seeds of one training share: robot, ground, friction and the range of it."""
+    low, high = contract.friction_range
+    friction = f"{contract.friction_law} friction {contract.friction_level:.6g} from {low:.6g} to {high:.6g}"
+    return f"{contract.robot} on {contract.terrain} with {friction}"
+
+
+def check_engines(parts: Sequence[Part], spec: RobotSpec) -> None:
+    """Raise `StictionError` where an engine of a part is not installed: before anything walks, or is trained."""
+    for name in dict.fromkeys(one.spec.name for part in parts for one in part.grid.simulators if not one.is_batch):
+        if why := what_is_missing(name, spec):
+            raise EngineError(why)
+
+
+def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
+    """Return what a part asks, as plain data."""
+    grid = part.grid
+    return {
+        "title": part.title,
+        **({"kept": record.kept} if record.kept else {}),
+        **({"warnings": list(record.warnings)} if record.warnings else {}),
+        "engines": list(grid.engines),
+        "terrains": list(grid.terrains),
+        "robots": grid.used_robots,
+        "robot_levels": list(grid.levels_of_robots) if grid.used_robots else [],
+        "friction_levels": list(grid.base.friction_levels),
+        "friction_law": grid.base.friction_law,
+        "commands": list(grid.base.commands),
+        "episodes": grid.base.episodes,
+        "seconds": grid.base.seconds,
+        "seed": grid.base.seed,
+    }
+
+
+def source_of(result: Replication) -> Source:
+    """Return who follows under shares of the torque limit, where a user's robot may be."""
+    methods: dict[str, TrainedWith] = {}
+    for policy in result.summary["policies"].values():
+        level = 0.0 if policy["method"] == "none" else policy["friction_level"]
+        low, high = (round(end / level, 6) if level else 0.0 for end in policy["friction_range"])
+        methods.setdefault(policy["way"], TrainedWith(policy["method"], level, low, high))
+    summary, policies = result.summary, tuple(sorted(result.summary["policies"]))
+    return Source(summary["command"], summary["revision"], policies, methods, result.needs, friction_effects(result))
+
+
+def judge_again(out: Path, made: dict[str, Any]) -> Replication:
+    """Return the comparison that a folder has, judged anew; its summary says so, and which verdicts changed.
+
+    made: by what it is judged now: the command, and what `Origin` says.
+
+    Raises:
+        StictionError: the folder has no summary of a comparison.
+
+    """
+    before = read_summary(out / SUMMARY)
+    try:
+        records = [_record(name, part, before["grids"][name]) for name, part in before["parts"].items()]
+        verdicts = [Verdict(**one) for one in before["verdicts"]]
+        (robot,) = {policy["robot"] for policy in before["policies"].values()}
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(
+            f"{out / SUMMARY} is no summary of `stiction replicate` ({error!r}); expected one that it wrote"
+        ) from error
+    own = ("schema_version", "ways", "verdicts", "parts", "warnings")
+    kept = {name: value for name, value in before.items() if name not in own}
+    found = judged(records, find_robot(robot), kept | {"judged": made})
+    found.summary["changed"] = changed_verdicts(verdicts, found.verdicts, before.get("changed", []))
+    return found
+
+
+def _record(name: str, part: dict[str, Any], grid: dict[str, Any]) -> PartRecord:
+    """Return one part as it was walked."""
+    rows = [ResultRow(**{column: row[column] for column in COLUMNS}) for row in part["rows"]]
+    return PartRecord(name, part["title"], rows, part["rows"], grid.get("kept", ""), grid.get("warnings", ()))

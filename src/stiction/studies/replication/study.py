@@ -1,0 +1,297 @@
+"""`stiction replicate`: the paper's comparison, and what a user would try, in other engines and on a virtual robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from stiction.core.errors import ConfigurationError, StictionError, TrainingError, unknown_name
+from stiction.core.records import make_folder
+from stiction.report.terminal import stop_requests
+from stiction.studies.study import ParallelOptions, Report, Study, Work
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from stiction.formats.bundle import Bundle
+    from stiction.studies.friction.manifest import Run
+    from stiction.studies.replication.clips import ClipPair
+
+DESCRIPTION = """The paper's comparison as one command, resumable: conventional, Actuator Net and friction-aware
+training, the paper's other ways, and what a user would try; in other physics engines, on a virtual robot with joints of
+its own, on flat ground and stairs. Each sentence of the paper gets a verdict with its numbers.
+
+quick: the shipped policies, some ten minutes on two cores. One training seed a method: numbers, no verdicts. A
+verdict takes several training seeds of every method that a sentence compares: give bundles or runs of each seed with
+--policies, or --preset full, which trains what is missing first (days on two cores): three seeds or more of each
+method on flat ground, and of two over stairs; none of an Actuator Net over stairs, so that E9 is not tested. A training
+that fails is named and left out, and the exit status is 1. Stop it at any time: the same command goes on; a walk in
+progress, or a bench of some minutes, is begun anew."""
+
+CLIPS = ("none", "actuator", "direct", "deception")
+"""Training methods that are shown, each in the simulator of the training and on a virtual robot."""
+
+ROBOT = "saturn_lite"
+"""The paper's robot: engines are tried with it before anything is trained."""
+
+CLIP_LEVEL, CLIP_COMMAND = 0.2, "vx=0.5"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplicateOptions(ParallelOptions):
+    """Options of `stiction replicate`."""
+
+    preset: Literal["quick", "full"] = "quick"
+    """quick: few levels, episodes and robots, one training seed a method, no verdicts; full: all of them, and policies
+    that are trained for it."""
+    policies: tuple[Path, ...] = ()
+    """Bundles, names of shipped ones, or finished training runs; by default the shipped bundles (quick), or the runs
+    of the experiment (full)."""
+    runs: Path = Path("runs")
+    """Folder of the training runs of the preset `full`, as `stiction study friction` has it."""
+    parts: tuple[str, ...] = ()
+    """Parts to walk: training, engines, robot, standing, causes, forward, stairs, stairs-robot, load, effort; by
+    default all. Of the others, what --out has from before is judged too; where preset, policies or code are others,
+    that is refused."""
+    num_robots: int | None = None
+    """How many virtual robots, seeds from 1000; by default 2 (quick) or 8 (full), over stairs 16."""
+    judge_again: bool = False
+    """Walk and train nothing: judge what --out has by today's criteria, and draw its page anew, with the clips of those
+    --policies that walked."""
+    clips: bool = True
+    """Render clips: of four methods one each in the simulator of the training, and one on a virtual robot."""
+    out: Path | None = None  # type: ignore[assignment]
+    """By default stiction-replication-quick, or -full. Folder of results.csv, methods.csv, budget.csv, forward.csv,
+    onsets.csv, following.csv, verdicts.csv, evidence.csv, summary.json, tables.md, figures, clips, report.html, and a
+    folder for each part, by which an interrupted command goes on."""
+    advice: Path | None = None
+    """Also write who follows into this file of what `stiction identify` advises by."""
+    json: bool = False
+    """Print the verdicts as JSON on standard output, and nothing else."""
+
+    def __post_init__(self) -> None:
+        """Refuse no robots."""
+        if self.num_robots is not None and self.num_robots < 1:
+            raise ConfigurationError(f"--num-robots {self.num_robots}: expected at least 1")
+
+    @property
+    def folder(self) -> Path:
+        """Where the comparison is written."""
+        return self.out or Path(f"stiction-replication-{self.preset}")
+
+
+def run(options: ReplicateOptions, work: Work) -> Report | int:
+    """Walk the comparison and judge it; the exit status is 1 if a run could not be trained."""
+    from dataclasses import replace
+
+    from stiction.formats.advice import TRANSFER, write_source
+    from stiction.robots.catalog import find_robot
+    from stiction.studies.replication.page import report, warnings
+    from stiction.studies.replication.plan import parts_of
+    from stiction.studies.replication.run import check_engines, judge_again, replicate, source_of
+
+    parts = parts_of(options.preset, options.num_robots)
+    names = [part.name for part in parts]
+    if unknown := [name for name in options.parts if name not in names]:
+        raise ConfigurationError(unknown_name("part", unknown[0], names))
+    asked = options.parts or names
+    if not options.judge_again:
+        check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
+    out = work.begin()
+    found = find_policies(options, work)
+    if isinstance(found, int):
+        return found
+    bundles, folders, failed = found
+    if options.judge_again:
+        result = judge_again(out, work.made)
+    else:
+        made = work.made | {"preset": options.preset, "failed": failed}
+        result = replicate(bundles, parts, out, work.jobs, work.progress, made, asked)
+
+    def write_advice(_: Path) -> None:
+        if options.advice is not None:
+            write_source(options.advice, TRANSFER, source_of(result))
+
+    walked = result.summary["policies"]
+    bundles = [one for one in bundles if walked.get(one.name, {}).get("digest") == one.digest]
+    clips = render(bundles, folders, out, work.say) if options.clips else []
+    for note in warnings(result):
+        work.say(note)
+    return replace(report(result, clips), files=write_advice, status=1 if failed else 0)
+
+
+def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], dict[str, Path], dict[str, str]] | int:
+    """Return the checked policies, the folder of each, and why others could not be trained.
+
+    Or the exit status of a training that was asked to stop.
+    """
+    from stiction.deploy.check import check_bundle
+    from stiction.formats.bundle import find_bundle, shipped_bundles
+
+    given = [find_bundle(path) for path in options.policies] or list(shipped_bundles().values())
+    failed: dict[str, str] = {}
+    if options.preset == "full" and not options.policies and not options.judge_again:
+        trained = train_all(options, work.jobs, work.progress, work.say)
+        if isinstance(trained, int):
+            return trained
+        given, failed = trained
+    folders = export_all(given, work.out, work.jobs, work.progress)
+    bundles = [check_bundle(folder).bundle for folder in folders]
+    return bundles, {bundle.name: folder for bundle, folder in zip(bundles, folders, strict=True)}, failed
+
+
+def export_all(given: Sequence[Path], out: Path, jobs: int, progress: Callable[[str, float], None]) -> list[Path]:
+    """Return the folder of each bundle, of a training run what is exported of it into `out`; `jobs` at once."""
+    from stiction.core.parallel import spread
+
+    folders = list(given)
+    runs = [number for number, path in enumerate(given) if (path / "checkpoints").is_dir()]
+    tasks = [(given[number], out) for number in runs]
+    for done, (task, folder) in enumerate(spread(exported, tasks, jobs), start=1):
+        folders[runs[task]] = folder
+        progress("export", done / len(tasks))
+    return folders
+
+
+def exported(run: Path, out: Path) -> Path:
+    """Return the bundle of a training run, exported into `out` where it is not there yet: that takes some seconds."""
+    from stiction.core.cache import key_of
+    from stiction.evaluate.export import export_run
+    from stiction.rma.run import RunDirectory
+
+    directory = RunDirectory(run)
+    directory.check_finished("student")
+    key = key_of(directory.student_digest(), "evaluate/export.py", "formats/contract.py")
+    folder = out / "bundles" / key[:12] / run.resolve().name
+    if not folder.exists():
+        make_folder(folder.parent)
+        export_run(run, folder)
+    return folder
+
+
+def train_all(
+    options: ReplicateOptions, jobs: int, progress: Callable[[str, float], None], say: Callable[[str], None]
+) -> tuple[list[Path], dict[str, str]] | int:
+    """Train everything that is missing; return the folders of the finished runs, and why the others are not finished.
+
+    Or the exit status if asked to stop. A run that fails stops nobody: what is finished is walked.
+
+    Raises:
+        StictionError: no run is finished, or a folder holds another run.
+
+    """
+    from stiction.rma.arguments import parse
+    from stiction.studies.friction.manifest import Place
+    from stiction.studies.friction.training import train_missing
+    from stiction.studies.replication.plan import comparison_runs
+
+    folders: list[Path] = []
+    failed: dict[str, str] = {}
+
+    def trained(runs: Sequence[Run]) -> int:
+        places = [Place(run, parse([*run.arguments]).config, options.runs / run.name) for run in runs]
+        with stop_requests(say, "an iteration of each run") as asked:
+            failed.update(train_missing(places, jobs, progress, asked=asked))
+        folders.extend(place.path for place in places if place.run.name not in failed)
+        return asked.status if asked() else 0
+
+    runs = options.runs.resolve()
+    if status := trained(comparison_runs(known_joints(runs, jobs, progress))):
+        return status
+    if status := trained(loop_runs(runs, failed, jobs, progress)):
+        return status
+    for name, reason in failed.items():
+        say(f"{name} is left out: {reason}")
+    if not folders:
+        raise TrainingError(f"none of the {len(failed)} runs in {options.runs} could be trained; the reasons are above")
+    return folders, failed
+
+
+def loop_runs(runs: Path, failed: dict[str, str], jobs: int, progress: Callable[[str, float], None]) -> list[Run]:
+    """Return the runs with an Actuator Net, and add to `failed` why one has no net: its f0 failed, or does not walk."""
+    from stiction.studies.replication.plan import LOOP_SEEDS, actuator_run, first_policy
+
+    found = []
+    for seed in LOOP_SEEDS:
+        first, name = first_policy(seed), actuator_run(runs, seed).name
+        if first in failed:
+            failed[name] = f"{first} failed, whose walk its Actuator Net is of"
+            continue
+        try:
+            found.append(actuator_run(known_net(runs, runs / first, jobs, progress), seed))
+        except StictionError as error:
+            failed[name] = str(error)
+    return found
+
+
+def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
+    """Return the `joints.json` of the robot that training knows, identified on its bench where that is not done yet."""
+    from stiction.core.cache import has_entry
+    from stiction.robots.catalog import find_robot
+    from stiction.studies.replication.plan import known_bench
+    from stiction.virtual.bench import JOINTS, make_bench
+
+    bench = known_bench(find_robot(ROBOT))
+    folder = runs / "bench" / bench.label
+    if not has_entry(folder, bench.key):
+        progress("bench", 0.0)
+        make_bench(bench, folder, jobs)
+        progress("bench", 1.0)
+    return folder / JOINTS
+
+
+def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
+    """Return the folder of the Actuator Net of that robot, fitted to its walks where that is not done yet.
+
+    conventional: the run of f0, which walks.
+    """
+    from stiction.deploy.check import check_bundle
+    from stiction.robots.catalog import find_robot
+    from stiction.studies.replication.net import make_net
+    from stiction.studies.replication.plan import walked_net
+
+    policy = check_bundle(exported(conventional, runs)).bundle
+    walked = walked_net(find_robot(ROBOT), policy)
+    folder = runs / "nets" / walked.label
+    make_net(walked, folder, "stiction replicate --preset full", jobs, progress)
+    return folder
+
+
+def render(bundles: list[Bundle], folders: dict[str, Path], out: Path, say: Callable[[str], None]) -> list[ClipPair]:
+    """Render clips of the first policy of each of `CLIPS`; without OpenGL or PhysX say so once and go on."""
+    from stiction.engines.catalog import what_is_missing
+    from stiction.evaluate.clip import ENGINE, ClipError, record_clip
+    from stiction.evaluate.methods import method_of
+    from stiction.robots.catalog import find_robot
+    from stiction.studies.replication.clips import ClipPair
+    from stiction.virtual.cases import FIRST_REPORTED
+
+    if why := what_is_missing(ENGINE, find_robot(ROBOT)):
+        say(f"no clips on the virtual robot: {why}")
+    clips: list[ClipPair] = []
+    for method in CLIPS:
+        name = next((b.name for b in bundles if method_of(b.contract) == method and b.contract.terrain == "flat"), None)
+        if name is not None:
+            asked = folders[name], CLIP_LEVEL, CLIP_COMMAND
+            try:
+                trained = record_clip(*asked, out / f"{name}.webp")
+                robot = None if why else record_clip(*asked, out / f"{name}-robot.webp", robot=FIRST_REPORTED)
+            except ClipError as error:
+                say(str(error))
+                return clips
+            clips.append(ClipPair(method, name, trained, robot))
+    return clips
+
+
+STUDY = Study(
+    "the paper's comparison over engines and a virtual robot, a verdict a sentence; the same as `stiction replicate`",
+    DESCRIPTION,
+    ReplicateOptions,
+    run,
+)
+
+
+def main(arguments: list[str]) -> int:
+    """Run the comparison as a verb of its own."""
+    return STUDY.main(arguments, "replicate")

@@ -1,0 +1,1 @@
+"""How high a policy climbs, without and with joint friction."""

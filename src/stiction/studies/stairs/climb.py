@@ -1,0 +1,154 @@
+"""How high can a policy climb? Stairs up, a landing, stairs down, step height by step height, blind.
+
+A trial succeeds when the robot has stood on the landing and then left the last step behind without a fall, within twice
+the time that the commanded speed takes. The way to the landing is over all steps, from every side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.provenance import seed_streams
+from stiction.deploy.check import robot_of
+from stiction.deploy.policy import load_policy
+from stiction.evaluate.course import PATIENCE, course_commands, crossed, line_up, starts, steps_passed
+from stiction.evaluate.rollout import Rollout, friction_at, record
+from stiction.formats.bundle import Bundle
+from stiction.formats.walk import Recording
+from stiction.joints.friction import MAX_LEVEL
+from stiction.locomotion.config import NoiseCfg
+from stiction.locomotion.terrain import LENGTH
+from stiction.robots.terrain import KINDS, SLABS, STEEPEST, Terrain
+
+ENOUGH = 0.8
+"""Share of trials that must succeed for a height to count as climbed."""
+
+
+@dataclass(frozen=True)
+class Climb:
+    """What a policy reached at one height and level."""
+
+    policy: str
+    """Name of the bundle."""
+    friction_level: float
+    """Dry friction as a fraction of each joint's torque limit [-]."""
+    step_height: float
+    """[m]."""
+    trials: int
+    """Number of robots."""
+    successes: int
+    """... that went over the landing and left the last step behind."""
+    falls: int
+    """... that fell before, or whose simulation became unstable."""
+    steps_climbed: float
+    """Mean number of steps passed, up and down."""
+    seconds: float | None
+    """Median time of those that succeeded [s]; None where none did."""
+
+
+def highest_climbed(rows: Iterable[Climb]) -> Climb | None:
+    """Return the row of the greatest height up to which every tested one was climbed by `ENOUGH`, or None.
+
+    rows: of one policy and level.
+    """
+    best = None
+    for row in sorted(rows, key=lambda row: row.step_height):
+        if row.successes < ENOUGH * row.trials:
+            break
+        best = row
+    return best
+
+
+@dataclass(frozen=True)
+class ClimbCfg:
+    """What a policy is put through."""
+
+    step_heights: tuple[float, ...] = (0.02, 0.04, 0.06, 0.08, 0.10, 0.12, 0.14)
+    """Heights of a step [m]."""
+    friction_levels: tuple[float, ...] = (0.0, 0.2)
+    """Dry friction as fractions of each joint's torque limit [-]."""
+    trials: int = 100
+    """Trials per height and level."""
+    speed: float = 0.4
+    """Commanded speed [m/s]."""
+    seed: int = 0
+    """Seed of initial states and sensor noise."""
+    noise: NoiseCfg = field(default_factory=NoiseCfg)
+    """Sensor noise, as in training."""
+
+    def __post_init__(self) -> None:
+        """Refuse what nobody can climb."""
+        if not self.step_heights or not all(0 < height <= STEEPEST["stairs"] for height in self.step_heights):
+            raise ConfigurationError(
+                f"step heights {self.step_heights}: expected at least one, in (0, {STEEPEST['stairs']}] m"
+            )
+        if not self.friction_levels or not all(0 <= level <= MAX_LEVEL for level in self.friction_levels):
+            raise ConfigurationError(
+                f"friction levels {self.friction_levels}: expected at least one, in [0, {MAX_LEVEL}]"
+            )
+        for name in ("step_heights", "friction_levels"):
+            if len(set(getattr(self, name))) < len(getattr(self, name)):
+                raise ConfigurationError(f"{name} {getattr(self, name)}: one was given twice; give each once")
+        if self.trials < 1 or not 0.05 <= self.speed <= 2.0:
+            raise ConfigurationError(
+                f"{self.trials} trials at {self.speed} m/s: expected at least one, at 0.05 to 2 m/s"
+            )
+
+
+def climb(
+    bundle: Bundle, cfg: ClimbCfg, threads: int = 1, progress: Callable[[float], None] = lambda share: None
+) -> list[Climb]:
+    """Drive a bundle over stairs of every height at every level of friction.
+
+    Raises:
+        StictionError: the bundle does not fit the robot.
+
+    """
+    contract = bundle.contract
+    cells = [(level, height) for level in cfg.friction_levels for height in cfg.step_heights]
+    num = len(cells) * cfg.trials
+    level, height = np.repeat(np.array(cells), cfg.trials, axis=0).T
+    streams = seed_streams(cfg.seed, [f"trial {number}" for number in range(cfg.trials)])
+    terrain = Terrain(np.full(num, KINDS.index("stairs")))
+    rollout = Rollout(
+        contract,
+        load_policy(contract, bundle.policy, (num,)),
+        robot_of(contract),
+        friction_at(contract, level),
+        list(streams.values()),
+        threads,
+        cfg.noise,
+        terrain=terrain,
+    )
+    fleet = rollout.fleet
+    fleet.place_terrain(np.arange(num), height / STEEPEST["stairs"], np.zeros((num, SLABS, 4)))
+    line_up(fleet, starts(cfg.seed, cfg.trials))
+    seconds = PATIENCE * LENGTH / cfg.speed
+    steer = course_commands(np.full(num, cfg.speed))
+    recording, _ = record(rollout, steer, round(seconds / contract.control_period), progress)
+    return [
+        _judge(bundle.name, *cell, recording.of(slice(number * cfg.trials, (number + 1) * cfg.trials)))
+        for number, cell in enumerate(cells)
+    ]
+
+
+def _judge(policy: str, level: float, height: float, recording: Recording) -> Climb:
+    """Return what the trials of one height and level came to."""
+    up, down = steps_passed(recording.position, recording.upright)
+    over = crossed(recording.position, recording.upright, stairs=True)
+    success = over.any(axis=0)
+    first = over.argmax(axis=0)[success] + 1
+    return Climb(
+        policy=policy,
+        friction_level=level,
+        step_height=height,
+        trials=over.shape[1],
+        successes=int(success.sum()),
+        falls=int((~recording.upright[-1] & ~success).sum()),
+        steps_climbed=float((up[-1] + down[-1]).mean()),
+        seconds=float(np.median(first) * recording.period) if success.any() else None,
+    )

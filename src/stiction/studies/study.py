@@ -1,0 +1,308 @@
+"""One framework for every study: a study asks, runs, and says what its page shows; all else is done here.
+
+    STUDY = Study(question, description, options, run)      in studies/NAME/study.py, or anywhere on the Python path
+
+    arguments -> options -> run(options, work) -> Report -> CSV tables, claims.csv, summary.json, figures, report.html
+
+Nothing heavy is imported at the top, here and in the modules that hold a `STUDY`: `--help` needs neither simulator nor
+torch.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import json
+import shlex
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+import tyro
+
+from stiction.core.cache import cached, key_of
+from stiction.core.errors import FileError
+from stiction.core.provenance import Origin, num_threads
+from stiction.core.records import make_folder, write_rows
+from stiction.formats.results import ResultRow, summary_text, write_results, write_summary
+from stiction.report.terminal import jobs_of, print_warnings, work_progress
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
+    from matplotlib.figure import Figure
+
+    from stiction.formats.bundle import Bundle
+    from stiction.report.page import Section, Sheet
+    from stiction.studies.claims import Verdict
+
+Summary = Mapping[str, Any]
+"""What stands in summary.json."""
+
+DPI = 130
+"""Resolution of the figures that are written beside the page, that of the page's own [1/in]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """What every study takes; a study's own options are the fields of a subclass."""
+
+    out: Path = Path("stiction-study")
+    """Directory for tables, summary.json, figures and report.html."""
+    json: bool = False
+    """Print the summary as JSON on standard output, and nothing else."""
+
+    @property
+    def folder(self) -> Path:
+        """Where the study is written."""
+        return self.out
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParallelOptions(Options):
+    """The same of a study whose work is spread over processes."""
+
+    jobs: int | None = None
+    """Tasks at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
+
+
+class UsageError(Exception):
+    """Raised by a study for a command line that lacks something: one line that says what."""
+
+
+class Work:
+    """What a study works with: its folder, policies, processes, what it has done before, and how far it is."""
+
+    def __init__(self, options: Options, verb: str, command: str, code: str, stack: ExitStack) -> None:
+        """`verb`: words that call the study; `code`: digest of its module; `stack`: what ends with the work."""
+        self.verb, self.command, self.out = verb, command, options.folder
+        self.jobs = jobs_of(getattr(options, "jobs", None))
+        """Processes at once."""
+        self.threads = num_threads()
+        """Threads of a simulator, where there is one process."""
+        self.origin = Origin.now()
+        self._code, self._stack, self._start = code, stack, time.perf_counter()
+
+    def begin(self) -> Path:
+        """Return the study's folder, made now: whatever refuses the options comes before, hours of work after."""
+        make_folder(self.out)
+        self._start = time.perf_counter()
+        return self.out
+
+    @cached_property
+    def progress(self) -> Callable[[str, float], None]:
+        """Shows how far a named piece of work is, as a share of it."""
+        return self._stack.enter_context(work_progress())
+
+    @property
+    def seconds(self) -> float:
+        """Time since `begin` [s]."""
+        return time.perf_counter() - self._start
+
+    @property
+    def made(self) -> dict[str, Any]:
+        """`command`, `revision` and `machine`, for summary.json."""
+        return {"command": self.command, **self.origin.provenance}
+
+    def say(self, text: str) -> None:
+        """Print a line on standard error."""
+        print(f"stiction {self.verb}: {text}", file=sys.stderr)
+
+    def bundles(self, paths: Sequence[Path] | None) -> list[Bundle]:
+        """Return checked policies, each of another name. paths: directories, or names of shipped ones; None: all those.
+
+        Raises:
+            UsageError: no path is given.
+            StictionError: a bundle cannot be found or is damaged, or two have one name.
+
+        """
+        from stiction.deploy.check import check_bundle
+        from stiction.evaluate.summary import check_names
+        from stiction.formats.bundle import find_bundle, shipped_bundles
+
+        if paths is not None and not paths:
+            raise UsageError("no bundle given")
+        found = shipped_bundles().values() if paths is None else map(find_bundle, paths)
+        bundles = [check_bundle(path).bundle for path in found]
+        check_names([bundle.name for bundle in bundles])
+        return bundles
+
+    def keep(self, name: str, made_from: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        """Return a part of the study: read where the same command made it before, else made by `make`, and kept.
+
+        made_from: what the part depends on beside the package, the study's module and other packages.
+        """
+        folder = self.out / "parts"
+        make_folder(folder)
+        return cached(folder, name, key_of(made_from | {"study": self._code}, "**/*.py"), make)
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a study found, and how its page shows it."""
+
+    title: str = ""
+    """Heading of the page; without one there is none."""
+    lead: str = ""
+    """The answer in a sentence or two: on the page, and printed."""
+    tables: Mapping[str, Sequence[Any]] = field(default_factory=dict)
+    """Name -> records, written as NAME.csv. Of what has no rows, a file of before is removed."""
+    claims: Sequence[Verdict] = ()
+    """What became of each sentence: claims.csv, and a section of the page."""
+    judged: str = ""
+    """What a reader of the claims must know."""
+    sections: Sequence[Section] = ()
+    """The page without claims and provenance; by default its tables."""
+    run: Sequence[Markup] = ()
+    """What was run, beside command, revision and machine."""
+    summary: Summary = field(default_factory=dict)
+    """What summary.json has beside `Work.made`, warnings and claims; where it has one of these itself, that counts."""
+    warnings: Sequence[str] = ()
+    """What a reader must know first: printed, on the page, in summary.json."""
+    notes: Sequence[str] = ()
+    """The same, of which summary.json has the data: on the page alone."""
+    figures: Mapping[str, Figure | None] = field(default_factory=dict)
+    """Name -> figure, written as NAME.png; of None, a file of before is removed."""
+    sheets: Sequence[Sheet] = ()
+    """Tables of text that a README can take: tables.md."""
+    files: Callable[[Path], None] | None = None
+    """Writes what else belongs into the folder."""
+    answer: Sequence[Any] = ()
+    """What is printed in place of the lead: lines, and tables of `rich`."""
+    further: Sequence[str] = ()
+    """Lines that are printed after the path of the page."""
+    json: Summary | None = None
+    """What --json prints in place of the summary, on one line."""
+    status: int = 0
+    """Exit status: 1 where something that was asked for failed."""
+
+
+Chosen = TypeVar("Chosen", bound=Options)
+
+
+@dataclass(frozen=True)
+class Study(Generic[Chosen]):
+    """An experiment that is one command and one page."""
+
+    question: str
+    """What it answers, in a line."""
+    description: str
+    """What `--help` says."""
+    options: type[Chosen]
+    """Dataclass of its options."""
+    run: Callable[[Chosen, Work], Report | int]
+    """Does it; or returns an exit status, where there is nothing to write."""
+
+    def main(self, arguments: Sequence[str], verb: str) -> int:
+        """Run the study from the command line; return the exit status. verb: the words before the arguments.
+
+        Raises:
+            StictionError: whatever the study refuses, or its folder cannot be written.
+
+        """
+        program = f"stiction {verb}"
+        options = tyro.cli(self.options, args=arguments, prog=program, description=self.description)
+        command = shlex.join([*program.split(), *arguments])
+        code = hashlib.sha256(Path(inspect.getfile(self.run)).read_bytes()).hexdigest()
+        with ExitStack() as stack:
+            work = Work(options, verb, command, code, stack)
+            try:
+                report = self.run(options, work)
+            except UsageError as error:
+                work.say(f"{error}; `{program} --help` shows the usage")
+                return 2
+        if isinstance(report, int):
+            return report
+        warnings = [*work.origin.warnings(), *report.warnings]
+        print_warnings(verb, warnings)
+        summary = write_report(work.begin(), report, work.made | {"warnings": warnings})
+        if options.json:
+            print(summary_text(dict(summary)) if report.json is None else f"{json.dumps(report.json)}\n", end="")
+        else:
+            _show(report, work.out)
+        return report.status
+
+
+def write_report(out: Path, report: Report, made: Summary) -> Summary:
+    """Write tables, summary.json, figures and page into a folder; return the summary.
+
+    made: `Work.made` and `warnings`.
+
+    Raises:
+        FileError: something cannot be written.
+
+    """
+    tables = dict(report.tables) | ({"claims": report.claims} if report.claims else {})
+    claims = {"claims": [asdict(claim) for claim in report.claims]} if report.claims else {}
+    summary = {**made, **claims, **report.summary}
+    try:
+        for name, rows in tables.items():
+            path = out / f"{name}.csv"
+            path.unlink(missing_ok=True)
+            if rows:
+                (write_results if isinstance(rows[0], ResultRow) else write_rows)(path, rows)
+        write_summary(out / "summary.json", summary)
+        for name, figure in report.figures.items():
+            picture = out / f"{name}.png"
+            picture.unlink(missing_ok=True)
+            if figure is not None:
+                figure.savefig(picture, dpi=DPI, facecolor="white")
+        if report.title:
+            (out / PAGE).write_text(page_text(report, summary), encoding="utf-8")
+        if report.sheets:
+            text = "\n".join(sheet.markdown() for sheet in report.sheets)
+            (out / "tables.md").write_text(text, encoding="utf-8")
+        if report.files is not None:
+            report.files(out)
+    except OSError as error:
+        raise FileError(f"the study cannot be written to {out}: {error}; choose another --out") from error
+    return summary
+
+
+def verdict_sheet(verdicts: Sequence[Verdict], note: str, title: str = "") -> Sheet:
+    """Return what became of each sentence as a table. note: what its reader must know."""
+    from stiction.report.page import Sheet
+
+    rows = tuple((v.id, v.outcome, f"“{v.sentence}”", v.criterion, v.evidence) for v in verdicts)
+    return Sheet(title, ("", "outcome", "sentence", "criterion", "evidence"), rows, note)
+
+
+PAGE = "report.html"
+"""Name of the page."""
+
+
+def page_text(report: Report, summary: Summary) -> str:
+    """Return the page: what the study shows, its claims, and what was run."""
+    from stiction.report.following import judged_text
+    from stiction.report.page import Section, paragraph, render_page, row_table
+
+    parts = report.sections or [Section(name, (row_table(rows),)) for name, rows in report.tables.items() if rows]
+    if report.claims:
+        parts = [*parts, Section("What became of each sentence", verdict_sheet(report.claims, report.judged).blocks())]
+    took = f", {summary['seconds']:.0f} s" if "seconds" in summary else ""
+    made = f"Revision {summary['revision']}{took} on {summary['machine']['cpu']}."
+    again = judged_text(summary)
+    blocks = [paragraph(f"Command: {summary['command']}"), *report.run, paragraph(made)]
+    parts = [*parts, Section("What was run", (*blocks, *((paragraph(again),) if again else ())))]
+    return render_page(report.title, parts, report.lead, [*summary["warnings"], *report.notes])
+
+
+WIDE = 140
+"""Width of tables where standard output is a file or a pipe [characters]."""
+
+
+def _show(report: Report, out: Path) -> None:
+    """Print the answer, where the page is, and what to do next."""
+    from rich.console import Console
+
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDE)
+    for line in report.answer or (report.lead,):
+        (print if isinstance(line, str) else console.print)(line)
+    for line in (*((f"report: {out / PAGE}",) if report.title else ()), *report.further):
+        print(line)

@@ -1,0 +1,1 @@
+"""How long a policy lives while friction grows, and whether its monitor notices in time."""

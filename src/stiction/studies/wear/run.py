@@ -1,0 +1,199 @@
+"""How long does a policy live while friction grows? Virtual robots walk at one command and wear out on the way.
+
+Beside them the same robots walk as long under the same policies with friction that stays where it is: what ends there,
+and what a monitor notices there, has another cause than growth.
+
+Robots are independent of each other, and each walk is one file: an interrupted study loses those that were going on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.core.cache import cached, key_of
+from stiction.core.errors import ConfigurationError
+from stiction.core.parallel import spread
+from stiction.deploy.check import check_bundle, robot_of
+from stiction.engines.catalog import binaries, make_engine
+from stiction.evaluate.code import WALKING
+from stiction.evaluate.command import SETTLE, parse_command
+from stiction.evaluate.methods import method_of
+from stiction.formats.bundle import Bundle
+from stiction.studies.wear.lives import Life, Reading, Window, life, listen, speeds
+from stiction.virtual.cases import Case, parse_level, parse_levels, reported
+from stiction.virtual.robot import Wear
+from stiction.virtual.trial import World, walk
+
+WEARING = (*WALKING, "formats/wear.py", "studies/wear/run.py", "studies/wear/lives.py")
+"""Code that decides what is seen of a robot that wears out; what that means for its life is judged anew every time."""
+
+Judged = tuple[Life, list[Window], list[Reading]]
+"""What became of a robot, and what was seen of it."""
+
+
+@dataclass(frozen=True)
+class WearCfg:
+    """What every policy is put through."""
+
+    engine: str = "physx"
+    """Physics engine; one that the policies were not trained in."""
+    levels: tuple[str, ...] = ("0.1",)
+    """Levels of dry friction that wear multiplies: of the torque limit, or `bench`; see `parse_level`."""
+    cell: str = "all"
+    """What is real about the robots; see `Case`."""
+    robots: tuple[int, ...] = reported(5)
+    """Seeds of the virtual robots."""
+    wear: Wear = field(default_factory=lambda: Wear(seconds=120.0))
+    """Which joints wear, how far, and in which time. Twelve windows from x0.3 to x3: x1.2 in each. At the end of it the
+    robot walks on for a window, so that one is all at the greatest wear."""
+    control: bool = True
+    """Whether every robot also walks with friction that stays, see `steady`."""
+    command: str = "vx=0.5"
+    """What is commanded all the time."""
+    settle: float = SETTLE
+    """Time after the start that nothing looks at [s]."""
+    window: float = 10.0
+    """Time over which the speed is averaged [s]: that of the monitor's window."""
+    every: float = 1.0
+    """Time from one such window to the next [s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse what has no speed, no robot or no window."""
+        if parse_command(self.command).direction is None:
+            raise ConfigurationError(
+                f"wear under the command {self.command!r}: expected one that asks for motion, vx=0.5"
+            )
+        if not self.robots or len(set(self.robots)) < len(self.robots):
+            raise ConfigurationError(f"robots {self.robots}: expected at least one, each once")
+        for level in parse_levels(self.levels):
+            Case(self.robots[0], self.cell, level)
+            if level.is_none:
+                raise ConfigurationError("friction level 0 cannot wear: expected levels above it")
+        if not (self.settle >= 0 and self.every >= 0.1 and 0.1 <= self.window <= self.wear.seconds - self.settle):
+            raise ConfigurationError(
+                f"windows of {self.window} s, every {self.every} s, after {self.settle} s to settle, in "
+                f"{self.wear.seconds} s: expected windows that fit, of 0.1 s or more and as far from each other"
+            )
+
+    @property
+    def steady(self) -> tuple[float, ...]:
+        """Wear of the control walks [1].
+
+        At its beginning the walk is that in which friction grows, in everything but growth: what comes there would have
+        come without it. x1 is the level itself, what a robot with its seals in has, and the growing one only passes.
+        """
+        return tuple(dict.fromkeys((self.wear.start, 1.0))) if self.control else ()
+
+
+@dataclass(frozen=True)
+class Worn:
+    """One walk: one robot under one policy."""
+
+    bundle: Path
+    """Directory of the policy's bundle."""
+    level: str
+    """Of its friction."""
+    seed: int
+    """Of the robot."""
+    steady: float | None
+    """Wear at which its friction stays [1]; None: it grows."""
+    cfg: WearCfg
+    """All else."""
+    out: Path
+    """Folder for the files of walks."""
+
+    @property
+    def name(self) -> str:
+        """Name of the walk: policy, level and robot, and where its friction stays."""
+        stays = "" if self.steady is None else f"--x{self.steady:g}"
+        return f"{self.bundle.resolve().name}--{self.level}--{self.seed}{stays}"
+
+    @property
+    def wear(self) -> Wear:
+        """How its friction goes."""
+        wear = self.cfg.wear
+        return wear if self.steady is None else replace(wear, start=self.steady, end=self.steady)
+
+    def key(self, digest: str) -> str:
+        """Return the key of the walk; digest: of the bundle."""
+        cfg = asdict(replace(self.cfg, levels=(self.level,), robots=(self.seed,), wear=self.wear, control=False))
+        return key_of([digest, self.steady, cfg, binaries(self.cfg.engine)], *WEARING)
+
+
+def study_wear(
+    bundles: Sequence[Bundle],
+    paths: Sequence[Path],
+    cfg: WearCfg,
+    out: Path,
+    jobs: int,
+    progress: Callable[[str, float], None],
+) -> tuple[list[Life], list[Window], list[Reading]]:
+    """Wear out every robot under every policy, and walk the controls; return the rows of all.
+
+    Args:
+        bundles: the policies, checked.
+        paths: their directories.
+        cfg: what they are put through.
+        out: folder in which each walk's part is kept.
+        jobs: processes at once. They do not change the result.
+        progress: called with `walks` and the share that is done.
+
+    Raises:
+        StictionError: a bundle does not fit the robot, the engine is not here, or a process was killed.
+
+    """
+    for bundle in bundles:
+        cfg.wear.worn(robot_of(bundle.contract).joint_names)
+    walks = product(paths, cfg.levels, (None, *cfg.steady), cfg.robots)
+    todo = [Worn(path, level, seed, steady, cfg, out) for path, level, steady, seed in walks]
+    done: dict[int, Judged] = {}
+    progress("walks", 0.0)
+    for number, part in spread(wear_out, [(worn,) for worn in todo], jobs):
+        done[number] = part
+        progress("walks", len(done) / len(todo))
+    parts = [done[number] for number in range(len(todo))]
+    windows = [row for part in parts for row in part[1]]
+    return [part[0] for part in parts], windows, [row for part in parts for row in part[2]]
+
+
+def wear_out(worn: Worn) -> Judged:
+    """Do a walk, unless its file is there, and judge it. The file has what was seen, and not what that means."""
+    bundle = check_bundle(worn.bundle).bundle
+    seen = cached(worn.out, worn.name, worn.key(bundle.digest), lambda: _wear_out(worn, bundle))
+    return judge(worn, bundle, seen)
+
+
+def judge(worn: Worn, bundle: Bundle, seen: dict[str, Any]) -> Judged:
+    """Return what became of a robot; seen: its `windows`, `readings`, and when it `fell`, as of `_wear_out`."""
+    named: dict[str, Any] = {"policy": bundle.name, "friction_level": worn.level, "robot": worn.seed}
+    named |= {"steady": worn.steady}
+    windows = [Window(**named, **row) for row in seen["windows"]]
+    readings = [Reading(**named, **row) for row in seen["readings"]]
+    fell = None if seen["fell"] is None else (seen["fell"], worn.wear.factor(seen["fell"]))
+    command = parse_command(worn.cfg.command).label
+    what = named | {"method": method_of(bundle.contract), "engine": worn.cfg.engine, "command": command}
+    return life(what, windows, readings, fell, bundle.wear is not None), windows, readings
+
+
+def _wear_out(worn: Worn, bundle: Bundle) -> dict[str, Any]:
+    """Let one robot walk; return `windows`, see `speeds`, `readings`, see `listen`, and `fell`: when [s], or None."""
+    cfg, command, wear = worn.cfg, parse_command(worn.cfg.command), worn.wear
+    period, spec = bundle.contract.control_period, robot_of(bundle.contract)
+    steps = round((wear.seconds + cfg.window) / period)
+    case = Case(worn.seed, cfg.cell, parse_level(worn.level))
+    velocity = np.array(command.velocity)
+    world = World(partial(make_engine, cfg.engine))
+    trial = walk(bundle, case, world, lambda step, motion: velocity, steps, wear=wear)
+    upright = trial.recording.upright
+    return {
+        "windows": speeds(trial, command, wear, cfg.settle, cfg.window, cfg.every),
+        "readings": listen(trial, bundle, spec, case, wear, cfg.settle),
+        "fell": None if upright[-1, 0] else len(upright) * period,
+    }

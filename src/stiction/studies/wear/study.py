@@ -1,0 +1,125 @@
+"""`stiction study wear BUNDLE...`: how long policies live while friction grows, and whether their monitors see it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from stiction.core.errors import FileError
+from stiction.core.records import make_folder, read_rows
+from stiction.formats.following import LEAST, MOST
+from stiction.report.terminal import RobotSeeds
+from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work
+
+DESCRIPTION = f"""Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
+
+A policy lives while it follows its command, from the first to the last time: its life ends where it is too slow for
+good, under {LEAST}, or where the robot falls. Too fast at first, over {MOST}, it has not begun to follow.
+A bundle's wear monitor, if it has one, listens to what the policy sees: does it notice before that? And would it have
+noticed as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the walks in progress,
+one a core, under a minute each in PhysX.
+
+Example: stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WearOptions(ParallelOptions):
+    """Options of `stiction study wear`."""
+
+    bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Directories of the bundles, or names of shipped ones."""
+    engine: str = "physx"
+    """Physics engine: physx, ode, ode-webots, mujoco."""
+    levels: tuple[str, ...] = ("0.1",)
+    """Levels of dry friction that wear multiplies: fractions of each joint's torque limit, or `bench`."""
+    robots: RobotSeeds = (1000, 1001, 1002, 1003, 1004)
+    joint: str | None = None
+    """The joint (FL_shank) or the kind of joints (shank) that wears; by default all do. The others stay at x1."""
+    cell: str = "all"
+    """What is real about the robots: all, friction, or groups such as friction+delays."""
+    start: float = 0.3
+    """Wear at the beginning [1]."""
+    end: float = 3.0
+    """Wear at the end [1]; in between it grows by equal ratios."""
+    seconds: float = 120.0
+    """Time from `start` to `end` [s]; a window at `end` follows. In PhysX some 36 s on one core, and so three
+    minutes for the five robots of a policy, nine with their controls."""
+    control: bool = True
+    """Let every robot also walk with friction that stays at `start`, and at x1: what a monitor notices there is a false
+    alarm, and a life that ends there did not end by growth."""
+    command: str = "vx=0.5"
+    """Commanded velocity."""
+    window: float = 10.0
+    """Time over which the speed is averaged [s]."""
+    out: Path = Path("stiction-wear")
+    """Directory for lives.csv, windows.csv, readings.csv, summary.json, figures, report.html; and for robots, a file
+    for every walk."""
+    judge_again: bool = False
+    """Walk nothing: judge what --out has by today's criteria, and draw its page anew. No bundle is needed."""
+
+
+def run(options: WearOptions, work: Work) -> Report:
+    """Wear robots out under the bundles, or judge those of before."""
+    if options.judge_again:
+        return judge_again(options.out, work)
+    if not options.bundles:
+        raise UsageError("no bundle given")
+    from stiction.evaluate.summary import describe
+    from stiction.evaluate.table import methods_of
+    from stiction.formats.bundle import find_bundle
+    from stiction.studies.wear.lives import groups, over_seeds
+    from stiction.studies.wear.page import report
+    from stiction.studies.wear.run import WearCfg, study_wear
+    from stiction.virtual.cases import warnings_on
+    from stiction.virtual.robot import Wear
+
+    joints = () if options.joint is None else (options.joint,)
+    wear = Wear(joints, options.start, options.end, options.seconds)
+    names = ("engine", "levels", "cell", "robots", "command", "window", "control")
+    cfg = WearCfg(wear=wear, **{name: getattr(options, name) for name in names})
+    paths = [find_bundle(path) for path in options.bundles]
+    bundles = work.bundles(paths)
+    robots = work.begin() / "robots"
+    make_folder(robots)
+    lives, windows, readings = study_wear(bundles, paths, cfg, robots, work.jobs, work.progress)
+    settings = {
+        "settings": asdict(cfg),
+        "policies": {bundle.name: describe(bundle) | {"monitor": bundle.wear is not None} for bundle in bundles},
+        "groups": groups(lives),
+        "ways": over_seeds(lives, methods_of(lives, bundles), (wear.start, wear.end)),
+    }
+    return report(lives, windows, readings, settings, warnings_on(cfg.robots))
+
+
+def judge_again(out: Path, work: Work) -> Report:
+    """Judge the walks of a folder anew, by what was seen of them."""
+    from stiction.formats.results import read_summary
+    from stiction.studies.wear import lives as wear_life
+    from stiction.studies.wear.lives import Reading, Window
+    from stiction.studies.wear.page import report
+
+    before = read_summary(out / "summary.json")
+    windows = read_rows(out / "windows.csv", Window)
+    heard = out / "readings.csv"
+    readings = read_rows(heard, Reading) if heard.exists() else []
+    try:
+        lives = wear_life.judge_again(before["lives"], windows, readings)
+        tried = before["settings"]["wear"]["start"], before["settings"]["wear"]["end"]
+        methods = {policy: method["way"] for method in before["ways"] for policy in method["policies"]}
+    except KeyError as error:
+        raise FileError(f"{out / 'summary.json'} is none of `stiction study wear`: no {error}") from error
+    known = [row for row in lives if row.policy in methods]
+    kept = {name: value for name, value in before.items() if name != "schema_version"}
+    judged = {"groups": wear_life.groups(lives), "ways": wear_life.over_seeds(known, methods, tried)}
+    return report(lives, windows, readings, kept | {"judged": work.made} | judged)
+
+
+STUDY = Study(
+    "how long a policy lives while friction grows, and whether its monitor notices in time",
+    DESCRIPTION,
+    WearOptions,
+    run,
+)

@@ -1,0 +1,275 @@
+"""The bench: the robot is bolted to a stand, legs in the air, and its joints are moved and logged, kind by kind.
+
+The log is what a person with this robot would make, through its `Port` and from its data sheet: the angles that the
+encoders say, the target that is then sent, and the motors' torque, mean over the period that follows, as in walking
+logs. `stiction identify` makes joints.json of it. Nothing of the truth is in it.
+
+All joints of a kind move at once, one in every leg: on a stand no leg feels another. The motion is that of
+`stiction excite`: a slow triangle, where nearly all of the torque is dry friction, then a sum of sines, twice.
+
+What to expect of it (`stiction study bench` measures it). Torque that is held for 1 ms and logged over 2 is half a
+millisecond early, which lowers viscous friction. The standard values have no Stribeck curve, so that friction of that
+law comes out too high. In the gap of a gear a rotor has neither link nor friction, which shifts both. What is found is
+f/k, with the motor's true strength k in it, which no log of a robot shows. An inertia measured in the air has the links
+in it: wrong masses become a wrong rotor.
+
+The folder has `joints.json` and `training.json` as `stiction identify` writes them, with nothing of the truth in them.
+It is an entry of `core.cache`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from math import pi
+from pathlib import Path
+
+import numpy as np
+
+from stiction.core.cache import key_of, publish_entry
+from stiction.core.errors import ConfigurationError, FileError, RobotError, StictionError
+from stiction.core.provenance import seed_streams
+from stiction.deploy.observation import Sensors
+from stiction.deploy.pilot import ControlStep, JointCommand, Port, Reading
+from stiction.engines.catalog import binaries, make_engine
+from stiction.formats.bundle import Bundle
+from stiction.formats.joints import JointRecord, JointsFile, load_joints, write_training
+from stiction.formats.log import JointSignals, Log, LogSetup
+from stiction.formats.walk import WalkHeader, WalkLog
+from stiction.identify.excite.task import Pattern
+from stiction.identify.pipeline import REFUSED, identify_log
+from stiction.identify.verdict import propose
+from stiction.robots.model import JOINT_KINDS, RobotSpec
+from stiction.virtual.cases import Case
+from stiction.virtual.robot import VirtualRobot
+from stiction.virtual.trial import World
+
+SETTLING = 1.0
+"""Time that the legs hang at rest before each log [s]."""
+
+MOTION = Pattern(
+    share=0.4,
+    slow_frequency=0.25,
+    slow_amplitude=0.35,
+    frequencies=(0.6, 1.7, 3.1),
+    amplitudes=(1.0, 0.6, 0.35),
+    phases=(0.0, 0.5 * pi, 1.1 * pi),
+    fast_peak=0.35,
+)
+"""About the standing pose. Even a friction of 30 % of the torque limit makes a dead band of 0.135 rad at the gains of
+Saturn Lite: the swing is more than twice that."""
+
+
+@dataclass(frozen=True)
+class BenchCfg:
+    """How a bench log is made."""
+
+    kinds: tuple[str, ...] = JOINT_KINDS
+    """Kinds of joints to log, in this order; one alone after a repair, say."""
+    seconds: float = 20.0
+    """Length of each kind's log [s]: the motion, twice."""
+    motion: Pattern = field(default_factory=lambda: MOTION)
+    """Offsets from the standing pose."""
+    stiffness: float = 1.0
+    """Gains during the log over those of the data sheet [1]; kd goes with the root, which keeps the damping ratio."""
+
+    def __post_init__(self) -> None:
+        """Refuse logs that say nothing."""
+        if not self.kinds or set(self.kinds) - set(JOINT_KINDS) or len(set(self.kinds)) < len(self.kinds):
+            raise ConfigurationError(f"bench logs of {self.kinds}: expected different ones of {', '.join(JOINT_KINDS)}")
+        if not (4.0 <= self.seconds <= 600.0 and 0.1 <= self.stiffness <= 10.0):
+            raise ConfigurationError(
+                f"bench logs of {self.seconds} s at {self.stiffness} times the gains: expected 4 to 600 s, 0.1 to 10"
+            )
+
+
+def bench_log(port: Port, spec: RobotSpec, cfg: BenchCfg | None = None) -> Log:
+    """Move every joint of a robot that is bolted to its bench and return the log, with its sidecar.
+
+    port: the robot; spec: its data sheet.
+
+    Raises:
+        StictionError: the robot is not that of the data sheet.
+
+    """
+    cfg = cfg or BenchCfg()
+    if port.joint_names != spec.joint_names:
+        raise RobotError(f"the robot has the joints {port.joint_names}, its data sheet {spec.joint_names}")
+    kp = cfg.stiffness * spec.joint_values("stiffness")
+    kd = cfg.stiffness**0.5 * spec.joint_values("derivative")
+    count = round(cfg.seconds / port.period / 2)
+    offsets = np.tile(cfg.motion.offsets(count, 1.0 / port.period), 2)
+    joints: dict[str, JointSignals] = {}
+    for number in map(JOINT_KINDS.index, cfg.kinds):
+        path = np.tile(spec.joint_values("standing"), (len(offsets), 1))
+        path[:, number :: len(JOINT_KINDS)] += offsets[:, None]
+        readings = _play(port, path, kp, kd)
+        for joint in range(number, spec.num_joints, len(JOINT_KINDS)):
+            joints[spec.joint_names[joint]] = JointSignals(
+                position=np.array([reading.sensors.joint_position[joint] for reading in readings[:-1]]),
+                velocity=np.array([reading.sensors.joint_velocity[joint] for reading in readings[:-1]]),
+                target=path[:, joint],
+                torque=np.array([reading.joint_torque[joint] for reading in readings[1:]]),
+            )
+    time = np.arange(len(offsets)) * port.period
+    return Log(
+        "bench", time, {name: joints[name] for name in spec.joint_names if name in joints}, bench_setup(spec, kp, kd)
+    )
+
+
+def bench_setup(spec: RobotSpec, kp: np.ndarray, kd: np.ndarray) -> LogSetup:
+    """Return the log's sidecar: gains [N m/rad], [N m s/rad], shape (J,), and what the data sheet says, by kind."""
+    limit = spec.joint_values("torque_limit")
+    kinds = {
+        kind: LogSetup(kp=float(kp[number]), kd=float(kd[number]), torque_limit=float(limit[number]))
+        for number, kind in enumerate(JOINT_KINDS)
+    }
+    return LogSetup(torque_source="motor_side", test_condition="in_air", axis="rotary", joints=kinds)
+
+
+def _play(port: Port, path: np.ndarray, kp: np.ndarray, kd: np.ndarray) -> list[Reading]:
+    """Hold the first targets until the legs hang still, then play targets (T, J) [rad] back.
+
+    Returns T + 1 readings: what had come when each target was sent, and what came last.
+    """
+    for _ in range(round(SETTLING / port.period)):
+        port.exchange(JointCommand.position(path[0], kp, kd))
+    return [port.read(), *(port.exchange(JointCommand.position(target, kp, kd)) for target in path)]
+
+
+JOINTS, TRAINING = "joints.json", "training.json"
+"""Files of the folder."""
+
+MAKING = (
+    *("core/*.py", "identify/*.py", "identify/excite/task.py", "joints/*.py", "robots/*.py", "sim/friction.py"),
+    *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/pilot.py"),
+    *(f"formats/{name}.py" for name in ("advice", "following", "joints", "log")),
+)
+"""Code that decides what a bench finds."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """One robot on its bench."""
+
+    engine: str
+    """Name in the catalogue of engines."""
+    case: Case
+    """The robot."""
+    spec: RobotSpec
+    """Its data sheet."""
+    cfg: BenchCfg = field(default_factory=BenchCfg)
+    """How its log is made."""
+
+    @property
+    def label(self) -> str:
+        """Name of its folder: `saturn_lite--physx--all--0.1--1000`."""
+        return f"{self.spec.name}--{self.engine}--{self.case.label}"
+
+    @property
+    def key(self) -> str:
+        """What it was made from, as one number: robot, engine, log, code."""
+        return key_of([self.engine, self.case, self.spec, self.cfg, binaries(self.engine)], *MAKING)
+
+    def robot(self) -> VirtualRobot:
+        """Return the robot, bolted to its stand."""
+        noise = seed_streams(self.case.seed, ["bench, noise"])["bench, noise"]
+        return World(partial(make_engine, self.engine)).on_bench(self.case, self.spec, noise)
+
+
+def make_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
+    """Put a robot on its bench and identify it: `folder` becomes the entry of `bench.key`, see `core.cache`.
+
+    workers: processes; they do not change the result. Where no joint can be identified, that is what is found: every
+    record is empty and its warning says why.
+
+    Raises:
+        StictionError: the folder cannot be written.
+
+    """
+    log = bench_log(bench.robot().handle, bench.spec, bench.cfg)
+    try:
+        joints = identified(log, workers)
+    except StictionError as error:
+        joints = JointsFile({name: JointRecord(warnings=(f"{REFUSED}no joint was; {error}",)) for name in log.joints})
+    try:
+        with publish_entry(folder, bench.key, bench.label) as partial:
+            write_found(joints, partial)
+    except OSError as error:
+        raise FileError(f"{folder} cannot be written: {error}; choose another --out") from error
+
+
+def identified(log: Log, workers: int = 1) -> JointsFile:
+    """Return what is found in a bench log; raise `StictionError` where no joint can be identified."""
+    found, refused = identify_log(log, workers=workers)
+    records = {name: result.record for name, result in found.items()} | refused
+    return JointsFile({name: records[name] for name in log.joints})
+
+
+def write_found(joints: JointsFile, folder: Path) -> None:
+    """Write what was found on a bench, as `stiction identify` does. May raise `OSError`."""
+    joints.write(folder / JOINTS)
+    write_training(folder / TRAINING, propose(joints))
+
+
+def identified_friction(joints: JointsFile | Path, joint_names: tuple[str, ...]) -> np.ndarray:
+    """Return the Coulomb friction of every joint as it was identified [N m], shape (J,); below zero it is zero.
+
+    joints: a `joints.json`, read or not yet; joint_names: the robot's, in its order.
+
+    Raises:
+        FileError: the file cannot be read, or a joint is not in it or its friction is not known.
+
+    """
+    if not isinstance(joints, Path):
+        return np.array(joints.nominal(joint_names, "coulomb_friction"))
+    try:
+        return identified_friction(load_joints(joints), joint_names)
+    except FileError as error:
+        raise FileError(f"{joints}: {error}") from error
+
+
+def walk_log(
+    steps: Sequence[ControlStep], bundle: Bundle, spec: RobotSpec, recorded_in: str, command: str = ""
+) -> WalkLog:
+    """Return the log of a walk; it knows what the policy's side knows, and nothing of the robot's truth.
+
+    Args:
+        steps: what the pilot saw and did, T control periods, at least one.
+        bundle: the policy that walked.
+        spec: the robot's data sheet.
+        recorded_in: name of the engine.
+        command: the command in words, where it did not change: `vx=0.5`.
+
+    """
+    contract = bundle.contract
+    each = len(steps[0].readings)
+    readings = [steps[0].before, *(reading for step in steps for reading in step.readings)]
+    before, after = readings[:-1], readings[1:]
+
+    def sensed(name: str) -> np.ndarray:
+        return np.stack([getattr(reading.sensors, name) for reading in before])
+
+    header = WalkHeader(
+        robot=contract.robot,
+        joint_names=contract.joint_names,
+        foot_names=spec.foot_names,
+        period=contract.control_period / each,
+        kp=contract.kp,
+        kd=contract.kd,
+        torque_limit=contract.torque_limit,
+        torque_source="motor_side",
+        recorded_in=recorded_in,
+        policy=bundle.name,
+        command=command,
+    )
+    return WalkLog(
+        header,
+        time=np.array([reading.time for reading in before]),
+        **{name: sensed(name) for name in Sensors.__dataclass_fields__},
+        joint_target=np.repeat([step.policy.target for step in steps], each, axis=0),
+        joint_torque=np.stack([reading.joint_torque for reading in after]),
+        foot_contact=np.stack([reading.foot_contact for reading in before]),
+        velocity_command=np.repeat([step.velocity for step in steps], each, axis=0),
+    )

@@ -1,0 +1,209 @@
+"""Which robots an experiment needs so that causes can be told apart: cells times levels of friction.
+
+A level scales dry friction and nothing else: the joints' mean f/τ_max, or the bench's value of each kind, and the load
+coefficient. Ratios, speeds and differences between joints belong to the robot and stay. Without friction, level 0, the
+cell `friction` is `nominal` and `all` is `rest`, so that four cells at L levels above 0 are 2 + 2 L robots:
+
+    nominal     the data sheet in every group, no dry friction
+    friction    dry friction of the level, in the robot's own shape; all else perfect
+    rest        all but friction
+    all         both
+
+A seed gives the same robot in all cells and at all levels: they differ by what is named, not by luck. Any other
+selection of groups is a cell too (`friction+delays`), to find out which part of `rest` matters.
+
+A method that was tuned on a robot fits that robot. So seeds are parted once, by a number: below it they are for making
+and tuning, from it on for results. Of those below, 0 to 7 and 101 were looked at while virtual robots were made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.engines.friction import JointFriction
+from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
+from stiction.robots.model import RobotSpec
+from stiction.virtual.hidden import GROUPS, Hidden
+
+REST = tuple(name for name in GROUPS if name != "friction")
+"""All groups but friction."""
+
+CELLS: dict[str, tuple[str, ...]] = {"nominal": (), "friction": ("friction",), "rest": REST, "all": GROUPS}
+"""Name -> groups that are real."""
+
+BENCH = "bench"
+"""A level: what was measured without load, 0.442 N m at Saturn Lite's shank and 0.25 N m at hip and thigh."""
+
+LOAD = 0.02
+"""Load coefficient beside the bench's value. It makes some 1.2 N m at a walking joint, a tenth of the torque that it
+bears: a planetary gear of 90 %."""
+
+LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3", BENCH, f"{BENCH}+{LOAD:g}")
+"""Levels of the comparison: of the torque limit, the paper's 1 % among them, and the bench's."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """How much dry friction there is."""
+
+    share: float | None
+    """Mean over the joints of f/τ_max [-]; None: what the bench measured of each kind of joint."""
+    load: float = 0.0
+    """Load coefficient c [-]."""
+
+    @property
+    def label(self) -> str:
+        """The level as people type it: `0.1`, `bench`, `bench+0.02`."""
+        base = BENCH if self.share is None else f"{self.share:g}"
+        return f"{base}+{self.load:g}" if self.load else base
+
+    @property
+    def is_none(self) -> bool:
+        """Whether there is no friction at all."""
+        return self.share == 0 and self.load == 0
+
+    def coulomb(self, spec: RobotSpec) -> np.ndarray:
+        """Return the friction of every joint before its own share [N m], shape (J,)."""
+        if self.share is None:
+            return spec.joint_values("frictionloss")
+        return self.share * spec.joint_values("torque_limit")
+
+
+def parse_level(text: str) -> Level:
+    """Return the level that a text names: a fraction of the torque limit or `bench`; after a `+` a load coefficient.
+
+    Raises:
+        StictionError: what is none.
+
+    """
+    base, plus, coefficient = text.strip().partition("+")
+    try:
+        share = None if base == BENCH else float(base)
+        load = float(coefficient) if plus else 0.0
+    except ValueError:
+        share, load = math.nan, math.nan
+    if not all(0 <= number <= MAX_LEVEL for number in (share or 0.0, load)):
+        raise ConfigurationError(
+            f"friction level {text!r} of a virtual robot: expected a fraction of the torque limit up to {MAX_LEVEL} or "
+            f"{BENCH!r}, with a load coefficient where wanted: 0.1, {BENCH}, {BENCH}+{LOAD:g}"
+        )
+    return Level(share, load)
+
+
+def parse_levels(texts: Sequence[str]) -> tuple[Level, ...]:
+    """Return the levels that texts name, each once however it is written: 0.1 and 0.10 are one.
+
+    Raises:
+        StictionError: one is none, one is there twice, or there is none at all.
+
+    """
+    levels = tuple(map(parse_level, texts))
+    if not levels or len({level.label for level in levels}) < len(levels):
+        raise ConfigurationError(f"friction levels {' '.join(texts) or 'none'}: expected at least one, each once")
+    return levels
+
+
+@dataclass(frozen=True)
+class Case:
+    """One robot of the experiment."""
+
+    seed: int
+    """Of the robot."""
+    cell: str
+    """One of `CELLS`, or groups joined by `+`."""
+    level: Level
+    """Of its dry friction; none where friction is not among the groups."""
+
+    def __post_init__(self) -> None:
+        """Refuse groups that do not exist, and friction where the cell has none."""
+        if wrong := sorted(set(self.groups) - set(GROUPS)):
+            raise ConfigurationError(f"cell {self.cell!r}: {unknown_name('group', wrong[0], (*CELLS, *GROUPS))}")
+        if "friction" not in self.groups and not self.level.is_none:
+            raise ConfigurationError(f"cell {self.cell!r} has no friction; expected level 0, not {self.level.label}")
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Names of the groups that are real."""
+        return CELLS[self.cell] if self.cell in CELLS else tuple(self.cell.split("+"))
+
+    @property
+    def label(self) -> str:
+        """Name for tables and files: `all--0.1--3`."""
+        return f"{self.cell}--{self.level.label}--{self.seed}"
+
+    def robot(self, hidden: Hidden) -> Hidden:
+        """Return what the robot `hidden` is in this cell."""
+        return hidden.only(self.groups)
+
+    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
+        """Return the dry friction of its joints; `timestep`: of the physics [s]."""
+        return self.robot(hidden).friction.at(self.level.coulomb(spec), self.level.load, timestep)
+
+
+def factorial(seeds: Sequence[int], levels: Sequence[str] = LEVELS, cells: Sequence[str] = tuple(CELLS)) -> list[Case]:
+    """Return every robot of an experiment once: by seed, then by cell, then by level.
+
+    Cells without friction have level 0 alone; cells with friction and no other difference leave it out where a cell
+    without friction is among `cells`, for there they are the same robot.
+    """
+    parsed = parse_levels(levels)
+    cases = []
+    for seed in seeds:
+        for cell in cells:
+            groups = Case(seed, cell, Level(0.0)).groups
+            if "friction" not in groups:
+                cases.append(Case(seed, cell, Level(0.0)))
+                continue
+            bare = set(groups) - {"friction"}
+            twin = any(set(Case(seed, other, Level(0.0)).groups) == bare for other in cells)
+            cases += [Case(seed, cell, level) for level in parsed if not (level.is_none and twin)]
+    return cases
+
+
+@dataclass(frozen=True)
+class DataSheet:
+    """A case like those of the factorial, with nothing hidden and the same share of friction in every joint."""
+
+    seed: int
+    """Of start poses and sensor noise."""
+    law: Law
+    """Of the friction."""
+    level: float
+    """Friction as a fraction of the torque limit, or its coefficient [-]."""
+
+    def robot(self, hidden: Hidden) -> Hidden:
+        """Return a robot in which nothing is hidden."""
+        return hidden.only(())
+
+    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
+        """Return the dry friction of its joints; `timestep`: of the physics [s]."""
+        unit = np.ones(spec.num_joints) if has_coefficient(self.law.name) else spec.joint_values("torque_limit")
+        return JointFriction.under(self.law, self.level * unit, timestep)
+
+
+FIRST_REPORTED = 1000
+"""Seed of the first virtual robot that is kept for results."""
+
+
+def reported(count: int) -> tuple[int, ...]:
+    """Return the seeds of the first `count` virtual robots that are kept for results."""
+    return tuple(range(FIRST_REPORTED, FIRST_REPORTED + count))
+
+
+def warnings_on(seeds: Iterable[int]) -> list[str]:
+    """Return what a page and a terminal say of results on robots that are there for tuning: a sentence, or none.
+
+    They are not refused: a method is made and tuned on such robots.
+    """
+    tuned = [str(seed) for seed in seeds if seed < FIRST_REPORTED]
+    if not tuned:
+        return []
+    return [
+        f"Exploratory: virtual robots with seeds below {FIRST_REPORTED} ({', '.join(tuned)}) are there for making and "
+        "tuning methods; results on them are no evidence."
+    ]

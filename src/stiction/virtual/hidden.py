@@ -1,0 +1,245 @@
+"""What a virtual robot really is, group by group: no code that trains, identifies or drives may read it.
+
+Such code knows the robot as one knows a real one: by its data sheet (`RobotSpec`), by the logs of its bench, and by
+what its sensors say through a `Port`. Only this folder, and code that judges an evaluation, hold a `Hidden`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.provenance import seed_streams
+from stiction.engines.engine import Body
+from stiction.engines.friction import JointFriction, Term
+from stiction.robots.model import RobotSpec
+from stiction.virtual.motor import Motors
+from stiction.virtual.sensors import SensorErrors
+
+
+@dataclass(frozen=True)
+class FrictionShape:
+    """How the joints of a robot differ in their friction, whatever its level. Arrays have shape (J,)."""
+
+    share: np.ndarray
+    """Friction of the joint over the level's [1]; the mean over the joints is one, so that the level means what it
+    says."""
+    static_ratio: np.ndarray
+    """Friction at rest over friction in motion, r [1]."""
+    stribeck_velocity: np.ndarray
+    """Speed at which 63 % of the excess at rest is gone, v [rad/s]."""
+    load_share: np.ndarray
+    """Load coefficient of the joint over the level's [1]; the mean is one."""
+
+    @classmethod
+    def perfect(cls, num_joints: int) -> FrictionShape:
+        """Return Coulomb's law, the same share in every joint."""
+        one = np.ones(num_joints)
+        return cls(one, one, one, one)
+
+    def at(self, coulomb: np.ndarray, load: float, timestep: float) -> JointFriction:
+        """Return the friction at a level.
+
+        coulomb: the level's [N m], shape (J,); load: its coefficient [-]; timestep: of the physics [s].
+        """
+        numbers = {"static_ratio": self.static_ratio, "stribeck_velocity": self.stribeck_velocity}
+        return JointFriction(
+            timestep, Term("stribeck", coulomb * self.share, numbers), Term("load", load * self.load_share)
+        )
+
+
+@dataclass(frozen=True)
+class Masses:
+    """How the links differ from the drawing. The same link weighs the same in every leg."""
+
+    base: float = 1.0
+    """Mass of the trunk over the drawing's [1]; inertia follows."""
+    hip_link: float = 1.0
+    """Of the hip's link [1]."""
+    thigh_link: float = 1.0
+    """Of the thigh [1]."""
+    shank_link: float = 1.0
+    """Of the shank [1]."""
+    base_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Centre of mass of the trunk, in its frame [m]."""
+
+
+@dataclass(frozen=True)
+class Delays:
+    """How late signals arrive. The joint controllers sit at the motors: their own loop knows neither delay."""
+
+    command: float = 0.0
+    """From the computer to the motor controllers [s]."""
+    sensors: float = 0.0
+    """From encoders and IMU to the computer [s]."""
+
+
+@dataclass(frozen=True)
+class Hidden:
+    """One robot. Each field is a group that an experiment can have real or perfect."""
+
+    friction: FrictionShape
+    """How dry friction differs from joint to joint; how much there is, is the level's business."""
+    motors: Motors
+    """Motors, rotors and battery."""
+    delays: Delays
+    """Of commands and sensors."""
+    gears: np.ndarray
+    """Backlash of each joint: the whole width of its gap [rad], shape (J,)."""
+    sensors: SensorErrors
+    """Errors of encoders, current sensors and IMU."""
+    masses: Masses
+    """Of the links."""
+
+    @classmethod
+    def perfect(cls, num_joints: int) -> Hidden:
+        """Return the robot of the data sheet."""
+        return cls(
+            friction=FrictionShape.perfect(num_joints),
+            motors=Motors.perfect(num_joints),
+            delays=Delays(),
+            gears=np.zeros(num_joints),
+            sensors=SensorErrors.perfect(num_joints),
+            masses=Masses(),
+        )
+
+    def only(self, groups: Collection[str]) -> Hidden:
+        """Return the robot with these groups as they are and all others perfect.
+
+        Raises:
+            StictionError: there is no such group.
+
+        """
+        if wrong := sorted(set(groups) - set(GROUPS)):
+            raise ConfigurationError(f"virtual robot: {unknown_name('group', wrong[0], GROUPS)}")
+        perfect = Hidden.perfect(len(self.gears))
+        return replace(perfect, **{name: getattr(self, name) for name in groups})
+
+    def body(self, spec: RobotSpec, fixed: bool = False) -> Body:
+        """Return the robot as an engine must build it; `spec`: by the data sheet, `fixed`: bolted to a bench."""
+        masses = {name: getattr(self.masses, name) for name in ("base", "hip_link", "thigh_link", "shank_link")}
+        links = {name: replace(link := getattr(spec, name), mass=link.mass * by) for name, by in masses.items()}
+        return Body(
+            spec=replace(spec, **links),
+            armature=spec.joint_values("armature") * self.motors.armature,
+            damping=spec.joint_values("damping") * self.motors.damping,
+            base_com=self.masses.base_com,
+            fixed=fixed,
+        )
+
+
+GROUPS = ("friction", "motors", "delays", "gears", "sensors", "masses")
+"""Names of the groups: the fields of `Hidden`."""
+
+FRICTION = {
+    "share": (0.5, 1.5),
+    "static_ratio": (1.1, 1.6),
+    "stribeck_velocity": (0.05, 0.3),
+    "load_share": (0.7, 1.3),
+}
+"""Legs of one robot, measured in the air, differ in friction by a factor of two to three; seals and greased gears hold
+a tenth to a half more at rest than they brake in motion, and let go within some degrees per second."""
+
+MOTORS = {
+    "armature": (0.9, 1.1),
+    "damping": (0.7, 1.4),
+    "strength": (0.93, 1.07),
+    "no_load_speed": (20.0, 28.0),
+}
+"""Torque constants are given to some per cent and fall as magnets warm up. Viscous friction follows the grease's
+temperature. The speeds are those of leg motors with 25 to 45 N m [rad/s]."""
+
+KNEE = (0.5, 0.7)
+CHARGE = (0.85, 1.0)
+RESISTANCE = (2e-5, 8e-5)
+"""Lithium cells fall by 15 % from full to nearly empty; 0.05 to 0.2 Ω at 50 V are 2e-5 to 8e-5 of the voltage per
+watt."""
+
+COMMAND_DELAY = (0.002, 0.008)
+SENSOR_DELAY = (0.001, 0.006)
+"""One to several cycles of a bus at 500 to 1000 Hz, and the computer's own work [s]. Training draws the sum from 0 to
+0.02 s."""
+
+GAP = (0.002, 0.009)
+"""Backlash of planetary gears, 7 to 30 minutes of arc [rad]."""
+
+ENCODER_STEP = 2 * np.pi / 2**14 / 6.0
+"""14 bits on the rotor behind a gear of 6 [rad]."""
+
+VELOCITY_FILTER = 0.002
+"""Of a motor controller at 1 kHz and more [s]."""
+
+ENCODER_OFFSET = 0.01
+TORQUE_NOISE = 0.005
+TORQUE_ZERO = 0.005
+GYROSCOPE_NOISE = 0.01
+GYROSCOPE_BIAS = 0.01
+TILT_BIAS = 0.01
+TILT_WANDER = 0.003
+"""Half-widths of the constant errors, deviations of the others, in the units of `SensorErrors`: a zero set by hand to
+half a degree, a current sensor of half a per cent, a cheap IMU after calibration."""
+
+MASS = {"base": (0.95, 1.15), "hip_link": (0.9, 1.15), "thigh_link": (0.9, 1.15), "shank_link": (0.9, 1.15)}
+"""Cables and screws that the drawing lacks: a robot is heavier than its drawing more often than lighter."""
+
+BASE_COM = (0.03, 0.01, 0.02)
+"""Half-widths along x, y, z [m]."""
+
+
+def draw(spec: RobotSpec, seed: int) -> Hidden:
+    """Return the robot of a seed; every group has a stream of its own, so that a change in one shifts no other."""
+    streams = seed_streams(seed, [f"virtual robot, {group}" for group in GROUPS])
+    by = {group: streams[f"virtual robot, {group}"] for group in GROUPS}
+    joints = spec.num_joints
+    return Hidden(
+        friction=_friction(by["friction"], joints),
+        motors=_motors(by["motors"], joints),
+        delays=Delays(by["delays"].uniform(*COMMAND_DELAY), by["delays"].uniform(*SENSOR_DELAY)),
+        gears=by["gears"].uniform(*GAP, joints),
+        sensors=_sensors(by["sensors"], joints),
+        masses=_masses(by["masses"]),
+    )
+
+
+def _friction(generator: np.random.Generator, joints: int) -> FrictionShape:
+    """Draw how joints differ; the shares are scaled to a mean of one, which a level then multiplies."""
+    drawn = {name: generator.uniform(*span, joints) for name, span in FRICTION.items()}
+    for name in ("share", "load_share"):
+        drawn[name] = drawn[name] / drawn[name].mean()
+    return FrictionShape(**drawn)
+
+
+def _motors(generator: np.random.Generator, joints: int) -> Motors:
+    """Draw every motor by itself, and one battery."""
+    drawn = {name: generator.uniform(*span, joints) for name, span in MOTORS.items()}
+    knee, charge, resistance = (float(generator.uniform(*span)) for span in (KNEE, CHARGE, RESISTANCE))
+    return Motors(**drawn, knee=knee, charge=charge, resistance=resistance)
+
+
+def _sensors(generator: np.random.Generator, joints: int) -> SensorErrors:
+    """Draw the constant errors."""
+
+    def within(half_width: float, count: int) -> np.ndarray:
+        return half_width * generator.uniform(-1.0, 1.0, count)
+
+    return SensorErrors(
+        encoder_step=ENCODER_STEP,
+        encoder_offset=within(ENCODER_OFFSET, joints),
+        velocity_filter=VELOCITY_FILTER,
+        torque_noise=TORQUE_NOISE,
+        torque_zero=within(TORQUE_ZERO, joints),
+        gyroscope_noise=GYROSCOPE_NOISE,
+        gyroscope_bias=within(GYROSCOPE_BIAS, 3),
+        tilt_bias=within(TILT_BIAS, 2),
+        tilt_wander=TILT_WANDER,
+    )
+
+
+def _masses(generator: np.random.Generator) -> Masses:
+    """Draw a factor for every kind of link, and where the trunk's centre of mass is."""
+    factors = {name: float(generator.uniform(*span)) for name, span in MASS.items()}
+    x, y, z = (float(half * generator.uniform(-1.0, 1.0)) for half in BASE_COM)
+    return Masses(**factors, base_com=(x, y, z))

@@ -1,0 +1,297 @@
+"""The virtual robot: a body in a physics engine, with motors, gears, friction and sensors of its own.
+
+What happens in one physics step, in this order:
+
+1. the command that arrives now (sent `delays.command` ago) is taken over;
+2. each motor controller computes its torque from its own encoder as it is now: its loop has no bus in it;
+3. the motor gives what limit, speed, voltage and torque constant leave of it;
+4. the gears pass it on, or cross their gap;
+5. the engine moves the body, under that torque and the bounds of dry friction;
+6. rotors and encoders follow, and what was measured is sent; the computer has it `delays.sensors` later.
+
+So a policy meets both delays, one after the other, and the joint's own loop neither. Until the first command arrives
+the motors are limp.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import reduce
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.rotation import UPRIGHT
+from stiction.deploy.observation import Sensors
+from stiction.deploy.pilot import JointCommand, Reading
+from stiction.engines.engine import Engine, Motion
+from stiction.engines.friction import JointFriction
+from stiction.virtual.gears import Gears
+from stiction.virtual.hidden import Hidden
+from stiction.virtual.motor import Drive, asked_torque
+from stiction.virtual.sensors import Encoders, Imu
+
+Signal = TypeVar("Signal")
+"""What travels."""
+
+
+class DelayLine(Generic[Signal]):
+    """A line of `steps` places: what goes in comes out that many pushes later, at once where there are none."""
+
+    def __init__(self, steps: int) -> None:
+        """Make an empty line; it must be filled before use."""
+        self._line: deque[Signal] = deque(maxlen=steps + 1)
+
+    def fill(self, signal: Signal) -> None:
+        """Begin as if `signal` had been pushed forever."""
+        self._line.extend([signal] * (self._line.maxlen or 1))
+
+    def push(self, signal: Signal) -> Signal:
+        """Take in what is sent now and return what arrives now."""
+        self._line.append(signal)
+        return self._line[0]
+
+    @property
+    def arrived(self) -> Signal:
+        """What arrived last."""
+        return self._line[0]
+
+
+def whole_steps(delay: float, timestep: float) -> int:
+    """Return a delay [s] in steps of `timestep` [s], the nearest whole number: there are no instants between steps."""
+    return round(delay / timestep)
+
+
+SEALS_OUT = 0.3
+"""What is left of a joint's friction without its seals, by the paper's measurement [1]."""
+
+
+@dataclass(frozen=True)
+class Wear:
+    """A factor on some joints' dry friction that grows by equal ratios: 0.3 to 0.6 takes as long as 1 to 2."""
+
+    joints: tuple[str, ...] = ()
+    """Names of joints (`FL_shank`) or kinds (`shank`); none: all. The others keep the factor 1."""
+    start: float = SEALS_OUT
+    """Factor at the beginning [1]."""
+    end: float = 3.0
+    """Factor from `seconds` on [1]."""
+    seconds: float = 60.0
+    """Time from `start` to `end` [s]: years, squeezed into a run."""
+
+    def __post_init__(self) -> None:
+        """Refuse factors that are none."""
+        numbers = (self.start, self.end, self.seconds)
+        if not all(0 < number < math.inf for number in numbers):
+            raise ConfigurationError(
+                f"wear from x{self.start} to x{self.end} in {self.seconds} s: expected three positive numbers"
+            )
+
+    def factor(self, time: float) -> float:
+        """Return the factor of the worn joints at a time since the beginning [s]."""
+        reached = min(max(time / self.seconds, 0.0), 1.0)
+        return self.start * (self.end / self.start) ** reached
+
+    def worn(self, joint_names: tuple[str, ...]) -> np.ndarray:
+        """Return which joints wear, bool, shape (J,).
+
+        Raises:
+            StictionError: `joints` names what the robot does not have.
+
+        """
+        of_kind = {name: name.rpartition("_")[2] for name in joint_names}
+        known = {*of_kind, *of_kind.values()}
+        if wrong := sorted(set(self.joints) - known):
+            raise ConfigurationError(f"wear: {unknown_name('joint', wrong[0], sorted(known))}")
+        return np.array([not self.joints or bool({name, of_kind[name]} & set(self.joints)) for name in joint_names])
+
+
+PERIOD = 0.002
+"""Time between two readings [s]: the state of a legged robot's joints comes at 500 Hz."""
+
+
+@dataclass(frozen=True)
+class GroundTruth:
+    """The truth about the last physics step: for whoever judges a walk, and for no policy."""
+
+    time: float
+    """Since the robot was put in place [s]."""
+    motion: Motion
+    """Of the body."""
+    torque: np.ndarray
+    """That the motors gave [N m], shape (J,)."""
+    friction: np.ndarray
+    """Bounds of dry friction [N m], shape (J,)."""
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """What sensors measured at one instant, before noise: quaternion, rate, angle, velocity, torque, contact."""
+
+    quaternion: np.ndarray
+    rate: np.ndarray
+    angle: np.ndarray
+    velocity: np.ndarray
+    torque: np.ndarray
+    contact: np.ndarray
+
+
+class RobotHandle:
+    """`Port` of a virtual robot. It can call the robot and holds nothing of it that could be read by accident."""
+
+    __slots__ = ("_exchange", "_read", "joint_names", "period")
+
+    def __init__(
+        self,
+        joint_names: tuple[str, ...],
+        period: float,
+        read: Callable[[], Reading],
+        exchange: Callable[[JointCommand], Reading],
+    ) -> None:
+        """Connect to a robot through its two functions."""
+        self.joint_names, self.period, self._read, self._exchange = joint_names, period, read, exchange
+
+    def read(self) -> Reading:
+        """Return what came last; see `Port.read`."""
+        return self._read()
+
+    def exchange(self, command: JointCommand) -> Reading:
+        """Send a command and wait for one period; see `Port.exchange`."""
+        return self._exchange(command)
+
+
+class VirtualRobot:
+    """A robot that an experiment puts in place, wears out and watches; what drives it gets its `handle` alone."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        hidden: Hidden,
+        friction: JointFriction,
+        generator: np.random.Generator,
+        period: float = PERIOD,
+        wear: Wear | None = None,
+        loads: bool = True,
+    ) -> None:
+        """Build the robot around an engine.
+
+        Args:
+            engine: made with `hidden.body(...)`.
+            hidden: what the robot is.
+            friction: of its joints, at some level.
+            generator: of the noise of its sensors.
+            period: between two readings [s], whole physics steps.
+            wear: how friction changes from when the robot is put in place.
+            loads: whether the ground truth says what joints transmit, even where their friction does not depend on it.
+
+        Raises:
+            StictionError: the period is not made of whole physics steps, or a joint that wears does not exist.
+
+        """
+        self._steps = whole_steps(period, engine.timestep)
+        if self._steps < 1 or abs(self._steps * engine.timestep - period) > 1e-9:
+            raise ConfigurationError(
+                f"readings every {period} s from physics of {engine.timestep} s: expected whole physics steps"
+            )
+        spec = engine.body.spec
+        self._engine, self._hidden, self._friction, self._wear = engine, hidden, friction, wear
+        self._names, self._limit = spec.joint_names, spec.joint_values("torque_limit")
+        self._loads = loads or friction.loaded
+        self._worn = np.zeros(spec.num_joints, bool) if wear is None else wear.worn(self._names)
+        self._drive = Drive(hidden.motors, self._limit, engine.timestep)
+        self._gears = Gears(hidden.gears, engine.body.armature, engine.timestep)
+        self._encoders = Encoders(hidden.sensors, engine.timestep)
+        self._generator, self._imu = generator, Imu(hidden.sensors, period, generator)
+        self._commands: DelayLine[JointCommand] = DelayLine(whole_steps(hidden.delays.command, engine.timestep))
+        self._samples: DelayLine[_Sample] = DelayLine(whole_steps(hidden.delays.sensors, engine.timestep))
+        self._reported: deque[np.ndarray] = deque(maxlen=self._steps)
+        self.handle = RobotHandle(self._names, period, self._read_last, self._exchange)
+        """What drives the robot may have."""
+        standing = spec.joint_values("standing")
+        self.place(standing, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
+
+    def place(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Put the robot there, at rest and limp; see `Engine.reset`."""
+        self._engine.reset(joint_position, position, quaternion)
+        self._motion, self._tick = self._engine.motion(self._loads), 0
+        for part in (self._drive, self._friction, self._imu):
+            part.reset()
+        self._gears.reset(joint_position)
+        self._encoders.reset(joint_position)
+        zero = np.zeros_like(joint_position)
+        self._given, self._bound = zero, zero
+        self._commands.fill(JointCommand(joint_position, zero, zero, zero))
+        self._reported.clear()
+        self._samples.fill(self._measure(zero))
+        self._reading = self._receive()
+
+    def ground_truth(self) -> GroundTruth:
+        """Return the truth."""
+        return GroundTruth(self._time, self._motion, self._given, self._bound)
+
+    @property
+    def _time(self) -> float:
+        """Since the robot was put in place [s]."""
+        return self._tick * self._engine.timestep
+
+    def _read_last(self) -> Reading:
+        """Return the last reading."""
+        return self._reading
+
+    def _exchange(self, command: JointCommand) -> Reading:
+        """Let one period pass under a command, which is sent as it is now: its sender may write over its arrays."""
+        sent = JointCommand(*(np.array(getattr(command, part.name), float) for part in fields(JointCommand)))
+        for _ in range(self._steps):
+            self._advance(sent)
+        self._reading = self._receive()
+        return self._reading
+
+    def _advance(self, sent: JointCommand) -> None:
+        """Take one physics step; the numbers are those of the module's docstring."""
+        command, encoders = self._commands.push(sent), self._encoders  # 1
+        asked = asked_torque(
+            command.kp, command.kd, command.target, command.forward, encoders.angle, encoders.velocity
+        )  # 2
+        last = self._given
+        self._given, reported = self._drive.torque(asked, self._gears.velocity)  # 3
+        age = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)
+        self._bound = self._friction.bound(self._motion, last, age)
+        self._engine.step(self._gears.transmit(self._given), self._bound)  # 4 and 5
+        self._motion, self._tick = self._engine.motion(self._loads), self._tick + 1
+        self._gears.follow(self._given, self._motion.joint_position, self._motion.joint_velocity)  # 6
+        self._encoders.follow(self._gears.angle, self._gears.velocity)
+        self._samples.push(self._measure(reported))
+
+    def _measure(self, reported: np.ndarray) -> _Sample:
+        """Return what is sent to the computer now; reported: what motors say of the step until now [N m], (J,).
+
+        The torque is a mean over the last period, as current sensors give it. Targets come in steps, at each of which
+        the torque jumps and then falls back as the joint follows: whoever looks once a period, always at its end, sees
+        too little, by kp θ' and kd θ'' times half a period.
+        """
+        self._reported.append(reported)
+        motion, encoders = self._motion, self._encoders
+        return _Sample(
+            motion.base_quaternion,
+            motion.base_angular_velocity,
+            encoders.angle,
+            encoders.velocity,
+            reduce(np.add, self._reported) / len(self._reported),
+            motion.foot_contact,
+        )
+
+    def _receive(self) -> Reading:
+        """Return what the computer has now, with the noise of the sensors."""
+        sample, errors = self._samples.arrived, self._hidden.sensors
+        quaternion, rate = self._imu.read(sample.quaternion, sample.rate)
+        noise = errors.torque_noise * self._generator.standard_normal(len(self._limit)) + errors.torque_zero
+        return Reading(
+            time=self._time,
+            sensors=Sensors(quaternion, rate, sample.angle.copy(), sample.velocity.copy()),
+            joint_torque=sample.torque + noise * self._limit,
+            foot_contact=sample.contact.copy(),
+        )

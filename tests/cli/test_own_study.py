@@ -1,0 +1,122 @@
+"""A study that lies outside the package, and how studies are found by name."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import main
+from stiction.cli.study import find_study, study_names
+from stiction.core.records import column
+from stiction.studies.claims import Verdict
+from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work
+
+MADE: list[float] = []
+"""Levels that were measured, and not read from a file."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of braking.csv."""
+
+    level: float = field(metadata=column("friction", form=".0%"))
+    time: float = field(metadata=column("time to rest", "s", ".2f"))
+
+
+@dataclass(frozen=True, kw_only=True)
+class BrakingOptions(ParallelOptions):
+    """Options of the study."""
+
+    levels: tuple[float, ...] = (0.1, 0.2)
+    """Dry friction over inertia [rad/s²]."""
+
+
+def run(options: BrakingOptions, work: Work) -> Report:
+    """Say when a joint at 1 rad/s comes to rest."""
+    if not options.levels:
+        raise UsageError("no level given")
+    work.begin()
+
+    def brake(level: float) -> dict[str, float]:
+        MADE.append(level)
+        return {"time": 1.0 / level}
+
+    rows = [
+        Row(level, work.keep(f"at-{level:g}", {"level": level}, partial(brake, level))["time"])
+        for level in options.levels
+    ]
+    work.progress("braking", 1.0)
+    verdict = Verdict("B1", "Friction <brakes>.", "it comes to rest", "reproduces", f"in {rows[0].time:g} s")
+    return Report(
+        title="Braking", lead=f"It rests after {rows[0].time:g} s.", tables={"braking": rows}, claims=[verdict]
+    )
+
+
+STUDY = Study("when a joint comes to rest", "Let a joint come to rest.", BrakingOptions, run)
+
+NAME = f"{__name__}:STUDY"
+
+
+def test_a_study_of_ones_own_is_one_module(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Arguments, table, claims, summary, page and resume come from the framework.
+
+    If this failed, a new study would have to touch the package.
+    """
+    MADE.clear()
+    out = tmp_path / "out"
+    arguments = ["study", NAME, "--levels", "0.5", "0.25", "--out", str(out)]
+    assert main(arguments) == 0
+    assert capsys.readouterr().out.splitlines() == ["It rests after 2 s.", f"report: {out / 'report.html'}"]
+    assert (out / "braking.csv").read_text() == "level,time\n0.5,2\n0.25,4\n"
+    with (out / "claims.csv").open(newline="") as file:
+        assert [(row["id"], row["outcome"]) for row in csv.DictReader(file)] == [("B1", "reproduces")]
+    page = (out / "report.html").read_text()
+    for text in (
+        "time to rest [s]",
+        ">50%<",
+        ">4.00<",
+        "Friction &lt;brakes&gt;.",
+        "It rests after 2 s.",
+        "--levels 0.5",
+    ):
+        assert text in page, text
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["claims"][0]["evidence"] == "in 2 s" and summary["warnings"] == []
+    assert {"schema_version", "command", "revision", "machine"} <= summary.keys()
+    assert MADE == [0.5, 0.25]
+    assert main([*arguments, "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again.pop("command").endswith("--json") and summary.pop("command") and again == summary
+    assert MADE == [0.5, 0.25], "what was measured before was measured again"
+
+
+def test_wrong_calls_of_it_are_told_as_of_any_study(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Wrong usage is status 2, what cannot be done 1, each in one line."""
+    for arguments, status, said in (
+        (["--levels"], 2, f"stiction study {NAME}: no level given"),
+        (["--jobs", "0"], 1, "--jobs 0: expected at least 1"),
+        (["--out", str(tmp_path / "file" / "out")], 1, "cannot be made"),
+    ):
+        (tmp_path / "file").write_text("")
+        assert main(["study", NAME, *arguments]) == status
+        error = capsys.readouterr().err
+        assert said in error and error.count("\n") == 1
+    for name, said in (("nowhere.at.all:STUDY", "cannot be imported"), (f"{__name__}:MADE", "is no Study")):
+        assert main(["study", name]) == 1
+        error = capsys.readouterr().err
+        assert said in error and error.count("\n") == 1
+
+
+def test_every_folder_of_studies_is_a_study(capsys: pytest.CaptureFixture) -> None:
+    """A study that is not listed would not be found; a misspelt one is told the nearest."""
+    assert {"gait", "damping", "replication"} <= set(study_names())
+    assert main(["study", "--help"]) == 0
+    listed = capsys.readouterr().out
+    assert all(f"  {name:<12}{find_study(name).question}" in listed for name in study_names())
+    assert main(["study", "gayt"]) == 2
+    assert "unknown study 'gayt'; did you mean 'gait'?" in capsys.readouterr().err

@@ -1,0 +1,149 @@
+"""The family of errors: one printable line each, of the right kind, with the nearest name where one was misspelt."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import ELSEWHERE, main
+from stiction.core.errors import (
+    BundleError,
+    ConfigurationError,
+    EngineError,
+    FileError,
+    LogError,
+    PolicyError,
+    RobotError,
+    StictionError,
+    TrainingError,
+    unknown_name,
+)
+from stiction.identify.logs.opening import parse_columns
+from stiction.joints.friction import Law
+from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.terrain import TerrainCfg
+from stiction.rma.config import TrainCfg
+
+POLICY = "saturn_lite-flat-none-0.2"
+"""A shipped policy."""
+
+
+@pytest.mark.parametrize(
+    ("message", "shown"),
+    [
+        ("no column 'τ θ'; map it", "no column 'τ θ'; map it"),
+        ("a\nb", "a\\nb"),
+        ("\x1b[2J gone", "\\x1b[2J gone"),
+        ("lone \ud800", "lone \\ud800"),
+    ],
+)
+def test_a_message_is_one_printable_line(message: str, shown: str) -> None:
+    """A column's name from a stranger's file must not write lines of its own, or steer the terminal."""
+    assert str(LogError(message)) == str(StictionError(message)) == shown
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "said"),
+    [
+        ("shnk", ("hip", "thigh", "shank"), "unknown joint 'shnk'; did you mean 'shank'? known: hip, thigh, shank"),
+        ("x", ("hip", "thigh"), "unknown joint 'x'; known: hip, thigh"),
+        ("x", (), "unknown joint 'x'; known: none"),
+        ("x", tuple("abcdefghijklmnopqrstuvwyz"), "known: a, b, c"),
+    ],
+)
+def test_the_nearest_name_is_named(name: str, known: tuple[str, ...], said: str) -> None:
+    """Of 18 joints nobody should have to find the one that was meant; nothing is guessed where nothing is near."""
+    message = unknown_name("joint", name, known)
+    assert said in message
+    assert message.endswith(" and 1 more") == (len(known) == 25)
+
+
+@pytest.mark.parametrize(
+    ("words", "kind"),
+    [
+        ("train --method none --teacher.epochs 0", ConfigurationError),
+        ("evaluate {policy} --commands jump", ConfigurationError),
+        ("convert nothing.json --to mujoco", FileError),
+        ("identify nothing.csv", LogError),
+        ("verify damaged", BundleError),
+        ("evaluate compensating --engines physx --forward compensating", PolicyError),
+        ("excite --robot spot", RobotError),
+        ("evaluate {policy} --engines gazebo", EngineError),
+        ("export unfinished", TrainingError),
+    ],
+)
+def test_a_mistake_at_the_command_line_is_of_its_kind(
+    words: str, kind: type[StictionError], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who calls a verb from Python tells a robot that is unknown from a disk that is full by the class alone."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "damaged").mkdir()
+    verb, *rest = shlex.split(words.format(policy=POLICY))
+    if "unfinished" in rest:
+        _start_run(Path("unfinished"))
+    if "compensating" in rest:
+        _compensating(Path("compensating"))
+    module = import_module(ELSEWHERE.get(verb, f"stiction.cli.{verb}"))
+    with pytest.raises(StictionError) as caught:
+        module.main(rest)
+    assert type(caught.value) is kind
+
+
+def _start_run(path: Path) -> None:
+    """Begin a run and train nothing."""
+    from stiction.rma.run import RunDirectory
+
+    RunDirectory.create(path, TrainCfg(), "stiction train", None)
+
+
+def _compensating(path: Path) -> None:
+    """Write a bundle whose policy compensates friction in its targets."""
+    from dataclasses import replace
+
+    from bundles import make_bundle, make_contract
+
+    contract = make_contract()
+    make_bundle(path, replace(contract, compensation=(1.0,) * contract.num_joints))
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "near"),
+    [
+        ("idenitfy log.csv", 2, "identify"),
+        ("excite --robot saturn_light --joint shank", 1, "saturn_lite"),
+        ("excite --robot saturn_lite --joint FL_shnak", 1, "FL_shank"),
+        ("verify saturn_lite-flat-none-0.02", 1, POLICY),
+        (f"evaluate {POLICY} --engines phsyx", 1, "physx"),
+        (f"evaluate {POLICY} --terrains stiars=0.1", 1, "stairs"),
+        (f"evaluate {POLICY} --engines physx+frition", 1, "friction"),
+    ],
+)
+def test_a_misspelt_name_is_answered_with_its_neighbour(
+    words: str, status: int, near: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """One line that says what was meant, and the same exit status as ever."""
+    monkeypatch.chdir(tmp_path)
+    assert main(shlex.split(words)) == status
+    said = capsys.readouterr().err
+    assert f"did you mean '{near}'? known: " in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("make", "near"),
+    [
+        (lambda: FrictionCfg(method="decption", level=0.2), "deception"),
+        (lambda: Law("stribek"), "stribeck"),
+        (lambda: TerrainCfg(kind="stair"), "stairs"),
+        (lambda: TrainCfg(symmetry="netwrok"), "network"),
+        (lambda: parse_columns(["postion=q"]), "position"),
+    ],
+)
+def test_a_misspelt_setting_is_answered_with_its_neighbour(make: Callable[[], object], near: str) -> None:
+    """A configuration file is not seen by the parser of the command line."""
+    with pytest.raises(StictionError, match=f"did you mean '{near}'"):
+        make()

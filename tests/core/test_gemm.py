@@ -1,0 +1,119 @@
+"""The fast path of matrix products: where it is opened, that it changes no result beyond rounding, and its switch."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from stiction.core import gemm
+from stiction.core import provenance as reproducibility
+
+AMD = "vendor_id\t: AuthenticAMD\nflags\t\t: fpu sse4_2 fma avx2 bmi2\n"
+
+
+@pytest.fixture
+def linux(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An x86-64 Linux without the switch."""
+    monkeypatch.delenv(gemm.VARIABLE, raising=False)
+    monkeypatch.setattr("platform.system", lambda: "Linux")
+    monkeypatch.setattr("platform.machine", lambda: "x86_64")
+
+
+@pytest.mark.usefixtures("linux")
+@pytest.mark.parametrize(
+    ("cpuinfo", "why"),
+    [
+        (AMD, None),
+        (AMD.replace("AuthenticAMD", "GenuineIntel"), "nothing to do on this processor"),
+        (AMD.replace("avx2", "avx"), "the processor lacks AVX2"),
+        ("processor\t: 0\n", "nothing to do on this processor"),
+        (None, "the processor is not known"),
+    ],
+)
+def test_it_is_opened_only_where_it_helps(tmp_path: Path, cpuinfo: str | None, why: str | None) -> None:
+    """Harmless on Intel, and never on a processor whose kernels it would promise too much."""
+    file = tmp_path / "cpuinfo"
+    if cpuinfo is not None:
+        file.write_text(cpuinfo)
+    assert gemm.fast_gemm_obstacle(file) == why
+
+
+@pytest.mark.usefixtures("linux")
+@pytest.mark.parametrize(("system", "machine"), [("Darwin", "arm64"), ("Linux", "aarch64"), ("Windows", "AMD64")])
+def test_it_leaves_other_systems_alone(monkeypatch: pytest.MonkeyPatch, system: str, machine: str) -> None:
+    """They could not load the library."""
+    monkeypatch.setattr("platform.system", lambda: system)
+    monkeypatch.setattr("platform.machine", lambda: machine)
+    assert gemm.fast_gemm_obstacle() == f"nothing to do on {system} {machine}"
+
+
+PROBE = """
+import ctypes, json, sys
+from stiction.core.gemm import gemm_path, open_fast_gemm
+open_fast_gemm()
+import torch
+open_fast_gemm()
+torch.set_num_threads(1)
+torch.manual_seed(0)
+net = torch.nn.Sequential(torch.nn.Linear(90, 256), torch.nn.ELU(), torch.nn.Linear(256, 18))
+optimizer = torch.optim.Adam(net.parameters(), lr=1e-3)
+x, y, losses = torch.randn(512, 90), torch.randn(512, 18), []
+for _ in range(20):
+    loss = (net(x) - y).square().mean()
+    optimizer.zero_grad()
+    loss.backward()
+    optimizer.step()
+    losses.append(loss.item())
+answer = getattr(ctypes.CDLL(None), "mkl_serv_intel_cpu_true", None)
+print(json.dumps({"path": gemm_path(), "losses": losses, "answer": answer and answer()}))
+"""
+
+
+def probe(**environment: str) -> dict:
+    """What a process of its own trains and says."""
+    source = str(Path(gemm.__file__).parents[2])
+    known = {"OMP_NUM_THREADS": "1", "PYTHONPATH": source} | environment
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE], env={**os.environ, **known}, capture_output=True, text=True, check=True
+    )
+    return dict(json.loads(done.stdout))
+
+
+def test_losses_agree_with_and_without_and_the_switch_switches() -> None:
+    """Only rounding may differ: 1e-5 of the loss after each of twenty gradient steps."""
+    pytest.importorskip("torch", reason="the package torch, of the extra 'train', multiplies the matrices")
+    off, on = probe(**{gemm.VARIABLE: "0"}), probe(**{gemm.VARIABLE: ""})
+    assert off["path"] == f"default ({gemm.VARIABLE}=0)" and off["answer"] is None
+    assert on["losses"] == pytest.approx(off["losses"], rel=1e-5)
+    assert on["losses"][-1] < on["losses"][0]
+    why = gemm.fast_gemm_obstacle()
+    if os.environ.get(gemm.VARIABLE, "").strip() == "0" or why is not None:
+        pytest.skip(f"the fast path is not opened here: {why}")
+    assert on["path"] == "fast" and on["answer"] == 1
+
+
+def test_opening_it_too_late_is_recorded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once torch is loaded it has no effect; a result must not claim it."""
+    pytest.importorskip("torch", reason="the package torch, of the extra 'train', has to be loaded first")
+    monkeypatch.setattr(gemm, "_opened", [])
+    monkeypatch.setattr(gemm, "fast_gemm_obstacle", lambda: None)
+    gemm.open_fast_gemm()
+    assert gemm.gemm_path() == "default (torch was loaded first)"
+    assert reproducibility.machine()["gemm"] == "default (torch was loaded first)"
+
+
+def test_a_system_that_refuses_is_left_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some forbid code in memory: training must go on without, and say so."""
+    monkeypatch.setattr(gemm, "_opened", [])
+    monkeypatch.setattr(gemm, "fast_gemm_obstacle", lambda: None)
+    monkeypatch.delitem(sys.modules, "torch", raising=False)
+
+    def refuse(name: str) -> int:
+        raise PermissionError(name)
+
+    monkeypatch.setattr(os, "memfd_create", refuse, raising=False)
+    gemm.open_fast_gemm()
+    assert gemm.gemm_path() == "default (not opened)"

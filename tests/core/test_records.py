@@ -1,0 +1,78 @@
+"""Records as tables for people, files, and parts of a configuration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from stiction.core.records import column, header, markdown, part_of, read_rows, texts, write_rows
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A row with a field that tables do not show."""
+
+    name: str = field(metadata=column("joint"))
+    seed: int
+    friction: float | None = field(metadata=column("friction", "N m", ".1f"))
+    share: float = field(metadata=column("of the limit", form=".0%"))
+    holds: bool = field(metadata=column("holds"))
+    step: float = field(metadata=column("step", form=lambda step: f"{1000 * step:g} ms"))
+
+
+@dataclass(frozen=True)
+class Plain:
+    """A row without columns of its own."""
+
+    name: str
+    value: float
+
+
+ROW = Joint("FL|hip", 3, 0.4512, 0.205, True, 0.002)
+
+
+def test_fields_say_how_people_read_them() -> None:
+    """If this failed, a page would have to list its columns by hand again."""
+    assert header(Joint) == header(ROW) == ("joint", "friction [N m]", "of the limit", "holds", "step")
+    assert texts(ROW) == ("FL|hip", "0.5", "20%", "yes", "2 ms")
+    assert texts(Joint("a", 0, None, 0.0, False, 0.01)) == ("a", "–", "0%", "no", "10 ms")
+    assert (header(Plain), texts(Plain("a", 12.3456))) == (("name", "value"), ("a", "12.3"))
+
+
+def test_a_file_has_every_field_with_its_digits(tmp_path: Path) -> None:
+    """What people read in a table is rounded; the file is what the table was made of."""
+    write_rows(tmp_path / "a.csv", [ROW])
+    assert (tmp_path / "a.csv").read_text().splitlines() == [
+        "name,seed,friction,share,holds,step",
+        "FL|hip,3,0.4512,0.205,True,0.002",
+    ]
+    assert read_rows(tmp_path / "a.csv", Joint) == [ROW]
+
+
+def test_a_pipe_does_not_end_a_cell_of_markdown() -> None:
+    """If this failed, |x| in a cell would make a table fall apart."""
+    assert markdown(header(Plain), [texts(Plain("|x|", 1.0))]) == "| name | value |\n| --- | --- |\n| \\|x\\| | 1 |"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a verb calls."""
+
+    seconds: float = 1.0
+    seed: int = 0
+    episode: int = 5
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a verb is asked."""
+
+    seconds: float = 3.0
+    out: str = "there"
+    seed: int = 7
+
+
+def test_a_part_of_the_options_is_passed_on() -> None:
+    """A flag that is not passed on would have no effect, and a field that is no flag keeps its default."""
+    assert part_of(Settings, Options()) == Settings(3.0, 7, 5)
+    assert part_of(Settings, Options(), seed=8) == Settings(3.0, 8, 5)

@@ -1,0 +1,173 @@
+"""Seeds, threads, revision and machine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stiction import __version__
+from stiction.core import provenance as reproducibility
+from stiction.core.errors import StictionError
+
+
+def test_a_stream_depends_on_the_seed_and_its_own_name_alone() -> None:
+    """If this failed, adding a random quantity to a task would change every other one, and old results with it."""
+    alone = reproducibility.seed_streams(3, ["noise"])["noise"].random(5)
+    among = reproducibility.seed_streams(3, ["commands", "noise", "pushes"])["noise"].random(5)
+    other_seed = reproducibility.seed_streams(4, ["noise"])["noise"].random(5)
+    np.testing.assert_array_equal(alone, among)
+    assert not np.any(alone == other_seed)
+
+
+def test_a_stream_is_the_same_in_every_release() -> None:
+    """If this failed, a published seed would no longer give the published run.
+
+    `printf noise | sha256sum` gives efe2a5c09e6d49d7..., which is the key: eight little-endian 32-bit words.
+    """
+    key = (0xC0A5E2EF, 0xD7496D9E, 0x985C73EB, 0x0474F775, 0x7B885BBE, 0x7863F5B3, 0xD4688903, 0x9881FFE3)
+    expected = np.random.Generator(np.random.PCG64(np.random.SeedSequence(3, spawn_key=key))).random(4)
+    np.testing.assert_array_equal(reproducibility.seed_streams(3, ["noise"])["noise"].random(4), expected)
+
+
+def test_streams_are_uncorrelated() -> None:
+    """If this failed, two randomised parameters would rise and fall together."""
+    names = [f"stream{i}" for i in range(6)]
+    draws = np.array([stream.standard_normal(4000) for stream in reproducibility.seed_streams(0, names).values()])
+    off_diagonal = np.corrcoef(draws)[~np.eye(6, dtype=bool)]
+    assert np.abs(off_diagonal).max() < 5 / np.sqrt(4000)
+
+
+def test_wrong_seeds_and_names_are_refused() -> None:
+    """If this failed, a name used twice would draw the same numbers for two quantities without a word."""
+    with pytest.raises(StictionError, match="named twice: a; give each its own name"):
+        reproducibility.seed_streams(0, ["a", "b", "a"])
+    with pytest.raises(StictionError, match="the seed is -1"):
+        reproducibility.seed_streams(-1, ["a"])
+
+
+def test_integer_seeds_differ_by_name_and_fit_63_bits() -> None:
+    """If this failed, torch would refuse the seed, or share it between two uses."""
+    seeds = [reproducibility.stream_seed(seed, name) for seed in range(20) for name in ("torch", "shuffle")]
+    assert len(set(seeds)) == 40
+    assert all(0 <= seed < 2**63 for seed in seeds)
+    assert max(seeds) > 2**60
+
+
+def test_number_of_threads_follows_the_variable_and_else_the_affinity(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If this failed, a run confined to some cores would start more workers than it has cores."""
+    monkeypatch.setenv("STICTION_THREADS", " 3 ")
+    assert reproducibility.num_threads() == 3
+    monkeypatch.delenv("STICTION_THREADS")
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 4, 5, 6, 7}, raising=False)
+    assert reproducibility.num_threads() == 5
+    monkeypatch.delattr(os, "sched_getaffinity")
+    monkeypatch.setattr(os, "cpu_count", lambda: 12)
+    assert reproducibility.num_threads() == 12
+
+
+@pytest.mark.parametrize("text", ["0", "-2", "two", "1.5"])
+def test_a_wrong_number_of_threads_is_refused(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If this failed, a typing error would be taken for "every core" or crash a library much later."""
+    monkeypatch.setenv("STICTION_THREADS", text)
+    with pytest.raises(StictionError, match=r"STICTION_THREADS is .*expected a positive integer"):
+        reproducibility.num_threads()
+
+
+def test_library_pools_get_one_thread_unless_the_user_says_otherwise() -> None:
+    """If this failed, each worker would start a linear-algebra pool of its own, or the user's setting would be lost."""
+    code = (
+        "import sys; from stiction.core.provenance import limit_library_threads as limit; limit(); import os; "
+        "print('numpy' in sys.modules, os.environ['OMP_NUM_THREADS'], os.environ['OPENBLAS_NUM_THREADS'])"
+    )
+    clean = {name: value for name, value in os.environ.items() if name not in reproducibility.LIBRARY_POOLS}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=clean | {"OPENBLAS_NUM_THREADS": "2"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.split() == ["False", "1", "2"]
+
+
+def _checkout(folder: Path) -> Path:
+    """Make a repository that holds a copy of the module in a package; return the module's path."""
+    module = folder / "src/stiction/formats/reproducibility.py"
+    module.parent.mkdir(parents=True)
+    shutil.copy(reproducibility.__file__, module)
+    _git(folder, "init", "-q")
+    _git(folder, "add", ".")
+    _git(folder, "commit", "-q", "-m", "first")
+    return module
+
+
+def _git(folder: Path, *arguments: str) -> str:
+    """Run git in `folder` as somebody; return what it prints."""
+    identity = ["-c", "user.name=test", "-c", "user.email=test@example.org"]
+    done = subprocess.run(["git", "-C", str(folder), *identity, *arguments], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed, so there is no checkout to describe")
+def test_revision_names_the_commit_and_whether_the_code_differs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If this failed, a result made with uncommitted code would claim to come from the commit."""
+    module = _checkout(tmp_path)
+    monkeypatch.setattr(reproducibility, "__file__", str(module))
+    monkeypatch.setattr(reproducibility, "PACKAGE", module.parents[1])
+    commit = _git(tmp_path, "rev-parse", "HEAD")[:12]
+    assert reproducibility.git_revision() == commit
+
+    (tmp_path / "notes.txt").write_text("outside the package")
+    assert reproducibility.git_revision() == commit
+
+    (module.parents[1] / "new.py").write_text("inside the package")
+    assert reproducibility.git_revision() == f"{commit}-dirty"
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed, so there is no repository to confuse")
+def test_revision_of_an_installed_package_is_unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If this failed, a package inside the user's own repository would report the user's commit."""
+    _checkout(tmp_path)
+    installed = tmp_path / "env/stiction/formats/reproducibility.py"
+    installed.parent.mkdir(parents=True)
+    shutil.copy(reproducibility.__file__, installed)
+    monkeypatch.setattr(reproducibility, "__file__", str(installed))
+    monkeypatch.setattr(reproducibility, "PACKAGE", installed.parents[1])
+    assert reproducibility.git_revision() == "unknown"
+
+
+def test_revision_without_git_is_unknown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """If this failed, a machine without git could not train."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert reproducibility.git_revision() == "unknown"
+
+
+def test_machine_names_processor_threads_and_versions(monkeypatch: pytest.MonkeyPatch) -> None:
+    """If this failed, a benchmark's numbers could not be compared with anybody else's."""
+    monkeypatch.setenv("STICTION_THREADS", "2")
+    found = reproducibility.machine()
+    assert found["threads"] == 2
+    assert found["python"] == ".".join(str(part) for part in sys.version_info[:3])
+    assert found["packages"]["numpy"] == np.__version__
+    assert found["packages"]["stiction"] == __version__
+    assert "pytest" not in found["packages"]
+
+
+def test_processor_name_comes_from_linux_or_else_the_architecture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If this failed, results would not say on which processor they were measured."""
+    cpuinfo = tmp_path / "cpuinfo"
+    cpuinfo.write_text("processor\t: 0\nmodel name\t: Example CPU @ 2.50GHz\n\nprocessor\t: 1\n")
+    assert reproducibility._cpu_model(cpuinfo) == "Example CPU @ 2.50GHz"
+    monkeypatch.setattr("platform.processor", lambda: "")
+    monkeypatch.setattr("platform.machine", lambda: "riscv64")
+    assert reproducibility._cpu_model(tmp_path / "missing") == "riscv64"

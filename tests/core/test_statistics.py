@@ -1,0 +1,64 @@
+"""Intervals over seeds, with numbers worked out by hand (t quantiles from a printed table)."""
+
+import pytest
+from scipy.stats import binomtest, norm, ttest_1samp, ttest_ind
+
+from stiction.core.statistics import difference_interval, ratio_interval, t_interval, wilson
+
+
+def test_t_interval_by_hand() -> None:
+    """1, 2, 3: mean 2, s = 1, t(2) = 4.3027, half width 4.3027 / √3 = 2.4841."""
+    assert t_interval([1.0, 2.0, 3.0]) == pytest.approx((2 - 2.4841, 2 + 2.4841), abs=1e-4)
+
+
+def test_difference_by_hand() -> None:
+    """1, 2, 3 against 4, 5, 6: both variances 1, so ν = 4, t = 2.7764, half width 2.7764 √(2/3) = 2.2670."""
+    assert difference_interval([4.0, 5.0, 6.0], [1.0, 2.0, 3.0]) == pytest.approx((0.7330, 5.2670), abs=1e-4)
+
+
+def test_unequal_spread_by_hand() -> None:
+    """0, 2 against 5, 5, 5: all spread is the first's, so ν = 1, t = 12.706, s/√n = 1: -4 ± 12.706."""
+    assert difference_interval([0.0, 2.0], [5.0, 5.0, 5.0]) == pytest.approx((-16.706, 8.706), abs=1e-3)
+
+
+def test_one_seed_has_no_interval() -> None:
+    """If this failed, a single run would carry a verdict."""
+    assert t_interval([1.0]) is None and difference_interval([1.0, 2.0], [1.0]) is None
+
+
+def test_samples_without_spread_differ_by_their_difference() -> None:
+    """Two methods that never walk both need the whole budget: no difference, and no division by zero."""
+    assert difference_interval([350.0, 350.0], [350.0, 350.0]) == (0.0, 0.0)
+
+
+def test_ratio_by_hand() -> None:
+    """1, 3 over 2, 2: ratio 1, spread of the first alone, s/√n over 2 is 0.5, ν = 1, t = 12.706: 1 ± 6.353."""
+    assert ratio_interval([1.0, 3.0], [2.0, 2.0]) == pytest.approx((1 - 6.353, 1 + 6.353), abs=1e-3)
+
+
+def test_ratio_over_what_varies_by_hand() -> None:
+    """4, 4 over 1, 3: ratio 2, the second's s/√n of 1 times 2 over 2 is 1, ν = 1: 2 ± 12.706."""
+    assert ratio_interval([4.0, 4.0], [1.0, 3.0]) == pytest.approx((2 - 12.706, 2 + 12.706), abs=1e-3)
+    assert ratio_interval([1.0, 1.0], [2.0, 2.0]) == (0.5, 0.5)
+
+
+def test_a_ratio_to_nothing_has_no_interval() -> None:
+    """A policy that stands in the simulator of its training would be infinitely fast elsewhere."""
+    assert ratio_interval([1.0, 2.0], [-1.0, 1.0]) is None and ratio_interval([1.0], [1.0, 2.0]) is None
+
+
+def test_intervals_are_those_of_scipy() -> None:
+    """If this failed, our numbers would not be the ones that others compute from the same seeds and walks."""
+    first, second = [0.31, 0.51, 0.42, 0.37], [0.25, 0.11, 0.22]
+    assert t_interval(first) == pytest.approx(ttest_1samp(first, 0.0).confidence_interval(0.95), abs=1e-9)
+    welch = ttest_ind(first, second, equal_var=False).confidence_interval(0.95)
+    assert difference_interval(first, second) == pytest.approx(welch, abs=1e-9)
+    six_digits = 2 * norm.cdf(1.959964) - 1
+    for successes, trials in ((0, 16), (1, 3), (7, 80), (16, 16)):
+        shares = binomtest(successes, trials).proportion_ci(six_digits, "wilson")
+        assert wilson(successes, trials) == pytest.approx(shares, abs=1e-9)
+
+
+def test_a_share_of_clusters_by_hand() -> None:
+    """1.5 of 6: z² = 3.8415, centre (0.25 + z²/12) / (1 + z²/6) = 0.34758, half width 1.19492 · 0.24068 = 0.28759."""
+    assert wilson(1.5, 6) == pytest.approx((0.05999, 0.63518), abs=1e-5)

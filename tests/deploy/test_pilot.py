@@ -1,0 +1,98 @@
+"""What a pilot sends to the joint controllers between two actions of its policy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bundles import make_contract
+from stiction.core.errors import StictionError
+from stiction.deploy.observation import Sensors
+from stiction.deploy.pilot import JointCommand, Pilot, Reading
+from stiction.deploy.policy import PolicyStep
+
+CONTRACT = make_contract()
+JOINTS = CONTRACT.num_joints
+FRICTION = np.linspace(1.0, 2.7, JOINTS)
+
+
+class Approaching:
+    """A port whose joints come 0.01 rad nearer to their targets, which are at 0.04 rad, at every reading."""
+
+    joint_names, period = CONTRACT.joint_names, CONTRACT.control_period / 5
+
+    def __init__(self) -> None:
+        """Begin at the origin."""
+        self.sent: list[JointCommand] = []
+
+    def read(self) -> Reading:
+        """Return where the joints are now."""
+        still = Sensors(np.array([1.0, 0, 0, 0]), np.zeros(3), np.full(JOINTS, 0.01 * len(self.sent)), np.zeros(JOINTS))
+        return Reading(0.0, still, np.zeros(JOINTS), np.ones(6, bool))
+
+    def exchange(self, command: JointCommand) -> Reading:
+        """Keep the command and move on."""
+        self.sent.append(command)
+        return self.read()
+
+
+class Noisy(Approaching):
+    """The same port with noise before the policy."""
+
+    def read(self) -> Reading:
+        """Return angles that are wrong by 0.5 rad."""
+        reading = super().read()
+        return replace(reading, sensors=replace(reading.sensors, joint_position=reading.sensors.joint_position + 0.5))
+
+    def exchange(self, command: JointCommand) -> Reading:
+        """Return the true angles."""
+        self.sent.append(command)
+        return super().read()
+
+
+def policy(**changes):
+    """Return a policy that always asks for 0.04 rad."""
+    step = PolicyStep(np.zeros(1), np.zeros(JOINTS), np.full(JOINTS, 0.04))
+    return SimpleNamespace(contract=make_contract(**changes), step=lambda sensors, velocity: step, reset=lambda: None)
+
+
+def test_friction_is_fed_forward_from_the_angle_of_every_reading() -> None:
+    """Held for a whole control period the torque would still push when the joint is there: 4/5, 3/5, 2/5, 1/5, 0."""
+    port = Approaching()
+    Pilot(port, policy(), FRICTION).step(np.zeros(3))
+    for command, share in zip(port.sent, (0.8, 0.6, 0.4, 0.2, 0.0), strict=True):
+        np.testing.assert_allclose(command.forward, share * FRICTION, atol=1e-12)
+        np.testing.assert_allclose(command.target, 0.04)
+
+
+def test_the_width_is_that_of_the_contract() -> None:
+    """Half the width, twice the torque, up to all of it."""
+    port = Approaching()
+    Pilot(port, policy(compensation_width=0.025), FRICTION).step(np.zeros(3))
+    np.testing.assert_allclose([command.forward[0] for command in port.sent], [1.0, 1.0, 0.8, 0.4, 0.0], atol=1e-12)
+
+
+def test_without_friction_nothing_is_fed_forward() -> None:
+    """Every other policy's walks stay what they were."""
+    port = Approaching()
+    Pilot(port, policy()).step(np.zeros(3))
+    assert not any(command.forward.any() for command in port.sent)
+
+
+def test_noise_before_the_policy_is_not_in_the_joint_controllers() -> None:
+    """From the second control period on they go by the angle that exchanging brought."""
+    port = Noisy()
+    pilot = Pilot(port, policy(), FRICTION)
+    for _ in range(2):
+        pilot.step(np.zeros(3))
+    np.testing.assert_allclose(port.sent[1].forward, 0.6 * FRICTION, atol=1e-12)
+    np.testing.assert_allclose(port.sent[5].forward, -0.2 * FRICTION, atol=1e-12)
+
+
+def test_friction_is_not_compensated_twice() -> None:
+    """A policy whose targets are moved on already would push twice as hard as the friction holds."""
+    with pytest.raises(StictionError, match="once more"):
+        Pilot(Approaching(), policy(compensation=tuple(0.1 for _ in range(JOINTS))), FRICTION)

@@ -1,0 +1,44 @@
+"""Engines are found by name; what is missing is said in one line, with how to get it."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+import pytest
+
+from stiction.core.errors import StictionError
+from stiction.engines.catalog import make_engine, what_is_missing
+from stiction.engines.engine import BlownUp, Body, check_speed
+from stiction.engines.ground import flat
+from stiction.robots.catalog import find_robot
+
+
+def test_mujoco_is_made_as_asked() -> None:
+    """The robot, and the step that its controller counts with."""
+    body = Body.nominal(find_robot("go1"))
+    engine = make_engine("mujoco", body, flat(), 0.001)
+    assert (engine.name, engine.timestep) == ("mujoco", 0.001)
+    assert engine.body is body and what_is_missing("mujoco", body.spec) is None
+
+
+@pytest.mark.parametrize(("name", "timestep", "message"), [("bullet", 0.002, "known: mujoco"), ("mujoco", 0.1, "0.02")])
+def test_what_cannot_be_made_is_refused(name: str, timestep: float, message: str) -> None:
+    """An unknown engine, a step that no physics takes."""
+    with pytest.raises(StictionError, match=message):
+        make_engine(name, Body.nominal(find_robot("go1")), flat(), timestep)
+
+
+def test_a_missing_package_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A traceback would not tell what to install."""
+    monkeypatch.setitem(sys.modules, "sapien", None)
+    missing = what_is_missing("physx", find_robot("go1"))
+    assert missing is not None and "the package sapien" in missing and "pip install 'stiction[engines]'" in missing
+
+
+@pytest.mark.parametrize("speed", [2e4, -2e4, np.inf, np.nan])
+def test_speeds_that_no_robot_has_are_told(speed: float) -> None:
+    """An evaluation would go on with numbers that mean nothing."""
+    check_speed("mujoco", np.zeros(3), np.full(2, -9e3))
+    with pytest.raises(BlownUp, match="'mujoco'"):
+        check_speed("mujoco", np.zeros(3), np.array([0.0, speed]))

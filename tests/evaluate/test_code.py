@@ -1,0 +1,88 @@
+"""By which code a result counts: what decides a walk is in its key, and what only carries it is not."""
+
+from __future__ import annotations
+
+import pytest
+
+from stiction.core.provenance import PACKAGE
+from stiction.evaluate.code import RUN_WALKING, WALKING
+from stiction.studies.wear.run import WEARING
+from stiction.virtual.bench import MAKING
+from test_house import BY_NAME, NAMES, all_imports
+
+BY_FILE = {name: path for path, name in NAMES.items()}
+"""Path below the package -> module."""
+
+READING = {
+    *("core/cache.py", "core/errors.py", "core/gemm.py", "core/statistics.py"),
+    *(f"formats/{name}.py" for name in ("actuator", "bundle", "following", "joints", "log", "results", "tables")),
+    *("core/plugins.py", "locomotion/config.py", "locomotion/rewards.py", "joints/net.py"),
+}
+"""Code that reads and refuses files, whose content is in every key, or names columns and methods; finds what a user
+named; speed; configuration, whose values are in every key, and rewards, which no walk reads."""
+
+WEAR = {"formats/wear.py", "deploy/wear.py"}
+"""The monitor, which only listens."""
+
+BENCHES = {
+    *(name for name in NAMES.values() if name.startswith("identify/")),
+    *("evaluate/benches.py", "formats/advice.py", "joints/simulate.py", "joints/stick_slip.py", "joints/variation.py"),
+    *("core/parallel.py", "evaluate/code.py", "evaluate/methods.py"),
+}
+"""Code of benches, whose numbers are in the key of each walk that is told them; and who does which walk."""
+
+TRAINING = {
+    *(f"locomotion/{name}.py" for name in ("commands", "device", "env", "gait")),
+    *(f"rma/{name}.py" for name in ("config", "figures", "health", "phase", "ppo", "quick", "run", "symmetry")),
+    *("core/records.py", "deploy/check.py", "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py"),
+}
+"""Code that trained, exports and drives, which the modules around a run's policies import: weights and settings are in
+keys."""
+
+BENCHED = {
+    *("formats/contract.py", "formats/known_friction.py", "formats/walk.py"),
+    *(
+        "locomotion/friction.py",
+        "locomotion/terrain.py",
+        "deploy/check.py",
+        "deploy/observation.py",
+        "deploy/policy.py",
+    ),
+    *(f"sim/{name}.py" for name in ("fleet", "native", "protocol", "slider")),
+    *("identify/excite/fisher.py", "identify/excite/setup.py"),
+}
+"""Code of walks, and of the design of logs: the robot on its stand shares modules with the one that walks."""
+
+
+def imported(start: str) -> set[str]:
+    """Return every module of the package that a module leads to, itself included, at the top of modules or inside."""
+    seen, waiting = {BY_FILE[start]}, [BY_FILE[start]]
+    while waiting:
+        path = waiting.pop()
+        names = {name for name, _ in all_imports(path)}
+        names |= {name.rpartition(".")[0] for name in names}
+        new = {BY_NAME[name] for name in names if name in BY_NAME} - seen
+        seen |= new
+        waiting += new
+    return {NAMES[path] for path in seen if path.name != "__init__.py"}
+
+
+@pytest.mark.parametrize(
+    ("start", "code", "known"),
+    [
+        ("evaluate/run.py", WALKING, READING | WEAR | BENCHES),
+        ("studies/wear/lives.py", WEARING, READING),
+        ("evaluate/trained.py", RUN_WALKING, READING | TRAINING | WEAR),
+        ("virtual/bench.py", MAKING, READING | BENCHED | WEAR),
+    ],
+)
+def test_code_that_decides_is_in_the_key(start: str, code: tuple[str, ...], known: set[str]) -> None:
+    """A change of the random streams, or of how gains are read, would pass for the old results."""
+    counted = {file.relative_to(PACKAGE).as_posix() for pattern in code for file in PACKAGE.glob(pattern)}
+    assert sorted(imported(start) - counted - known) == []
+
+
+@pytest.mark.parametrize("code", [WALKING, RUN_WALKING, WEARING, MAKING])
+def test_every_part_of_the_walking_code_is_there(code: tuple[str, ...]) -> None:
+    """A file that was renamed would no longer count, and nobody would see it."""
+    assert [pattern for pattern in code if not list(PACKAGE.glob(pattern))] == []

@@ -1,0 +1,118 @@
+"""What training computes in torch and what the runtime computes in NumPy are the same numbers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bundles import make_contract
+from stiction.deploy.observation import ObservationBuilder, Sensors
+from stiction.deploy.policy import Network, load_policy
+from stiction.formats.contract import proprioception
+from stiction.locomotion.config import NoiseCfg, TaskCfg
+from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
+
+torch = pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to train")
+pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to train")
+
+SILENT = NoiseCfg(0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("robot", "slow"), [("saturn_lite", None), ("go1", None), ("go1", 1.0)])
+def test_the_runtime_builds_the_observation_of_training(robot: str, slow: float | None) -> None:
+    """Also for what golden vectors do not reach: the environment's own resets and commands."""
+    from stiction.locomotion.env import LocomotionEnv
+
+    env = LocomotionEnv(TaskCfg(robot=robot, noise=SILENT, episode=0.5, slow_means=slow), num_envs=4, seed=1)
+    builder = ObservationBuilder(env.layout, env.fleet.standing, (4,), action_scale=env.spec.action_scale)
+    generator = np.random.default_rng(0)
+    resets = 0
+    observation = env.get_observations()["history"].numpy()
+    for _ in range(40):
+        fleet = env.fleet
+        sensors = Sensors(
+            fleet.base_quaternion,
+            fleet.base_angular_velocity,
+            fleet.joint_position + env.randomizer.draws.encoder_offset.numpy(),
+            fleet.joint_velocity,
+        )
+        built = builder.step(sensors, env.commands.value.numpy(), env.last_action.numpy())
+        np.testing.assert_allclose(built, observation, atol=2e-6, rtol=2e-6)
+        actions = torch.from_numpy(generator.uniform(-6.0, 6.0, (4, env.num_actions)).astype(np.float32))
+        stepped, _, dones, _ = env.step(actions)
+        observation = stepped["history"].numpy()
+        builder.reset(dones.numpy())
+        resets += int(dones.sum())
+    assert resets >= 4
+
+
+def test_a_run_trained_exported_and_checked(tmp_path: Path) -> None:
+    """The whole way from a training run to a bundle, and the deployed network is the trained student."""
+    from stiction.evaluate.export import export_run
+    from stiction.rma.run import RunDirectory
+    from stiction.rma.runner import load_student, train
+
+    small = {"iterations": 1, "steps": 4}
+    cfg = TrainCfg(task=TaskCfg(robot="go1"), teacher=TeacherCfg(**small), student=StudentCfg(**small), num_envs=8)
+    run = RunDirectory.create(tmp_path / "run", cfg, "stiction train --robot go1", None)
+    train(cfg, run)
+    check = export_run(run.path, tmp_path / "bundle")
+    contract = check.bundle.contract
+    assert (contract.robot, contract.method, contract.command) == ("go1", "deception", "stiction train --robot go1")
+    observation = np.random.default_rng(0).standard_normal((5, contract.observation.size)).astype(np.float32)
+    expected = load_student(run)(torch.from_numpy(observation)).detach().numpy()
+    network = Network(check.bundle.policy, contract.observation.size, contract.num_joints)
+    np.testing.assert_allclose(network(observation), expected, atol=1e-5)
+
+
+def test_robots_start_as_in_training() -> None:
+    """The half-width of the initial angles stands twice, since one of the modules must not need torch."""
+    from stiction.locomotion.env import RESET_NOISE
+    from stiction.virtual.sensors import INITIAL_ANGLE
+
+    assert RESET_NOISE[0] == INITIAL_ANGLE
+
+
+@pytest.mark.parametrize("known", [None, np.array([0.1, 0.0, 0.3]), np.array([[0.1, 0.0, 0.3], [0.2, 0.4, 1.2]])])
+def test_both_twins_are_told_the_same_friction(known: np.ndarray | None) -> None:
+    """By the contract, one number for all robots, or each robot its own; in every frame of the history."""
+    from stiction.evaluate.export import TrainedPolicy, export_network
+
+    told = {"hip": 0.05, "thigh": 0.1, "shank": 0.2}
+    contract = make_contract(observation=proprioception(18, known_kinds=3), known_friction=told)
+    module = torch.nn.Linear(contract.observation.size, contract.num_joints)
+    model = export_network(module, contract.observation.size)
+    twins = TrainedPolicy(module, contract, 2, known), load_policy(contract, model, (2,), known_friction=known)
+    still = np.zeros((2, 18))
+    sensors = Sensors(np.tile([1.0, 0.0, 0.0, 0.0], (2, 1)), np.zeros((2, 3)), still, still)
+    trained, deployed = (twin.step(sensors, np.zeros((2, 3))) for twin in twins)
+    np.testing.assert_allclose(trained.observation, deployed.observation, atol=1e-6)
+    np.testing.assert_allclose(trained.target, deployed.target, atol=1e-5)
+    expected = np.array([0.05, 0.1, 0.2]) if known is None else known
+    frames = deployed.observation.reshape(2, 11, -1)[..., -3:]
+    np.testing.assert_allclose(frames, np.broadcast_to(5 * np.atleast_2d(expected)[:, None], (2, 11, 3)).clip(0, 5))
+
+
+@pytest.mark.parametrize("slow", [None, 0.98])
+@pytest.mark.parametrize("compensation", [None, tuple(np.linspace(0.0, 0.3, 18).tolist())])
+def test_the_twin_forgets_a_robot_that_is_reset(compensation: tuple[float, ...] | None, slow: float | None) -> None:
+    """Over resets of one robot of two, history, last action, slow means and targets agree with the runtime's."""
+    from stiction.evaluate.export import TrainedPolicy, export_network
+
+    contract = make_contract(compensation=compensation, observation=proprioception(18, slow_kept=slow))
+    module = torch.nn.Linear(contract.observation.size, contract.num_joints)
+    model = export_network(module, contract.observation.size)
+    twins = TrainedPolicy(module, contract, 2), load_policy(contract, model, (2,))
+    generator = np.random.default_rng(0)
+    for step in range(30):
+        quaternion = np.array([1.0, 0.0, 0.0, 0.0]) + 0.2 * generator.standard_normal((2, 4))
+        quaternion /= np.linalg.norm(quaternion, axis=1, keepdims=True)
+        rates, joints = generator.standard_normal((2, 3)), generator.standard_normal((2, 2, contract.num_joints))
+        sensors = Sensors(quaternion, rates, joints[0], joints[1])
+        command = generator.uniform(-0.5, 0.5, (2, 3))
+        trained, deployed = (twin.step(sensors, command) for twin in twins)
+        for name in ("observation", "action", "target"):
+            np.testing.assert_allclose(getattr(trained, name), getattr(deployed, name), atol=1e-5)
+        if step % 7 == 6:
+            for twin in twins:
+                twin.reset(np.array([False, True]))

@@ -1,0 +1,80 @@
+"""Python for Isaac Lab: parsed here, for Isaac Lab itself is not at hand."""
+
+from __future__ import annotations
+
+import ast
+
+import pytest
+
+from stiction.exchange.isaaclab import isaaclab_snippet
+from stiction.exchange.physics import JointPhysics, joint_physics
+from stiction.formats.joints import Estimate, JointRecord
+
+
+def number(value: float) -> Estimate:
+    """An estimate that is almost certain."""
+    return Estimate(value, 1e-9, (value, value))
+
+
+def joint(name: str, **changes) -> JointPhysics:
+    """A motor from the bench, for the joint `name`."""
+    values = {"inertia": number(0.03), "viscous_friction": number(0.07), "coulomb_friction": number(0.4)}
+    setting = {"test_condition": "bare_motor", "kp": 20.0, "kd": 0.5}
+    return joint_physics("motor", JointRecord(**(values | setting | changes)), name)
+
+
+def assigned(text: str) -> dict[str, ast.Dict]:
+    """Return the dictionaries that a snippet assigns."""
+    found = [node for node in ast.parse(text).body if isinstance(node, ast.Assign)]
+    return {node.targets[0].id: node.value for node in found}  # type: ignore[attr-defined, misc]
+
+
+def groups(text: str) -> dict[str, dict]:
+    """Return each actuator group's arguments."""
+    table = assigned(text)["IDENTIFIED_ACTUATORS"]
+    return {
+        ast.literal_eval(key): {word.arg: ast.literal_eval(word.value) for word in call.keywords}  # type: ignore[arg-type, attr-defined]
+        for key, call in zip(table.keys, table.values)
+    }
+
+
+def test_friction_is_an_effort_at_rest_and_in_motion() -> None:
+    """Coulomb friction is the same in both; a known static friction holds at rest; nulls are left out."""
+    text = isaaclab_snippet(
+        [joint(".*_calf_joint"), joint("hip", static_friction=number(0.6), viscous_friction=None, kp=None)]
+    ).text
+    found = groups(text)
+    assert found[".*_calf_joint"] == {
+        "joint_names_expr": [".*_calf_joint"],
+        "stiffness": 20.0,
+        "damping": 0.5,
+        "friction": 0.4,
+        "dynamic_friction": 0.4,
+        "viscous_friction": 0.07,
+        "armature": 0.03,
+    }
+    assert found["hip"]["friction"] == 0.6 and found["hip"]["dynamic_friction"] == 0.4
+    assert "viscous_friction" not in found["hip"] and found["hip"]["stiffness"] is None
+
+
+def test_friction_at_rest_is_never_below_that_in_motion() -> None:
+    """PhysX asks for it; two estimates may disagree by their noise."""
+    found = groups(isaaclab_snippet([joint("hip", static_friction=number(0.39))]).text)
+    assert found["hip"]["friction"] == found["hip"]["dynamic_friction"] == 0.4
+
+
+def test_a_coefficient_needs_a_load() -> None:
+    """0.4 N m at |F| + |T| = 100 is 0.004; without a load none is invented."""
+    without = isaaclab_snippet([joint("hip")])
+    assert set(assigned(without.text)) == {"IDENTIFIED_ACTUATORS"}
+    assert any("--assumed-load" in note for note in without.notes)
+    given = isaaclab_snippet([joint("hip"), joint("knee", coulomb_friction=None)], 100.0)
+    assert ast.literal_eval(assigned(given.text)["FRICTION_COEFFICIENTS"]) == {"hip": pytest.approx(0.004)}
+    assert any("assumed load alone" in note for note in given.notes)
+
+
+def test_a_name_cannot_become_code() -> None:
+    """joints.json comes from anywhere."""
+    text = isaaclab_snippet([joint('x"\nimport os\n#')], 10.0).text
+    kinds = [type(node).__name__ for node in ast.parse(text).body]
+    assert kinds == ["ImportFrom", "Assign", "Assign"] and list(groups(text)) == ['x"\nimport os\n#']

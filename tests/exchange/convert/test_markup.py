@@ -1,0 +1,90 @@
+"""XML from strangers, read without surprises and changed in places."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stiction.core.errors import StictionError
+from stiction.exchange import urdf as module
+from stiction.exchange.urdf import parse_markup, read_model, set_attributes, xml_comment
+
+
+def test_tags_are_found_where_they_stand() -> None:
+    """Quotes may hold `>`, comments may hold tags, letters may take several bytes."""
+    data = "<?xml version='1.0' encoding='utf-8'?>\n<!-- <joint/> ü --><a x='é > 1'><b  y=\"2\" /><c></c></a>".encode()
+    found = parse_markup(data, "test")
+    assert [data[tag.start : tag.end].decode() for tag in found.tags] == ["<a x='é > 1'>", '<b  y="2" />', "<c>"]
+    assert [tag.parent for tag in found.tags] == [None, 0, 0]
+    assert data[found.closes[2] :].startswith(b"</c>") and 1 not in found.closes
+    assert [up.name for up in found.ancestors(found.tags[2])] == ["a"] and found.tags[2].inside == {"a"}
+
+
+def test_attributes_are_replaced_in_place_or_appended() -> None:
+    """Order, quotes and spacing of the others stay; a word inside another value is no attribute."""
+    tag = b"<joint  note=\"damping='9'\"\n damping = '1' xdamping=\"2\" />"
+    expected = b'<joint  note="damping=\'9\'"\n damping = "0.5" xdamping="2" armature="3" />'
+    assert set_attributes(tag, {"damping": "0.5", "armature": "3"}) == expected
+    assert set_attributes(b"<joint>", {"a": "1"}) == b'<joint a="1">'
+    assert set_attributes(b"<joint/>", {"a": "1"}) == b'<joint a="1"/>'
+
+
+def test_edits_leave_everything_else_as_it_was() -> None:
+    """Windows line ends and a mark at the beginning included."""
+    data = b"\xef\xbb\xbf<a>\r\n\t<b/>\r\n</a>\r\n"
+    found = parse_markup(data, "test")
+    inner = found.tags[1]
+    noted = data.replace(b"<a>", b"<a>\n<!--\n  by - -hand\n-->").replace(b"<b/>", b"<x/>")
+    assert found.edited([(inner.start, inner.end, b"<x/>")], ["by --hand"]).encode() == noted
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        (b'<!DOCTYPE a [<!ENTITY x "y">]><a>&x;</a>', "document type"),
+        (b'<!doctype a SYSTEM "file:///etc/passwd"><a/>', "document type|not well-formed"),
+        (b"<a><b></a>", "not well-formed"),
+        (b"", "not well-formed"),
+        (b"<a>\xff</a>", "not well-formed"),
+        ("<?xml version='1.0' encoding='utf-16'?><a/>".encode("utf-16"), "not well-formed"),
+        (b"<?xml version='1.0' encoding='latin-1'?><a/>", "save it as UTF-8"),
+        (b"<a>" * 300 + b"</a>" * 300, "within each other"),
+        (b"<a>&x;</a>", "not well-formed"),
+    ],
+)
+def test_what_is_dangerous_or_broken_is_refused(data: bytes, said: str) -> None:
+    """Entities read files and grow without bound; depth costs time."""
+    with pytest.raises(StictionError, match=said):
+        parse_markup(data, "model.xml")
+
+
+def test_a_large_file_is_read_and_a_larger_one_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """100,000 joints are read; more bytes than a model has are not even read."""
+    data = b"<a>" * 200 + b"<joint name='x'/>" * 100_000 + b"</a>" * 200
+    assert len(parse_markup(data, "large").tags) == 100_200
+    monkeypatch.setattr(module, "LARGEST", 10)
+    (tmp_path / "large.xml").write_bytes(b"<a></a>    ")
+    with pytest.raises(StictionError, match="more than"):
+        read_model(tmp_path / "large.xml")
+    with pytest.raises(StictionError, match="cannot read"):
+        read_model(tmp_path)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_are_read_or_refused(data: bytes) -> None:
+    """Only the one error."""
+    try:
+        found = parse_markup(data, "any")
+    except StictionError:
+        return
+    assert found.edited([]).encode() == data
+
+
+def test_a_comment_cannot_be_ended_from_within() -> None:
+    """Two hyphens end a comment in XML."""
+    text = xml_comment(["a --> b", "c ---- d-"])
+    assert parse_markup(b"<a>" + text.encode() + b"</a>", "test").tags[0].name == "a"
+    assert text.count("--") == 2

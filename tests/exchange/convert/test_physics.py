@@ -1,0 +1,102 @@
+"""What a record gives a simulated joint: nothing counted twice, nothing made up, and a word for what is left out."""
+
+from __future__ import annotations
+
+import pytest
+
+from stiction.core.errors import StictionError
+from stiction.exchange.physics import beyond_coulomb, joint_physics, notes_of, one_line
+from stiction.formats.joints import Estimate, JointRecord
+
+
+def number(value: float) -> Estimate:
+    """An estimate that is almost certain."""
+    return Estimate(value, 1e-9, (value, value))
+
+
+def shank(**changes) -> JointRecord:
+    """A shank's motor on the bench."""
+    values = {"inertia": number(0.03), "viscous_friction": number(0.07), "coulomb_friction": number(0.4)}
+    return JointRecord(**(values | {"test_condition": "bare_motor"} | changes))
+
+
+def test_a_bare_motor_gives_everything() -> None:
+    """Its inertia is the rotor's; its friction is still a lower bound for the leg."""
+    found = joint_physics("shank", shank(), "FL_calf")
+    assert (found.name, found.recorded) == ("FL_calf", "shank")
+    assert (found.friction, found.damping, found.armature) == (0.4, 0.07, 0.03)
+    assert len(found.notes) == 1 and "lower bound" in found.notes[0]
+    assert joint_physics("shank", shank(test_condition="loaded", inertia=None)).notes[0].startswith("inertia not known")
+
+
+@pytest.mark.parametrize(
+    ("condition", "said"), [("in_air", "includes the link's"), ("loaded", "loaded"), (None, "no stated condition")]
+)
+def test_inertia_with_links_in_it_is_no_armature(condition: str | None, said: str) -> None:
+    """The simulator adds the links itself."""
+    found = joint_physics("shank", shank(test_condition=condition))
+    assert found.armature is None
+    assert any(said in note and "0.03" in note and "armature left out" in note for note in found.notes)
+
+
+def test_what_is_null_is_named_with_what_is_known_instead() -> None:
+    """A log without torque: combinations and ratios."""
+    record = shank(
+        inertia=None,
+        viscous_friction=None,
+        combinations={"viscous_friction + k kd": number(0.6)},
+        friction_ratio=number(0.01),
+    )
+    notes = " ".join(joint_physics("shank", record).notes)
+    assert "viscous friction and inertia not known" in notes and "viscous_friction + k kd = 0.6" in notes
+    assert "friction over torque limit" not in notes
+    nothing = JointRecord(friction_ratio=number(0.01), combinations={"f/k": number(0.45)})
+    with pytest.raises(StictionError, match=r"'shank' holds nothing.*f/k = 0.45, friction over torque limit = 0.01"):
+        joint_physics("shank", nothing)
+
+
+def test_negative_friction_is_zero_and_said() -> None:
+    """The interval reached below zero."""
+    found = joint_physics("shank", shank(viscous_friction=number(-0.01)))
+    assert found.damping == 0.0 and any("-0.01" in note and "written as 0" in note for note in found.notes)
+    bad = joint_physics("shank", shank(inertia=number(-0.1)))
+    assert bad.armature is None and any("no rotor" in note for note in bad.notes)
+
+
+def test_richer_laws_are_not_lost_without_a_word() -> None:
+    """Static friction, Stribeck, load, an offset that is sure: each is named, unless the simulator holds it."""
+    record = shank(
+        static_friction=number(0.5),
+        stribeck_velocity=number(0.1),
+        load_coefficient=number(0.02),
+        offset=number(0.05),
+        friction_law={"law": "stribeck"},
+    )
+    assert len(beyond_coulomb(record)) == 5
+    assert not any("static_friction" in note for note in beyond_coulomb(record, frozenset({"static_friction"})))
+    assert beyond_coulomb(shank(offset=Estimate(0.01, 0.1, (-0.2, 0.2)), friction_law={"law": "coulomb"})) == []
+
+
+def test_a_record_is_explained_once_for_all_its_joints() -> None:
+    """Four legs do not say the same thing four times; a rotor without a place is named."""
+    joints = [joint_physics("shank", shank(), name) for name in ("FL", "FR")] + [joint_physics("hip", shank())]
+    notes = notes_of(joints, "for all", rotor="no place")
+    assert notes[1] == "for all" and [note.partition(":")[0] for note in notes[2:]] == ["shank", "shank", "hip", "hip"]
+    assert notes[3] == "shank: no place: 0.03 is left out" and len(notes_of(joints)) == 1 + 2
+
+
+def test_a_comment_stays_one_line() -> None:
+    """A name with a line break would become code in the file that it is written to."""
+    assert one_line("a\nimport os\r\n\u2028b\x00") == "a import os b?"
+
+
+def test_of_a_stribeck_joint_the_laws_own_friction_is_taken() -> None:
+    """The best symmetric fit of such a joint may have negative viscous friction: a simulated joint would be wrong."""
+    law = {"law": "stribeck", "parameters": {"coulomb_friction": number(0.44).to_dict()}}
+    law["parameters"]["viscous_friction"] = number(0.07).to_dict()
+    record = shank(
+        viscous_friction=number(-0.2), coulomb_friction=number(0.6), static_friction=number(0.7), friction_law=law
+    )
+    found = joint_physics("shank", record)
+    assert (found.friction, found.damping) == (0.44, 0.07)
+    assert any("its Coulomb and viscous part" in note for note in beyond_coulomb(record))

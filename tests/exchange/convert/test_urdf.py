@@ -1,0 +1,107 @@
+"""`<dynamics>` in a URDF, read back by an XML parser and by MuJoCo."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import pytest
+
+from stiction.core.errors import StictionError
+from stiction.exchange.physics import JointPhysics, joint_physics
+from stiction.exchange.urdf import parse_markup, patch_urdf, urdf_joints, urdf_snippet
+from stiction.formats.joints import Estimate, JointRecord
+
+LINK = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+MODEL = f"""<?xml version="1.0"?>
+<robot name="leg">
+  <!-- hip and knee -->
+  <link name="base"/>
+  <link name="thigh">{LINK}</link>
+  <link name="shank">{LINK}</link>
+  <joint name="hip" type="revolute">
+    <parent link="base"/><child link="thigh"/>
+    <axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="20" velocity="9"/>
+    <dynamics  friction='9' />
+  </joint>
+  <joint name="knee" type="continuous">
+    <parent link="thigh"/><child link="shank"/>
+    <axis xyz="0 1 0"/>
+  </joint>
+  <joint name="foot" type="fixed"><parent link="shank"/><child link="sole"/></joint>
+  <link name="sole">{LINK}</link>
+  <transmission name="t"><joint name="hip"/></transmission>
+</robot>
+"""
+
+
+def number(value: float) -> Estimate:
+    """An estimate that is almost certain."""
+    return Estimate(value, 1e-9, (value, value))
+
+
+def joint(name: str, **changes) -> JointPhysics:
+    """A motor from the bench, for the joint `name`."""
+    values = {"inertia": number(0.03), "viscous_friction": number(0.07), "coulomb_friction": number(0.4)}
+    return joint_physics("motor", JointRecord(**(values | {"test_condition": "bare_motor"} | changes)), name)
+
+
+def test_a_parser_reads_back_what_was_written() -> None:
+    """One element was there, one is new; nothing else is different."""
+    done = patch_urdf(parse_markup(MODEL.encode(), "leg.urdf"), [joint("hip"), joint("knee")])
+    tree = {item.get("name"): item for item in ElementTree.fromstring(done.text).findall("joint")}
+    for name in ("hip", "knee"):
+        assert [item.attrib for item in tree[name].findall("dynamics")] == [{"damping": "0.07", "friction": "0.4"}]
+    assert tree["foot"].find("dynamics") is None
+    plain = done.text.replace('<dynamics  friction="0.4" damping="0.07" />', "<dynamics  friction='9' />")
+    plain = plain.replace('    <dynamics damping="0.07" friction="0.4"/>\n', "")
+    head, _, rest = plain.partition("\n<!--\n  written by")
+    assert head + rest.partition("-->")[2] == MODEL
+
+
+def test_mujoco_reads_it() -> None:
+    """Its loader takes damping and friction from a URDF."""
+    mujoco = pytest.importorskip("mujoco")
+    done = patch_urdf(parse_markup(MODEL.encode(), "leg.urdf"), [joint("hip"), joint("knee")])
+    model = mujoco.MjModel.from_xml_string(done.text)
+    assert list(model.dof_frictionloss) == pytest.approx([0.4, 0.4])
+    assert list(model.dof_damping.ravel()[:2]) == pytest.approx([0.07, 0.07])
+
+
+def test_what_urdf_cannot_hold_is_said() -> None:
+    """The rotor; and what is null stays as it was."""
+    done = patch_urdf(parse_markup(MODEL.encode(), "leg.urdf"), [joint("hip", coulomb_friction=None)])
+    assert any("no rotor inertia" in note and "0.03 is left out" in note for note in done.notes)
+    assert "<dynamics  friction='9' damping=\"0.07\" />" in done.text
+    rotor = joint("hip", coulomb_friction=None, viscous_friction=None)
+    assert "<dynamics  friction='9' />" in patch_urdf(parse_markup(MODEL.encode(), "leg.urdf"), [rotor]).text
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "said"),
+    [
+        ("foot", {}, "'foot' is of type fixed.*expected revolute or continuous"),
+        ("knee", {"axis": "linear"}, "'knee' is of type continuous.*expected prismatic"),
+    ],
+)
+def test_a_joint_that_does_not_fit_is_refused(name: str, changes: dict, said: str) -> None:
+    """Newton metres do not go into a rail."""
+    with pytest.raises(StictionError, match=said):
+        patch_urdf(parse_markup(MODEL.encode(), "leg.urdf"), [joint(name, **changes)])
+
+
+def test_only_a_robot_is_a_urdf() -> None:
+    """A transmission's joint is none either."""
+    assert list(urdf_joints(parse_markup(MODEL.encode(), "leg.urdf"))) == ["hip", "knee", "foot"]
+    with pytest.raises(StictionError, match="expected <robot>"):
+        urdf_joints(parse_markup(b"<mujoco/>", "x"))
+    with pytest.raises(StictionError, match="'hip' is empty"):
+        patch_urdf(parse_markup(b'<robot><joint name="hip" type="revolute"/></robot>', "x"), [joint("hip")])
+
+
+def test_a_snippet_is_well_formed() -> None:
+    """Even with a name that would end its comment."""
+    done = urdf_snippet([joint("--> knee"), joint("hip", viscous_friction=None, coulomb_friction=None)])
+    found = ElementTree.fromstring(f"<joint>{done.text}</joint>").findall("dynamics")
+    assert [item.attrib for item in found] == [{"damping": "0.07", "friction": "0.4"}]

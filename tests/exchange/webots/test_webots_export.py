@@ -1,0 +1,196 @@
+"""The project as a whole: its folders, what is refused, the verb, and that it says that nobody has run it."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from bundles import make_bundle, make_contract
+from stiction.cli.main import main
+from stiction.core.errors import StictionError
+from stiction.deploy.check import check_bundle
+from stiction.formats.bundle import shipped_bundles
+from webots_files import read_proto, read_world
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to export to Webots")
+
+from stiction.exchange.webots import controller
+from stiction.exchange.webots.export import WebotsCfg, check_fit, export_webots
+from stiction.robots.catalog import find_robot
+
+SHIPPED = "saturn_lite-flat-none-0.2"
+
+BUNDLE = "controllers/stiction_policy/bundle"
+
+FILES = [
+    "README.md",
+    *(f"{BUNDLE}/{name}" for name in ("SHA256SUMS", "card.md", "contract.json", "golden.npz", "policy.onnx")),
+    "controllers/stiction_policy/stiction_policy.py",
+    "plugins/physics/rotor_inertia/Makefile",
+    "plugins/physics/rotor_inertia/joints.h",
+    "plugins/physics/rotor_inertia/rotor_inertia.c",
+    "protos/SaturnLite.proto",
+    "worlds/flat.wbt",
+    "worlds/stairs.wbt",
+]
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The project of a shipped bundle."""
+    return export_webots(shipped_bundles()[SHIPPED], tmp_path_factory.mktemp("webots") / "project", WebotsCfg(0.1)).path
+
+
+def test_the_folder_is_a_project_of_webots_with_the_bundle_within(project: Path) -> None:
+    """If this failed, Webots would not find a part: it looks for each in a folder of its own name."""
+    assert sorted(path.relative_to(project).as_posix() for path in project.rglob("*") if path.is_file()) == FILES
+    copy, source = (check_bundle(path).bundle for path in (project / BUNDLE, shipped_bundles()[SHIPPED]))
+    assert copy.digest == source.digest
+    plugin = next(node["physics"] for node in read_world(project / "worlds/flat.wbt") if node.kind == "WorldInfo")
+    assert (project / f"plugins/physics/{plugin}/{plugin}.c").is_file()
+    assert read_proto(project / "protos/SaturnLite.proto").interface["controller"][1] == "<extern>"
+
+
+def test_the_controller_is_the_one_that_is_tested(project: Path) -> None:
+    """If this failed, the tests of the controller would be of another file."""
+    program = project / "controllers/stiction_policy/stiction_policy.py"
+    assert program.read_text() == Path(controller.__file__).read_text()
+
+
+def test_every_written_file_says_that_it_was_not_run(project: Path) -> None:
+    """If this failed, somebody would take the project for one that has walked."""
+    written = [name for name in FILES if not name.startswith(BUNDLE)]
+    silent = [name for name in written if "not run" not in re.sub(r"\W+", " ", (project / name).read_text()).lower()]
+    assert not silent
+
+
+def test_the_readme_has_the_torques_of_the_robot_and_no_gaps(project: Path) -> None:
+    """If this failed, the table by which friction is set by hand would be wrong."""
+    text = (project / "README.md").read_text()
+    assert "| `shankFriction` | 45 | 4.5 | 4.5 | 9 | 13.5 |" in text
+    assert "a\n   shank would have 35 % of its inertia" in text  # 0.00772 of 0.00772 + 0.0145 kg m²
+    assert "{" not in text.replace("`{", "")
+    assert "Stops are the robot's." in text
+
+
+def test_an_altered_bundle_is_not_exported(bundle: Path, tmp_path: Path) -> None:
+    """If this failed, a policy that fails its checks would walk in Webots."""
+    (bundle / "card.md").write_text("something else")
+    with pytest.raises(StictionError, match=r"card\.md"):
+        export_webots(bundle, tmp_path / "project")
+    assert not (tmp_path / "project").exists()
+
+
+def test_a_project_is_written_whole_or_not_at_all(
+    bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If this failed, half a project would lie there after an error, and the next export refuse to touch it."""
+    (tmp_path / "there").mkdir()
+    with pytest.raises(StictionError, match="exists already"):
+        export_webots(bundle, tmp_path / "there")
+
+    def full(*arguments) -> None:
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr("shutil.copytree", full)
+    with pytest.raises(StictionError, match="no space left"):
+        export_webots(bundle, tmp_path / "project")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["there", "toy"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"physics_timestep": 0.0025, "decimation": 8}, "2.5 ms; a controller in Webots steps in whole milliseconds"),
+        ({"standing": (0.1,) * 18, "lower": (-1.0,) * 18, "upper": (1.0,) * 18}, "another standing angle"),
+        ({"lower": (-3.0,) * 18}, "another lower angle"),
+    ],
+)
+def test_what_webots_or_the_robot_cannot_take_is_refused(changes: dict, message: str) -> None:
+    """If this failed, controller and PROTO would disagree about angles, or the world step at another rate."""
+    spec = find_robot("saturn_lite")
+    check_fit(spec, make_contract())
+    with pytest.raises(StictionError, match=message):
+        check_fit(spec, make_contract(**changes))
+
+
+def test_a_bundle_that_does_not_fit_is_not_exported(tmp_path: Path) -> None:
+    """If this failed, nobody would ask whether bundle, robot and Webots fit together."""
+    path = make_bundle(tmp_path / "toy", make_contract(lower=(-3.0,) * 18))
+    with pytest.raises(StictionError, match="another lower angle"):
+        export_webots(path, tmp_path / "project")
+    with pytest.raises(StictionError, match="has the joints"):
+        export_webots(path, tmp_path / "project", robot="go1")
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"friction_level": -0.1},
+        {"friction_level": 1.0},
+        {"friction_level": float("nan")},
+        {"step_height": 0.0},
+        {"step_height": 0.3},
+    ],
+)
+def test_worlds_that_are_none_are_refused(settings: dict) -> None:
+    """If this failed, a world without meaning would be written, and judged a policy by."""
+    with pytest.raises(StictionError):
+        WebotsCfg(**settings)
+
+
+def test_the_verb_exports_a_shipped_bundle_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """If this failed, a script could not read what was written; JSON is all there is on standard output."""
+    out = tmp_path / "project"
+    options = ["--out", str(out), "--friction-level", "0.2", "--step-height", "0.12", "--json"]
+    assert main(["export", SHIPPED, "--to", "webots", *options]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["files"] == FILES
+    assert (summary["robot"], summary["friction_level"], summary["step_height"]) == ("saturn_lite", 0.2, 0.12)
+    assert "not run" in summary["state"]
+    robot = next(node for node in read_world(out / "worlds/stairs.wbt") if node.kind == "Robot")
+    assert robot.every("HingeJointParameters")[0]["staticFriction"] == pytest.approx(5.0)
+
+
+def test_the_verb_says_in_words_that_it_was_not_run(
+    bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """If this failed, a person at the terminal would not hear it."""
+    assert main(["export", str(bundle), "--to", "webots", "--out", str(tmp_path / "project")]) == 0
+    captured = capsys.readouterr()
+    assert "13 files for saturn_lite" in captured.out
+    assert "not run in Webots" in captured.err
+
+
+def test_a_run_is_exported_through_its_bundle(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """If this failed, a run would be taken for a broken bundle."""
+    run = tmp_path / "run"
+    run.mkdir()
+    (run / "config.json").write_text("{}")
+    arguments = ["export", str(run), "--to", "webots", "--out", str(tmp_path / "project"), "--json"]
+    assert main(arguments) == 1
+    assert f"make one first: stiction export {run}" in capsys.readouterr().err
+    bundle.rename(run / "bundle")
+    assert main(arguments) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "option"),
+    [
+        (["--friction-level", "0.1"], "--friction-level is for --to webots"),
+        (["--step-height", "0.1"], "--step-height is for --to webots"),
+        (["--robot", "go1"], "--robot is for --to webots"),
+        (["--to", "webots", "--wear", "wear.json"], "--wear is for --to bundle"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(
+    bundle: Path, capsys: pytest.CaptureFixture, arguments: list[str], option: str
+) -> None:
+    """If this failed, a setting would be ignored without a word."""
+    assert main(["export", str(bundle), *arguments]) == 1
+    captured = capsys.readouterr()
+    assert option in captured.err
+    assert captured.err.count("\n") == 1

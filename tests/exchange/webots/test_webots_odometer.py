@@ -1,0 +1,34 @@
+"""The speed that the controller prints, worked out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stiction.deploy.observation import Sensors
+from stiction.evaluate.command import parse_command
+from stiction.exchange.webots.controller import Odometer
+
+
+def test_speed_is_measured_along_the_command_in_the_robots_own_frame() -> None:
+    """If this failed, the share of the command that is printed could not be set beside that of `stiction evaluate`.
+
+    Facing along y, 1 cm forward and 4 mm to the left (along -x) in each 20 ms: 0.5 and 0.2 m/s, and 0.3 rad/s.
+    """
+    odometer = Odometer(0.02)
+    for k in range(151):
+        place = np.array([-0.004 * k, 0.01 * k if k > 99 else 0.0, 0.3])
+        sensors = Sensors(
+            np.array([np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)]),
+            np.array([0.0, 0.0, 0.3]),
+            np.zeros(18),
+            np.zeros(18),
+        )
+        assert odometer.speed(parse_command("vx=1")) is None or k > 100
+        odometer.add(place, sensors)
+    # The first 100 periods, 2 s, do not count; the jump along y is in the last of them.
+    assert odometer.speed(parse_command("vx=1")) == pytest.approx(0.5)
+    assert odometer.speed(parse_command("vx=-1")) == pytest.approx(-0.5)
+    assert odometer.speed(parse_command("vx=0.3,vy=0.4")) == pytest.approx(0.6 * 0.5 + 0.8 * 0.2)
+    assert odometer.speed(parse_command("wz=1")) == pytest.approx(0.3)
+    assert odometer.speed(parse_command("stand")) is None

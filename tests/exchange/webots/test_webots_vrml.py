@@ -1,0 +1,82 @@
+"""What is written is what Webots' language says, and the reader that judges it finds mistakes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from stiction.exchange.webots.proto import HEADER, Is, Node, number, write
+from webots_files import Reader, WebotsSyntaxError, read_proto, read_world
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (True, "TRUE"),
+        (3, "3"),
+        (-0.0, "0"),
+        (0.1 + 0.2, "0.30000000000000004"),
+        (1e-05, "1e-05"),
+        ((1.0, 0.0, -2.5), "1 0 -2.5"),
+        ('a "b" \\', '"a \\"b\\" \\\\"'),
+        (Is("hipFriction"), "IS hipFriction"),
+        ([], "[ ]"),
+        ([(1, 2), (3, 4)], "[\n  1 2\n  3 4\n]"),
+        (Node("Box", {"size": (1, 2, 3)}), "Box {\n  size 1 2 3\n}"),
+        (Node("Solid", {"children": [Node("Group")]}, "A"), "DEF A Solid {\n  children [\n    Group {\n    }\n  ]\n}"),
+    ],
+)
+def test_values_are_written_as_webots_reads_them(value, text: str) -> None:
+    """If this failed, Webots would skip a field, or read another number than was meant."""
+    assert write(value) == text
+
+
+def test_numbers_read_back_exactly() -> None:
+    """If this failed, the controller would refuse its own robot, whose torque limits it compares."""
+    for value in (23.7, 27.500000000000004, 1 / 3, 1e-9, 12345678.9):
+        assert float(number(value)) == value
+
+
+def test_what_was_written_can_be_read(tmp_path: Path) -> None:
+    """If this failed, writer and reader would not speak the same language."""
+    box = Node("Box", {"size": (1.0, 2.0, 0.1)})
+    solid = Node("Solid", {"translation": (0.0, 0.0, 1e-3), "name": 'the "box"', "boundingObject": box}, "BOX")
+    (tmp_path / "a.wbt").write_text(f"{HEADER}\n# about\n{write(solid)}\n")
+    (read,) = read_world(tmp_path / "a.wbt")
+    assert (read.kind, read.define, read["name"]) == ("Solid", "BOX", 'the "box"')
+    assert read["translation"] == (0.0, 0.0, 1e-3)
+    assert read["boundingObject"]["size"] == (1.0, 2.0, 0.1)
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "Solid { colour 1 1 1 }",  # no such field
+        "Solid { translation 0 0 }",  # a number short
+        "Solid { translation 0 0 0 0 }",  # one too many
+        "Solid { name box }",  # no quotes
+        "Solid { physics Box { } }",  # a node that does not belong there
+        'Solid { name "a" name "b" }',  # twice
+        "Solid { children [ Shape { } }",  # a bracket open
+        "Solid { name IS name }",  # outside of a PROTO
+        "Unicorn { }",  # not declared
+        "Solid { translation 0, 0, 0 }",  # commas, which are not written here
+    ],
+)
+def test_the_reader_finds_mistakes(body: str) -> None:
+    """If this failed, the tests of worlds and PROTOs would pass whatever they hold."""
+    with pytest.raises(WebotsSyntaxError):
+        Reader(f"{HEADER}\n{body}").node()
+
+
+def test_a_proto_is_read_with_its_interface(tmp_path: Path) -> None:
+    """If this failed, a field of the robot could be bound to nothing, and friction would stay what it was."""
+    text = f"{HEADER}\nPROTO Thing [\n  field SFFloat drag 2\n]\n{{\n  HingeJoint {{ jointParameters "
+    text += "HingeJointParameters { staticFriction IS drag } }\n}\n"
+    (tmp_path / "Thing.proto").write_text(text)
+    proto = read_proto(tmp_path / "Thing.proto")
+    assert proto.interface == {"drag": ("SFFloat", 2.0)}
+    (tmp_path / "Thing.proto").write_text(text.replace("IS drag", "IS drags"))
+    with pytest.raises(WebotsSyntaxError, match="drags"):
+        read_proto(tmp_path / "Thing.proto")

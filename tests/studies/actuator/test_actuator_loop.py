@@ -1,0 +1,143 @@
+"""The loop f0, log, f_motor, f1 at a tiny budget: every stage is there, done stages are not done again."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to train")
+
+from stiction.cli.main import main
+from stiction.core.errors import StictionError
+from stiction.formats.actuator import read_actuator
+from stiction.formats.bundle import find_bundle, read_bundle
+from stiction.formats.results import read_results
+from stiction.formats.walk import read_walk
+from stiction.studies.actuator.config import RUNS, VARIANTS, LoopCfg
+from stiction.studies.actuator.page import findings
+from stiction.studies.actuator.robots import loop_robots, plan_logs
+
+TINY = [
+    *("--num-envs", "2", "--teacher.iterations", "1", "--teacher.steps", "2", "--teacher.mini-batches", "2"),
+    *("--student.iterations", "1", "--student.steps", "2", "--student.mini-batches", "2"),
+    *("--variants", "three-robots", "--log-seconds", "1", "--net.epochs", "1", "--net.hidden", "4"),
+    *("--episodes", "1", "--seconds", "3", "--commands", "vx=-0.5"),
+]
+
+
+def test_every_data_set_has_as_many_runs() -> None:
+    """A control with more data would not be one."""
+    for repeats in (1, 3):
+        for variant in VARIANTS:
+            plan = plan_logs(variant, LoopCfg(repeats=repeats))
+            assert sum(len(commands) * runs for _, commands, runs in plan) == RUNS * repeats
+
+
+def test_robots_are_drawn_from_the_seed(contract) -> None:
+    """robot-0 is nominal but for its friction; the others are the same for one seed, within what is said of them."""
+    first, *others = loop_robots(0.2, 0)
+    assert (first.level, first.joints(contract)) == (0.2, contract)
+    assert loop_robots(0.2, 0) == (first, *others) != loop_robots(0.2, 1) and len(others) == 3
+    for robot in others:
+        assert 0.1 <= robot.level <= 0.3 and min(robot.strength, robot.damping, robot.armature) >= 0.8
+        assert robot.joints(contract).kp[0] == pytest.approx(robot.strength * contract.kp[0])
+        assert robot.joints(contract).torque_limit == contract.torque_limit
+
+
+def test_the_loop_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """f1 was trained with the net of the logs, a lost stage is made again to the same numbers, and nothing else is."""
+    out, policy = tmp_path / "study", find_bundle(Path("saturn_lite-flat-none-0.2"))
+    arguments = ["study", "actuator", "--policy", str(policy), "--out", str(out), "--json", *TINY]
+    assert main(arguments) == 0
+    summary = json.loads(capsys.readouterr().out)
+    logs = sorted((out / "logs" / "three-robots").iterdir())
+    assert len(logs) == RUNS and {path.name.partition("--")[0] for path in logs} == {"robot-1", "robot-2", "robot-3"}
+    header = read_walk(logs[0]).header
+    assert header.torque_source == "output_side" and header.kp == read_bundle(policy).contract.kp
+    net = read_actuator(out / "nets" / "three-robots-default")
+    used = read_bundle(out / "bundles" / "f1-three-robots").contract.actuator
+    assert used is not None and used["name"] == "three-robots-default" and len(net.training) == 9
+    assert set(summary["nets"]) == {"three-robots-default", "three-robots-paper"}
+    rows = read_results(out / "results.csv")
+    assert [row.policy for row in rows[:3]] == ["f0 on robot-0", "f0 on robot-0", "f0 on robot-1"] and len(rows) == 10
+    page = (out / "report.html").read_text()
+    assert "no verdict" in page and "f1-three-robots on robot-0" in page
+
+    stamps = {path: path.stat().st_mtime_ns for path in (out / "runs").rglob("*.safetensors")}
+    before = (out / "evaluation" / "f1-three-robots.json").read_bytes(), (out / "results.csv").read_bytes()
+    (out / "evaluation" / "f1-three-robots.json").unlink()
+    shutil.rmtree(out / "nets" / "three-robots-paper")
+    assert main(arguments) == 0
+    assert json.loads(capsys.readouterr().out)["nets"] == summary["nets"]
+    assert before == ((out / "evaluation" / "f1-three-robots.json").read_bytes(), (out / "results.csv").read_bytes())
+    assert stamps == {path: path.stat().st_mtime_ns for path in (out / "runs").rglob("*.safetensors")}
+
+    assert main([*arguments, "--level", "0.1"]) == 1
+    assert "holds this study with another level" in capsys.readouterr().err
+
+
+def test_a_mistake_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A mistyped --policy must not tie the folder to it; a folder that cannot be made, and one that holds something
+    else, are a line each.
+    """
+    out = tmp_path / "study"
+    assert main(["study", "actuator", "--policy", str(tmp_path / "typo"), "--out", str(out), *TINY]) == 1
+    assert "does not exist" in capsys.readouterr().err and not out.exists()
+    given = ["--policy", str(find_bundle(Path("saturn_lite-flat-none-0.2")))]
+    assert main(["study", "actuator", *given, "--task.robot", "go1", "--out", str(out), *TINY]) == 1
+    assert "is for saturn_lite" in capsys.readouterr().err and not out.exists()
+    (tmp_path / "file").write_text("")
+    assert main(["study", "actuator", *given, "--out", str(tmp_path / "file" / "study"), *TINY]) == 1
+    assert "choose another --out" in capsys.readouterr().err
+    out.mkdir()
+    (out / "study.json").write_text("{}")
+    assert main(["study", "actuator", *given, "--out", str(out), *TINY]) == 1
+    assert "is not what this study writes" in capsys.readouterr().err
+
+
+def row(policy: str, robot: str, level: float, command: str, ratio: float, falls: float = 0.0) -> dict:
+    """Return a row of the study."""
+    return {
+        "policy": policy,
+        "robot": robot,
+        "friction_level": level,
+        "command": command,
+        "speed_ratio": ratio,
+        "fall_rate": falls,
+    }
+
+
+def test_sentences_follow_from_the_numbers() -> None:
+    """0.3 and 0.5 of the speed are 0.40 on average; 0.9 is more, 0.45 about as much, 0.2 less."""
+    rows = [row("f0", "robot-0", 0.2, "vx=0.5", 0.3), row("f0", "robot-0", 0.2, "vx=-0.5", 0.5)]
+    rows += [row("f0", "robot-0", 0.0, "vx=0.5", 1.0)]
+    for policy, ratio in (("f1-backward", 0.45), ("f1-everywhere", 0.9), ("f1-three-robots", 0.2)):
+        rows += [row(policy, "robot-0", 0.2, "vx=0.5", ratio), row(policy, "robot-0", 0.0, "vx=0.5", 1.4, 0.25)]
+        rows += [row(policy, "robot-1", 0.1, "vx=0.5", ratio)]
+    rmse = {"validation": {"net": 0.05, "baseline": 0.1}}
+    robots = [{"name": "robot-0"}, {"name": "robot-1"}]
+    said = " ".join(findings({"rows": rows, "robots": robots, "nets": {"backward-default": {"rmse": rmse}}}))
+    assert "on average 0.45 of the commanded speed, about as much as f0's 0.40" in said
+    assert "on average 0.90 of the commanded speed, more than f0's 0.40" in said
+    assert "On robot-0, f1-everywhere reaches 0.90, more than f1-backward's 0.45" in said
+    assert "On the drawn robots, f1-three-robots reaches 0.20, less than f1-backward's 0.45" in said
+    assert "f1-backward reaches 1.40 and falls in 25% of episodes at worst" in said
+    assert "backward-default 5.0 %, law 10.0 %" in said
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"level": 0.0}, {"repeats": 0}, {"variants": ("sideways",)}, {"variants": ()}, {"variants": ("backward",) * 2}],
+)
+def test_a_study_that_cannot_be_run_is_refused(change: dict) -> None:
+    """Before hours of training."""
+    with pytest.raises(StictionError, match="expected"):
+        LoopCfg(**change)
+
+
+def test_a_training_that_is_not_conventional_is_refused() -> None:
+    """f0 with friction in training would not be the paper's f0."""
+    with pytest.raises(StictionError, match="trained conventionally"):
+        LoopCfg(train=replace(LoopCfg().train, actuator="net"))

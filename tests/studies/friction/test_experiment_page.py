@@ -1,0 +1,100 @@
+"""The experiment's page, tables and figures, drawn from records alone."""
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from stiction.core.errors import StictionError
+from stiction.formats.results import read_results
+from stiction.rma.arguments import parse
+from stiction.studies.friction import assemble
+from stiction.studies.friction.evaluation import BASE
+from stiction.studies.friction.manifest import Condition, Place, Run
+from stiction.studies.friction.page import Sheet, lead, methods_sheet, part_sheet, report, verdict_sheet
+from stiction.studies.friction.records import Experiment
+from stiction.studies.study import write_report
+from synthetic import condition_rows, write_run
+
+METHODS = ("none", "direct", "deception")
+MADE = {"command": "c", "revision": "abc", "machine": {"cpu": "a processor"}, "warnings": []}
+
+
+def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) -> Experiment:
+    """Some conditions with made-up results: 0.9, 1.0 and 1.1 without friction, half of that at 20 %."""
+    places, rows = [], []
+    for part in parts:
+        for method in METHODS:
+            name = f"coulomb20-{method}" if part == "1" else f"part{part}-{method}"
+            options = ("--method", method, "--friction-level", "0.2")
+            condition = Condition(name, part, "a purpose", options, tuple(range(seeds)))
+            cfg = parse(["--preset", "two-phase", *options, "--teacher.iterations", "1", "--student.iterations", "1"])
+            for seed in range(seeds):
+                places.append(Place(Run(condition, seed), cfg.config, folder / f"{name}-s{seed}"))
+                write_run(places[-1])
+            ratios = [0.9 + 0.1 * seed for seed in range(seeds)]
+            for who in ("student", "teacher"):
+                rows += condition_rows(name, {0.0: ratios, 0.2: [r / 2 for r in ratios]}, who, backward=0.5)
+    return assemble.assemble(places, rows, BASE, MADE | {"failed": {}})
+
+
+def test_every_file_is_written_and_reads_back(tmp_path: Path) -> None:
+    """If this failed, a number of the page could not be traced to a file."""
+    out = tmp_path / "out"
+    out.mkdir()
+    found = experiment(tmp_path, ("1", "5", "6"))
+    write_report(out, report(found), MADE)
+    page = (out / "report.html").read_text()
+    assert read_results(out / "results.csv") == list(found.rows)
+    with (out / "intervals.csv").open() as file:
+        intervals = list(csv.DictReader(file))
+    first = next(r for r in intervals if r["condition"] == "coulomb20-none" and float(r["friction_level"]) == 0.0)
+    assert (first["seeds"], first["mean"], first["low"][:7]) == ("3", "0.5", "0.37579")  # backward: 0.45, 0.5, 0.55
+    summary = json.loads((out / "summary.json").read_text())
+    assert len(summary["runs"]) == 27 and summary["median_seeds"]["coulomb20-none"] == 1
+    assert {v["id"] for v in summary["verdicts"]} == {v.id for v in found.verdicts}
+    for name in ("budget", "learning", "conditions", "collapse", "load", "go1"):
+        assert (out / f"{name}.png").read_bytes().startswith(b"\x89PNG"), name
+    assert page.count("data:image/png") == 6 and not re.search(r'(src|href)="http', page)
+    assert (out / "tables.md").read_text().startswith("**The paper's sentences**")
+
+
+def test_nothing_yet_is_a_page_too(tmp_path: Path) -> None:
+    """If this failed, the experiment could not be looked at before its first run ends."""
+    out = tmp_path / "out"
+    out.mkdir()
+    empty = assemble.assemble([], [], BASE, MADE | {"failed": {"coulomb20-none-s0": "it diverged"}})
+    write_report(out, report(empty), MADE)
+    assert "coulomb20-none-s0 failed: it diverged" in (out / "report.html").read_text()
+    assert lead(empty).startswith("0 of 0 runs are finished.") and "18 not tested" in lead(empty)
+    with pytest.raises(StictionError, match="choose another --out"):
+        write_report(tmp_path / "missing", report(empty), MADE)
+
+
+def test_tables_show_means_with_intervals_and_single_seeds_without(tmp_path: Path) -> None:
+    """0.9, 1.0, 1.1: 1.00 ± 4.3027 * 0.1 / √3 = 0.25. If it failed, one run would look as certain as five."""
+    several = methods_sheet(experiment(tmp_path / "a"), ["coulomb20-none"], "student")
+    assert several.header[1:] == ("0", "20") and several.rows[0] == (
+        "coulomb20-none, forward",
+        "1.00 ± 0.25",
+        "0.50 ± 0.12",
+    )
+    one = part_sheet(experiment(tmp_path / "b", seeds=1), "1")
+    assert one.rows[0][:6] == ("coulomb20-none: a purpose", "student", "1", "0.90 / 0.45", "0.90 / 0.45", "0.45 / 0.23")
+    assert one.rows[-2][4] == "– / –"  # nothing was evaluated at the mean of deception, 0.12
+
+
+def test_markdown_survives_a_pipe_in_a_cell() -> None:
+    """|speed ratio - 1| stands in a criterion: if it were not escaped, the table would fall apart."""
+    text = Sheet("t", ("a", "b"), (("1", "|x|"),), "note").markdown()
+    assert text == "**t**\n\n| a | b |\n| --- | --- |\n| 1 | \\|x\\| |\n\nnote\n"
+
+
+def test_verdicts_stand_with_criterion_and_evidence(tmp_path: Path) -> None:
+    """If this failed, an outcome would be an opinion."""
+    rows = verdict_sheet(experiment(tmp_path)).rows
+    assert len(rows) == 18 and all(all(cells) for cells in rows)
+    assert rows[1][:2] == ("V2", "does not")  # faster direction 0.45, 0.50, 0.55: [0.38, 0.62], and not under 0.2
+    assert rows[1][4] == "direct, faster direction 0.50 [0.38, 0.62] (0.45, 0.50, 0.55)"

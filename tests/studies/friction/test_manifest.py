@@ -1,0 +1,104 @@
+"""The manifest: every run can be started, and what is compared differs in what it says."""
+
+from collections import Counter
+from dataclasses import replace
+
+import pytest
+
+from stiction.core.errors import StictionError
+from stiction.rma.arguments import parse
+from stiction.rma.config import PRESETS, TrainCfg
+from stiction.robots.catalog import find_robot
+from stiction.studies.friction.evaluation import training_mean
+from stiction.studies.friction.manifest import MANIFEST, PARTS, condition_of, runs_of
+
+CONFIGURED: dict[str, TrainCfg] = {c.name: parse([*c.runs[0].arguments]).config for c in MANIFEST}
+
+
+def test_every_condition_is_a_configuration_and_seeds_change_nothing_else() -> None:
+    """If this failed, a run of the experiment would stop at its own command line, hours into a night."""
+    for condition in MANIFEST:
+        find_robot(CONFIGURED[condition.name].task.robot)
+        words = [run.arguments for run in condition.runs]
+        assert [w[-4:-2] for w in words] == [("--seed", str(seed)) for seed in condition.seeds]
+        assert {w[:-4] + w[-2:] for w in words} == {words[0][:-4] + words[0][-2:]}
+    assert parse([*MANIFEST[0].runs[3].arguments]).config == replace(CONFIGURED[MANIFEST[0].name], seed=3)
+
+
+def test_names_are_unique_and_read_back() -> None:
+    """If this failed, two runs would write into one folder, or results would land with another condition."""
+    names = [run.name for run in runs_of(())]
+    assert len(set(names)) == len(names)
+    assert [condition_of(run.name) for run in runs_of(())] == [(r.condition.name, r.seed) for r in runs_of(())]
+    with pytest.raises(StictionError, match="CONDITION-s<SEED>"):
+        condition_of("saturn_lite-flat-none-0.2")
+
+
+def test_no_two_conditions_are_the_same_run() -> None:
+    """If this failed, a comparison would compare a run with itself."""
+    assert Counter(CONFIGURED.values()).most_common(1)[0][1] == 1
+
+
+def test_part_one_is_the_runs_that_were_begun_by_hand() -> None:
+    """If this failed, runs that exist would be trained again: the commands must be these, word by word."""
+    words = "--preset two-phase --method direct --friction-level 0.2 --seed 3 --video-every 0"
+    assert [" ".join(r.arguments) for r in runs_of(["1"]) if r.name == "coulomb20-direct-s3"] == [words]
+    methods = ["none", "direct", "deception"]
+    assert [r.name for r in runs_of(["1"])] == [f"coulomb20-{m}-s{seed}" for seed in range(5) for m in methods]
+
+
+def test_budget_is_the_same_unless_it_is_the_question() -> None:
+    """If this failed, a method would win by training longer."""
+    budget = PRESETS["two-phase"]
+    for name, cfg in CONFIGURED.items():
+        factor = 3 if name.endswith("-long") else 1
+        student = 3 if name == "coulomb20-deception-student240" else factor
+        assert cfg.teacher.iterations == factor * budget.teacher.iterations, name
+        assert cfg.student.iterations == student * budget.student.iterations, name
+        assert (cfg.num_envs, cfg.teacher.steps) == (budget.num_envs, budget.teacher.steps), name
+
+
+def test_what_is_varied_is_what_the_purpose_says() -> None:
+    """If this failed, a part of the experiment would answer another question; numbers worked out by hand."""
+    means = {name: training_mean(cfg.task.friction) for name, cfg in CONFIGURED.items()}
+    assert means["coulomb20-none"] == 0.0
+    assert means["coulomb20-deception"] == means["coulomb20-narrow"] == pytest.approx(0.12)
+    assert means["coulomb20-mean-kept"] == means["coulomb20-direct"] == pytest.approx(0.2)
+    assert means["coulomb20-mixture"] == pytest.approx(0.16)
+    torque = {name: _shank_friction(name) for name in ("coulomb20-direct", "coulomb20-direct-torque2")}
+    assert torque["coulomb20-direct"] == torque["coulomb20-direct-torque2"] == pytest.approx(9.0)
+    assert _first_action("coulomb20-direct-strong") == pytest.approx(40.0)
+    assert _first_action("coulomb20-direct") == pytest.approx(20.0)
+    assert _first_action("coulomb20-none-mid") == pytest.approx(7.5) and 0.2 * 25.0 < 7.5 < 0.2 * 45.0
+    assert _first_action("coulomb20-direct-weak") == pytest.approx(3.75) and 3.75 < 0.2 * 25.0
+
+
+def _shank_friction(name: str) -> float:
+    """Nominal friction of the shank [N m]."""
+    task = CONFIGURED[name].task
+    return task.friction.level * find_robot(task.robot).shank.torque_limit
+
+
+def _first_action(name: str) -> float:
+    """Torque of one standard deviation of the first actions [N m]."""
+    cfg = CONFIGURED[name]
+    robot = find_robot(cfg.task.robot)
+    return robot.shank.stiffness * robot.action_scale * cfg.network.initial_std
+
+
+def test_parts_come_in_order_and_unknown_ones_are_named() -> None:
+    """If this failed, `--parts` would train something else, or nothing without a word."""
+    parts = [run.condition.part for run in runs_of(["2", "1"])]
+    assert parts == sorted(parts) and set(parts) == {"1", "2"}
+    assert {run.condition.part for run in runs_of(())} <= set(PARTS)
+    with pytest.raises(StictionError, match="unknown part '7'"):
+        runs_of(["7"])
+
+
+def test_one_phase_has_the_first_part_alone() -> None:
+    """The other parts name phases: with one phase they would be trained as something that nobody meant."""
+    runs = runs_of((), "quick")
+    assert [run.name for run in runs] == [run.name for run in runs_of(["1"])]
+    assert all(run.arguments[:2] == ("--preset", "quick") for run in runs)
+    with pytest.raises(StictionError, match="part 2 is not trained with the preset 'quick'"):
+        runs_of(["1", "2"], "quick")

@@ -1,0 +1,95 @@
+"""Evaluation of runs: what is asked of each, what is kept, and what is read again."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from stiction.core import cache
+from stiction.core.errors import StictionError
+from stiction.evaluate import trained as run_evaluation
+from stiction.rma.arguments import parse
+from stiction.studies.friction.evaluation import BASE, LEVELS, Task, evaluate_tasks, settings_for, tasks_for
+from synthetic import place, row, write_run
+
+
+@pytest.fixture
+def walked(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Evaluations that were really walked; walking itself is made up."""
+    names: list[str] = []
+
+    def walk(run: Path, who: str, cfg) -> list:
+        names.append(f"{run.name}/{who}")
+        if run.name == "bad-s0":
+            raise StictionError("the robot is unknown")
+        return [row(names[-1], level, "vx=0.5", 1 / 3) for level in cfg.friction_levels]
+
+    monkeypatch.setattr(run_evaluation, "evaluate_run", walk)
+    return names
+
+
+def tasks(tmp_path: Path, name: str = "toy") -> list[Task]:
+    """The student of a finished run."""
+    at = place(tmp_path, name, 0, "--friction-level", "0.2")
+    write_run(at)
+    return [task for task in tasks_for([at], BASE) if task.who == "student"]
+
+
+def test_an_evaluation_is_done_once_and_again_when_what_it_depends_on_changes(
+    tmp_path: Path, walked: list, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """If this failed, results would be of an earlier policy, or every page would cost an hour."""
+    task = tasks(tmp_path)[0]
+    rows, failed = evaluate_tasks([task], 1)
+    assert not failed and [r.speed_ratio for r in rows] == [0.333333] * len(LEVELS)
+    assert evaluate_tasks([task], 1) == (rows, {}) and len(walked) == 1
+    evaluate_tasks([replace(task, settings=replace(task.settings, episodes=17))], 1)
+    assert len(walked) == 2
+    (task.path / "checkpoints/student_000001.safetensors").write_text("other weights")
+    evaluate_tasks([task], 1)
+    assert len(walked) == 3
+    monkeypatch.setattr(cache, "made_by", lambda *code: {"code": "other"})
+    evaluate_tasks([task], 1)
+    assert len(walked) == 4
+
+
+def test_a_policy_that_cannot_be_evaluated_stops_nobody(tmp_path: Path, walked: list) -> None:
+    """If this failed, one damaged run would hide all results."""
+    rows, failed = evaluate_tasks([*tasks(tmp_path, "bad"), *tasks(tmp_path)], 1)
+    assert {r.policy for r in rows} == {"toy-s0/student"}
+    assert failed == {"bad-s0/student": "the robot is unknown"}
+
+
+def test_the_cache_can_lie_elsewhere(tmp_path: Path, walked: list) -> None:
+    """If this failed, runs that may only be read could not be evaluated."""
+    at = place(tmp_path / "runs", "toy", 0, "--friction-level", "0.2")
+    write_run(at)
+    before = sorted((tmp_path / "runs").rglob("*"))
+    (tmp_path / "runs/toy-s0/checkpoints/teacher_000001.safetensors").write_text("teacher")
+    (tmp_path / "runs/toy-s0/checkpoints/teacher_000001.json").write_text("{}")
+    found = tasks_for([at], BASE, tmp_path / "cache")
+    assert [task.name for task in found] == ["toy-s0/teacher", "toy-s0/student"]
+    evaluate_tasks(found, 1)
+    assert len(list((tmp_path / "cache/toy-s0").glob("*.csv"))) == 2
+    assert len(sorted((tmp_path / "runs").rglob("*"))) == len(before) + 2
+
+
+def test_levels_follow_the_torque_and_hold_the_mean_of_training() -> None:
+    """Twice the limit at half the level is the same friction in N m; a mixture's mean, 0.16, is evaluated too."""
+    quick = ["--preset", "two-phase", "--friction-level"]
+    doubled = settings_for(parse([*quick, "0.1", "--robot", "saturn_lite@torque=2"]).config)
+    assert doubled.friction_levels == pytest.approx([level / 2 for level in LEVELS])
+    mixture = ["--task.friction.mixture", "0.2", "0", "0", "0.8", "1", "1"]
+    assert settings_for(parse([*quick, "0.2", *mixture]).config).friction_levels == tuple(sorted({*LEVELS, 0.16}))
+
+
+def test_a_policy_is_evaluated_under_its_own_law() -> None:
+    """Trained with 0.1 (|F| + |T|), U(0, 1.2): its coefficients, and the mean 0.06; nothing in torque limits."""
+    found = settings_for(parse(["--preset", "two-phase", "--friction-law", "load", "--friction-level", "0.1"]).config)
+    assert found.friction_law == "load" and found.friction_levels == (0.0, 0.02, 0.05, 0.06, 0.1, 0.2, 0.3, 0.442)
+
+
+def test_a_run_with_the_robots_own_friction_is_refused() -> None:
+    """If this failed, a level that differs from joint to joint would be reported as one number."""
+    with pytest.raises(StictionError, match="--friction-level"):
+        settings_for(parse(["--preset", "two-phase", "--method", "direct"]).config)

@@ -1,0 +1,60 @@
+"""The Actuator Net of the comparison: what it is fitted to, and when it is fitted anew."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bundles import make_bundle, make_contract, make_network
+from stiction.core.errors import StictionError
+from stiction.formats.actuator import read_actuator
+from stiction.formats.bundle import read_bundle
+from stiction.formats.walk import read_walk
+from stiction.joints.net import ActuatorCfg
+from stiction.robots.catalog import find_robot
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
+pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to fit a net")
+
+from stiction.locomotion.config import TaskCfg
+from stiction.studies.replication import net as module
+from stiction.studies.replication.net import WalkedNet, make_net
+from stiction.studies.replication.plan import KNOWN
+
+SPEC = find_robot("saturn_lite")
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> WalkedNet:
+    """A robot that stands for a second at a time, and a net that is fitted in one."""
+    contract = make_contract()
+    bundle = make_bundle(tmp_path_factory.mktemp("b") / "still", contract, make_network(contract, gain=1e-3))
+    return WalkedNet("mujoco", KNOWN, SPEC, read_bundle(bundle), 1.0, ActuatorCfg(epochs=1, hidden=(4,)))
+
+
+def test_the_net_is_fitted_to_what_the_motors_said_backward(
+    walked: WalkedNet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Friction of the joint is not in it, and training can use it at once; a second time nothing walks."""
+    make_net(walked, tmp_path / "net", "test")
+    logs = [read_walk(file) for file in sorted((tmp_path / "net/logs").glob("*.npz"))]
+    assert len(logs) == 12 and {float(log.header.command[3:]) for log in logs} == {-0.2, -0.35, -0.5, -0.65}
+    assert {log.header.torque_source for log in logs} == {"motor_side"}
+    assert {(log.header.period, len(log)) for log in logs} == {(0.005, 200)}
+    net = read_actuator(tmp_path / "net")
+    assert net.torque_source == "motor_side"
+    TaskCfg().check_net(net, SPEC)
+    monkeypatch.setattr(module, "spread", lambda *rest: pytest.fail("walked again"))
+    make_net(walked, tmp_path / "net", "test")
+    with pytest.raises(pytest.fail.Exception):
+        make_net(replace(walked, seconds=1.1), tmp_path / "net", "test")
+
+
+def test_a_policy_that_falls_at_once_is_refused(
+    walked: WalkedNet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A net of nothing would train a policy on noise; and what failed is not taken for done."""
+    monkeypatch.setattr(module, "SHORTEST", 5.0)
+    for _ in range(2):
+        with pytest.raises(StictionError, match="0 of 12 logs, too few"):
+            make_net(walked, tmp_path / "net", "test")

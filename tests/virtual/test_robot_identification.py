@@ -1,0 +1,175 @@
+"""A virtual robot is identified from its bench log alone, once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from shutil import copytree
+
+import numpy as np
+import pytest
+
+from hinges import Hinges
+from stiction.core import cache
+from stiction.core.cache import has_entry
+from stiction.core.errors import StictionError
+from stiction.core.records import read_rows
+from stiction.deploy.pilot import JointCommand
+from stiction.engines.catalog import ENGINES, EngineSpec
+from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
+from stiction.robots.catalog import find_robot
+from stiction.studies.bench import robots as bench_study
+from stiction.studies.bench.robots import IdentifiedFriction, LoadMeter, referee, study_benches
+from stiction.virtual import bench as identification
+from stiction.virtual.bench import Bench, BenchCfg, identified_friction, make_bench
+from stiction.virtual.cases import Case, parse_level
+from stiction.virtual.hidden import draw
+
+SPEC = find_robot("saturn_lite")
+SHANKS = tuple(name for name in SPEC.joint_names if name.endswith("shank"))
+BENCH = Bench("hinges", Case(3, "friction", parse_level("0.05")), SPEC, BenchCfg(("shank",), 4.0))
+
+
+@pytest.fixture(autouse=True)
+def engines(monkeypatch: pytest.MonkeyPatch) -> list[Hinges]:
+    """Build every robot of independent hinges; return those that were built."""
+    built: list[Hinges] = []
+
+    def build(*rest) -> Hinges:
+        built.append(Hinges(*rest))
+        return built[-1]
+
+    monkeypatch.setitem(ENGINES, "hinges", EngineSpec("hinges", build))
+    monkeypatch.setattr(bench_study, "what_is_missing", lambda name, spec: None)
+    return built
+
+
+@pytest.fixture(scope="module")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[IdentifiedFriction]]:
+    """The study of one robot: its folder, and the referee's rows."""
+    out = tmp_path_factory.mktemp("study")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(ENGINES, "hinges", EngineSpec("hinges", Hinges))
+        patch.setattr(bench_study, "what_is_missing", lambda name, spec: None)
+        rows, failed = study_benches([BENCH], out)
+    assert not failed
+    return out, rows
+
+
+def known(value: float) -> JointRecord:
+    """Return a joint whose friction is known."""
+    return JointRecord(coulomb_friction=Estimate(value, 0.1, (value - 0.2, value + 0.2)))
+
+
+def test_friction_comes_in_the_order_of_the_robot_and_is_never_negative() -> None:
+    """A controller that is fed another joint's friction, or one that drives, would be worse than none."""
+    file = JointsFile({"b": known(2.0), "a": known(1.0), "c": known(-0.1)})
+    np.testing.assert_array_equal(identified_friction(file, ("a", "b", "c")), [1.0, 2.0, 0.0])
+
+
+def test_a_joint_without_friction_is_refused_with_its_reason(tmp_path: Path) -> None:
+    """To feed nothing forward in one joint of many would be a silent other experiment."""
+    file = JointsFile({"a": known(1.0), "b": JointRecord(warnings=("not identified: it hardly moves",))})
+    file.write(tmp_path / "joints.json")
+    with pytest.raises(StictionError, match=r"'b' is null .* it hardly moves"):
+        identified_friction(tmp_path / "joints.json", ("a", "b"))
+    with pytest.raises(StictionError, match="unknown joint 'z'"):
+        identified_friction(file, ("z",))
+
+
+def test_a_study_holds_what_was_found_against_the_truth_and_keeps_the_truth_to_itself(studied) -> None:
+    """Friction of hinges is found within 4 %; the robot's folder has none of the numbers that were drawn."""
+    out, rows = studied
+    assert [row.joint for row in rows] == list(SHANKS)
+    truth = 0.05 * 45.0 * draw(SPEC, 3).friction.share[2::3]
+    np.testing.assert_allclose([row.friction for row in rows], truth)
+    np.testing.assert_allclose([row.identified for row in rows], truth, rtol=0.04)
+    assert [row.strength for row in rows] == [1.0] * 6 and [row.load for row in rows] == [0.0] * 6
+    folder = out / BENCH.label
+    assert {file.name for file in folder.iterdir()} == {
+        *("bench.npz", "bench.json", "joints.json", "training.json", "entry.json"),
+    }
+    told = "".join(file.read_text() for file in folder.glob("*.json"))
+    assert not [value for value in truth if f"{value:.5g}" in told]
+    table = read_rows(out / "bench.csv", IdentifiedFriction)
+    np.testing.assert_allclose([row.friction for row in table], truth)
+
+
+def test_what_is_there_is_not_made_again(studied, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Minutes a robot; but what code or robot have changed since must not pass for theirs."""
+    out, rows = studied
+    copytree(out, tmp_path, dirs_exist_ok=True)
+    other = replace(BENCH, case=replace(BENCH.case, seed=4))
+    made: list[str] = []
+
+    def counted(bench: Bench, *rest):
+        made.append(bench.label)
+        return "it is broken"
+
+    monkeypatch.setattr(bench_study, "judge_bench", counted)
+    again, failed = study_benches([BENCH, other], tmp_path)
+    assert made == [other.label] and failed == {other.label: "it is broken"}
+    assert [row.identified for row in again] == pytest.approx([row.identified for row in rows])
+    assert has_entry(tmp_path / BENCH.label, BENCH.key)
+    assert not has_entry(tmp_path / BENCH.label, replace(BENCH, cfg=BenchCfg(("shank",), 7.0)).key)
+    monkeypatch.setattr(cache, "made_by", lambda *patterns: {"code": "other"})
+    assert not has_entry(tmp_path / BENCH.label, BENCH.key)
+
+
+def test_other_robots_in_one_folder_keep_their_rows(studied, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second command with a robot more would delete what the first one found."""
+    out, rows = studied
+    copytree(out, tmp_path, dirs_exist_ok=True)
+    other = replace(BENCH, case=replace(BENCH.case, seed=4))
+    monkeypatch.setattr(bench_study, "judge_bench", lambda bench, *rest: [replace(rows[0], robot=bench.label, seed=4)])
+    again, failed = study_benches([other], tmp_path)
+    assert ([row.robot for row in again], failed) == ([other.label], {})
+    table = read_rows(tmp_path / "bench.csv", IdentifiedFriction)
+    assert [row.robot for row in table] == [BENCH.label] * 6 + [other.label]
+    assert [row.identified for row in table[:6]] == pytest.approx([row.identified for row in rows])
+
+
+def test_a_bench_that_tells_nothing_says_so_in_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Raised, it would end what the robot was put on its bench for; a folder that cannot be written still is."""
+
+    def refuse(log, workers: int) -> None:
+        raise StictionError("it hardly moves")
+
+    monkeypatch.setattr(identification, "identify_log", refuse)
+    make_bench(BENCH, tmp_path / "robot")
+    assert has_entry(tmp_path / "robot", BENCH.key)
+    records = load_joints(tmp_path / "robot" / "joints.json").joints
+    assert tuple(records) == SHANKS and {one.coulomb_friction for one in records.values()} == {None}
+    with pytest.raises(StictionError, match=r"null .* it hardly moves"):
+        identified_friction(tmp_path / "robot" / "joints.json", SHANKS)
+    (tmp_path / "file").write_text("")
+    with pytest.raises(StictionError, match="cannot be written"):
+        make_bench(BENCH, tmp_path / "file")
+
+
+def test_an_identification_alone_keeps_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Evaluations need joints.json of many robots, and not five megabytes of each."""
+    refused = {name: JointRecord(warnings=("not identified: hidden",)) for name in reversed(SHANKS)}
+    monkeypatch.setattr(identification, "identify_log", lambda log, workers: ({}, refused))
+    make_bench(BENCH, tmp_path)
+    assert has_entry(tmp_path, BENCH.key)
+    assert {file.name for file in tmp_path.iterdir()} == {"joints.json", "training.json", "entry.json"}
+    assert tuple(load_joints(tmp_path / "joints.json").joints) == SHANKS
+
+
+def test_the_load_is_that_of_joints_in_motion(engines: list[Hinges]) -> None:
+    """|F| + |T| = 30 + 10 at a coefficient of 0.02 times the joint's share is what the load adds."""
+    case = Case(3, "friction", parse_level("bench+0.02"))
+    bench = replace(BENCH, case=case)
+    robot = bench.robot()
+    engines[0].force[:], engines[0].torque[:] = 30.0, 10.0
+    meter = LoadMeter(robot)
+    zero, target = np.zeros(SPEC.num_joints), SPEC.joint_values("standing")
+    target[2] += 0.3
+    for _ in range(100):
+        meter.exchange(JointCommand(target, 100.0 + zero, 2.5 + zero, zero))
+    assert meter.load[2] == pytest.approx(40.0) and not np.delete(meter.load, 2).any()
+    (row,) = referee(bench, JointsFile({SPEC.joint_names[2]: known(1.0)}), meter.load)
+    share = draw(SPEC, 3).friction
+    assert row.load == pytest.approx(0.02 * share.load_share[2] * 40.0)
+    assert row.friction == pytest.approx(0.442 * share.share[2])
