@@ -62,13 +62,20 @@ def _band(axis: Axes) -> None:
     axis.axhline(0.0, color=INK, linewidth=0.8)
 
 
+def policies_of(experiment: Experiment) -> list[str]:
+    """Return which policies of a run were evaluated: its student, and of two phases its teacher. Always the student."""
+    evaluated = {mean.who for mean in experiment.means}
+    return ["student", *(["teacher"] if "teacher" in evaluated else [])]
+
+
 def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "coulomb") -> Figure:
     """Return speed ratio over friction level: panels for student and teacher, forward and backward.
 
     A thin line is a seed, a thick one their mean, the band around it the 95 % t-interval.
     """
-    figure, axes = new_figure(2, 2, size=(9.6, 6.4))
-    panels = [(who, command) for who in ("student", "teacher") for command in DIRECTIONS]
+    who_walked = policies_of(experiment)
+    figure, axes = new_figure(len(who_walked), 2, size=(9.6, 3.2 * len(who_walked)))
+    panels = [(who, command) for who in who_walked for command in DIRECTIONS]
     for axis, (who, command) in zip(axes, panels, strict=True):
         _band(axis)
         for color, condition in zip(COLORS, conditions, strict=False):
@@ -77,7 +84,7 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
             for points in _by_seed(experiment.rows, condition, who, command):
                 axis.plot(*zip(*points, strict=True), color=color, linewidth=0.6, alpha=0.6, marker=".", markersize=3)
         axis.set(title=f"{who}, {DIRECTIONS[command]}", ylabel="speed reached / commanded")
-    for axis in axes[2:]:
+    for axis in axes[-2:]:
         axis.set_xlabel(UNITS[law])
     _names(axes[0])
     return figure
@@ -203,9 +210,6 @@ def _slower(means: Sequence[SeedMean], condition: str) -> list[tuple[float, floa
     return sorted(lowest.items())
 
 
-WHO = ("student", "teacher")
-
-
 def mean_text(mean: SeedMean | None) -> str:
     """Return a mean with half the width of its interval, `0.93 ± 0.05`; without one where there is a single seed."""
     if mean is None:
@@ -235,7 +239,7 @@ def methods_sheet(experiment: Experiment, conditions: Sequence[str], who: str) -
 
 def following_sheet(experiment: Experiment, conditions: Sequence[str]) -> Sheet:
     """Return how many seeds of some conditions follow, students before teachers, over the levels up to 30 %."""
-    names = {f"{name}/{who}": f"{name}, {who}" for who in WHO for name in conditions}
+    names = {f"{name}/{who}": f"{name}, {who}" for who in policies_of(experiment) for name in conditions}
     own = [replace(cell, method=names[cell.method]) for cell in experiment.following if cell.method in names]
     rank = list(names.values())
     return levels_sheet(sorted(own, key=lambda cell: rank.index(cell.method)), "How many training seeds follow")
@@ -246,7 +250,7 @@ def part_sheet(experiment: Experiment, part: str) -> Sheet:
     rows = []
     for condition in experiment.conditions:
         if condition.part == part:
-            rows += [_condition_row(experiment, condition, who) for who in WHO]
+            rows += [_condition_row(experiment, condition, who) for who in policies_of(experiment)]
     header = (
         *("condition", "policy", "seeds", "without friction", "at the mean of training", "at the nominal friction"),
         *("falls", "jitter [rad/s²]", "tripod"),
@@ -396,7 +400,7 @@ def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
     sheets = {"verdicts": verdict_sheet(experiment)}
     if first:
         sheets["following"] = following_sheet(experiment, first)
-        sheets |= {f"methods-{who}": methods_sheet(experiment, first, who) for who in ("student", "teacher")}
+        sheets |= {f"methods-{who}": methods_sheet(experiment, first, who) for who in policies_of(experiment)}
     used = {condition.part for condition in experiment.conditions}
     sheets |= {f"part-{part}": part_sheet(experiment, part) for part in experiment.parts if part in used}
     if experiment.onsets:
