@@ -38,9 +38,9 @@ def test_a_part_is_walked_judged_and_gone_on_with(
     monkeypatch.setattr("stiction.evaluate.run.walk_unit", lambda *rest: pytest.fail("walked again"))
     assert main([*arguments, "--out", str(tmp_path)]) == 0
     printed = capsys.readouterr().out
-    assert printed.startswith("One training seed a way: numbers, no verdicts.")
+    assert printed.startswith("One training seed a method: numbers, no verdicts.")
     assert "report.html" in printed
-    assert "One training seed a way: numbers, no verdicts." in (tmp_path / "report.html").read_text()
+    assert "One training seed a method: numbers, no verdicts." in (tmp_path / "report.html").read_text()
 
 
 def test_help_says_what_gives_verdicts(capsys: pytest.CaptureFixture) -> None:
@@ -48,7 +48,7 @@ def test_help_says_what_gives_verdicts(capsys: pytest.CaptureFixture) -> None:
     with pytest.raises(SystemExit):
         main(["replicate", "--help"])
     told = " ".join(capsys.readouterr().out.split())
-    assert "one training seed a way: numbers, no verdicts" in told
+    assert "one training seed a method: numbers, no verdicts" in told.lower()
     assert "--num-robots" in told
     assert "--robots" not in told
 

@@ -27,7 +27,7 @@ def value(monkeypatch: pytest.MonkeyPatch) -> list[float]:
         "long fall": flight.long_fall,
         "the list": lambda make, spec, timestep: (Figure("its number", wanted[0], "m", 1.0),),
     }
-    for module in ("engines.conformance.suite", "studies.engines.run"):
+    for module in ("studies.engines.run", "engines.conformance.suite"):
         monkeypatch.setattr(f"stiction.{module}.CHECKS", checks)
     return wanted
 

@@ -17,7 +17,7 @@ def record(high: float, condition: str | None = "loaded", **changes) -> JointRec
 
 def test_what_is_proposed_is_what_training_takes() -> None:
     """Method, range and fields are written twice, for identification does not import training."""
-    ways = shipped()[TRAINING].ways.values()
+    ways = shipped()[TRAINING].methods.values()
     assert len(ways) == 3 and all(FRICTION_RANGES[way.method] == (way.low, way.high) for way in ways)
     for high in (0.01, 0.2, 0.3):
         told = propose(JointsFile({"shank": record(high)}))

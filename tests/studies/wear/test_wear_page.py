@@ -128,7 +128,7 @@ def test_a_way_of_training_speaks_for_its_seeds(tmp_path: Path) -> None:
     assert answers([], 3.0, [open_end])[0].endswith("lives end at least at x2.00; x1.00, ≥ x4.00.")
     neither = open_end | {"at_least": None}
     assert "no mean" in answers([], 3.0, [neither])[0]
-    page = written(tmp_path, [LIFE], WINDOWS, [], methods=[method])
+    page = written(tmp_path, [LIFE], WINDOWS, [], ways=[method])
     assert "Training methods, over their seeds" in page and "x1.50 to x2.70" in page
 
 
