@@ -1,40 +1,48 @@
-"""Finds a robot by name. One of your own touches no file here: `package.module` or `package.module:NAME`."""
+"""Finds a robot: a shipped one by its name, a file beside you by its path, one in Python as `package.module:ROBOT`."""
 
 from __future__ import annotations
 
 import pkgutil
 import re
-from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-import stiction.robots as shipped
+import stiction.robots.shipped as shipped
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.plugins import find_named
-from stiction.robots.model import JointSpec, RobotSpec
+from stiction.robots.model import Robot
+
+if TYPE_CHECKING:
+    from stiction.robots.derive import Derived
 
 VARIATIONS = ("kp", "torque")
 """What `NAME@...` can multiply: gains, torque limits."""
 
+FILES = (".yaml", ".yml", ".xml", ".urdf")
+"""Endings of files that describe a robot."""
+
 
 def robot_names() -> list[str]:
-    """Return the names of the shipped robots: the modules beside this one that define `ROBOT`."""
-    others = ("box_legs", "catalog", "mirror", "model", "physics", "terrain", "tree")
-    names = (module.name for module in pkgutil.iter_modules(shipped.__path__))
-    return [name for name in names if name not in others]
+    """Return the names of the shipped robots."""
+    return [module.name for module in pkgutil.iter_modules(shipped.__path__)]
 
 
-def find_robot(name: str) -> RobotSpec:
-    """Return the robot called `name`: a shipped one, or `package.module[:VARIABLE]` anywhere on the Python path.
+def find_robot(name: str) -> Robot:
+    """Return the robot called `name`.
+
+    name: a shipped robot; the path of a `robot.yaml`, a MuJoCo or a URDF file; or `package.module[:VARIABLE]`, a `Robot`
+    (or a function without arguments that returns a `mujoco.MjSpec`) anywhere on the Python path.
 
     `NAME@kp=0.5,torque=2` is that robot with its gains kp halved (kd by the root of it, which keeps the damping ratio)
     or its torque limits doubled: what an experiment varies, and still one word in every file.
 
-    Raises `StictionError` where there is no such module, it holds no `RobotSpec`, or the variation is none.
+    Raises `StictionError` where there is no such robot, or the variation is none.
     """
     plain, _, variation = name.partition("@")
     return vary(_find(plain), name, variation) if "@" in name else _find(name)
 
 
-def vary(robot: RobotSpec, name: str, variation: str) -> RobotSpec:
+def vary(robot: Robot, name: str, variation: str) -> Robot:
     """Return a robot called `name` with its joints varied as `kp=0.5,torque=2` says."""
     factors: dict[str, float] = {}
     for part in variation.split(","):
@@ -46,32 +54,72 @@ def vary(robot: RobotSpec, name: str, variation: str) -> RobotSpec:
                 "with a factor from 0.01 to 100, as in saturn_lite@kp=0.5,torque=2"
             )
         factors[key] = float(value)
+    gain = factors.get("kp", 1.0)
+    return robot.with_joints(name, kp=gain, kd=gain**0.5, torque_limit=factors.get("torque", 1.0))
 
-    gain, strength = (factors.get(name, 1.0) for name in VARIATIONS)
 
-    def varied(joint: JointSpec) -> JointSpec:
-        return replace(
-            joint,
-            stiffness=joint.stiffness * gain,
-            derivative=joint.derivative * gain**0.5,
-            torque_limit=joint.torque_limit * strength,
+def load_robot(path: Path) -> Derived:
+    """Return the robot of a `robot.yaml`, a MuJoCo or a URDF file, and where each of its values came from.
+
+    Raises `RobotError` where the file is none, or does not say enough.
+    """
+    from stiction.robots.derive import derive
+    from stiction.robots.description import Description, read_description
+    from stiction.robots.source import read_source
+
+    if not path.is_file():
+        raise RobotError(f"robot {str(path)!r}: there is no such file")
+    if path.suffix in (".xml", ".urdf"):
+        return derive(read_source(path), Description(source="a robot.yaml"))
+    said = read_description(path)
+    if said.model is None:
+        raise RobotError(f"{path}: says no model; expected model: ROBOT.xml or ROBOT.urdf, beside it")
+    if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", said.model):
+        raise RobotError(
+            f"{path}: model {said.model!r} names code; a file runs none: name {said.model} itself as the robot, or have "
+            "it write its model to a file"
         )
+    model = path.parent / said.model
+    if model.suffix not in (".xml", ".urdf") or not model.is_file():
+        raise RobotError(f"{path}: model {said.model!r}: there is no such .xml or .urdf file in {path.parent}")
+    return derive(read_source(model), said)
 
-    return replace(robot, name=name, hip=varied(robot.hip), thigh=varied(robot.thigh), shank=varied(robot.shank))
 
-
-def _find(name: str) -> RobotSpec:
+def _find(name: str) -> Robot:
     """Return the robot called `name`, without variations.
 
-    Raises `StictionError` where there is no such module, or it holds no `RobotSpec`.
+    Raises `StictionError` where there is no such robot.
     """
+    if name.endswith(FILES):
+        return load_robot(Path(name)).robot
     module_name, _, variable = name.partition(":")
     if not variable and "." not in name:
         if name not in robot_names():
             message = unknown_name("robot", name, robot_names())
-            raise RobotError(f"{message}; name one of your own as package.module:VARIABLE")
-        module_name = f"stiction.robots.{name}"
-    robot = find_named("robot", f"{module_name}:{variable or 'ROBOT'}")
-    if not isinstance(robot, RobotSpec):
-        raise RobotError(f"robot {name!r}: {module_name}:{variable or 'ROBOT'} is not a RobotSpec")
-    return robot
+            raise RobotError(
+                f"{message}; one of your own: the path of its robot.yaml, .xml or .urdf, or package.module:ROBOT"
+            )
+        module_name = f"stiction.robots.shipped.{name}"
+    return as_robot(find_named("robot", f"{module_name}:{variable or 'ROBOT'}"), name)
+
+
+def as_robot(found: object, name: str) -> Robot:
+    """Return the robot that a variable of a module is, or that its function describes.
+
+    Raises `RobotError` where it is neither.
+    """
+    if isinstance(found, Robot):
+        return found
+    if callable(found) and not isinstance(found, type):
+        import mujoco
+
+        from stiction.robots.derive import derive
+        from stiction.robots.description import Description
+        from stiction.robots.source import compile_source
+
+        spec = found()
+        if isinstance(spec, Robot):
+            return spec
+        if isinstance(spec, mujoco.MjSpec):
+            return derive(compile_source(spec, name), Description(source="a robot.yaml")).robot
+    raise RobotError(f"robot {name!r}: expected a Robot, or a function that returns a mujoco.MjSpec; it is neither")

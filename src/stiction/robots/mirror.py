@@ -8,7 +8,7 @@ image of i's parent, and its axis is i's reflected axis, or the opposite of it. 
 
 and the same for velocities, torques, targets and every other signed value of a joint; friction, inertia and whatever
 else has no sign is exchanged alone. The map is found in the links, never from names, and a robot whose image is another
-robot has none.
+robot has none. Machines are built symmetric and measured with tolerances; `TOLERANCE` says how far an image may be off.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.errors import RobotError, StictionError
-from stiction.robots.model import JOINTS_PER_LEG, RobotSpec
-from stiction.robots.tree import Link, links
+from stiction.robots.model import Link, Robot
 
 POSITION = np.array([1.0, -1.0, 1.0])
 """What the reflection does to positions, velocities and forces."""
@@ -28,8 +27,13 @@ POSITION = np.array([1.0, -1.0, 1.0])
 ROTATION = np.array([-1.0, 1.0, -1.0])
 """What it does to axes, rates of turn and torques."""
 
-UNSIGNED = ("torque_limit", "armature", "damping", "frictionloss", "stiffness", "derivative")
-"""Fields of `JointSpec` that a joint shares with its mirror image."""
+UNSIGNED = ("torque_limit", "kp", "kd", "action_scale")
+"""Fields of `Joint` that a joint shares with its mirror image. What differs from motor to motor of one machine, rotor
+and friction, may differ: a policy copes with it as with a worn joint."""
+
+TOLERANCE = {"place": 2e-3, "axis": 2e-3, "mass": 0.05, "com": 0.02, "inertia": 0.2, "angle": 0.02, "limit": 0.1}
+"""How far an image may be off: places and centres of mass [m], axes [-], mass and inertia as shares, angles of the pose
+and limits [rad]."""
 
 
 @dataclass(frozen=True)
@@ -41,16 +45,18 @@ class RobotMirror:
     sign: np.ndarray
     """+1, or -1 where an angle changes its sign, shape (joints,)."""
     feet: np.ndarray
-    """Number of the foot that foot i mirrors, shape (legs,)."""
+    """Number of the foot that foot i mirrors, shape (feet,)."""
 
 
-def robot_mirror(robot: RobotSpec) -> RobotMirror:
+def robot_mirror(robot: Robot) -> RobotMirror:
     """Return the mirror map of a robot.
 
     Raises `StictionError` naming the joint, or the foot, that has no mirror image.
     """
     try:
-        joints, sign = match_links(links(robot))
+        if robot.mirror_names == ():
+            raise RobotError("its description says mirror: none")
+        joints, sign = match_links(robot.links, robot.joint_names, robot.mirror_names)
         _check_values(robot, joints, sign)
         feet = _match_feet(robot, joints)
     except StictionError as error:
@@ -58,27 +64,34 @@ def robot_mirror(robot: RobotSpec) -> RobotMirror:
     return RobotMirror(joints, sign, feet)
 
 
-def match_links(tree: Sequence[Link]) -> tuple[np.ndarray, np.ndarray]:
+def match_links(
+    tree: Sequence[Link], names: Sequence[str], said: Sequence[str] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Return each joint's mirror image, shape (joints,), and the sign of its angle, shape (joints,).
 
-    `tree`: the links, each after its parent. Raises `StictionError` naming a joint whose place, axis, parent, mass,
-    centre of mass or inertia has no counterpart.
+    tree: the links, each after its parent; names: of their joints; said: the name of each joint's image, where somebody
+    knows. Raises `StictionError` naming a joint whose place, axis, parent, mass, centre of mass or inertia has no
+    counterpart.
     """
     place = np.zeros((len(tree), 3))
     image = np.full(len(tree) + 1, -1)  # its last entry is the base, number -1, its own image
     sign = np.ones(len(tree))
     for number, link in enumerate(tree):
-        place[number] = link.origin + (place[link.parent] if link.parent >= 0 else 0.0)
+        place[number] = np.array(link.origin) + (place[link.parent] if link.parent >= 0 else 0.0)
     for number, link in enumerate(tree):
-        there = np.abs(place - POSITION * place[number]).max(axis=1) < 1e-9
+        there = np.abs(place - POSITION * place[number]).max(axis=1) < TOLERANCE["place"]
         candidates = [other for other in np.flatnonzero(there).tolist() if tree[other].parent == image[link.parent]]
+        if said is not None:
+            candidates = [other for other in candidates if names[other] == said[number]]
         found = [(other, _agree(link, tree[other])) for other in candidates]
         found = [(other, agreement) for other, agreement in found if agreement]
         if len(found) != 1:
             raise RobotError(
-                f"joint {link.joint!r} at {place[number].round(4).tolist()} m, axis {link.axis.tolist()}: "
-                f"{len(found)} joints are at {(POSITION * place[number]).round(4).tolist()} m with a mirrored axis and "
-                "a link of mirrored mass, centre and inertia; expected one"
+                f"joint {names[number]!r} at {place[number].round(4).tolist()} m, axis "
+                f"{np.round(link.axis, 4).tolist()}: {len(found)} joints"
+                + (f" named {said[number]!r}" if said is not None else "")
+                + f" are at {(POSITION * place[number]).round(4).tolist()} m with a mirrored axis and a link of mirrored "
+                "mass, centre and inertia; expected one"
             )
         image[number], sign[number] = found[0]
     return image[:-1], sign
@@ -86,25 +99,29 @@ def match_links(tree: Sequence[Link]) -> tuple[np.ndarray, np.ndarray]:
 
 def _agree(link: Link, other: Link) -> float:
     """Return the sign of the angle where `other` is the mirror image of `link`, 0 where it is none."""
+    reflected = np.outer(POSITION, POSITION) * link.inertia_matrix
+    size = np.trace(link.inertia_matrix)
     same = (
-        np.isclose(link.mass, other.mass)
-        and np.allclose(link.com * POSITION, other.com)
-        and np.allclose(link.inertia, other.inertia)
+        abs(link.mass - other.mass) <= TOLERANCE["mass"] * link.mass
+        and np.allclose(np.array(link.com) * POSITION, other.com, rtol=0, atol=TOLERANCE["com"])
+        and np.allclose(reflected, other.inertia_matrix, rtol=0, atol=TOLERANCE["inertia"] * size)
     )
-    axis = link.axis * ROTATION
-    if same and np.allclose(axis, other.axis):
+    axis = np.array(link.axis) * ROTATION
+    if same and np.allclose(axis, other.axis, rtol=0, atol=TOLERANCE["axis"]):
         return 1.0
-    return -1.0 if same and np.allclose(axis, -other.axis) else 0.0
+    return -1.0 if same and np.allclose(axis, -np.array(other.axis), rtol=0, atol=TOLERANCE["axis"]) else 0.0
 
 
-def _check_values(robot: RobotSpec, image: np.ndarray, sign: np.ndarray) -> None:
+def _check_values(robot: Robot, image: np.ndarray, sign: np.ndarray) -> None:
     """Raise `StictionError` naming a joint whose range, pose, motor or gains are not those of its mirror image."""
-    values = {name: robot.joint_values(name) for name in (*UNSIGNED, "standing", "lower", "upper")}
-    mirrored = {name: values[name][image] for name in UNSIGNED} | {"standing": sign * values["standing"][image]}
+    values = {name: robot.joint_values(name) for name in (*UNSIGNED, "default_position", "lower", "upper")}
+    mirrored = {name: values[name][image] for name in UNSIGNED}
+    mirrored["default_position"] = sign * values["default_position"][image]
     ends = np.stack([sign * values[name][image] for name in ("lower", "upper")])
     mirrored |= {"lower": ends.min(axis=0), "upper": ends.max(axis=0)}
     for name, value in values.items():
-        wrong = np.flatnonzero(~np.isclose(value, mirrored[name]))
+        slack = {"default_position": TOLERANCE["angle"], "lower": TOLERANCE["limit"], "upper": TOLERANCE["limit"]}
+        wrong = np.flatnonzero(~np.isclose(value, mirrored[name], rtol=1e-5, atol=slack.get(name, 1e-8)))
         if len(wrong):
             joint, other = robot.joint_names[wrong[0]], robot.joint_names[image[wrong[0]]]
             raise RobotError(
@@ -113,18 +130,24 @@ def _check_values(robot: RobotSpec, image: np.ndarray, sign: np.ndarray) -> None
             )
 
 
-def _match_feet(robot: RobotSpec, image: np.ndarray) -> np.ndarray:
-    """Return each foot's mirror image, shape (legs,): the foot of the leg whose joints are mirrored onto its own.
+def _match_feet(robot: Robot, image: np.ndarray) -> np.ndarray:
+    """Return each foot's mirror image, shape (feet,): the foot on the link that mirrors its own.
 
-    Raises `StictionError` where the contact groups of the gait are neither exchanged nor kept.
+    Raises `StictionError` where a foot has none, or the contact groups of the gait are neither exchanged nor kept.
     """
-    feet = image[::JOINTS_PER_LEG] // JOINTS_PER_LEG
+    carrier = [foot.link for foot in robot.feet]
+    for foot in robot.feet:
+        if carrier.count(image[foot.link]) != 1:
+            raise RobotError(f"foot {foot.name!r} has no mirror image, or several on one link")
+    feet = np.array([carrier.index(image[foot.link]) for foot in robot.feet])
     groups = robot.groups()
+    if groups is None:
+        return feet
     changed = groups != groups[feet]
     if changed.any() and not changed.all():
-        leg = robot.foot_names[int(np.flatnonzero(changed)[0])]
+        name = robot.foot_names[int(np.flatnonzero(changed)[0])]
         raise RobotError(
-            f"foot {leg!r} and its mirror image are in different contact groups, while others share theirs; the "
+            f"foot {name!r} and its mirror image are in different contact groups, while others share theirs; the "
             "mirrored gait is another gait"
         )
     return feet

@@ -1,22 +1,24 @@
-"""What a legged robot is, as data: joints, limits, gains, standing pose, masses, contact groups.
+"""What a legged robot is, as data: links, joints, feet, limits, gains, pose. NumPy alone.
 
-A robot is a module with one `RobotSpec`; nothing else in the house names a robot. `box_legs.py` turns it into a
-MuJoCo model.
+Everything that is built or derived (the MuJoCo model, PhysX, ODE, Webots, the mirror, the contract) is built from this
+data, wherever it came from: boxes (`boxes`), a MuJoCo or URDF file with a `robot.yaml` (`load`), or Python.
+
+Frames. At joint angles of zero every frame of a link is parallel to the base's: x forward, y left, z up. The frame of a
+link has its origin on the axis of the joint that moves it. So the axis and the zero pose of a joint are what they are
+on the base, and no orientation is stored.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
 from stiction.core.errors import RobotError
-from stiction.core.rotation import uprightness
-
-JOINT_KINDS = ("hip", "thigh", "shank")
-"""The joints of a leg, from the trunk down: abduction, flexion, knee. Fields of `RobotSpec` have these names."""
-
-JOINTS_PER_LEG = len(JOINT_KINDS)
+from stiction.core.rotation import about_vector, matrix, uprightness
+from stiction.robots.shapes import Shape, Vector
 
 GRAVITY = 9.81
 """Acceleration of fall [m/s²], in every engine and wherever a weight is known."""
@@ -24,11 +26,55 @@ GRAVITY = 9.81
 DELAY_SAMPLES = 8
 """Room for delayed controls in every robot's model, in physics steps."""
 
+@dataclass(frozen=True)
+class Body:
+    """Mass and shapes of one rigid body, in its frame."""
+
+    mass: float
+    """[kg]."""
+    com: Vector
+    """Centre of mass [m]."""
+    inertia: tuple[float, float, float, float, float, float]
+    """About the centre of mass, along the frame's axes: xx, yy, zz, xy, xz, yz [kg m²]."""
+    shapes: tuple[Shape, ...] = field(default=(), repr=False)
+
+    @property
+    def inertia_matrix(self) -> np.ndarray:
+        """The inertia as a matrix [kg m²], shape (3, 3)."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
 
 @dataclass(frozen=True)
-class JointSpec:
-    """One kind of joint; the same for every leg of a robot."""
+class Base(Body):
+    """The trunk, which floats. Its frame is the robot's."""
 
+    size: Vector = (0.0, 0.0, 0.0)
+    """Full extent of the box that stands for it in contact [m]."""
+    center: Vector = (0.0, 0.0, 0.0)
+    """Middle of that box [m]."""
+
+
+@dataclass(frozen=True)
+class Link(Body):
+    """A body that one joint moves; link i is moved by joint i."""
+
+    name: str = ""
+    parent: int = -1
+    """Number of the link that carries it, smaller than its own; -1 for the base."""
+    origin: Vector = (0.0, 0.0, 0.0)
+    """Where the joint is, in the parent's frame [m]."""
+    axis: Vector = (0.0, 0.0, 1.0)
+    """Axis of the joint, of unit length: the angle grows with the right-hand rule about it."""
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One driven joint."""
+
+    name: str
+    kind: str
+    """What it is in every leg alike: `hip`, `knee`; friction and rewards are given for a kind."""
     torque_limit: float
     """Largest torque of the motor, at the joint [N m]."""
     armature: float
@@ -36,137 +82,186 @@ class JointSpec:
     damping: float
     """Viscous friction, B [N m s/rad]."""
     frictionloss: float
-    """Dry (Coulomb) friction, b_c [N m]: what was measured, the level in training overrides it."""
-    stiffness: float
-    """Proportional gain of the joint controller, kp [N m/rad]."""
-    derivative: float
-    """Derivative gain of the joint controller, kd [N m s/rad]."""
+    """Dry (Coulomb) friction, b_c [N m]: what was measured; the level in training overrides it."""
+    kp: float
+    """Proportional gain of the joint controller [N m/rad]."""
+    kd: float
+    """Derivative gain of the joint controller [N m s/rad]."""
     lower: float
     """Lower limit of the angle [rad]."""
     upper: float
     """Upper limit of the angle [rad]."""
-    standing: float
+    default_position: float
     """Angle in the standing pose, θ_stand [rad]."""
+    action_scale: float
+    """Angle per unit of action [rad]."""
 
 
 @dataclass(frozen=True)
-class LegSpec:
-    """Where one leg is mounted. Legs on the right mirror the hip axis of those on the left."""
+class HeldJoint:
+    """A joint that no policy moves: it is rigid here, and held at this angle on the robot."""
 
     name: str
-    """Two letters, front/middle/rear and left/right: `FL`."""
-    mount: tuple[float, float, float]
-    """Position of the hip joint in the base frame, x forward, y left, z up [m]."""
-    group: int
-    """Contact group of the tripod or trot (0 or 1), C^G of the paper."""
-
-    @property
-    def side(self) -> float:
-        """+1 on the left, -1 on the right."""
-        return 1.0 if self.mount[1] > 0 else -1.0
+    position: float
+    """[rad]."""
+    axis: Vector
+    """Its axis in the base's frame, at angles of zero of all joints that are driven."""
 
 
 @dataclass(frozen=True)
-class LinkSpec:
-    """One rigid link, a capsule or a box for contact, a box of uniform density for inertia."""
+class Foot:
+    """Where a robot touches the ground: all shapes of one link that belong to the foot."""
 
-    mass: float
-    """Mass [kg]."""
-    size: tuple[float, float, float]
-    """Full extent along x, y, z in the link's frame [m]."""
-
-
-def box_inertia(mass: float, size: tuple[float, float, float]) -> np.ndarray:
-    """Return the principal moments of a uniform box [kg m²], shape (3,). `size` is its full extent [m]."""
-    x, y, z = size
-    return mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+    name: str
+    link: int
+    """Number of the link that carries it."""
+    position: Vector
+    """Its middle, in the link's frame [m]."""
+    radius: float
+    """How far the ground is under that middle when it stands [m]."""
+    shapes: tuple[Shape, ...] = field(repr=False)
+    group: int | None = None
+    """Contact group of the tripod or trot, 0 or 1, C^G of the paper; None where there are none."""
 
 
 @dataclass(frozen=True)
-class RobotSpec:
-    """A legged robot with any number of three-jointed legs."""
+class Vendor:
+    """The maker's protocol: which of its numbers is which joint, and what it calls zero and positive."""
+
+    order: tuple[str, ...]
+    """Names of our joints, held ones too, in the order of the maker."""
+    sign: tuple[float, ...]
+    """+1 or -1 each: maker's angle = sign · angle + offset."""
+    offset: tuple[float, ...]
+    """[rad]."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A legged robot. Joints, and with them links, are in the order of actions and observations."""
 
     name: str
     """Identifier, as in file names: `saturn_lite`."""
-    base: LinkSpec
-    """The trunk: its mass, and its box."""
-    hip_link: LinkSpec
-    """From the hip axis to the thigh axis; `size[1]` is the lateral offset between them."""
-    thigh_link: LinkSpec
-    """From the thigh axis down to the knee; `size[2]` is its length."""
-    shank_link: LinkSpec
-    """From the knee down to the foot; `size[2]` is its length."""
-    foot_radius: float
-    """Radius of the spherical foot [m]."""
-    hip: JointSpec
-    """Abduction, axis x."""
-    thigh: JointSpec
-    """Flexion at the hip, axis y."""
-    shank: JointSpec
-    """Knee, axis y."""
-    legs: tuple[LegSpec, ...]
-    """The legs, in the order of the joints."""
-    action_scale: float
-    """Joint angle per unit of action [rad]."""
+    base: Base
+    links: tuple[Link, ...]
+    joints: tuple[Joint, ...]
+    feet: tuple[Foot, ...]
+    standing_height: float
+    """Height of the base's frame above flat ground in the standing pose, feet touching [m]."""
+    held: tuple[HeldJoint, ...] = ()
+    vendor: Vendor | None = None
+    mirror_names: tuple[str, ...] | None = None
+    """For each joint the name of its left-right image, where somebody said so; else it is found (`mirror`)."""
 
     def __post_init__(self) -> None:
         """Refuse a robot that could not be built."""
-        names = [leg.name for leg in self.legs]
-        if len(names) < 2 or len(set(names)) != len(names):
-            raise RobotError(f"robot {self.name!r}: legs {names}; at least two legs with different names are needed")
-        if {leg.group for leg in self.legs} != {0, 1}:
-            raise RobotError(f"robot {self.name!r}: every leg is in contact group 0 or 1, and neither may be empty")
-        for kind, joint in zip(JOINT_KINDS, (self.hip, self.thigh, self.shank), strict=True):
-            if not joint.lower < joint.standing < joint.upper:
+        names = self.joint_names
+        if not names or len(set(names)) != len(names) or len(self.links) != len(names):
+            raise RobotError(
+                f"robot {self.name!r}: {len(names)} joints {list(names)} and {len(self.links)} links; expected a link "
+                "for each joint, and joints with different names"
+            )
+        if any(not -1 <= link.parent < number for number, link in enumerate(self.links)):
+            raise RobotError(f"robot {self.name!r}: a link comes before the link that carries it")
+        if len(self.feet) < 1 or len(set(self.foot_names)) != len(self.feet):
+            raise RobotError(f"robot {self.name!r}: feet {list(self.foot_names)}; expected feet with different names")
+        groups = {foot.group for foot in self.feet}
+        if groups not in ({None}, {0, 1}):
+            raise RobotError(f"robot {self.name!r}: every foot is in contact group 0 or 1 and neither is empty, or none is")
+        for joint in self.joints:
+            if not joint.lower < joint.default_position < joint.upper:
                 raise RobotError(
-                    f"robot {self.name!r}: the {kind}'s standing angle {joint.standing} is outside its limits "
-                    f"[{joint.lower}, {joint.upper}]"
+                    f"robot {self.name!r}: joint {joint.name!r} stands at {joint.default_position:g} rad, outside its "
+                    f"limits [{joint.lower:g}, {joint.upper:g}]"
                 )
-            if min(joint.torque_limit, joint.armature, joint.stiffness) <= 0:
-                raise RobotError(f"robot {self.name!r}: the {kind}'s torque limit, armature and kp must be positive")
+            for name in ("torque_limit", "armature", "kp"):
+                if not getattr(joint, name) > 0:
+                    raise RobotError(
+                        f"robot {self.name!r}: {name} of joint {joint.name!r} is {getattr(joint, name):g}; expected a "
+                        "positive number"
+                    )
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints, leg by leg: `FL_hip`, `FL_thigh`, `FL_shank`, ..."""
-        return tuple(f"{leg.name}_{kind}" for leg in self.legs for kind in JOINT_KINDS)
+        """Names of the joints."""
+        return tuple(joint.name for joint in self.joints)
 
     @property
     def num_joints(self) -> int:
-        """Three per leg."""
-        return JOINTS_PER_LEG * len(self.legs)
+        """Number of driven joints."""
+        return len(self.joints)
+
+    @cached_property
+    def joint_kinds(self) -> tuple[str, ...]:
+        """Kinds of joints that there are, in the order of their first joint."""
+        return tuple(dict.fromkeys(joint.kind for joint in self.joints))
 
     @property
     def foot_names(self) -> tuple[str, ...]:
-        """Names of the feet, in the order of the legs."""
-        return tuple(f"{leg.name}_foot" for leg in self.legs)
+        """Names of the feet."""
+        return tuple(foot.name for foot in self.feet)
 
     @property
     def mass(self) -> float:
         """Mass of the whole robot [kg]."""
-        return self.base.mass + len(self.legs) * (self.hip_link.mass + self.thigh_link.mass + self.shank_link.mass)
+        return self.base.mass + sum(link.mass for link in self.links)
 
     @property
     def weight(self) -> float:
         """Weight of the whole robot [N]."""
         return self.mass * GRAVITY
 
-    def joint_values(self, field: str) -> np.ndarray:
-        """Return one field of `JointSpec` for every joint, shape (num_joints,)."""
-        return np.array([getattr(joint, field) for joint in (self.hip, self.thigh, self.shank)] * len(self.legs))
+    def joint_values(self, name: str) -> np.ndarray:
+        """Return one field of `Joint` for every joint, shape (num_joints,)."""
+        return np.array([getattr(joint, name) for joint in self.joints])
 
-    def groups(self) -> np.ndarray:
-        """Return the contact group of each foot, shape (num_legs,)."""
-        return np.array([leg.group for leg in self.legs])
+    def joints_of(self, kind: str) -> np.ndarray:
+        """Return the numbers of the joints of one kind, shape (count,).
 
-    @property
-    def standing_height(self) -> float:
-        """Height of the base above flat ground in the standing pose, feet touching [m].
-
-        Planar kinematics of thigh and shank; the hip's standing angle is small and enters as its cosine.
+        Raises `RobotError` where there is no such kind.
         """
-        leg = self.thigh_link.size[2] * np.cos(self.thigh.standing)
-        leg += self.shank_link.size[2] * np.cos(self.thigh.standing + self.shank.standing)
-        return float(leg * np.cos(self.hip.standing) + self.foot_radius)
+        found = np.flatnonzero([joint.kind == kind for joint in self.joints])
+        if not len(found):
+            raise RobotError(f"robot {self.name!r} has no joint of kind {kind!r}; it has {', '.join(self.joint_kinds)}")
+        return found
+
+    def groups(self) -> np.ndarray | None:
+        """Return the contact group of each foot, shape (num_feet,); None where there are none."""
+        return None if self.feet[0].group is None else np.array([foot.group for foot in self.feet])
+
+    def chain(self, link: int) -> tuple[int, ...]:
+        """Return the numbers of the joints from the base to a link, its own the last."""
+        found = [link]
+        while self.links[found[0]].parent >= 0:
+            found.insert(0, self.links[found[0]].parent)
+        return tuple(found)
+
+    def with_joints(self, name: str, **factors: float) -> Robot:
+        """Return a robot called `name` with fields of every joint multiplied."""
+        joints = [
+            replace(joint, **{key: getattr(joint, key) * value for key, value in factors.items()})
+            for joint in self.joints
+        ]
+        return replace(self, name=name, joints=tuple(joints))
+
+
+def box_inertia(mass: float, size: Sequence[float]) -> np.ndarray:
+    """Return the principal moments of a uniform box [kg m²], shape (3,). `size` is its full extent [m]."""
+    x, y, z = size
+    return mass / 12.0 * np.array([y * y + z * z, x * x + z * z, x * x + y * y])
+
+
+def link_poses(robot: Robot, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the frames of all links are on the base: positions [m], (joints, 3), rotations, (joints, 3, 3).
+
+    angles: of all joints [rad], shape (joints,).
+    """
+    position, rotation = np.zeros((len(robot.links), 3)), np.zeros((len(robot.links), 3, 3))
+    for number, link in enumerate(robot.links):
+        below = (np.zeros(3), np.eye(3)) if link.parent < 0 else (position[link.parent], rotation[link.parent])
+        position[number] = below[0] + below[1] @ np.array(link.origin)
+        rotation[number] = below[1] @ matrix(about_vector(np.array(link.axis), float(angles[number])))
+    return position, rotation
 
 
 FALLEN_UP = 0.5

@@ -18,37 +18,37 @@ III). It gives neither geometry, nor gains, nor the other joints' friction. Thos
 
 from dataclasses import replace
 
-from stiction.robots.model import JointSpec, LegSpec, LinkSpec, RobotSpec
+from stiction.robots.boxes import Box, BoxLegs, Leg, LegJoint
 
-_HIP = JointSpec(
+_HIP = LegJoint(
     torque_limit=25.0,
     armature=0.0145,
     damping=0.0704,
     frictionloss=0.25,
-    stiffness=100.0,
-    derivative=2.5,
+    kp=100.0,
+    kd=2.5,
     lower=-0.8,
     upper=0.8,
-    standing=0.0,
+    default_position=0.0,
 )
 
-ROBOT = RobotSpec(
+ROBOT = BoxLegs(
     name="saturn_lite",
-    base=LinkSpec(mass=16.4, size=(0.70, 0.26, 0.14)),
-    hip_link=LinkSpec(mass=0.9, size=(0.10, 0.08, 0.10)),
-    thigh_link=LinkSpec(mass=1.3, size=(0.06, 0.05, 0.22)),
-    shank_link=LinkSpec(mass=0.4, size=(0.035, 0.035, 0.24)),
+    trunk=Box(mass=16.4, size=(0.70, 0.26, 0.14)),
+    hip_link=Box(mass=0.9, size=(0.10, 0.08, 0.10)),
+    thigh_link=Box(mass=1.3, size=(0.06, 0.05, 0.22)),
+    shank_link=Box(mass=0.4, size=(0.035, 0.035, 0.24)),
     foot_radius=0.025,
     hip=_HIP,
-    thigh=replace(_HIP, lower=-0.6, upper=2.4, standing=0.85),
-    shank=replace(_HIP, torque_limit=45.0, frictionloss=0.442, lower=-2.6, upper=-0.4, standing=-1.5),
+    thigh=replace(_HIP, lower=-0.6, upper=2.4, default_position=0.85),
+    shank=replace(_HIP, torque_limit=45.0, frictionloss=0.442, lower=-2.6, upper=-0.4, default_position=-1.5),
     legs=(
-        LegSpec("FL", (0.31, 0.11, 0.0), group=0),
-        LegSpec("FR", (0.31, -0.11, 0.0), group=1),
-        LegSpec("ML", (0.0, 0.15, 0.0), group=1),
-        LegSpec("MR", (0.0, -0.15, 0.0), group=0),
-        LegSpec("RL", (-0.31, 0.11, 0.0), group=0),
-        LegSpec("RR", (-0.31, -0.11, 0.0), group=1),
+        Leg("FL", (0.31, 0.11, 0.0), group=0),
+        Leg("FR", (0.31, -0.11, 0.0), group=1),
+        Leg("ML", (0.0, 0.15, 0.0), group=1),
+        Leg("MR", (0.0, -0.15, 0.0), group=0),
+        Leg("RL", (-0.31, 0.11, 0.0), group=0),
+        Leg("RR", (-0.31, -0.11, 0.0), group=1),
     ),
     action_scale=0.25,
-)
+).robot()

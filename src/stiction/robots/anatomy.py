@@ -1,0 +1,241 @@
+"""The rigid bodies of a compiled model, as links with frames parallel to the base's where all angles are zero.
+
+Bodies that no driven joint parts are one link: masses add up, inertias by the parallel-axis theorem. MuJoCo's own
+kinematics says where everything is at angles of zero, so that a joint's reference, the frames of the file and nested
+bodies need no formula here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from stiction.core.errors import RobotError
+from stiction.robots.model import Body
+from stiction.robots.shapes import Contact, Shape, Vector
+
+MOST_CORNERS = 64
+"""Corners of a hull that stands for a mesh: as many as PhysX takes."""
+
+
+@dataclass(frozen=True)
+class Part(Body):
+    """One link, or the base, as the file has it."""
+
+    name: str = ""
+    """Of the body that the joint moves."""
+    bodies: tuple[int, ...] = ()
+    """Numbers of the bodies that it is made of."""
+    tip: str = ""
+    """Name of the body furthest out, which is often the foot."""
+    parent: int = -1
+    origin: Vector = (0.0, 0.0, 0.0)
+    axis: Vector = (0.0, 0.0, 1.0)
+    touched: tuple[Shape, ...] = ()
+    """Shapes that touch something in the file; `shapes` has those that are only seen, too."""
+    geoms: tuple[int, ...] = ()
+    """Numbers of the geometries of `touched`."""
+
+
+@dataclass(frozen=True)
+class Anatomy:
+    """The base and the links of a robot, and its joints as numbers in the model."""
+
+    base: Part
+    links: tuple[Part, ...]
+    joints: tuple[int, ...]
+    """Number in the model of the joint that moves each link."""
+    held: tuple[int, ...]
+    held_axes: tuple[Vector, ...]
+    """Axes of the held joints in the base's frame."""
+
+
+def hinges(model: mujoco.MjModel) -> list[int]:
+    """Return the numbers of all hinges, in the order of the model."""
+    return np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)).tolist()
+
+
+def dissect(model: mujoco.MjModel, held: Mapping[int, float], base: str | None, origin: str) -> Anatomy:
+    """Return the links of a model.
+
+    held: joints that are rigid and the angle at which they are [rad], by number; base: name of the body whose frame is
+    the robot's, None: that of the body that floats; origin: the file, for messages.
+
+    Raises `RobotError` where a body has two joints, or the base is not rigid with the body that floats.
+    """
+    driven = [joint for joint in hinges(model) if joint not in held]
+    if not driven:
+        raise RobotError(f"{origin}: no joint is driven; expected at least one hinge with action")
+    moved: dict[int, int] = {}
+    for number, joint in enumerate(driven):
+        body = int(model.jnt_bodyid[joint])
+        if body in moved:
+            raise RobotError(
+                f"{origin}: the body {model.body(body).name!r} has more than one joint; give each joint a body of its own"
+            )
+        moved[body] = number
+    root = int(model.jnt_bodyid[np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))[0]])
+    owner = {0: -2, root: -1}
+    for body in range(1, model.nbody):
+        if body != root:
+            owner[body] = moved.get(body, owner[int(model.body_parentid[body])])
+    frame = _named_base(model, base, owner, origin) if base else root
+    data = _at_zero(model, held)
+    middle, turn = data.xpos[frame].copy(), data.xmat[frame].reshape(3, 3).copy()
+    anchors = np.array([turn.T @ (data.xanchor[joint] - middle) for joint in driven])
+    axes = np.array([turn.T @ data.xaxis[joint] for joint in driven])
+    parts = []
+    for number in range(-1, len(driven)):
+        bodies = [body for body in range(1, model.nbody) if owner[body] == number]
+        anchor = np.zeros(3) if number < 0 else anchors[number]
+        parent = -1 if number < 0 else owner[int(model.body_parentid[model.jnt_bodyid[driven[number]]])]
+        place = anchor if number < 0 or parent < 0 else anchor - anchors[parent]
+        parts.append(
+            _part(model, data, bodies, (middle + turn @ anchor, turn))
+            | {"parent": parent, "origin": _vector(place), "axis": _vector(axes[number] if number >= 0 else (0, 0, 1))}
+        )
+    return Anatomy(
+        Part(**parts[0]),
+        tuple(Part(**part) for part in parts[1:]),
+        tuple(driven),
+        tuple(held),
+        tuple(_vector(turn.T @ data.xaxis[joint]) for joint in held),
+    )
+
+
+def _named_base(model: mujoco.MjModel, name: str, owner: Mapping[int, int], origin: str) -> int:
+    """Return the number of the body whose frame is the robot's."""
+    names = [model.body(body).name for body in range(1, model.nbody)]
+    if name not in names:
+        from stiction.core.errors import unknown_name
+
+        raise RobotError(f"{origin}: base: {unknown_name('body', name, names)}")
+    body = names.index(name) + 1
+    if owner[body] != -1:
+        raise RobotError(f"{origin}: base: joints move {name!r} against the body that floats; name a body rigid with it")
+    return body
+
+
+def _at_zero(model: mujoco.MjModel, held: Mapping[int, float]) -> mujoco.MjData:
+    """Return where everything is with the base at the origin and all driven joints at zero."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.0
+    for joint in np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)):
+        data.qpos[model.jnt_qposadr[joint] + 3] = 1.0
+    for joint, angle in held.items():
+        data.qpos[model.jnt_qposadr[joint]] = angle
+    mujoco.mj_kinematics(model, data)
+    return data
+
+
+def _vector(values: Sequence[float] | np.ndarray) -> Vector:
+    """Return three numbers, those that are nothing but rounding as zero."""
+    x, y, z = (0.0 if abs(value) < 1e-12 else float(value) for value in values)
+    return x, y, z
+
+
+def _part(
+    model: mujoco.MjModel, data: mujoco.MjData, bodies: Sequence[int], frame: tuple[np.ndarray, np.ndarray]
+) -> dict:
+    """Return mass and shapes of bodies that are one, in a frame (its place, its orientation) of the world."""
+    place, turn = frame
+    mass = float(model.body_mass[bodies].sum())
+    where = data.xipos[bodies]
+    com = model.body_mass[bodies] @ where / mass if mass > 0 else place
+    inertia = np.zeros((3, 3))
+    for body, centre in zip(bodies, where, strict=True):
+        axes, away = data.ximat[body].reshape(3, 3), centre - com
+        inertia += axes @ np.diag(model.body_inertia[body]) @ axes.T
+        inertia += model.body_mass[body] * (away @ away * np.eye(3) - np.outer(away, away))
+    inertia = turn.T @ inertia @ turn
+    geoms = [geom for geom in range(model.ngeom) if int(model.geom_bodyid[geom]) in set(bodies)]
+    solid = [geom for geom in geoms if model.geom_contype[geom] or model.geom_conaffinity[geom]]
+    shapes = {geom: _shape(model, data, geom, frame) for geom in geoms}
+    depth = [len(_ancestors(model, body)) for body in bodies]
+    return {
+        "name": model.body(bodies[0]).name,
+        "tip": model.body(bodies[int(np.argmax(depth))]).name,
+        "bodies": tuple(bodies),
+        "mass": mass,
+        "com": _vector(turn.T @ (com - place)),
+        "inertia": tuple(float(inertia[pair]) for pair in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))),
+        "shapes": tuple(shape for shape in shapes.values() if shape is not None),
+        "touched": tuple(shapes[geom] for geom in solid if shapes[geom] is not None),
+        "geoms": tuple(geom for geom in solid if shapes[geom] is not None),
+    }
+
+
+def _ancestors(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the numbers of the bodies that carry one."""
+    found: list[int] = []
+    while body:
+        body = int(model.body_parentid[body])
+        found.append(body)
+    return found
+
+
+_PLAIN = {
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
+}
+
+
+def _shape(
+    model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame: tuple[np.ndarray, np.ndarray]
+) -> Shape | None:
+    """Return one geometry in a frame of the world; None for planes, height fields and the like."""
+    place, turn = frame
+    position = _vector(turn.T @ (data.geom_xpos[geom] - place))
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, (turn.T @ data.geom_xmat[geom].reshape(3, 3)).ravel())
+    contact: Contact = "ground" if model.geom_contype[geom] or model.geom_conaffinity[geom] else "nothing"
+    red, green, blue = (float(value) for value in model.geom_rgba[geom][:3])
+    w, x, y, z = quaternion.tolist()
+    common = {"position": position, "quaternion": (w, x, y, z), "contact": contact, "color": (red, green, blue)}
+    kind = int(model.geom_type[geom])
+    if kind in _PLAIN:
+        a, b, c = (float(value) for value in model.geom_size[geom])
+        return Shape(_PLAIN[kind], (a, b, c), **common)
+    if kind == int(mujoco.mjtGeom.mjGEOM_MESH):
+        mesh = int(model.geom_dataid[geom])
+        first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+        return Shape("hull", (0.0, 0.0, 0.0), vertices=hull(model.mesh_vert[first : first + count]), **common)
+    if kind == int(mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        return Shape("hull", (0.0, 0.0, 0.0), vertices=hull(_ball() * model.geom_size[geom]), **common)
+    return None
+
+
+def hull(points: np.ndarray) -> tuple[Vector, ...]:
+    """Return at most `MOST_CORNERS` corners of the convex hull of points, shape (count, 3).
+
+    The corners kept are those that reach furthest along directions spread evenly over the sphere; the hull shrinks by
+    what lies between them, and never at the points that reach furthest down.
+    """
+    points = np.asarray(points, float)
+    try:
+        corners = points[ConvexHull(points).vertices]
+    except QhullError as error:
+        raise RobotError("a mesh is flat or a line; it has no convex hull of any volume") from error
+    if len(corners) > MOST_CORNERS:
+        axes = np.concatenate((np.eye(3), -np.eye(3)))
+        best = {int(number) for number in np.argmax(corners @ axes.T, axis=0)}
+        for direction in _ball():
+            if len(best) == MOST_CORNERS:
+                break
+            best.add(int(np.argmax(corners @ direction)))
+        corners = corners[sorted(best)]
+    return tuple(_vector(corner) for corner in corners)
+
+
+def _ball(count: int = 120) -> np.ndarray:
+    """Return directions spread evenly over the sphere (Fibonacci's lattice), shape (count, 3)."""
+    height = 1.0 - 2.0 * (np.arange(count) + 0.5) / count
+    angle = np.pi * (1.0 + 5.0**0.5) * np.arange(count)
+    radius = np.sqrt(1.0 - height**2)
+    return np.stack((radius * np.cos(angle), radius * np.sin(angle), height), -1)

@@ -1,0 +1,225 @@
+"""Checks a robot before it is simulated, trained or trusted, and says for each finding the line that mends it.
+
+Most robots that fail here fail later too, and then look like a bad policy: a mass that was lost, a limit in degrees, an
+armature nobody knows, a pose that it cannot hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from stiction.core.errors import StictionError
+from stiction.core.rotation import uprightness
+from stiction.robots.mirror import robot_mirror
+from stiction.robots.mjcf import build_model
+from stiction.robots.model import FALLEN_UP, Body, Robot, too_low
+
+State = Literal["good", "note", "bad"]
+"""`note`: to be known; `bad`: to be mended before the robot is used."""
+
+GRAVITY_SHARE = 0.6
+"""Largest share of a torque limit that holding the pose may take: the rest is for walking."""
+
+STANDING_TIME = 3.0
+"""How long the robot has to stand under its gains [s]."""
+
+WIDEST = 4 * np.pi
+"""A range of a joint wider than this was hardly meant in radians [rad]."""
+
+LIGHTEST, HEAVIEST = 0.5, 1000.0
+"""Masses of robots between which nothing is suspected [kg]."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one check found."""
+
+    check: str
+    state: State
+    text: str
+    """What was found."""
+    mend: str = ""
+    """The line that mends it, mostly of `robot.yaml`."""
+
+
+def check_robot(robot: Robot) -> tuple[Finding, ...]:
+    """Return what all checks found, in their order; the robot can be used where none is `bad`."""
+    checks: tuple[Callable[[Robot], Iterator[Finding]], ...] = (
+        _mass, _inertias, _limits, _motors, _gravity, _feet, _mirror, _order, _stands
+    )  # fmt: skip
+    return tuple(finding for check in checks for finding in check(robot))
+
+
+def _mass(robot: Robot) -> Iterator[Finding]:
+    """Check the whole robot's mass, and the base's share of it."""
+    if not LIGHTEST <= robot.mass <= HEAVIEST:
+        yield Finding("mass", "bad", f"the robot weighs {robot.mass:.4g} kg", "give the masses of the file in kg")
+        return
+    if robot.base.mass < 0.05 * robot.mass:
+        yield Finding(
+            "mass",
+            "bad",
+            f"the base weighs {robot.base.mass:.3g} kg of {robot.mass:.4g} kg; the trunk's mass is lost, or another "
+            "body is the base",
+            "base: NAME of the trunk's body",
+        )
+        return
+    yield Finding("mass", "good", f"{robot.mass:.4g} kg, of which the base has {robot.base.mass:.4g} kg")
+
+
+def _inertias(robot: Robot) -> Iterator[Finding]:
+    """Check that inertias are those of bodies, and of the size of their links."""
+    named: list[tuple[str, Body]] = [("base", robot.base), *((link.name, link) for link in robot.links)]
+    wrong = []
+    for name, body in named:
+        moments = np.linalg.eigvalsh(body.inertia_matrix)
+        # The largest moment may not exceed the sum of the other two: no distribution of mass has such an inertia.
+        if moments[0] <= 0 or moments[2] > (moments[0] + moments[1]) * (1 + 1e-3) + 1e-12:
+            wrong.append(f"{name} ({', '.join(f'{moment:.3g}' for moment in moments)} kg m²)")
+        elif np.sqrt(moments[2] / body.mass) > 2.0:
+            wrong.append(f"{name} (radius of gyration {np.sqrt(moments[2] / body.mass):.3g} m)")
+    if wrong:
+        yield Finding(
+            "inertia", "bad", f"no body has such moments: {'; '.join(wrong)}", "correct the inertia of these in the file"
+        )
+    else:
+        yield Finding("inertia", "good", f"those of {len(named)} bodies are physical")
+
+
+def _limits(robot: Robot) -> Iterator[Finding]:
+    """Check that limits are angles in radians, with the pose well inside."""
+    wide = [joint.name for joint in robot.joints if joint.upper - joint.lower > WIDEST]
+    if wide:
+        yield Finding(
+            "limits", "bad", f"the range of {', '.join(wide)} is more than two turns; is it in degrees?",
+            f"joints: {{{wide[0]}: {{lower: ..., upper: ...}}}} in radians",
+        )  # fmt: skip
+    near = [
+        joint.name
+        for joint in robot.joints
+        if min(joint.default_position - joint.lower, joint.upper - joint.default_position) < 0.02
+    ]
+    if near:
+        yield Finding("limits", "note", f"the pose is within 0.02 rad of a limit at {', '.join(near)}", "pose: further inside")
+    if not wide:
+        yield Finding("limits", "good", "ranges are below two turns, and the pose is inside")
+
+
+def _motors(robot: Robot) -> Iterator[Finding]:
+    """Check that torque limits, armatures and gains are of the size of motors."""
+    armature, limit = robot.joint_values("armature"), robot.joint_values("torque_limit")
+    kp, kd = robot.joint_values("kp"), robot.joint_values("kd")
+    frequency = np.sqrt(kp / armature) / (2 * np.pi)
+    ratio = kd / (2 * np.sqrt(kp * armature))
+    fast = np.flatnonzero(frequency > 100.0)
+    if len(fast):
+        joint = robot.joint_names[fast[0]]
+        yield Finding(
+            "motors", "note",
+            f"{joint} alone would swing at {frequency[fast[0]]:.3g} Hz under its kp; armature {armature[fast[0]]:.3g} kg m² "
+            "is small for it", f"joints: {{{joint}: {{armature: ...}}}}, or a smaller kp",
+        )  # fmt: skip
+    limp = np.flatnonzero(kp * 1.0 < 0.1 * limit)
+    if len(limp):
+        joint = robot.joint_names[limp[0]]
+        yield Finding(
+            "motors", "note",
+            f"{joint}: an error of 1 rad asks for {kp[limp[0]]:.3g} of {limit[limp[0]]:.3g} N m; it is soft",
+            f"joints: {{{joint}: {{kp: ...}}}}",
+        )  # fmt: skip
+    yield Finding(
+        "motors", "good",
+        f"torque limits {limit.min():.3g} to {limit.max():.3g} N m, armature {armature.min():.3g} to {armature.max():.3g} "
+        f"kg m², kp {kp.min():.3g} to {kp.max():.3g} N m/rad, damping ratio of the motors {ratio.min():.2g} to {ratio.max():.2g}",
+    )  # fmt: skip
+
+
+def standing_torques(robot: Robot) -> np.ndarray:
+    """Return the torques that hold the pose on flat ground, each foot carrying its share [N m], shape (num_joints,).
+
+    The feet push up with the least-squares forces that carry the weight and balance about the centre of mass.
+    """
+    model = build_model(robot)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    data.qvel[:], data.qacc[:] = 0.0, 0.0
+    mujoco.mj_inverse(model, data)
+    bias = data.qfrc_bias.copy()
+    columns = []
+    for foot in robot.feet:
+        jacobian = np.zeros((3, model.nv))
+        mujoco.mj_jacSite(model, data, jacobian, None, model.site(foot.name).id)
+        columns.append(jacobian[2])
+    push = np.linalg.lstsq(np.array(columns).T[:6], bias[:6], rcond=None)[0]
+    return bias[6:] - np.array(columns).T[6:] @ push
+
+
+def _gravity(robot: Robot) -> Iterator[Finding]:
+    """Check what holding the pose takes."""
+    share = np.abs(standing_torques(robot)) / robot.joint_values("torque_limit")
+    worst = int(np.argmax(share))
+    name = robot.joint_names[worst]
+    text = f"holding the pose takes {share[worst]:.0%} of the torque limit at {name}"
+    if share[worst] > GRAVITY_SHARE:
+        yield Finding("gravity", "bad", f"{text}; expected at most {GRAVITY_SHARE:.0%}", "pose: with straighter legs, or the true torque_limit")
+    else:
+        yield Finding("gravity", "good", text)
+
+
+def _feet(robot: Robot) -> Iterator[Finding]:
+    """Check that there are feet to stand on, and their groups."""
+    groups = robot.groups()
+    words = "no contact groups" if groups is None else "groups " + " | ".join(
+        ", ".join(foot.name for foot in robot.feet if foot.group == number) for number in (0, 1)
+    )
+    if len(robot.feet) < 2:
+        yield Finding("feet", "bad", f"one foot: {robot.feet[0].name}", "feet: [...], those that touch the ground in the pose")
+        return
+    yield Finding("feet", "good", f"{len(robot.feet)}: {', '.join(robot.foot_names)}; {words}")
+
+
+def _mirror(robot: Robot) -> Iterator[Finding]:
+    """Check whether left mirrors right."""
+    try:
+        mirror = robot_mirror(robot)
+    except StictionError as error:
+        yield Finding("mirror", "note", str(error), "mirror: none, or correct what differs")
+        return
+    flipped = int((mirror.sign < 0).sum())
+    yield Finding("mirror", "good", f"left mirrors right; {flipped} of {robot.num_joints} angles change their sign")
+
+
+def _order(robot: Robot) -> Iterator[Finding]:
+    """Say the order of the joints, and of the maker's."""
+    yield Finding("order", "good", f"joints: {', '.join(robot.joint_names)}")
+    if robot.held:
+        yield Finding("order", "note", "held rigid: " + ", ".join(f"{joint.name} {joint.position:.3g}" for joint in robot.held))
+    if robot.vendor is None:
+        yield Finding("order", "note", "the maker's order, signs and offsets are not said", "vendor: {order: [...], sign: {...}, offset: {...}}")
+
+
+def _stands(robot: Robot) -> Iterator[Finding]:
+    """Let the robot stand under its gains."""
+    model = build_model(robot, timestep=0.002)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for _ in range(round(STANDING_TIME / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        if not np.isfinite(data.qpos).all():
+            yield Finding("stands", "bad", f"the simulation fails after {data.time:.2f} s", "check masses, inertias and armature")
+            return
+    up, height = float(uprightness(data.qpos[3:7])), float(data.qpos[2])
+    text = (
+        f"after {STANDING_TIME:g} s under its gains the base is at {height:.3g} m of {robot.standing_height:.3g} m, leaning "
+        f"{np.degrees(np.arccos(np.clip(up, -1, 1))):.2g}°"
+    )
+    if up < FALLEN_UP or too_low(np.array(height), robot.standing_height):
+        yield Finding("stands", "bad", f"it falls: {text}", "pose: with the feet under the centre of mass, or a larger kp")
+    else:
+        yield Finding("stands", "good", text)

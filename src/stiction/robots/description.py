@@ -1,0 +1,288 @@
+"""`robot.yaml`: the few lines that say of a robot what its MuJoCo or URDF file does not.
+
+    model: robot.xml                    # or robot.urdf; beside this file
+    joints:                             # regular expressions of whole names; for each field the first match wins
+      .*_(thigh|hip)_joint: {torque_limit: 23.7, armature: 0.0054}
+      .*: {torque_limit: 35.5, armature: 0.012, kp: 40, kd: 1}
+    pose: {.*_thigh_joint: 0.9, .*_calf_joint: -1.8}
+
+All that is not said is derived from the file or by a rule (`derive`); `FIELDS` and `JOINT_FIELDS` list what can be said.
+Such a file comes from others: it is small, names no code, and cannot make the reader slow.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from stiction.core.errors import RobotError, unknown_name
+from stiction.robots.model import Vendor
+
+MOST_BYTES = 256 * 1024
+"""Size of the largest file that is read."""
+
+MOST_REPETITIONS = 4
+"""Of `*`, `+` and `{}` in one regular expression: its time grows with the length of the name to this power."""
+
+JOINT_FIELDS = {
+    "torque_limit": "largest torque at the joint [N m]",
+    "armature": "rotor inertia at the joint [kg m²]",
+    "damping": "viscous friction [N m s/rad]",
+    "frictionloss": "dry friction that was measured [N m]",
+    "kp": "proportional gain [N m/rad]",
+    "kd": "derivative gain [N m s/rad]",
+    "lower": "lower limit [rad]",
+    "upper": "upper limit [rad]",
+    "action_scale": "angle per unit of action [rad]",
+    "kind": "what the joint is in every leg alike",
+    "action": "false: the policy does not move it, it is held in the pose",
+}
+"""What can be said of a joint, and what it means."""
+
+FIELDS = {
+    "model": "the robot's MuJoCo (.xml) or URDF (.urdf) file, beside this one",
+    "name": "the robot's name, as in file names",
+    "joints": "regular expression of joint names -> fields of joints",
+    "pose": "regular expression of joint names -> angle in the standing pose [rad]",
+    "keyframe": "name of the keyframe of the file that is the standing pose",
+    "base": "body that floats",
+    "feet": "bodies or geometries that are the feet, in the order that they shall have",
+    "groups": "two lists of feet: those that step together",
+    "mirror": "joint -> its left-right image; or none: the robot has no mirror",
+    "collision": "feet (default: feet and a box for the trunk touch the ground), or file (all that the file says)",
+    "vendor": "order: joints in the maker's order; sign: expression -> +1 or -1; offset: expression -> angle [rad]",
+}
+"""What can be said of a robot, and what it means."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a `robot.yaml` says; everything may be missing but `model`, and that too where a file was named."""
+
+    model: str | None = None
+    name: str | None = None
+    joints: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    pose: Mapping[str, float] = field(default_factory=dict)
+    keyframe: str | None = None
+    base: str | None = None
+    feet: tuple[str, ...] = ()
+    groups: tuple[tuple[str, ...], ...] = ()
+    mirror: Mapping[str, str] | None = None
+    """None: not said; empty: the robot has none."""
+    collision: str = "feet"
+    vendor: Mapping[str, Any] = field(default_factory=dict)
+    source: str = "robot.yaml"
+    """Where it was said, for messages."""
+
+    def of_joint(self, joint: str, name: str) -> Any:
+        """Return what is said of one field of a joint; None where nothing is."""
+        return next(
+            (entry[name] for pattern, entry in self.joints.items() if name in entry and re.fullmatch(pattern, joint)),
+            None,
+        )
+
+    def angle(self, joint: str) -> float | None:
+        """Return what is said of a joint's angle in the standing pose [rad]; None where nothing is."""
+        return first_match(self.pose, joint)
+
+    def vendor_of(self, joints: tuple[str, ...]) -> Vendor | None:
+        """Return the maker's protocol of these joints; None where nothing is said of it.
+
+        Raises `RobotError` where the order does not name each joint once.
+        """
+        if not self.vendor:
+            return None
+        order = tuple(self.vendor.get("order", joints))
+        if sorted(order) != sorted(joints):
+            odd = sorted(set(order) ^ set(joints)) or sorted(name for name in order if order.count(name) > 1)
+            raise RobotError(f"{self.source}: vendor.order names {odd} wrongly; expected every joint once: {list(joints)}")
+        sign, offset = self.vendor.get("sign", {}), self.vendor.get("offset", {})
+        return Vendor(
+            order,
+            tuple(1.0 if (found := first_match(sign, name)) is None else found for name in order),
+            tuple(first_match(offset, name) or 0.0 for name in order),
+        )
+
+
+def first_match(entries: Mapping[str, float], name: str) -> float | None:
+    """Return the value of the first expression that matches a whole name; None where none does."""
+    return next((value for pattern, value in entries.items() if re.fullmatch(pattern, name)), None)
+
+
+def read_description(path: Path) -> Description:
+    """Return what a `robot.yaml` says.
+
+    Raises `RobotError` naming the entry that is wrong.
+    """
+    try:
+        size = path.stat().st_size
+        if size > MOST_BYTES:
+            raise RobotError(f"{path}: {size} bytes; a robot.yaml has at most {MOST_BYTES}")
+        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+    except OSError as error:
+        raise RobotError(f"{path}: cannot be read: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
+        raise RobotError(f"{path}: is not YAML: {' '.join(str(error).split())}") from error
+    return describe(content, str(path))
+
+
+def describe(content: Any, source: str) -> Description:
+    """Return the description that a mapping holds, as YAML gives it; `source`: where it came from, for messages.
+
+    Raises `RobotError` naming the entry that is wrong.
+    """
+    entries = _mapping(content, source, "the file")
+    for name in entries:
+        if name not in FIELDS:
+            raise RobotError(f"{source}: {unknown_name('field', str(name), FIELDS)}")
+    if "pose" in entries and "keyframe" in entries:
+        raise RobotError(f"{source}: both pose and keyframe say how the robot stands; expected one of them")
+    collision = entries.get("collision", "feet")
+    if collision not in ("feet", "file"):
+        raise RobotError(f"{source}: collision is {collision!r}; expected feet or file")
+    return Description(
+        **{name: _text(entries[name], source, name) for name in ("model", "name", "keyframe", "base") if name in entries},
+        joints=_joints(entries.get("joints", {}), source),
+        pose=_numbers(entries.get("pose", {}), source, "pose"),
+        feet=_names(entries.get("feet", []), source, "feet"),
+        groups=tuple(_names(group, source, "groups") for group in _list(entries.get("groups", []), source, "groups")),
+        mirror=_mirror(entries.get("mirror"), source),
+        collision=collision,
+        vendor=_vendor(entries.get("vendor", {}), source),
+        source=source,
+    )
+
+
+class _Loader(yaml.SafeLoader):
+    """YAML without aliases, which can make a short file enormous, and without keys that stand twice."""
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Refuse an alias."""
+        if self.check_event(yaml.events.AliasEvent):
+            raise yaml.YAMLError("an alias (*name) is not read; write the entry out")
+        return super().compose_node(parent, index)
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
+        """Refuse a key that stands twice."""
+        names = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for name in names:
+            if not isinstance(name, str):
+                raise yaml.YAMLError(f"the key {name!r} is no text; put it into quotes")
+            if names.count(name) > 1:
+                raise yaml.YAMLError(f"{name!r} stands twice")
+        return super().construct_mapping(node, deep)
+
+
+def check_pattern(pattern: str, source: str) -> str:
+    """Return a regular expression that is one, and that is quick on every name.
+
+    Raises `RobotError` where it is none, or where it could be slow: time is exponential where what is repeated repeats.
+    """
+    plain = re.sub(r"\\.|\[(?:\\.|[^\]\\])*\]", "x", pattern)
+    if len(pattern) > 200 or re.search(r"\)[*+{]", plain) or len(re.findall(r"[*+{]", plain)) > MOST_REPETITIONS:
+        raise RobotError(
+            f"{source}: the expression {pattern[:60]!r} could be slow; expected at most {MOST_REPETITIONS} repetitions, "
+            "none of them of a group"
+        )
+    try:
+        re.compile(pattern)
+    except re.error as error:
+        raise RobotError(f"{source}: {pattern!r} is no regular expression: {error}") from error
+    return pattern
+
+
+def _joints(value: Any, source: str) -> dict[str, dict[str, Any]]:
+    """Return what is said of joints, by expression."""
+    found: dict[str, dict[str, Any]] = {}
+    for pattern, entry in _mapping(value, source, "joints").items():
+        where = f"joints: {pattern}"
+        entries = found[check_pattern(pattern, source)] = dict(_mapping(entry, source, where))
+        for name, item in entries.items():
+            if name not in JOINT_FIELDS:
+                raise RobotError(f"{source}: {where}: {unknown_name('field', name, JOINT_FIELDS)}")
+            if name == "action":
+                if not isinstance(item, bool):
+                    raise RobotError(f"{source}: {where}: action is {item!r}; expected true or false")
+            elif name == "kind":
+                entries[name] = _text(item, source, f"{where}: kind")
+            else:
+                entries[name] = _number(item, source, f"{where}: {name}")
+    return found
+
+
+def _mirror(value: Any, source: str) -> dict[str, str] | None:
+    """Return what is said of the mirror."""
+    if value is None or value == "none":
+        return None if value is None else {}
+    pairs = {
+        name: _text(other, source, f"mirror: {name}") for name, other in _mapping(value, source, "mirror").items()
+    }
+    return pairs | {other: name for name, other in pairs.items()}
+
+
+def _vendor(value: Any, source: str) -> dict[str, Any]:
+    """Return what is said of the maker's protocol."""
+    entries = _mapping(value, source, "vendor")
+    found: dict[str, Any] = {}
+    for name, item in entries.items():
+        if name == "order":
+            found[name] = _names(item, source, "vendor.order")
+        elif name in ("sign", "offset"):
+            found[name] = _numbers(item, source, f"vendor.{name}")
+        else:
+            raise RobotError(f"{source}: vendor: {unknown_name('field', name, ('order', 'sign', 'offset'))}")
+    for pattern, number in found.get("sign", {}).items():
+        if abs(number) != 1:
+            raise RobotError(f"{source}: vendor.sign: {pattern} is {number:g}; expected 1 or -1")
+    return found
+
+
+def _mapping(value: Any, source: str, where: str) -> Mapping[str, Any]:
+    """Return a mapping with names as keys."""
+    if not isinstance(value, Mapping) or not all(isinstance(name, str) for name in value):
+        raise RobotError(f"{source}: {where} is {type(value).__name__}; expected names with values")
+    return value
+
+
+def _list(value: Any, source: str, where: str) -> list[Any]:
+    """Return a list."""
+    if not isinstance(value, list | tuple):
+        raise RobotError(f"{source}: {where} is {value!r}; expected a list")
+    return list(value)
+
+
+def _names(value: Any, source: str, where: str) -> tuple[str, ...]:
+    """Return a list of different names."""
+    names = tuple(_text(item, source, where) for item in _list(value, source, where))
+    if len(set(names)) != len(names):
+        raise RobotError(f"{source}: {where} names one thing twice: {list(names)}")
+    return names
+
+
+def _numbers(value: Any, source: str, where: str) -> dict[str, float]:
+    """Return numbers by expression."""
+    return {
+        check_pattern(pattern, source): _number(item, source, f"{where}: {pattern}")
+        for pattern, item in _mapping(value, source, where).items()
+    }
+
+
+def _text(value: Any, source: str, where: str) -> str:
+    """Return a name."""
+    if not isinstance(value, str) or not 0 < len(value) <= 200:
+        raise RobotError(f"{source}: {where} is {value!r}; expected a name")
+    return value
+
+
+def _number(value: Any, source: str, where: str) -> float:
+    """Return a number; YAML takes `1e-3` for text, people do not."""
+    if isinstance(value, str) and re.fullmatch(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]+", value):
+        value = float(value)
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
+        raise RobotError(f"{source}: {where} is {value!r}; expected a number")
+    return float(value)

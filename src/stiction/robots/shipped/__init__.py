@@ -1,0 +1,1 @@
+"""Robots that come with the package, a module each with a `ROBOT`."""
