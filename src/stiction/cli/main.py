@@ -13,6 +13,7 @@ from stiction.core.provenance import limit_library_threads
 
 VERBS = {
     "demo": "run the whole line on small real input and write one page that explains it",
+    "robot": "check a robot's file, show what is known of it, list the shipped ones",
     "excite": "design the log that identification needs, before the robot is touched",
     "identify": "find a joint's inertia and friction from a log, with intervals",
     "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
@@ -79,7 +80,7 @@ def main(arguments: list[str]) -> int:
         return 130
 
 
-EXTRAS = {"mujoco": "sim", "PIL": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
+EXTRAS = {"mujoco": "sim", "PIL": "sim", "yaml": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
 EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tensorboard": "train"}
 EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu"}
 """Package -> the extra that installs it."""

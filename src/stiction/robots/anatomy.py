@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from stiction.core.errors import RobotError
+from stiction.core.errors import RobotError, unknown_name
 from stiction.robots.model import Body
 from stiction.robots.shapes import Contact, Shape, Vector
 
@@ -49,9 +49,6 @@ class Anatomy:
     links: tuple[Part, ...]
     joints: tuple[int, ...]
     """Number in the model of the joint that moves each link."""
-    held: tuple[int, ...]
-    held_axes: tuple[Vector, ...]
-    """Axes of the held joints in the base's frame."""
 
 
 def hinges(model: mujoco.MjModel) -> list[int]:
@@ -59,17 +56,14 @@ def hinges(model: mujoco.MjModel) -> list[int]:
     return np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_HINGE)).tolist()
 
 
-def dissect(model: mujoco.MjModel, held: Mapping[int, float], base: str | None, origin: str) -> Anatomy:
+def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
     """Return the links of a model.
 
-    held: joints that are rigid and the angle at which they are [rad], by number; base: name of the body whose frame is
-    the robot's, None: that of the body that floats; origin: the file, for messages.
+    base: name of the body whose frame is the robot's, None: that of the body that floats; origin: the file, for messages.
 
     Raises `RobotError` where a body has two joints, or the base is not rigid with the body that floats.
     """
-    driven = [joint for joint in hinges(model) if joint not in held]
-    if not driven:
-        raise RobotError(f"{origin}: no joint is driven; expected at least one hinge with action")
+    driven = hinges(model)
     moved: dict[int, int] = {}
     for number, joint in enumerate(driven):
         body = int(model.jnt_bodyid[joint])
@@ -84,7 +78,7 @@ def dissect(model: mujoco.MjModel, held: Mapping[int, float], base: str | None, 
         if body != root:
             owner[body] = moved.get(body, owner[int(model.body_parentid[body])])
     frame = _named_base(model, base, owner, origin) if base else root
-    data = _at_zero(model, held)
+    data = _at_zero(model)
     middle, turn = data.xpos[frame].copy(), data.xmat[frame].reshape(3, 3).copy()
     anchors = np.array([turn.T @ (data.xanchor[joint] - middle) for joint in driven])
     axes = np.array([turn.T @ data.xaxis[joint] for joint in driven])
@@ -102,8 +96,6 @@ def dissect(model: mujoco.MjModel, held: Mapping[int, float], base: str | None, 
         Part(**parts[0]),
         tuple(Part(**part) for part in parts[1:]),
         tuple(driven),
-        tuple(held),
-        tuple(_vector(turn.T @ data.xaxis[joint]) for joint in held),
     )
 
 
@@ -111,23 +103,21 @@ def _named_base(model: mujoco.MjModel, name: str, owner: Mapping[int, int], orig
     """Return the number of the body whose frame is the robot's."""
     names = [model.body(body).name for body in range(1, model.nbody)]
     if name not in names:
-        from stiction.core.errors import unknown_name
-
         raise RobotError(f"{origin}: base: {unknown_name('body', name, names)}")
     body = names.index(name) + 1
     if owner[body] != -1:
-        raise RobotError(f"{origin}: base: joints move {name!r} against the body that floats; name a body rigid with it")
+        raise RobotError(
+            f"{origin}: base: joints move {name!r} against the body that floats; name a body rigid with it"
+        )
     return body
 
 
-def _at_zero(model: mujoco.MjModel, held: Mapping[int, float]) -> mujoco.MjData:
-    """Return where everything is with the base at the origin and all driven joints at zero."""
+def _at_zero(model: mujoco.MjModel) -> mujoco.MjData:
+    """Return where everything is with the base at the origin and all joints at zero."""
     data = mujoco.MjData(model)
     data.qpos[:] = 0.0
     for joint in np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)):
         data.qpos[model.jnt_qposadr[joint] + 3] = 1.0
-    for joint, angle in held.items():
-        data.qpos[model.jnt_qposadr[joint]] = angle
     mujoco.mj_kinematics(model, data)
     return data
 
@@ -153,7 +143,12 @@ def _part(
         inertia += model.body_mass[body] * (away @ away * np.eye(3) - np.outer(away, away))
     inertia = turn.T @ inertia @ turn
     geoms = [geom for geom in range(model.ngeom) if int(model.geom_bodyid[geom]) in set(bodies)]
-    solid = [geom for geom in geoms if model.geom_contype[geom] or model.geom_conaffinity[geom]]
+    # Some files leave the bits to the program that loads them, and only the names say what is to touch.
+    solid = [
+        geom
+        for geom in geoms
+        if model.geom_contype[geom] or model.geom_conaffinity[geom] or "collision" in model.geom(geom).name
+    ]
     shapes = {geom: _shape(model, data, geom, frame) for geom in geoms}
     depth = [len(_ancestors(model, body)) for body in bodies]
     return {
@@ -186,9 +181,7 @@ _PLAIN = {
 }
 
 
-def _shape(
-    model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame: tuple[np.ndarray, np.ndarray]
-) -> Shape | None:
+def _shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame: tuple[np.ndarray, np.ndarray]) -> Shape | None:
     """Return one geometry in a frame of the world; None for planes, height fields and the like."""
     place, turn = frame
     position = _vector(turn.T @ (data.geom_xpos[geom] - place))

@@ -149,9 +149,7 @@ class BoxLegs:
     def _foot(self, leg: Leg, link: int) -> Foot:
         """Return the ball at the end of a leg."""
         middle = (0.0, 0.0, -self.shank_link.size[2])
-        ball = Shape(
-            "sphere", (self.foot_radius, 0.0, 0.0), position=middle, contact="ground", color=FEET[leg.group]
-        )
+        ball = Shape("sphere", (self.foot_radius, 0.0, 0.0), position=middle, contact="ground", color=FEET[leg.group])
         return Foot(f"{leg.name}_foot", link, middle, self.foot_radius, (ball,), leg.group)
 
     def _height(self) -> float:

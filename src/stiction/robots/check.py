@@ -85,7 +85,10 @@ def _inertias(robot: Robot) -> Iterator[Finding]:
             wrong.append(f"{name} (radius of gyration {np.sqrt(moments[2] / body.mass):.3g} m)")
     if wrong:
         yield Finding(
-            "inertia", "bad", f"no body has such moments: {'; '.join(wrong)}", "correct the inertia of these in the file"
+            "inertia",
+            "bad",
+            f"no body has such moments: {'; '.join(wrong)}",
+            "correct the inertia of these in the file",
         )
     else:
         yield Finding("inertia", "good", f"those of {len(named)} bodies are physical")
@@ -105,7 +108,9 @@ def _limits(robot: Robot) -> Iterator[Finding]:
         if min(joint.default_position - joint.lower, joint.upper - joint.default_position) < 0.02
     ]
     if near:
-        yield Finding("limits", "note", f"the pose is within 0.02 rad of a limit at {', '.join(near)}", "pose: further inside")
+        yield Finding(
+            "limits", "note", f"the pose is within 0.02 rad of a limit at {', '.join(near)}", "pose: further inside"
+        )
     if not wide:
         yield Finding("limits", "good", "ranges are below two turns, and the pose is inside")
 
@@ -167,7 +172,12 @@ def _gravity(robot: Robot) -> Iterator[Finding]:
     name = robot.joint_names[worst]
     text = f"holding the pose takes {share[worst]:.0%} of the torque limit at {name}"
     if share[worst] > GRAVITY_SHARE:
-        yield Finding("gravity", "bad", f"{text}; expected at most {GRAVITY_SHARE:.0%}", "pose: with straighter legs, or the true torque_limit")
+        yield Finding(
+            "gravity",
+            "bad",
+            f"{text}; expected at most {GRAVITY_SHARE:.0%}",
+            "pose: with straighter legs, or the true torque_limit",
+        )
     else:
         yield Finding("gravity", "good", text)
 
@@ -175,11 +185,16 @@ def _gravity(robot: Robot) -> Iterator[Finding]:
 def _feet(robot: Robot) -> Iterator[Finding]:
     """Check that there are feet to stand on, and their groups."""
     groups = robot.groups()
-    words = "no contact groups" if groups is None else "groups " + " | ".join(
-        ", ".join(foot.name for foot in robot.feet if foot.group == number) for number in (0, 1)
+    words = (
+        "no contact groups"
+        if groups is None
+        else "groups "
+        + " | ".join(", ".join(foot.name for foot in robot.feet if foot.group == number) for number in (0, 1))
     )
     if len(robot.feet) < 2:
-        yield Finding("feet", "bad", f"one foot: {robot.feet[0].name}", "feet: [...], those that touch the ground in the pose")
+        yield Finding(
+            "feet", "bad", f"one foot: {robot.feet[0].name}", "feet: [...], those that touch the ground in the pose"
+        )
         return
     yield Finding("feet", "good", f"{len(robot.feet)}: {', '.join(robot.foot_names)}; {words}")
 
@@ -199,9 +214,16 @@ def _order(robot: Robot) -> Iterator[Finding]:
     """Say the order of the joints, and of the maker's."""
     yield Finding("order", "good", f"joints: {', '.join(robot.joint_names)}")
     if robot.held:
-        yield Finding("order", "note", "held rigid: " + ", ".join(f"{joint.name} {joint.position:.3g}" for joint in robot.held))
+        yield Finding(
+            "order", "note", "held rigid: " + ", ".join(f"{joint.name} {joint.position:.3g}" for joint in robot.held)
+        )
     if robot.vendor is None:
-        yield Finding("order", "note", "the maker's order, signs and offsets are not said", "vendor: {order: [...], sign: {...}, offset: {...}}")
+        yield Finding(
+            "order",
+            "note",
+            "the maker's order, signs and offsets are not said",
+            "vendor: {order: [...], sign: {...}, offset: {...}}",
+        )
 
 
 def _stands(robot: Robot) -> Iterator[Finding]:
@@ -212,7 +234,9 @@ def _stands(robot: Robot) -> Iterator[Finding]:
     for _ in range(round(STANDING_TIME / model.opt.timestep)):
         mujoco.mj_step(model, data)
         if not np.isfinite(data.qpos).all():
-            yield Finding("stands", "bad", f"the simulation fails after {data.time:.2f} s", "check masses, inertias and armature")
+            yield Finding(
+                "stands", "bad", f"the simulation fails after {data.time:.2f} s", "check masses, inertias and armature"
+            )
             return
     up, height = float(uprightness(data.qpos[3:7])), float(data.qpos[2])
     text = (
@@ -220,6 +244,8 @@ def _stands(robot: Robot) -> Iterator[Finding]:
         f"{np.degrees(np.arccos(np.clip(up, -1, 1))):.2g}°"
     )
     if up < FALLEN_UP or too_low(np.array(height), robot.standing_height):
-        yield Finding("stands", "bad", f"it falls: {text}", "pose: with the feet under the centre of mass, or a larger kp")
+        yield Finding(
+            "stands", "bad", f"it falls: {text}", "pose: with the feet under the centre of mass, or a larger kp"
+        )
     else:
         yield Finding("stands", "good", text)

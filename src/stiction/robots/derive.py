@@ -26,7 +26,8 @@ import numpy as np
 from stiction.core.errors import RobotError, unknown_name
 from stiction.robots.anatomy import Anatomy, Part, dissect, hinges
 from stiction.robots.description import Description
-from stiction.robots.model import Base, Foot, HeldJoint, Joint, Link, Robot, link_poses
+from stiction.robots.hold import hold
+from stiction.robots.model import Base, Foot, Joint, Link, Robot, link_poses
 from stiction.robots.shapes import Shape, Vector, bounds, reach
 from stiction.robots.source import Source
 
@@ -87,8 +88,14 @@ def derive(source: Source, said: Description) -> Derived:
     _check_said(model, said, names)
     origins: list[Origin] = []
     angles = {joint: _angle(model, joint, said, origins) for joint in hinges(model)}
-    held = {joint: angle for joint, angle in angles.items() if said.of_joint(model.joint(joint).name, "action") is False}
-    anatomy = dissect(model, held, said.base, origin)
+    held = {
+        model.joint(joint).name: angle
+        for joint, angle in angles.items()
+        if said.of_joint(model.joint(joint).name, "action") is False
+    }
+    if len(held) == len(names):
+        raise RobotError(f"{said.source}: action is false for every joint; expected one that the policy moves")
+    anatomy = dissect(model, said.base, origin)
     for part in (anatomy.base, *anatomy.links):
         if part.mass <= 0:
             raise RobotError(f"{origin}: the link {part.name!r} has no mass; give its body an inertia")
@@ -101,13 +108,11 @@ def derive(source: Source, said: Description) -> Derived:
     object.__setattr__(draft, "links", links)
     position, rotation = link_poses(draft, pose)
     feet, lowest = _feet(model, anatomy, said, (position, rotation), origins)
-    links = tuple(_with_contacts(link, part, feet, number, said) for number, (link, part) in enumerate(zip(links, anatomy.links, strict=True)))
-    feet = _grouped(feet, said, (position, rotation), origins)
-    held_joints = tuple(
-        HeldJoint(model.joint(number).name, held[number], axis)
-        for number, axis in zip(anatomy.held, anatomy.held_axes, strict=True)
+    links = tuple(
+        _with_contacts(link, part, feet, number, said)
+        for number, (link, part) in enumerate(zip(links, anatomy.links, strict=True))
     )
-    everything = tuple(names)
+    feet = _grouped(feet, said, (position, rotation), origins)
     robot = Robot(
         name=said.name or _name(source.name),
         base=base,
@@ -115,12 +120,11 @@ def derive(source: Source, said: Description) -> Derived:
         joints=joints,
         feet=feet,
         standing_height=-lowest,
-        held=held_joints,
-        vendor=said.vendor_of(everything),
+        vendor=said.vendor_of(tuple(names)),
         mirror_names=_mirror_names(joints, said),
     )
     origins.append(Origin("robot", "standing height", f"{-lowest:.4g} m", "feet on the ground in the pose"))
-    return Derived(robot, tuple(origins), source.notes + _frictions(model, anatomy, said))
+    return Derived(hold(robot, held), tuple(origins), source.notes + _frictions(model, anatomy, said))
 
 
 def _name(name: str) -> str:
@@ -204,13 +208,16 @@ def _joint(
         return value
 
     limit, where = _torque_limit(model, number)
-    torque = take("torque_limit", "N m", limit, where)
+    rigid = said.of_joint(name, "action") is False
+    torque = take("torque_limit", "N m", 1.0 if rigid else limit, "rule: held" if rigid else where)
     if not torque > 0:
         raise RobotError(
             f"joint {name!r} has no torque limit in the file (neither forcerange, nor a motor's ctrlrange, nor "
             f"actuatorfrcrange or effort); say in {said.source}: joints: {{{name}: {{torque_limit: ...}}}} [N m]"
         )
-    armature = take("armature", "kg m²", _armature(model, number, said), "file")
+    armature = take(
+        "armature", "kg m²", 1.0 if rigid else _armature(model, number, said), "rule: held" if rigid else "file"
+    )
     if not armature > 0:
         raise RobotError(
             f"joint {name!r} has no armature in the file, and without the rotor's inertia neither friction nor gains "
@@ -222,10 +229,10 @@ def _joint(
     kp = take(
         "kp",
         "N m/rad",
-        kp_file or typical[kind] * omega**2,
+        kp_file or (typical[kind] or armature) * omega**2,
         "file: position actuator" if kp_file else f"rule: armature (2π {FREQUENCY:g} Hz)²",
     )
-    rule = 2 * DAMPING_RATIO * typical[kind] * omega
+    rule = 2 * DAMPING_RATIO * (typical[kind] or armature) * omega
     kd = take(
         "kd",
         "N m s/rad",
@@ -250,7 +257,9 @@ def _joint(
         lower=take("lower", "rad", low, why),
         upper=take("upper", "rad", high, why),
         default_position=angle,
-        action_scale=take("action_scale", "rad", TORQUE_SHARE * torque / kp, f"rule: {TORQUE_SHARE:g} torque_limit / kp"),
+        action_scale=take(
+            "action_scale", "rad", TORQUE_SHARE * torque / kp, f"rule: {TORQUE_SHARE:g} torque_limit / kp"
+        ),
     )
 
 
@@ -282,7 +291,9 @@ def _torque_limit(model: mujoco.MjModel, joint: int) -> tuple[float, str]:
         motor = not np.any(model.actuator_biasprm[actuator])
         if motor and model.actuator_ctrllimited[actuator]:
             gain = gear * abs(float(model.actuator_gainprm[actuator, 0]))
-            found.append((gain * float(np.abs(model.actuator_ctrlrange[actuator]).min()), "file: ctrlrange of its motor"))
+            found.append(
+                (gain * float(np.abs(model.actuator_ctrlrange[actuator]).min()), "file: ctrlrange of its motor")
+            )
     return min((pair for pair in found if pair[0] > 0), default=(0.0, "file: none"))
 
 
@@ -384,9 +395,7 @@ def _leaves(anatomy: Anatomy, poses: Poses) -> list[tuple[str, int, tuple[Shape,
     return [leaf for leaf, height in zip(shaped, heights, strict=True) if height < min(heights) + TOUCHING]
 
 
-def _said_feet(
-    model: mujoco.MjModel, anatomy: Anatomy, said: Description
-) -> list[tuple[str, int, tuple[Shape, ...]]]:
+def _said_feet(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> list[tuple[str, int, tuple[Shape, ...]]]:
     """Return name, link and shapes of the feet that were named: bodies or geometries."""
     found = []
     bodies = {model.body(body).name: number for number, part in enumerate(anatomy.links) for body in part.bodies}
@@ -409,15 +418,15 @@ def _said_feet(
                 raise RobotError(f"{said.source}: feet: the body {name!r} has no shape to touch the ground with")
             found.append((name, bodies[name], shapes))
         else:
-            raise RobotError(f"{said.source}: feet: {unknown_name('body or geometry', name, [*bodies, *filter(None, geoms)])}")
+            raise RobotError(
+                f"{said.source}: feet: {unknown_name('body or geometry', name, [*bodies, *filter(None, geoms)])}"
+            )
     return found
 
 
 def _with_contacts(link: Link, part: Part, feet: Sequence[Foot], number: int, said: Description) -> Link:
     """Return a link with its shapes: those of a foot's link catch on obstacles, the others are seen or as the file says."""
-    foot = {
-        (shape.kind, shape.position, shape.size) for item in feet if item.link == number for shape in item.shapes
-    }
+    foot = {(shape.kind, shape.position, shape.size) for item in feet if item.link == number for shape in item.shapes}
     rest = [shape for shape in part.touched or part.shapes if (shape.kind, shape.position, shape.size) not in foot]
     contact = "ground" if said.collision == "file" else "obstacles" if foot else "nothing"
     solid = bool(part.touched)
@@ -474,5 +483,3 @@ def _frictions(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> tu
                 f"it, or say {field} in robot.yaml"
             )
     return tuple(notes)
-
-

@@ -21,7 +21,7 @@ from typing import Any
 import yaml
 
 from stiction.core.errors import RobotError, unknown_name
-from stiction.robots.model import Vendor
+from stiction.robots.model import Robot, Vendor
 
 MOST_BYTES = 256 * 1024
 """Size of the largest file that is read."""
@@ -100,7 +100,9 @@ class Description:
         order = tuple(self.vendor.get("order", joints))
         if sorted(order) != sorted(joints):
             odd = sorted(set(order) ^ set(joints)) or sorted(name for name in order if order.count(name) > 1)
-            raise RobotError(f"{self.source}: vendor.order names {odd} wrongly; expected every joint once: {list(joints)}")
+            raise RobotError(
+                f"{self.source}: vendor.order names {odd} wrongly; expected every joint once: {list(joints)}"
+            )
         sign, offset = self.vendor.get("sign", {}), self.vendor.get("offset", {})
         return Vendor(
             order,
@@ -146,7 +148,11 @@ def describe(content: Any, source: str) -> Description:
     if collision not in ("feet", "file"):
         raise RobotError(f"{source}: collision is {collision!r}; expected feet or file")
     return Description(
-        **{name: _text(entries[name], source, name) for name in ("model", "name", "keyframe", "base") if name in entries},
+        **{
+            name: _text(entries[name], source, name)
+            for name in ("model", "name", "keyframe", "base")
+            if name in entries
+        },
         joints=_joints(entries.get("joints", {}), source),
         pose=_numbers(entries.get("pose", {}), source, "pose"),
         feet=_names(entries.get("feet", []), source, "feet"),
@@ -219,9 +225,7 @@ def _mirror(value: Any, source: str) -> dict[str, str] | None:
     """Return what is said of the mirror."""
     if value is None or value == "none":
         return None if value is None else {}
-    pairs = {
-        name: _text(other, source, f"mirror: {name}") for name, other in _mapping(value, source, "mirror").items()
-    }
+    pairs = {name: _text(other, source, f"mirror: {name}") for name, other in _mapping(value, source, "mirror").items()}
     return pairs | {other: name for name, other in pairs.items()}
 
 
@@ -286,3 +290,45 @@ def _number(value: Any, source: str, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
         raise RobotError(f"{source}: {where} is {value!r}; expected a number")
     return float(value)
+
+
+def complete_text(robot: Robot, model: str) -> str:
+    """Return the `robot.yaml` that says everything of a robot; `model`: path of its file, as seen from beside it."""
+    joints = {
+        re.escape(joint.name).replace("\\-", "-"): {
+            name: _rounded(getattr(joint, name)) for name in JOINT_FIELDS if name != "action"
+        }
+        for joint in robot.joints
+    }
+    joints |= {re.escape(joint.name): {"action": False} for joint in robot.held}
+    pose = {joint.name: _rounded(joint.default_position) for joint in robot.joints}
+    content: dict[str, Any] = {
+        "model": model,
+        "name": robot.name,
+        "feet": list(robot.foot_names),
+        "joints": joints,
+        "pose": {re.escape(name): angle for name, angle in pose.items()}
+        | {re.escape(joint.name): _rounded(joint.position) for joint in robot.held},
+    }
+    if robot.feet[0].group is not None:
+        content["groups"] = [[foot.name for foot in robot.feet if foot.group == number] for number in (0, 1)]
+    if robot.mirror_names is not None:
+        content["mirror"] = (
+            dict(zip(robot.joint_names, robot.mirror_names, strict=True)) if robot.mirror_names else "none"
+        )
+    if robot.vendor is not None:
+        content["vendor"] = {
+            "order": list(robot.vendor.order),
+            "sign": {
+                re.escape(name): int(sign) for name, sign in zip(robot.vendor.order, robot.vendor.sign, strict=True)
+            },
+            "offset": {
+                re.escape(name): offset for name, offset in zip(robot.vendor.order, robot.vendor.offset, strict=True)
+            },
+        }
+    return yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
+
+
+def _rounded(value: Any) -> Any:
+    """Return a number as a person writes it: with seven digits."""
+    return float(f"{value:.7g}") if isinstance(value, float) else value

@@ -116,9 +116,7 @@ def _friction(joint: Joint, timestep: float, physics: PhysicsCfg) -> dict[str, A
     }
 
 
-def _add_links(
-    spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot, physics: PhysicsCfg
-) -> list[mujoco.MjsBody]:
+def _add_links(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot, physics: PhysicsCfg) -> list[mujoco.MjsBody]:
     """Add all links with their joints and shapes; return their bodies in the order of the joints."""
     bodies: list[mujoco.MjsBody] = []
     for link, joint in zip(robot.links, robot.joints, strict=True):
@@ -182,6 +180,8 @@ def _add_foot(spec: mujoco.MjSpec, link: mujoco.MjsBody, foot: Foot) -> None:
         objtype=mujoco.mjtObj.mjOBJ_SITE,
         objname=foot.name,
     )
+
+
 def _add_joint_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Add sensors of force [N] and torque [N m] between each joint's two links, joint by joint, three axes each.
 
@@ -258,5 +258,3 @@ def _add_actuators(spec: mujoco.MjSpec, robot: Robot) -> None:
             forcelimited=mujoco.mjtLimited.mjLIMITED_TRUE,
             nsample=DELAY_SAMPLES,
         )
-
-

@@ -26,6 +26,7 @@ GRAVITY = 9.81
 DELAY_SAMPLES = 8
 """Room for delayed controls in every robot's model, in physics steps."""
 
+
 @dataclass(frozen=True)
 class Body:
     """Mass and shapes of one rigid body, in its frame."""
@@ -167,7 +168,9 @@ class Robot:
             raise RobotError(f"robot {self.name!r}: feet {list(self.foot_names)}; expected feet with different names")
         groups = {foot.group for foot in self.feet}
         if groups not in ({None}, {0, 1}):
-            raise RobotError(f"robot {self.name!r}: every foot is in contact group 0 or 1 and neither is empty, or none is")
+            raise RobotError(
+                f"robot {self.name!r}: every foot is in contact group 0 or 1 and neither is empty, or none is"
+            )
         for joint in self.joints:
             if not joint.lower < joint.default_position < joint.upper:
                 raise RobotError(

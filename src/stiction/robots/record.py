@@ -64,9 +64,15 @@ def _as(kind: Any, value: Any, where: str) -> Any:
         return _as(next(item for item in inner if item is not type(None)), value, where)
     if origin is tuple:
         if not isinstance(value, list) or (inner[-1] is not Ellipsis and len(value) != len(inner)):
-            raise RobotError(f"{where} is {str(value)[:60]}; expected a list" + ("" if inner[-1] is Ellipsis else f" of {len(inner)}"))
+            raise RobotError(
+                f"{where} is {str(value)[:60]}; expected a list"
+                + ("" if inner[-1] is Ellipsis else f" of {len(inner)}")
+            )
         kinds = [inner[0]] * len(value) if inner[-1] is Ellipsis else inner
-        return tuple(_as(item, entry, f"{where}[{number}]") for number, (item, entry) in enumerate(zip(kinds, value, strict=True)))
+        return tuple(
+            _as(item, entry, f"{where}[{number}]")
+            for number, (item, entry) in enumerate(zip(kinds, value, strict=True))
+        )
     if origin is Literal:
         if value not in inner:
             raise RobotError(f"{where} is {value!r}; expected {', '.join(map(str, inner))}")

@@ -1,0 +1,156 @@
+"""Holds joints rigid: links that no driven joint parts become one, at the angles at which the robot holds them. NumPy.
+
+A humanoid's arms are held while its legs walk. Masses add up and inertias follow by the parallel-axis theorem; frames
+that a held joint turned become parallel to the base's again, as every frame is where all driven joints are at zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from stiction.core.errors import RobotError, unknown_name
+from stiction.robots.model import Body, HeldJoint, Link, Robot, link_poses
+from stiction.robots.shapes import Shape, Vector
+
+Place = tuple[np.ndarray, np.ndarray]
+"""A frame in another one: position [m], shape (3,), and rotation, shape (3, 3)."""
+
+
+def hold(robot: Robot, angles: Mapping[str, float]) -> Robot:
+    """Return a robot whose joints of these names are rigid at these angles [rad].
+
+    Raises `RobotError` where there is no such joint, none would be left, or a foot would be part of the base.
+    """
+    for name in angles:
+        if name not in robot.joint_names:
+            raise RobotError(f"robot {robot.name!r}: {unknown_name('joint', name, robot.joint_names)}")
+    if not angles:
+        return robot
+    driven = [number for number, joint in enumerate(robot.joints) if joint.name not in angles]
+    position, rotation = link_poses(robot, np.array([angles.get(name, 0.0) for name in robot.joint_names]))
+    owner: list[int] = []
+    for number, link in enumerate(robot.links):
+        above = owner[link.parent] if link.parent >= 0 else -1
+        owner.append(driven.index(number) if number in driven else above)
+    frames = {-1: np.zeros(3)} | {new: position[old] for new, old in enumerate(driven)}
+
+    def parts(new: int, own: Sequence[Body]) -> list[tuple[Body, Place]]:
+        rigid: list[tuple[Body, Place]] = [(body, (np.zeros(3), np.eye(3))) for body in own]
+        return rigid + [
+            (link, (position[old] - frames[new], rotation[old]))
+            for old, link in enumerate(robot.links)
+            if owner[old] == new
+        ]
+
+    links = []
+    for new, old in enumerate(driven):
+        link = robot.links[old]
+        parent = owner[link.parent] if link.parent >= 0 else -1
+        merged = merge(parts(new, ()))
+        links.append(
+            Link(
+                mass=merged.mass,
+                com=merged.com,
+                inertia=merged.inertia,
+                shapes=merged.shapes,
+                name=link.name,
+                parent=parent,
+                origin=_vector(position[old] - frames[parent]),
+                axis=_vector(rotation[old] @ np.array(link.axis)),
+            )
+        )
+    feet = []
+    for foot in robot.feet:
+        if owner[foot.link] < 0:
+            raise RobotError(f"robot {robot.name!r}: no driven joint moves the foot {foot.name!r}")
+        place = position[foot.link] - frames[owner[foot.link]], rotation[foot.link]
+        shapes = tuple(_moved(shape, place) for shape in foot.shapes)
+        middle = _vector(place[0] + place[1] @ np.array(foot.position))
+        feet.append(replace(foot, link=owner[foot.link], position=middle, shapes=shapes))
+    trunk = merge(parts(-1, (robot.base,)))
+    names = robot.mirror_names
+    return replace(
+        robot,
+        base=replace(robot.base, mass=trunk.mass, com=trunk.com, inertia=trunk.inertia, shapes=trunk.shapes),
+        links=tuple(links),
+        joints=tuple(robot.joints[old] for old in driven),
+        feet=tuple(feet),
+        held=robot.held
+        + tuple(
+            HeldJoint(joint.name, angles[joint.name], _vector(rotation[number] @ np.array(robot.links[number].axis)))
+            for number, joint in enumerate(robot.joints)
+            if joint.name in angles
+        ),
+        mirror_names=tuple(names[old] for old in driven) if names else names,
+    )
+
+
+def merge(parts: Sequence[tuple[Body, Place]]) -> Body:
+    """Return bodies that are one, each with the place of its frame in the frame of all."""
+    mass = sum(body.mass for body, _ in parts)
+    centres = [position + rotation @ np.array(body.com) for body, (position, rotation) in parts]
+    com = (
+        sum(body.mass * centre for (body, _), centre in zip(parts, centres, strict=True)) / mass
+        if mass
+        else np.zeros(3)
+    )
+    if len(parts) == 1 and np.array_equal(parts[0][1][1], np.eye(3)) and not parts[0][1][0].any():
+        return parts[0][0]
+    inertia = np.zeros((3, 3))
+    for (body, (_, rotation)), centre in zip(parts, centres, strict=True):
+        away = centre - com
+        inertia += rotation @ body.inertia_matrix @ rotation.T
+        inertia += body.mass * (away @ away * np.eye(3) - np.outer(away, away))
+    shapes = tuple(_moved(shape, place) for body, place in parts for shape in body.shapes)
+    xx, yy, zz, xy, xz, yz = (float(inertia[pair]) for pair in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)))
+    return Body(float(mass), _vector(com), (xx, yy, zz, xy, xz, yz), shapes)
+
+
+def _moved(shape: Shape, place: Place) -> Shape:
+    """Return a shape of one frame in another."""
+    position, rotation = place
+    if np.array_equal(rotation, np.eye(3)) and not position.any():
+        return shape
+    w, x, y, z = quaternion_of(rotation @ shape.rotation)
+    return replace(shape, position=_vector(position + rotation @ np.array(shape.position)), quaternion=(w, x, y, z))
+
+
+def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
+    """Return the quaternion w, x, y, z of a rotation matrix, shape (3, 3); w is not negative.
+
+    Of the four squares that follow from the diagonal the largest is taken (Shepperd), so that nothing small divides.
+    """
+    m = rotation
+    squares = np.array([1 + m[0, 0] + m[1, 1] + m[2, 2], 1 + m[0, 0] - m[1, 1] - m[2, 2]])
+    squares = np.append(squares, [1 - m[0, 0] + m[1, 1] - m[2, 2], 1 - m[0, 0] - m[1, 1] + m[2, 2]])
+    products = np.array(
+        [
+            [squares[0], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+            [m[2, 1] - m[1, 2], squares[1], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
+            [m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], squares[2], m[1, 2] + m[2, 1]],
+            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], squares[3]],
+        ]
+    )
+    row = products[int(np.argmax(squares))]
+    row = row / np.linalg.norm(row)
+    w, x, y, z = (float(value) for value in (row if row[0] >= 0 else -row))
+    return w, x, y, z
+
+
+def _vector(values: np.ndarray) -> Vector:
+    """Return three numbers."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def reflect(body: Link, x: bool = False, y: bool = False) -> Link:
+    """Return the mirror image of a link, in the plane across x or across y, with its axis as it is."""
+    sign = np.array([-1.0 if x else 1.0, -1.0 if y else 1.0, 1.0])
+    xx, yy, zz, xy, xz, yz = body.inertia
+    inertia = (xx, yy, zz, xy * sign[0] * sign[1], xz * sign[0], yz * sign[1])
+    return replace(
+        body, origin=_vector(sign * body.origin), com=_vector(sign * body.com), inertia=tuple(map(float, inertia))
+    )
