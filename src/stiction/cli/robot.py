@@ -1,4 +1,4 @@
-"""`stiction robot check|show|list`: is this file a robot, what is known of it and from where, and which ones are shipped."""
+"""`stiction robot check|show|list`: is a file a robot, what is known of it, which ones are shipped."""
 
 from __future__ import annotations
 
@@ -199,7 +199,7 @@ def _list(cfg: ListCfg) -> None:
 
 
 DESCRIPTION = (
-    "Check a robot's file, show what is known of it and where each value came from, or list the shipped robots. Your own "
-    "robot is a MuJoCo or URDF file with a few lines of robot.yaml beside it; nothing has to be installed or imported."
+    "Check a robot's file, show what is known of it and where each value came from, or list the shipped robots. Your "
+    "own robot is a MuJoCo or URDF file with a few lines of robot.yaml beside it; nothing has to be imported."
 )
 """What `stiction robot --help` says first."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -16,7 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from stiction.core.errors import RobotError, unknown_name
 from stiction.robots.model import Body
-from stiction.robots.shapes import Contact, Shape, Vector
+from stiction.robots.shapes import Contact, Shape, ShapeKind, Vector
 
 MOST_CORNERS = 64
 """Corners of a hull that stands for a mesh: as many as PhysX takes."""
@@ -59,7 +60,7 @@ def hinges(model: mujoco.MjModel) -> list[int]:
 def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
     """Return the links of a model.
 
-    base: name of the body whose frame is the robot's, None: that of the body that floats; origin: the file, for messages.
+    base: name of the body whose frame is the robot's, None: that of the body that floats; origin: the file's name.
 
     Raises `RobotError` where a body has two joints, or the base is not rigid with the body that floats.
     """
@@ -69,7 +70,7 @@ def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
         body = int(model.jnt_bodyid[joint])
         if body in moved:
             raise RobotError(
-                f"{origin}: the body {model.body(body).name!r} has more than one joint; give each joint a body of its own"
+                f"{origin}: the body {model.body(body).name!r} has more than one joint; give each a body of its own"
             )
         moved[body] = number
     root = int(model.jnt_bodyid[np.flatnonzero(model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE))[0]])
@@ -173,7 +174,7 @@ def _ancestors(model: mujoco.MjModel, body: int) -> list[int]:
     return found
 
 
-_PLAIN = {
+_PLAIN: dict[int, ShapeKind] = {
     int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
     int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
     int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
@@ -190,7 +191,12 @@ def _shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame: tuple[n
     contact: Contact = "ground" if model.geom_contype[geom] or model.geom_conaffinity[geom] else "nothing"
     red, green, blue = (float(value) for value in model.geom_rgba[geom][:3])
     w, x, y, z = quaternion.tolist()
-    common = {"position": position, "quaternion": (w, x, y, z), "contact": contact, "color": (red, green, blue)}
+    common: dict[str, Any] = {
+        "position": position,
+        "quaternion": (w, x, y, z),
+        "contact": contact,
+        "color": (red, green, blue),
+    }
     kind = int(model.geom_type[geom])
     if kind in _PLAIN:
         a, b, c = (float(value) for value in model.geom_size[geom])

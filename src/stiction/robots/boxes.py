@@ -1,6 +1,6 @@
 """Robots made of boxes: a trunk and any number of equal legs with three joints each, hip, thigh and shank.
 
-Links are boxes of uniform density; a thigh is seen as a capsule, a shank is one that catches on edges, a foot is a ball.
+Links are boxes of uniform density; a thigh is seen as a capsule, a shank catches on edges, a foot is a ball.
 Legs on the right mirror those on the left: their hips turn about the opposite axis, so that equal angles look alike.
 """
 

@@ -30,8 +30,8 @@ def robot_names() -> list[str]:
 def find_robot(name: str) -> Robot:
     """Return the robot called `name`.
 
-    name: a shipped robot; the path of a `robot.yaml`, a MuJoCo or a URDF file; or `package.module[:VARIABLE]`, a `Robot`
-    (or a function without arguments that returns a `mujoco.MjSpec`) anywhere on the Python path.
+    name: a shipped robot; the path of a `robot.yaml`, a MuJoCo or a URDF file; or `package.module[:VARIABLE]`, a
+    `Robot` (or a function without arguments that returns a `mujoco.MjSpec`) anywhere on the Python path.
 
     `NAME@kp=0.5,torque=2` is that robot with its gains kp halved (kd by the root of it, which keeps the damping ratio)
     or its torque limits doubled: what an experiment varies, and still one word in every file.
@@ -76,8 +76,8 @@ def load_robot(path: Path) -> Derived:
         raise RobotError(f"{path}: says no model; expected model: ROBOT.xml or ROBOT.urdf, beside it")
     if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", said.model):
         raise RobotError(
-            f"{path}: model {said.model!r} names code; a file runs none: name {said.model} itself as the robot, or have "
-            "it write its model to a file"
+            f"{path}: model {said.model!r} names code; a file runs none: name {said.model} itself as the robot, or "
+            "have it write its model to a file"
         )
     model = path.parent / said.model
     if model.suffix not in (".xml", ".urdf") or not model.is_file():

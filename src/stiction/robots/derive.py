@@ -28,7 +28,7 @@ from stiction.robots.anatomy import Anatomy, Part, dissect, hinges
 from stiction.robots.description import Description
 from stiction.robots.hold import hold
 from stiction.robots.model import Base, Foot, Joint, Link, Robot, link_poses
-from stiction.robots.shapes import Shape, Vector, bounds, reach
+from stiction.robots.shapes import Contact, Shape, Vector, bounds, reach
 from stiction.robots.source import Source
 
 FREQUENCY, DAMPING_RATIO = 10.0, 2.0
@@ -207,32 +207,34 @@ def _joint(
         origins.append(Origin(name, field, f"{value:.4g} {unit}".strip(), where))
         return value
 
+    limited = bool(model.jnt_limited[number])
+    low, high = (float(value) for value in model.jnt_range[number]) if limited else (-FREE_RANGE, FREE_RANGE)
+    if said.of_joint(name, "action") is False:
+        # Nothing drives it, and it is gone when the robot is complete: its motor need not be known.
+        return Joint(name, kind, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, min(low, angle - 1), max(high, angle + 1), angle, 0.0)
     limit, where = _torque_limit(model, number)
-    rigid = said.of_joint(name, "action") is False
-    torque = take("torque_limit", "N m", 1.0 if rigid else limit, "rule: held" if rigid else where)
+    torque = take("torque_limit", "N m", limit, where)
     if not torque > 0:
         raise RobotError(
             f"joint {name!r} has no torque limit in the file (neither forcerange, nor a motor's ctrlrange, nor "
             f"actuatorfrcrange or effort); say in {said.source}: joints: {{{name}: {{torque_limit: ...}}}} [N m]"
         )
-    armature = take(
-        "armature", "kg m²", 1.0 if rigid else _armature(model, number, said), "rule: held" if rigid else "file"
-    )
+    armature = take("armature", "kg m²", _armature(model, number, said), "file")
     if not armature > 0:
         raise RobotError(
             f"joint {name!r} has no armature in the file, and without the rotor's inertia neither friction nor gains "
-            f"mean anything; say in {said.source}: joints: {{{name}: {{armature: ...}}}} (the rotor's inertia times the "
-            "gear ratio squared [kg m²], from the motor's data sheet or from stiction identify)"
+            f"mean anything; say in {said.source}: joints: {{{name}: {{armature: ...}}}} (the rotor's inertia times "
+            "the gear ratio squared [kg m²], from the motor's data sheet or from stiction identify)"
         )
     kp_file, kd_file = _gains(model, number)
     omega = 2 * math.pi * FREQUENCY
     kp = take(
         "kp",
         "N m/rad",
-        kp_file or (typical[kind] or armature) * omega**2,
+        kp_file or typical[kind] * omega**2,
         "file: position actuator" if kp_file else f"rule: armature (2π {FREQUENCY:g} Hz)²",
     )
-    rule = 2 * DAMPING_RATIO * (typical[kind] or armature) * omega
+    rule = 2 * DAMPING_RATIO * typical[kind] * omega
     kd = take(
         "kd",
         "N m s/rad",
@@ -241,8 +243,6 @@ def _joint(
     )
     if not kp > 0:
         raise RobotError(f"{said.source}: kp of joint {name!r} is {kp:g}; expected a positive number")
-    limited = bool(model.jnt_limited[number])
-    low, high = (float(value) for value in model.jnt_range[number]) if limited else (-FREE_RANGE, FREE_RANGE)
     why = "file" if limited else "rule: a turn, as the file has no limits"
     origins.append(Origin(name, "kind", kind, said.source if said.of_joint(name, "kind") else "rule: the name"))
     return Joint(
@@ -397,7 +397,7 @@ def _leaves(anatomy: Anatomy, poses: Poses) -> list[tuple[str, int, tuple[Shape,
 
 def _said_feet(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> list[tuple[str, int, tuple[Shape, ...]]]:
     """Return name, link and shapes of the feet that were named: bodies or geometries."""
-    found = []
+    found: list[tuple[str, int, tuple[Shape, ...]]] = []
     bodies = {model.body(body).name: number for number, part in enumerate(anatomy.links) for body in part.bodies}
     geoms = {
         model.geom(geom).name: (number, shape)
@@ -425,10 +425,10 @@ def _said_feet(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> li
 
 
 def _with_contacts(link: Link, part: Part, feet: Sequence[Foot], number: int, said: Description) -> Link:
-    """Return a link with its shapes: those of a foot's link catch on obstacles, the others are seen or as the file says."""
+    """Return a link with its shapes: those of a foot's link catch on obstacles, others are seen or as the file says."""
     foot = {(shape.kind, shape.position, shape.size) for item in feet if item.link == number for shape in item.shapes}
     rest = [shape for shape in part.touched or part.shapes if (shape.kind, shape.position, shape.size) not in foot]
-    contact = "ground" if said.collision == "file" else "obstacles" if foot else "nothing"
+    contact: Contact = "ground" if said.collision == "file" else "obstacles" if foot else "nothing"
     solid = bool(part.touched)
     return replace(link, shapes=tuple(replace(shape, contact=contact if solid else "nothing") for shape in rest))
 
@@ -439,8 +439,8 @@ def _grouped(feet: tuple[Foot, ...], said: Description, poses: Poses, origins: l
     if said.groups:
         if len(said.groups) != 2 or sorted(name for group in said.groups for name in group) != sorted(names):
             raise RobotError(
-                f"{said.source}: groups are {[list(group) for group in said.groups]}; expected two lists that name each "
-                f"foot once: {', '.join(names)}"
+                f"{said.source}: groups are {[list(group) for group in said.groups]}; expected two lists that name "
+                f"each foot once: {', '.join(names)}"
             )
         origins.append(Origin("feet", "groups", str([list(group) for group in said.groups]), said.source))
         return tuple(replace(foot, group=0 if foot.name in said.groups[0] else 1) for foot in feet)
@@ -471,7 +471,7 @@ def _frictions(model: mujoco.MjModel, anatomy: Anatomy, said: Description) -> tu
         ("frictionloss", model.dof_frictionloss, "N m"),
         ("damping", model.dof_damping.reshape(model.nv, -1)[:, 0], "N m s/rad"),
     ):
-        claims = {}
+        claims: dict[str, float] = {}
         for joint in anatomy.joints:
             name, value = model.joint(joint).name, float(values[model.jnt_dofadr[joint]])
             if value > 0 and said.of_joint(name, field) is None:

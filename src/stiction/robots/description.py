@@ -6,8 +6,8 @@
       .*: {torque_limit: 35.5, armature: 0.012, kp: 40, kd: 1}
     pose: {.*_thigh_joint: 0.9, .*_calf_joint: -1.8}
 
-All that is not said is derived from the file or by a rule (`derive`); `FIELDS` and `JOINT_FIELDS` list what can be said.
-Such a file comes from others: it is small, names no code, and cannot make the reader slow.
+All that is not said is derived from the file or by a rule (`derive`); `FIELDS` and `JOINT_FIELDS` list what can be
+said. Such a file comes from others: it is small, names no code, and cannot make the reader slow.
 """
 
 from __future__ import annotations
@@ -192,8 +192,8 @@ def check_pattern(pattern: str, source: str) -> str:
     plain = re.sub(r"\\.|\[(?:\\.|[^\]\\])*\]", "x", pattern)
     if len(pattern) > 200 or re.search(r"\)[*+{]", plain) or len(re.findall(r"[*+{]", plain)) > MOST_REPETITIONS:
         raise RobotError(
-            f"{source}: the expression {pattern[:60]!r} could be slow; expected at most {MOST_REPETITIONS} repetitions, "
-            "none of them of a group"
+            f"{source}: the expression {pattern[:60]!r} could be slow; expected at most {MOST_REPETITIONS} "
+            "repetitions, none of them of a group"
         )
     try:
         re.compile(pattern)

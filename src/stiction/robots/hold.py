@@ -150,7 +150,5 @@ def reflect(body: Link, x: bool = False, y: bool = False) -> Link:
     """Return the mirror image of a link, in the plane across x or across y, with its axis as it is."""
     sign = np.array([-1.0 if x else 1.0, -1.0 if y else 1.0, 1.0])
     xx, yy, zz, xy, xz, yz = body.inertia
-    inertia = (xx, yy, zz, xy * sign[0] * sign[1], xz * sign[0], yz * sign[1])
-    return replace(
-        body, origin=_vector(sign * body.origin), com=_vector(sign * body.com), inertia=tuple(map(float, inertia))
-    )
+    inertia = (xx, yy, zz, float(xy * sign[0] * sign[1]), float(xz * sign[0]), float(yz * sign[1]))
+    return replace(body, origin=_vector(sign * body.origin), com=_vector(sign * body.com), inertia=inertia)

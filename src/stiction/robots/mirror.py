@@ -90,8 +90,8 @@ def match_links(
                 f"joint {names[number]!r} at {place[number].round(4).tolist()} m, axis "
                 f"{np.round(link.axis, 4).tolist()}: {len(found)} joints"
                 + (f" named {said[number]!r}" if said is not None else "")
-                + f" are at {(POSITION * place[number]).round(4).tolist()} m with a mirrored axis and a link of mirrored "
-                "mass, centre and inertia; expected one"
+                + f" are at {(POSITION * place[number]).round(4).tolist()} m with a mirrored axis and a link of "
+                "mirrored mass, centre and inertia; expected one"
             )
         image[number], sign[number] = found[0]
     return image[:-1], sign

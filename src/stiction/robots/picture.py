@@ -1,4 +1,4 @@
-"""Draws a robot standing, with the axis of every driven joint as an arrow: the angle grows with the right hand about it.
+"""Draws a robot standing, with the axis of every driven joint as an arrow: angles follow the right-hand rule.
 
 Rendering happens in a process of its own: the kind of OpenGL is chosen before MuJoCo is imported, and a graphics driver
 that fails, or takes its process down, costs the picture and nothing else.

@@ -113,8 +113,8 @@ def _check_structure(spec: mujoco.MjSpec, name: str) -> None:
     """Refuse what is more than a tree of rigid bodies with hinges."""
     for equality in spec.equalities:
         raise RobotError(
-            f"{name}: the equality constraint {equality.name or equality.name1!r} closes a loop or couples joints; only "
-            "trees of free hinges are simulated: remove it, or replace the coupled joints by one"
+            f"{name}: the equality constraint {equality.name or equality.name1!r} closes a loop or couples joints; "
+            "only trees of free hinges are simulated: remove it, or replace the coupled joints by one"
         )
     for joint in spec.joints:
         if joint.type not in (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_FREE):
@@ -160,8 +160,8 @@ def _check_mass(model: mujoco.MjModel, path: Path) -> None:
         raise RobotError(f"{path}: its masses cannot be read: {error}") from error
     if abs(model.body_mass.sum() - sum(masses)) > 1e-6 * sum(masses):
         raise RobotError(
-            f"{path}: its links weigh {sum(masses):.6g} kg and the compiled model {model.body_mass.sum():.6g} kg; links "
-            "without mass that move get one, or one is lost: give each moving link its mass"
+            f"{path}: its links weigh {sum(masses):.6g} kg and the compiled model {model.body_mass.sum():.6g} kg; "
+            "links without mass that move get one, or one is lost: give each moving link its mass"
         )
 
 

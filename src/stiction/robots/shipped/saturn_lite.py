@@ -32,7 +32,7 @@ _HIP = LegJoint(
     default_position=0.0,
 )
 
-ROBOT = BoxLegs(
+BOXES = BoxLegs(
     name="saturn_lite",
     trunk=Box(mass=16.4, size=(0.70, 0.26, 0.14)),
     hip_link=Box(mass=0.9, size=(0.10, 0.08, 0.10)),
@@ -51,4 +51,6 @@ ROBOT = BoxLegs(
         Leg("RR", (-0.31, -0.11, 0.0), group=1),
     ),
     action_scale=0.25,
-).robot()
+)
+
+ROBOT = BOXES.robot()

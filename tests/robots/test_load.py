@@ -1,0 +1,252 @@
+"""A robot from its file and a few lines: what is derived, what is said, and what is refused by name."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from robot_files import MJCF, URDF_LEG, urdf, write
+
+from stiction.core.errors import StictionError
+from stiction.robots.catalog import find_robot, load_robot
+from stiction.robots.derive import kind_of
+from stiction.robots.mirror import robot_mirror
+from stiction.robots.mjcf import build_model
+
+
+def test_everything_derivable_is_derived_by_hand(tmp_path: Path) -> None:
+    """A motor of gear 2 and 12 N m gives 24; kp = 0.01 (20π)²; feet, groups, pose and height come from the file."""
+    (tmp_path / "dog.xml").write_text(MJCF)
+    derived = load_robot(tmp_path / "dog.xml")
+    robot = derived.robot
+    kp = 0.01 * (20 * np.pi) ** 2
+    assert robot.name == "dog" and robot.mass == pytest.approx(6 + 4 * 1.95) and robot.num_joints == 12
+    assert (robot.joint_values("torque_limit") == 24.0).all()
+    assert robot.joint_values("kp") == pytest.approx(kp) and robot.joint_values("kd") == pytest.approx(0.8 * np.pi)
+    assert robot.joint_values("action_scale") == pytest.approx(0.25 * 24 / kp)
+    assert robot.joint_kinds == ("hip", "thigh", "calf")
+    assert robot.foot_names == ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
+    assert robot.groups().tolist() == [0, 1, 1, 0]
+    assert robot.joint_values("default_position")[:3].tolist() == [0.0, 0.8, -1.5]
+    # Thigh and calf of 0.2 m at 0.8 and -0.7 rad from the vertical, and the ball's radius.
+    assert robot.standing_height == pytest.approx(0.2 * np.cos(0.8) + 0.2 * np.cos(0.7) + 0.02)
+    assert robot.base.size == pytest.approx((0.4, 0.1, 0.12))
+    sources = {(origin.field, origin.source) for origin in derived.origins}
+    assert ("torque_limit", "file: ctrlrange of its motor") in sources
+    assert ("default_position", "file: keyframe 'home'") in sources
+
+
+def test_a_friction_in_the_file_is_shown_and_not_taken(tmp_path: Path) -> None:
+    """It was nobody's measurement; a policy trained on it would be trained on a rumour."""
+    derived = load_robot(write(tmp_path))
+    assert not derived.robot.joint_values("frictionloss").any() and not derived.robot.joint_values("damping").any()
+    assert any("claims frictionloss (hip 0.3" in note for note in derived.notes)
+    said = "model: robot.xml\njoints: {.*_calf_joint: {frictionloss: 0.4}, .*: {frictionloss: 0.1}}\n"
+    taken = load_robot(write(tmp_path, said))
+    assert taken.robot.joint_values("frictionloss")[:3].tolist() == [0.1, 0.1, 0.4]
+    assert not any("frictionloss" in note for note in taken.notes)
+
+
+def test_what_is_said_wins_and_the_first_match_counts(tmp_path: Path) -> None:
+    """Field by field: an expression that says less leaves the rest to the next one."""
+    said = """
+model: robot.xml
+name: rex
+joints:
+  FL_hip_joint: {kp: 60}
+  .*_(hip|thigh)_joint: {kp: 50, kd: 1e-1}
+  .*: {kp: 40, torque_limit: 20, kind: leg}
+pose: {.*_hip_joint: 0.05, .*_thigh_joint: 0.9, .*_calf_joint: -1.8}
+feet: [RR_ball, RL_ball, FR_ball, FL_ball]
+groups: [[RR_ball, RL_ball], [FR_ball, FL_ball]]
+vendor: {order: [FR_calf_joint, FR_thigh_joint, FR_hip_joint, FL_hip_joint, FL_thigh_joint, FL_calf_joint, RL_hip_joint,
+  RL_thigh_joint, RL_calf_joint, RR_hip_joint, RR_thigh_joint, RR_calf_joint], sign: {FR_.*: -1}, offset: {.*_calf_joint: 0.2}}
+"""
+    robot = load_robot(write(tmp_path, said)).robot
+    assert robot.name == "rex" and robot.joint_kinds == ("leg",)
+    assert robot.joint_values("kp")[:4].tolist() == [60.0, 50.0, 40.0, 50.0]
+    assert robot.joint_values("kd")[0] == 0.1
+    assert robot.joint_values("default_position")[:3].tolist() == [0.05, 0.9, -1.8]
+    assert robot.foot_names[0] == "RR_ball" and robot.groups().tolist() == [0, 0, 1, 1]
+    assert robot.vendor.order[0] == "FR_calf_joint"
+    assert robot.vendor.sign[:4] == (-1.0, -1.0, -1.0, 1.0) and robot.vendor.offset[:2] == (0.2, 0.0)
+
+
+def test_a_urdf_keeps_its_root_and_its_mass(tmp_path: Path) -> None:
+    """MuJoCo would make the pelvis part of the world; its picture in a format nobody decodes is left out and named."""
+    path = write(tmp_path, "model: robot.urdf\njoints: {.*: {armature: 0.02}}\n", urdf(), "robot.urdf")
+    derived = load_robot(path)
+    robot = derived.robot
+    assert robot.mass == pytest.approx(12.0) and robot.base.mass == 5.0
+    assert robot.joint_names == ("left_hip", "left_knee", "right_hip", "right_knee")
+    assert robot.joint_values("torque_limit").tolist() == [60.0, 80.0, 60.0, 80.0]
+    assert robot.foot_names == ("left_shank", "right_shank") and robot.groups() is None
+    assert robot.standing_height == pytest.approx(0.05 + 0.3 + 0.32)
+    assert robot_mirror(robot).joints.tolist() == [2, 3, 0, 1]
+    assert any("floats here" in note for note in derived.notes)
+
+
+def test_a_urdf_on_a_floating_joint_is_the_same(tmp_path: Path) -> None:
+    """Many exports hang the robot on an empty link; that link is nothing, and MuJoCo refuses it."""
+    hung = urdf().replace(
+        '<link name="pelvis">',
+        '<link name="world_link"/><joint name="free" type="floating"><parent link="world_link"/><child link="pelvis"/>'
+        '</joint><link name="pelvis">',
+    )
+    robot = load_robot(write(tmp_path, "model: robot.urdf\njoints: {.*: {armature: 0.02}}\n", hung, "robot.urdf")).robot
+    assert robot.mass == pytest.approx(12.0)
+
+
+def tetrahedron(path: Path) -> None:
+    """Write a mesh with corners at 0.1, 0.2, 0.3 m along the axes and at the origin."""
+    corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.2, 0], [0, 0, 0.3]], "<f4")
+    faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    body = b"".join(struct.pack("<12fH", 0, 0, 0, *corners[list(face)].ravel(), 0) for face in faces)
+    path.write_bytes(b"\0" * 80 + struct.pack("<I", 4) + body)
+
+
+@pytest.mark.parametrize(
+    "name", ["package://dog_description/meshes/foot.stl", "meshes/foot.stl", "/elsewhere/foot.STL"]
+)
+def test_a_mesh_is_found_wherever_its_package_lies(name: str, tmp_path: Path) -> None:
+    """As a package, beside the file, or by its own name under the package's folder."""
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "meshes").mkdir()
+    tetrahedron(tmp_path / "meshes" / "foot.stl")
+    box = '<geometry><box size=".2 .08 .04"/></geometry>'
+    model = urdf().replace(box, f'<geometry><mesh filename="{name}"/></geometry>')
+    path = write(tmp_path / "urdf", "model: robot.urdf\njoints: {.*: {armature: 0.02}}\n", model, "robot.urdf")
+    foot = load_robot(path).robot.feet[0]
+    (shape,) = foot.shapes
+    corners = np.array(shape.vertices) @ shape.rotation.T + shape.position
+    np.testing.assert_allclose(np.ptp(corners, axis=0), [0.1, 0.2, 0.3], atol=1e-6)
+    assert build_model(find_robot(str(path))).nmesh == 2
+
+
+def test_a_complete_yaml_is_the_same_robot(tmp_path: Path) -> None:
+    """`robot show` writes all that is known; loaded again with the model that is simulated, nothing has changed."""
+    from stiction.robots.description import complete_text
+    from stiction.robots.mjcf import build
+
+    robot = load_robot(write(tmp_path)).robot
+    (tmp_path / "simulated.xml").write_text(build(robot).to_xml())
+    (tmp_path / "complete.yaml").write_text(complete_text(robot, "simulated.xml"))
+    again = load_robot(tmp_path / "complete.yaml").robot
+    assert again.joint_names == robot.joint_names and again.foot_names == robot.foot_names
+    for name in ("torque_limit", "armature", "kp", "kd", "lower", "upper", "default_position", "action_scale"):
+        np.testing.assert_allclose(again.joint_values(name), robot.joint_values(name), rtol=1e-6)
+    assert again.standing_height == pytest.approx(robot.standing_height, abs=1e-6)
+    assert again.mass == pytest.approx(robot.mass) and again.joint_kinds == robot.joint_kinds
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ("model: other.xml", "there is no such .xml or .urdf file"),
+        ("name: dog", "says no model"),
+        ("model: my_package:make", "names code; a file runs none"),
+        ("model: robot.xml\njiont: {}", "unknown field 'jiont'; did you mean 'joints'"),
+        ("model: robot.xml\njoints: {.*_hip: {kp: 1}}", r"unknown joint '\.\*_hip'"),
+        ("model: robot.xml\njoints: {.*: {kpp: 1}}", "unknown field 'kpp'; did you mean 'kp'"),
+        ("model: robot.xml\njoints: {.*: {kp: fast}}", "kp is 'fast'; expected a number"),
+        ("model: robot.xml\njoints: {.*: {kp: 0}}", "kp of joint 'FL_hip_joint' is 0"),
+        ("model: robot.xml\njoints: {.*: {armature: 0}}", "has no armature in the file"),
+        ("model: robot.xml\njoints: {.*: {torque_limit: 0}}", "has no torque limit"),
+        ("model: robot.xml\njoints: {'(.*)+x': {kp: 1}}", "could be slow"),
+        ("model: robot.xml\njoints: {'[': {kp: 1}}", "no regular expression"),
+        ("model: robot.xml\njoints: {.*: {action: false}}", "action is false for every joint"),
+        ("model: robot.xml\npose: {.*_thigh_joint: 45}", "45 rad; is that in degrees"),
+        ("model: robot.xml\npose: {.*_calf_joint: 1.0}", "outside its limits"),
+        ("model: robot.xml\npose: {.*: 0}\nkeyframe: home", "both pose and keyframe"),
+        ("model: robot.xml\nkeyframe: hoem", "unknown keyframe 'hoem'; did you mean 'home'"),
+        ("model: robot.xml\nbase: trnk", "unknown body 'trnk'; did you mean 'trunk'"),
+        ("model: robot.xml\nbase: FL_calf", "against the body that floats"),
+        ("model: robot.xml\nfeet: [FL_fot]", "unknown body or geometry 'FL_fot'; did you mean"),
+        ("model: robot.xml\ngroups: [[FL_foot], [FR_foot]]", "name each foot once|name each"),
+        ("model: robot.xml\nmirror: {FL_hip: FR_hip_joint}", "unknown joint 'FL_hip'"),
+        ("model: robot.xml\nvendor: {order: [FL_hip_joint]}", "names .* wrongly"),
+        ("model: robot.xml\nvendor: {sign: {.*: 2}}", "expected 1 or -1"),
+        ("model: robot.xml\nmodel: robot.xml", "'model' stands twice"),
+        ("model: &a robot.xml\nname: *a", "alias"),
+        ("model: [robot.xml", "is not YAML"),
+        ("- model", "expected names with values"),
+    ],
+)
+def test_what_is_wrong_is_said_by_name(said: str, message: str, tmp_path: Path) -> None:
+    """A line that is not understood is never a value that is silently not taken."""
+    with pytest.raises(StictionError, match=message):
+        load_robot(write(tmp_path, said + "\n"))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('gear="2" ctrlrange="-12 12"', 'gear="2"', "'FL_hip_joint' has no torque limit"),
+        ('armature="0.01"', 'armature="0"', "'FL_hip_joint' has no armature"),
+        ('name="FL_calf_joint" axis', 'name="FL_knee" axis', "FL_calf_joint"),
+        ('diaginertia="5e-3 5e-3 8e-4"', 'diaginertia="0 0 0"', "inertia"),
+        ('<geom type="plane"', '<body><joint name="x"/><geom size="1"/></body><geom type="plane"', "2 of them do"),
+        ("<freejoint/>", '<joint name="rail" type="slide"/>', "'rail' is a slide joint"),
+        ("<freejoint/>", '<joint name="hook"/>', "hangs on the world by the joint 'hook'"),
+        ("<actuator>", '<contact><pair geom1="FL_ball" geom2="floor"/></contact><actuator>', "floor"),
+        (
+            "<actuator>",
+            '<equality><joint joint1="FL_hip_joint" joint2="FR_hip_joint"/></equality><actuator>',
+            "couples",
+        ),
+        ('<geom name="hull" type="box" size=".2 .05 .06"/>', '<geom type="mesh" mesh="gone"/>', "gone"),
+        ("<mujoco", '<!DOCTYPE x [<!ENTITY a "b">]><mujoco', "entities"),
+        ("</mujoco>", "", "cannot read it"),
+    ],
+)
+def test_a_broken_copy_is_refused_by_name(old: str, new: str, message: str, tmp_path: Path) -> None:
+    """What would have been another robot, or a traceback from a library, is one line that names the element."""
+    assert old in MJCF
+    with pytest.raises(StictionError, match=message):
+        load_robot(write(tmp_path, model=MJCF.replace(old, new, 12 if "ctrlrange" in old else 1)))
+
+
+def test_a_mesh_that_is_needed_and_missing_is_refused(tmp_path: Path) -> None:
+    """Its body has its mass from it: without it, it would be another robot; one that is only seen is left out."""
+    seen = MJCF.replace("<worldbody>", '<asset><mesh name="m" file="m.dae"/></asset><worldbody>')
+    seen = seen.replace('<geom name="hull"', '<geom class="seen" type="mesh" mesh="m"/><geom name="hull"')
+    derived = load_robot(write(tmp_path, model=seen))
+    assert any("'m.dae' is not there; it is left out" in note for note in derived.notes)
+    needed = seen.replace('<inertial pos="0 0 0" mass="6" diaginertia=".02 .07 .08"/>', "")
+    with pytest.raises(StictionError, match=r"'m.dae' is not there, and the body 'trunk' has its mass from it"):
+        load_robot(write(tmp_path, model=needed))
+
+
+def test_a_urdf_that_loses_mass_is_refused(tmp_path: Path) -> None:
+    """A link without mass that moves, and a mass that the model does not have."""
+    said = "model: robot.urdf\njoints: {.*: {armature: 0.02}}\n"
+    with pytest.raises(StictionError, match="cannot compile it.*left_shank"):
+        load_robot(write(tmp_path, said, urdf().replace('<mass value="1.5"/>', '<mass value="0"/>', 1), "robot.urdf"))
+    two = urdf().replace("</robot>", URDF_LEG.format(s="third", y=0).replace("pelvis", "nowhere") + "</robot>")
+    with pytest.raises(StictionError, match=r"robot\.urdf"):
+        load_robot(write(tmp_path, said, two, "robot.urdf"))
+
+
+def test_held_joints_need_no_motor(tmp_path: Path) -> None:
+    """Hips that are held are rigid, wherever the pose has them."""
+    said = "model: robot.xml\njoints: {.*_hip_joint: {action: false, armature: 0}}\n"
+    robot = load_robot(write(tmp_path, said)).robot
+    assert robot.num_joints == 8 and [joint.name for joint in robot.held][0] == "FL_hip_joint"
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("FL_hip_joint", "hip"),
+        ("left_hip_pitch_joint", "hip_pitch"),
+        ("lf_haa_joint", "haa"),
+        ("fl.hx", "hx"),
+        ("Right_Knee_Pitch", "knee_pitch"),
+        ("joint_1", "joint_1"),
+    ],
+)
+def test_kinds_from_names(name: str, kind: str) -> None:
+    """Friction and rewards are given by kind: left and right must be one."""
+    assert kind_of(name) == kind
