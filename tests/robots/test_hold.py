@@ -23,7 +23,7 @@ def test_two_points_by_hand() -> None:
 
 
 def test_held_arms_move_as_locked_ones() -> None:
-    """Masses, centres and the inertia that the legs feel are those of the 29 joints with waist and arms at their angles."""
+    """Masses, centres and the legs' inertia are those of 29 joints with waist and arms at their angles."""
     whole, legs = g1.whole(), g1.ROBOT
     assert legs.num_joints == 12 and len(legs.held) == 17 and legs.mass == pytest.approx(whole.mass)
     angles = dict(zip(whole.joint_names, whole.joint_values("default_position"), strict=True))

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from robot_files import MJCF, URDF_LEG, urdf, write
 
+from robot_files import MJCF, URDF_LEG, urdf, write
 from stiction.core.errors import StictionError
 from stiction.robots.catalog import find_robot, load_robot
 from stiction.robots.derive import kind_of
@@ -61,8 +61,9 @@ joints:
 pose: {.*_hip_joint: 0.05, .*_thigh_joint: 0.9, .*_calf_joint: -1.8}
 feet: [RR_ball, RL_ball, FR_ball, FL_ball]
 groups: [[RR_ball, RL_ball], [FR_ball, FL_ball]]
-vendor: {order: [FR_calf_joint, FR_thigh_joint, FR_hip_joint, FL_hip_joint, FL_thigh_joint, FL_calf_joint, RL_hip_joint,
-  RL_thigh_joint, RL_calf_joint, RR_hip_joint, RR_thigh_joint, RR_calf_joint], sign: {FR_.*: -1}, offset: {.*_calf_joint: 0.2}}
+vendor: {order: [FR_calf_joint, FR_thigh_joint, FR_hip_joint, FL_hip_joint, FL_thigh_joint, FL_calf_joint,
+  RL_hip_joint, RL_thigh_joint, RL_calf_joint, RR_hip_joint, RR_thigh_joint, RR_calf_joint],
+  sign: {FR_.*: -1}, offset: {.*_calf_joint: 0.2}}
 """
     robot = load_robot(write(tmp_path, said)).robot
     assert robot.name == "rex" and robot.joint_kinds == ("leg",)
@@ -222,7 +223,7 @@ def test_a_mesh_that_is_needed_and_missing_is_refused(tmp_path: Path) -> None:
 def test_a_urdf_that_loses_mass_is_refused(tmp_path: Path) -> None:
     """A link without mass that moves, and a mass that the model does not have."""
     said = "model: robot.urdf\njoints: {.*: {armature: 0.02}}\n"
-    with pytest.raises(StictionError, match="cannot compile it.*left_shank"):
+    with pytest.raises(StictionError, match=r"cannot compile it.*left_shank"):
         load_robot(write(tmp_path, said, urdf().replace('<mass value="1.5"/>', '<mass value="0"/>', 1), "robot.urdf"))
     two = urdf().replace("</robot>", URDF_LEG.format(s="third", y=0).replace("pelvis", "nowhere") + "</robot>")
     with pytest.raises(StictionError, match=r"robot\.urdf"):
@@ -233,7 +234,7 @@ def test_held_joints_need_no_motor(tmp_path: Path) -> None:
     """Hips that are held are rigid, wherever the pose has them."""
     said = "model: robot.xml\njoints: {.*_hip_joint: {action: false, armature: 0}}\n"
     robot = load_robot(write(tmp_path, said)).robot
-    assert robot.num_joints == 8 and [joint.name for joint in robot.held][0] == "FL_hip_joint"
+    assert robot.num_joints == 8 and robot.held[0].name == "FL_hip_joint"
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def test_left_legs_mirror_right_ones() -> None:
 
 
 def test_the_makers_hips_change_their_sign() -> None:
-    """All hips of a Go1 turn about +x: what opens a left leg closes a right one. On G1 roll and yaw do, pitch does not."""
+    """All hips of a Go1 turn about +x: what opens a left leg closes a right one. On G1 roll and yaw do so."""
     mirror = robot_mirror(find_robot("go1"))
     assert mirror.sign.tolist() == [-1.0, 1.0, 1.0] * 4
     assert mirror.joints.tolist() == [3, 4, 5, 0, 1, 2, 9, 10, 11, 6, 7, 8]
@@ -115,7 +115,7 @@ def test_what_was_said_is_verified() -> None:
     )
     found = robot_mirror(replace(robot, mirror_names=said))
     assert found.joints.tolist() == robot_mirror(robot).joints.tolist()
-    with pytest.raises(StictionError, match="joint 'FR_hip_joint' .* 0 joints named 'RL_hip_joint'"):
+    with pytest.raises(StictionError, match=r"joint 'FR_hip_joint' .* 0 joints named 'RL_hip_joint'"):
         robot_mirror(replace(robot, mirror_names=("RL_hip_joint", *said[1:])))
     with pytest.raises(StictionError, match="says mirror: none"):
         robot_mirror(replace(robot, mirror_names=()))

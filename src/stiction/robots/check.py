@@ -6,7 +6,7 @@ armature nobody knows, a pose that it cannot hold.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -48,11 +48,16 @@ class Finding:
 
 
 def check_robot(robot: Robot) -> tuple[Finding, ...]:
-    """Return what all checks found, in their order; the robot can be used where none is `bad`."""
-    checks: tuple[Callable[[Robot], Iterator[Finding]], ...] = (
-        _mass, _inertias, _limits, _motors, _gravity, _feet, _mirror, _order, _stands
-    )  # fmt: skip
-    return tuple(finding for check in checks for finding in check(robot))
+    """Return what all checks found, in their order; the robot can be used where none is `bad`.
+
+    What cannot be simulated is not: with impossible masses the checks that stand the robot up are left out.
+    """
+    findings = [
+        finding for check in (_mass, _inertias, _limits, _motors, _feet, _mirror, _order) for finding in check(robot)
+    ]
+    if not any(finding.state == "bad" and finding.check in ("mass", "inertia") for finding in findings):
+        findings += [*_gravity(robot), *_stands(robot)]
+    return tuple(findings)
 
 
 def _mass(robot: Robot) -> Iterator[Finding]:

@@ -1,0 +1,69 @@
+"""The checks of a robot: each finds what it is there for, in a robot that has nothing else wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stiction.robots.catalog import find_robot, robot_names
+from stiction.robots.check import check_robot, standing_torques
+from stiction.robots.model import Robot
+
+
+def states(robot: Robot) -> dict[str, str]:
+    """Return the worst state of each check."""
+    order = ("good", "note", "bad")
+    found: dict[str, str] = {}
+    for finding in check_robot(robot):
+        found[finding.check] = max(found.get(finding.check, "good"), finding.state, key=order.index)
+    return found
+
+
+@pytest.mark.parametrize("name", robot_names())
+def test_shipped_robots_pass(name: str) -> None:
+    """Nothing to mend; a biped does not stand without a policy, which is no fault."""
+    found = states(find_robot(name))
+    assert "bad" not in found.values()
+    assert found["stands"] == ("note" if name == "g1" else "good")
+
+
+def altered(robot: Robot, **fields: float) -> Robot:
+    """Return a robot with other values at every joint."""
+    return replace(robot, joints=tuple(replace(joint, **fields) for joint in robot.joints))
+
+
+GO1 = find_robot("go1")
+
+
+@pytest.mark.parametrize(
+    ("check", "robot", "words"),
+    [
+        ("mass", replace(GO1, base=replace(GO1.base, mass=0.1)), "the trunk's mass is lost"),
+        ("inertia", replace(GO1, base=replace(GO1.base, inertia=(0.1, 0.1, 0.5, 0, 0, 0))), "base (0.1, 0.1, 0.5"),
+        ("inertia", replace(GO1, base=replace(GO1.base, inertia=(0.0,) * 6)), "base (0, 0, 0"),
+        ("limits", altered(GO1, lower=-90.0, upper=90.0), "is it in degrees"),
+        ("gravity", altered(GO1, torque_limit=4.0), "of the torque limit at"),
+        ("stands", altered(GO1, kp=3.0), "it falls"),
+        ("feet", replace(GO1, feet=(replace(GO1.feet[0], group=None),)), "one foot"),
+    ],
+    ids=["mass", "triangle", "zero", "degrees", "weak", "soft", "foot"],
+)
+def test_what_is_broken_is_found(check: str, robot: Robot, words: str) -> None:
+    """A finding says what was found and the line that mends it."""
+    findings = check_robot(robot)
+    bad = [finding for finding in findings if finding.check == check and finding.state == "bad"]
+    assert len(bad) == 1 and words in bad[0].text and bad[0].mend
+
+
+def test_standing_torques_by_hand() -> None:
+    """Go1 in its pose: what the feet push up times their lever, less the weight of thigh and calf, at each knee."""
+    torque = standing_torques(GO1)
+    knees = torque[2::3]
+    angle = GO1.joints[1].default_position + GO1.joints[2].default_position
+    # A quarter of the weight pushes up 0.213 m along the calf; its lever about the knee is 0.213 sin(angle).
+    lever = 0.213 * np.sin(angle)
+    assert np.abs(knees).mean() == pytest.approx(abs(GO1.weight / 4 * lever), rel=0.1)
+    mirrored = torque.reshape(4, 3)
+    np.testing.assert_allclose(mirrored[0], mirrored[1] * [-1, 1, 1], atol=0.2)
