@@ -110,9 +110,11 @@ def test_supervised_losses_by_hand(env: LocomotionEnv, tmp_path) -> None:
     """L_ada = MSE(z, z*), L_est = MSE(o_exp, o_exp*), means over robots and entries."""
     actor, obs = phase(env, tmp_path).alg.actor, env.get_observations()
     z, star = actor.privileged_encoder(obs["privileged"]), actor.adaptation(obs["history"])
-    torch.testing.assert_close(actor.adaptation_loss(obs), ((z - star) ** 2).sum() / z.numel())
+    torch.testing.assert_close(actor.supervised_losses(obs)["adaptation"], ((z - star) ** 2).sum() / z.numel())
     guess = actor.estimator(obs["history"])
-    torch.testing.assert_close(actor.estimator_loss(obs), ((guess - obs["explicit"]) ** 2).sum() / guess.numel())
+    torch.testing.assert_close(
+        actor.supervised_losses(obs)["estimator"], ((guess - obs["explicit"]) ** 2).sum() / guess.numel()
+    )
 
 
 def test_actor_never_sees_the_true_explicit_state(env: LocomotionEnv, tmp_path) -> None:

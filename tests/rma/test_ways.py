@@ -127,7 +127,7 @@ def test_velocity_weighs_more_by_hand(env: LocomotionEnv, tmp_path) -> None:
     actor, obs = runner_of(ONE_PHASE, env, tmp_path).alg.actor, env.get_observations()
     error = (actor.estimator(obs["history"]) - obs["explicit"]).square()
     expected = (10.0 * error[:, :VELOCITY].sum() + error[:, VELOCITY:].sum()) / error.numel()
-    torch.testing.assert_close(actor.estimator_loss(obs, 10.0), expected)
+    torch.testing.assert_close(actor.supervised_losses(obs, 10.0)["estimator"], expected)
 
 
 def test_the_noise_falls_on_a_straight_line(env: LocomotionEnv, tmp_path) -> None:

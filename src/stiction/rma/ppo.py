@@ -73,7 +73,7 @@ class AdaptationPPO(PPO):
     @staticmethod
     def construct_algorithm(obs: TensorDict, env: VecEnv, cfg: dict, device: str) -> PPO:
         """Construct the algorithm, with room in its storage for what the actor remembers of a rollout."""
-        latent, source = cfg["actor"]["latent"], cfg["algorithm"]["settings"].latent
+        latent, source = cfg["actor"]["network"].latent, cfg["algorithm"]["settings"].latent
         columns = {"estimate": obs["explicit"].shape[-1]}
         if source != "history":
             columns |= {"guess": latent}
