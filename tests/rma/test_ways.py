@@ -70,7 +70,7 @@ def test_what_is_remembered_changes_no_action(cfg: TrainCfg, env: LocomotionEnv,
 def test_in_groups_only_the_marked_robots_walk_blind(env: LocomotionEnv, tmp_path) -> None:
     """A changed privileged observation changes what the teachers do, and nothing that a student does."""
     runner, obs = runner_of(GROUPS, env, tmp_path), env.get_observations()
-    obs = obs.clone().update(runner.alg.room)
+    obs = obs.clone().update(runner.alg.fixed)
     blind = obs["walks_blind"].flatten() > 0
     other = obs.clone()
     other["privileged"] = other["privileged"] + 1.0

@@ -1,9 +1,9 @@
-"""Makes an update of the networks cheaper without another result: mini-batches gathered once, and a quicker ELU.
+"""Makes an update of the networks cheaper: mini-batches gathered once, and a quicker ELU.
 
-PPO passes over the same mini-batches in every epoch, and torch's indexing gathers them number by number each time, a
-quarter of the update. Here each is gathered once, row by row: the same numbers, bit for bit.
+PPO passes over the same mini-batches in every epoch, and torch's indexing gathers them number by number each time. Here
+each is gathered once, row by row: the same numbers, bit for bit.
 
-torch's ELU takes `expm1` from one library and `exp` from another, which on the fast path (`formats.gemm`) is many times
+torch's ELU takes `expm1` from one library and `exp` from another, which on the fast path (`core.gemm`) is many times
 faster. ELU(x) = max(x, exp(min(x, 0)) - 1) is off by 6e-8 at most.
 """
 

@@ -23,8 +23,7 @@ from stiction.rma.phase import Film, PhaseRunner, Progress
 from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
 
 QUIET_FROM = 0.75
-"""Share of the first phase after which the noise has fallen to `TeacherCfg.final_std`: the rest of it learns to walk as
-what is deployed walks."""
+"""Share of the first phase after which the noise has fallen to `TeacherCfg.final_std`."""
 
 
 def groups(cfg: TrainCfg) -> list[str]:
@@ -45,7 +44,7 @@ def _actor(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str, Any]:
 
 
 def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
-    """Return rsl_rl's configuration of PPO in a phase: the first one, or that of a student that walks on its own z*."""
+    """Return rsl_rl's configuration of PPO in the first phase, or (`student`) of a student that walks on its own z*."""
     teacher, first, noise = cfg.teacher, phase == "teacher", None
     if (end := teacher.final_std) is not None:
         falling = (cfg.network.initial_std, end, round(QUIET_FROM * teacher.iterations))
@@ -107,18 +106,9 @@ def train(
 ) -> dict[str, Any]:
     """Train teacher and student in the run directory, from its newest checkpoint if it has any; return the summary.
 
-    Args:
-        cfg: the whole configuration.
-        run: where everything is written.
-        identified: nominal joints, see `nominal_joints`.
-        progress: called after every iteration.
-        interrupted: asked after every iteration whether to stop.
-        film: called with the checkpoints that are due to be filmed.
-
-    Raises:
-        StictionError: training has diverged, or the run's folder cannot be written.
-        Interrupted: it was asked to stop, and has written a checkpoint.
-
+    `identified`: nominal joints, see `nominal_joints`; `progress`, `film`: see their types; `interrupted`: asked after
+    every iteration whether to stop. Raises `StictionError` where training has diverged or the run's folder cannot be
+    written, and `Interrupted`, after a checkpoint, where it was asked to stop.
     """
     threads = num_threads()
     torch.set_num_threads(threads)
