@@ -15,7 +15,7 @@ STATE = (
     *("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied"),
     "plastic",
 )
-"""Everything in MuJoCo's integration state that this house uses: what a checkpoint must hold."""
+"""The part of MuJoCo's integration state that is used here: what a checkpoint must hold."""
 
 
 def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
@@ -23,9 +23,8 @@ def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
 
     `fields`: each (num, ...) with the same `num`.
     """
-    # A sum is finite exactly where all entries are (or overflows, which is a blow-up too): one pass, no mask. The sum
-    # over all simulations bounds that of each and is several times as fast: who blew up is asked only where somebody
-    # may have.
+    # A sum is finite exactly where all entries are (or overflows, which is a blow-up too). The sum over all simulations
+    # bounds that of each and is several times as fast.
     sizes = [np.abs(field) for field in fields]
     if all(size.sum() < mujoco.mjMAXVAL for size in sizes):
         return np.zeros(0, np.intp)
