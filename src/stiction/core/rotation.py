@@ -1,8 +1,8 @@
 """Rotations in NumPy. Quaternions are of unit length, in the order w, x, y, z; angles are in rad.
 
 A function whose name is in the singular takes one quaternion, shape (4,), and vectors of shape (3,); its plural takes N
-of them, batch first. Both are there, written out, because a control loop at 1 kHz and a fleet of thousands must both be
-fast. What has no plural takes any leading shape. Results depend on the order of the operations, to the last bit.
+of them, batch first: a control loop at 1 kHz and a fleet of thousands must both be fast. What has no plural takes any
+leading shape. Results depend on the order of the operations, to the last bit.
 """
 
 from __future__ import annotations
@@ -62,10 +62,7 @@ def uprightness(quaternion: np.ndarray) -> np.ndarray:
 
 
 def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
-    """Return roll and pitch, shape (..., 2).
-
-    Roll is atan2(2(wx + yz), 1 - 2(x² + y²)), pitch is asin(2(wy - zx)).
-    """
+    """Return roll, atan2(2(wx + yz), 1 - 2(x² + y²)), and pitch, asin(2(wy - zx)), shape (..., 2)."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
