@@ -55,7 +55,7 @@ MOST_NAMES = 24
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
-    """Return the message for an unknown name of a kind of thing (`what`, such as `robot`), with the nearest known one."""
+    """Return the message for an unknown name of a kind of thing (`what`: such as `robot`), with the nearest."""
     names = list(known)
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     near = "".join(f"did you mean {found!r}? " for found in get_close_matches(name, names, n=1))

@@ -79,7 +79,7 @@ def yes_library() -> bytes:
     names = b"\0" + SYMBOL.encode() + b"\0"
     tags = ((4, table), (5, strings), (6, symbols), (10, len(names)), (11, 24), (0, 0))
     entries = b"".join(struct.pack("<QQ", *tag) for tag in tags)
-    # Type, flags, offset, size, alignment of: headers, symbols and code; what is written; the dynamic section; the stack.
+    # Type, flags, offset, size, alignment of: headers, symbols, code; what is written; dynamic section; stack.
     segments = (
         (1, 5, 0, code + len(YES), 0x1000),
         (1, 6, dynamic, len(entries), 0x1000),

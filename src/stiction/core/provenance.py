@@ -110,7 +110,7 @@ def source_digest(*patterns: str) -> str:
 
 
 def made_by(*patterns: str) -> dict[str, Any]:
-    """Return the code, by patterns as of `source_digest`, and the installed packages that a cached result depends on."""
+    """Return the code, by patterns as of `source_digest`, and the packages that a cached result depends on."""
     return {"code": source_digest(*patterns), "packages": _package_versions()}
 
 

@@ -62,7 +62,7 @@ class TerrainCfg:
     first_level: int = 2
     """Levels are drawn from 0 up to this one at first."""
     promote_above: float = 0.75
-    """A robot goes one level up after an episode in which it covered more than this share of the distance commanded..."""
+    """A robot goes one level up after an episode in which it covered more than this share of what was commanded..."""
     demote_below: float = 0.4
     """... and one down where it covered less than this. After a fall the rest of the course counts as commanded too."""
     speed: tuple[float, float] = (0.3, 0.55)
