@@ -98,7 +98,8 @@ class AdaptationPPO(PPO):
 
     def _prepare_rollout(self) -> None:
         """Set where the next rollout's latent comes from, and how much noise it may have."""
-        source, every = self.settings.latent, self.settings.alternate
+        source: str = self.settings.latent
+        every = self.settings.alternate
         if source == "alternate":
             source = "history" if every > 0 and self.iteration % every == every - 1 else "privileged"
         self.actor.latent_source = source

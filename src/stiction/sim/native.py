@@ -8,14 +8,10 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from stiction.sim.protocol import Simulation
+
 # MuJoCo would write every instability to a file in the current folder and to the terminal. `step` reports them instead.
 mujoco.set_mju_user_warning(lambda message: None)
-
-STATE = (
-    *("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied"),
-    "plastic",
-)
-"""The part of MuJoCo's integration state that is used here: what a checkpoint must hold."""
 
 
 def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
@@ -31,7 +27,7 @@ def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
     return np.flatnonzero(np.any([~(size.sum(axis=1) < mujoco.mjMAXVAL) for size in sizes], axis=0))
 
 
-class NativeSimulation:
+class NativeSimulation(Simulation):
     """`Simulation` on `mujoco.batch.Batch`; bit-identical to a serial loop at any thread count."""
 
     def __init__(self, model: mujoco.MjModel, num: int, threads: int) -> None:
@@ -73,12 +69,3 @@ class NativeSimulation:
     def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return one simulation's model, with its own parameters, and its state; nothing derived is computed yet."""
         return self.batch.get_model(env), self.batch.get_data(env)
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return a copy of everything the next step depends on, for a checkpoint."""
-        return {name: self.bind(name).copy() for name in STATE if self.bind(name).size}
-
-    def load_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restore what `state` returned; the next step is then bit-identical."""
-        for name, value in state.items():
-            self.bind(name)[...] = value

@@ -17,7 +17,8 @@ import numpy as np
 import warp as wp
 
 from stiction.core.errors import EngineError
-from stiction.sim.native import STATE, out_of_bounds
+from stiction.sim.native import out_of_bounds
+from stiction.sim.protocol import STATE, Simulation
 
 
 class Mirror:
@@ -143,7 +144,7 @@ FOREIGN = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) | int(mujoco.mjtDisableBit.
 """Flags that Warp refuses because it has neither: the reset of a world that blew up, and trees of geoms."""
 
 
-class WarpSimulation:
+class WarpSimulation(Simulation):
     """`Simulation` on MuJoCo Warp. Fields are float64 on the host; `step` uploads what changed and downloads the rest.
 
     Warp tells the samples of a delay line apart by time stamps, to a microsecond; after 16 s a float32 clock is coarser
@@ -335,12 +336,3 @@ class WarpSimulation:
         data.time = self.time[env]
         data.history[self._stamps.numpy()] += data.time
         return model, data
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return a copy of everything the next step depends on, for a checkpoint."""
-        return {name: self.bind(name).copy() for name in STATE if self.bind(name).size}
-
-    def load_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restore what `state` returned; on the processor the next step is then bit-identical."""
-        for name, value in state.items():
-            self.bind(name)[...] = value
