@@ -16,14 +16,14 @@ UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def about(axis: int, angle: float | np.ndarray) -> np.ndarray:
-    """Return the quaternions of turns by angles, shape (...), about x, y or z (0, 1, 2); shape (..., 4)."""
+    """Return the quaternions of rotations by angles, shape (...), about x, y or z (0, 1, 2); shape (..., 4)."""
     quaternion = np.zeros((*np.shape(angle), 4))
     quaternion[..., 0], quaternion[..., 1 + axis] = np.cos(angle / 2), np.sin(angle / 2)
     return quaternion
 
 
 def about_vector(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Return the quaternion of a turn by an angle about a unit vector of shape (3,); shape (4,)."""
+    """Return the quaternion of a rotation by an angle about a unit vector of shape (3,); shape (4,)."""
     return np.concatenate(([np.cos(angle / 2)], np.sin(angle / 2) * axis))
 
 
@@ -92,13 +92,13 @@ def tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
 
 
 def angle_between(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the angle of the turn from one orientation to another."""
+    """Return the angle of the rotation from one orientation to another."""
     away = float(np.linalg.norm(matrix(first) - matrix(second)))
     return 2.0 * math.asin(min(away / 8**0.5, 1.0))
 
 
 def small_turns(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the small turns from N orientations to others, angle times axis in the first frame, shape (N, 3)."""
+    """Return the small rotations from N orientations to others, angle times axis in the first frame, shape (N, 3)."""
     inverse = first * (1.0, -1.0, -1.0, -1.0)
     # The vector part of the product of both: half the angle along the axis.
     half = inverse[:, :1] * second[:, 1:] + second[:, :1] * inverse[:, 1:] + np.cross(inverse[:, 1:], second[:, 1:])

@@ -334,10 +334,10 @@ class Baseline:
         self, target: np.ndarray, position: np.ndarray, velocity: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the PD law of the sample, and -kd Δθ' where that law is within its limit, (T, J) each [N m]."""
-        asked = self.kp * (target - position) - self.kd * velocity
+        commanded = self.kp * (target - position) - self.kd * velocity
         ahead = np.diff(velocity, axis=0, append=velocity[-1:])
-        free = np.abs(asked) < self.torque_limit
-        return np.clip(asked, -self.torque_limit, self.torque_limit), -self.kd * ahead * free
+        free = np.abs(commanded) < self.torque_limit
+        return np.clip(commanded, -self.torque_limit, self.torque_limit), -self.kd * ahead * free
 
 
 def ramp(velocity: np.ndarray) -> np.ndarray:

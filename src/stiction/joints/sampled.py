@@ -90,17 +90,17 @@ def simulate_sampled(
     """
     if not isinstance(joint.friction, Coulomb) or joint.gravity is not None or joint.viscous < 0:
         raise ConfigurationError("the sampled controller is simulated with B ≥ 0 and Coulomb friction, without gravity")
-    made = np.empty((3, len(target)))
+    samples = np.empty((3, len(target)))
     state, filtered, share = (0.0, 0.0), 0.0, sampling.pass_share
     past = [0.0] * (sampling.late + 1)
     for index, goal in enumerate(np.asarray(target, float).tolist()):
         past = [*past[1:], state[1]]
         filtered += share * (past[0] - filtered)
-        asked = gains.strength * (gains.kp * (goal - state[0]) - gains.kd * filtered)
-        torque = min(max(asked, -gains.torque_limit), gains.torque_limit)
-        made[:, index] = *state, torque
+        commanded = gains.strength * (gains.kp * (goal - state[0]) - gains.kd * filtered)
+        torque = min(max(commanded, -gains.torque_limit), gains.torque_limit)
+        samples[:, index] = *state, torque
         state = hold(joint, torque, joint.friction.level + effort * abs(torque), state, sampling.period)
-    return Trajectory(*made)
+    return Trajectory(*samples)
 
 
 def growth(joint: Joint, gains: PDGains, sampling: Sampling) -> float:
@@ -182,7 +182,7 @@ def fit_net(error: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> Line
     return LinearNet(float(weights[0]), float(weights[1]))
 
 
-def output_torque(joint: Joint, made: Trajectory) -> np.ndarray:
+def output_torque(joint: Joint, trajectory: Trajectory) -> np.ndarray:
     """Return the joint's output, motor torque less B θ' and dry friction [N m], 0 at rest, shape (num_samples,).
 
     Raises `StictionError` for a law other than plain Coulomb friction in both directions.
@@ -190,6 +190,6 @@ def output_torque(joint: Joint, made: Trajectory) -> np.ndarray:
     pieces = [joint.friction.pieces(direction) for direction in (1, -1)]
     if any(len(chain) != 1 or chain[0].slope for chain in pieces) or joint.friction.depends_on_angle:
         raise ConfigurationError(f"{type(joint.friction).__name__} friction: expected Coulomb friction")
-    level = np.where(made.velocity > 0, pieces[0][0].level, pieces[1][0].level)
-    sliding = made.torque - joint.viscous * made.velocity - np.sign(made.velocity) * level
-    return np.where(made.velocity == 0.0, 0.0, sliding)
+    level = np.where(trajectory.velocity > 0, pieces[0][0].level, pieces[1][0].level)
+    sliding = trajectory.torque - joint.viscous * trajectory.velocity - np.sign(trajectory.velocity) * level
+    return np.where(trajectory.velocity == 0.0, 0.0, sliding)

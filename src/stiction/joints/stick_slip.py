@@ -247,8 +247,8 @@ class StickSlip:
     def sides(self, index: slice | int, position: np.ndarray | float, velocity: np.ndarray | float) -> np.ndarray:
         """Return -1 or +1 where the controller asks for more than the motor gives, else 0."""
         gains = self.gains
-        asked = gains.strength * (gains.kp * (self.target[index] - position) - gains.kd * velocity)
-        return np.where(np.abs(asked) <= gains.torque_limit, 0, np.sign(asked)).astype(int)
+        commanded = gains.strength * (gains.kp * (self.target[index] - position) - gains.kd * velocity)
+        return np.where(np.abs(commanded) <= gains.torque_limit, 0, np.sign(commanded)).astype(int)
 
     def rest(self, index: int, position: float) -> int:
         """Return the first sample after `index` that friction no longer holds, or the number of samples."""

@@ -55,17 +55,24 @@ class Course:
 
 
 def course(
-    joint: Joint, gains: PDGains, step: float, target: np.ndarray, made: Trajectory, load: np.ndarray | None = None
+    joint: Joint,
+    gains: PDGains,
+    step: float,
+    target: np.ndarray,
+    trajectory: Trajectory,
+    load: np.ndarray | None = None,
 ) -> Course:
     """Cut a simulated motion; the arguments are those of `simulate` and what it returned."""
-    first, last, begin, end, sign, side, piece, start = (np.array(column) for column in zip(*made.phases, strict=True))
+    first, last, begin, end, sign, side, piece, start = (
+        np.array(column) for column in zip(*trajectory.phases, strict=True)
+    )
     count = np.maximum(last - first, 1)
     of = np.repeat(np.arange(len(count)), count)
     ahead = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
     sample, whole, start = first[of] + ahead, (last > first)[of], start[of]
     instant = np.append(np.where(whole, sample, sample + begin[of] / step), len(target) - 1.0)
-    position = np.append(np.where(whole, made.position[sample], start[:, 0]), made.position[-1])
-    velocity = np.append(np.where(whole, made.velocity[sample], start[:, 1]), made.velocity[-1])
+    position = np.append(np.where(whole, trajectory.position[sample], start[:, 0]), trajectory.position[-1])
+    velocity = np.append(np.where(whole, trajectory.velocity[sample], start[:, 1]), trajectory.velocity[-1])
     sign, side, piece = sign[of], side[of], piece[of]
 
     def pair(values: np.ndarray) -> np.ndarray:
@@ -105,9 +112,9 @@ def _laws(joint: Joint, cut: Course) -> tuple[np.ndarray, np.ndarray]:
 
 def _acceleration(joint: Joint, gains: PDGains, cut: Course) -> np.ndarray:
     """Return θ'' at both ends of each step [rad/s²], zero at rest."""
-    asked = gains.strength * (gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity)
+    commanded = gains.strength * (gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity)
     level, slope = _laws(joint, cut)
-    motor = np.where(cut.side == 0, asked, cut.side * min(gains.torque_limit, 1e300))
+    motor = np.where(cut.side == 0, commanded, cut.side * min(gains.torque_limit, 1e300))
     more = joint.friction.load_coefficient * np.abs(cut.load) + joint.friction.at_angle(cut.position)
     friction = cut.sign * (level + more) + slope * cut.velocity
     force = motor + cut.load - joint.offset - joint.viscous * cut.velocity - friction

@@ -38,7 +38,7 @@ FALLS = 2.5
 
 @dataclass(frozen=True)
 class Symptom:
-    """One way to diverge."""
+    """One kind of divergence."""
 
     lasting: int
     """Iterations in a row that must show it."""
@@ -91,7 +91,7 @@ def _falling(row: Row, _: Sequence[Row]) -> str:
 
 
 def symptoms(num_envs: int, desired_kl: float) -> tuple[Symptom, ...]:
-    """Return all ways to diverge, for a fleet of `num_envs` robots and PPO's `desired_kl`."""
+    """Return all kinds of divergence, for a fleet of `num_envs` robots and PPO's `desired_kl`."""
 
     def blown_up(row: Row, _: Sequence[Row]) -> str:
         share = row.get("walk/blown_up", 0.0) / num_envs

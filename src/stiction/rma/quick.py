@@ -37,14 +37,14 @@ def gathered_batches(storage: RolloutStorage, batches: int, epochs: int = 8) -> 
     observations = storage.observations.flatten(0, 1)
     stored = (storage.actions, storage.values, storage.advantages, storage.returns, storage.actions_log_prob)
     distribution = storage.distribution_params or ()
-    kept: list[tuple[TensorDict, list[torch.Tensor]]] = []
+    gathered: list[tuple[TensorDict, list[torch.Tensor]]] = []
     for epoch in range(epochs):
         for number in range(batches):
             if not epoch:
                 rows = ids[number * size : (number + 1) * size]
                 tensors = [tensor.flatten(0, 1).index_select(0, rows) for tensor in (*stored, *distribution)]
-                kept.append((take_rows(observations, rows), tensors))
-            seen, (actions, values, advantages, returns, log_prob, *parameters) = kept[number]
+                gathered.append((take_rows(observations, rows), tensors))
+            seen, (actions, values, advantages, returns, log_prob, *parameters) = gathered[number]
             yield RolloutStorage.Batch(seen, actions, values, advantages, returns, log_prob, tuple(parameters))
 
 

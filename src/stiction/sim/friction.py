@@ -76,8 +76,8 @@ class JointFriction:
         bound = self.level * (self.factor() if self._stored is None else self._stored)
         self._stored = None
         if self.law.spec.kept:
-            kept = np.where(self._fresh, 0.0, self.law.spec.kept)[:, None]
-            bound = kept * fleet.friction + (1.0 - kept) * bound
+            smoothing = np.where(self._fresh, 0.0, self.law.spec.kept)[:, None]
+            bound = smoothing * fleet.friction + (1.0 - smoothing) * bound
         np.copyto(fleet.friction, bound, where=np.isfinite(bound))
         self._fresh[:] = False
 
