@@ -239,24 +239,22 @@ def identified_joints(
     `StictionError` where the file holds nothing that can be used for this robot, a linear axis, or an inertia smaller
     than the links' own.
     """
-    armature: list[float | None] = []
-    damping: list[float | None] = []
-    frictionloss: list[float | None] = []
+    rows = []
     warnings: dict[str, None] = {}
     for name, links, limit in zip(joint_names, link_inertia, torque_limit, strict=True):
         key = file.key(name)
         record = file.joints[key] if key is not None else JointRecord()
         if record.axis != "rotary":
             raise FileError(f"joint {key!r} was identified as a linear axis (kg, N); expected a rotary one")
-        armature.append(_armature(name, key, record, float(links), warnings))
-        damping.append(_value(record.viscous_friction))
-        frictionloss.append(_friction(key, record, float(limit), warnings))
-    if all(value is None for value in (*armature, *damping, *frictionloss)):
+        armature = _armature(name, key, record, float(links), warnings)
+        rows.append((armature, _value(record.viscous_friction), _friction(key, record, float(limit), warnings)))
+    if all(value is None for row in rows for value in row):
         raise FileError(
             f"the file has {', '.join(file.joints)}, and nothing that can be used for {', '.join(joint_names[:3])} and "
             "so on; name the joint, or its kind, when you identify it"
         )
-    return IdentifiedJoints(tuple(armature), tuple(damping), tuple(frictionloss), tuple(warnings))
+    inertias, dampings, frictions = zip(*rows, strict=True)
+    return IdentifiedJoints(inertias, dampings, frictions, tuple(warnings))
 
 
 def _value(estimate: Estimate | None) -> float | None:
