@@ -17,7 +17,7 @@ from stiction.engines.engine import Motion
 from stiction.engines.friction import JointFriction
 from stiction.formats.contract import read_contract
 from stiction.joints import friction
-from stiction.joints.friction import LAWS, Law, LawSpec, Piece, SameEverywhere, find_law, register_law
+from stiction.joints.friction import LAWS, FrictionLaw, Law, LawSpec, Piece, find_law, register_law
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 from stiction.robots.catalog import find_robot
@@ -28,7 +28,7 @@ GROWTH = 0.05
 """Share of the friction at rest that a speed of 1 rad/s adds, and four times as much 2 rad/s."""
 
 
-class SealPieces(SameEverywhere):
+class SealPieces(FrictionLaw):
     """Friction that grows with the square of the speed, as secants between 0, 1 and 3 rad/s."""
 
     def __init__(self, level: float) -> None:

@@ -2,69 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 
+from small_steps import STEP, Size, small_steps
 from stiction.core.errors import StictionError
 from stiction.joints.friction import Asymmetric, Coulomb, LoadDependent, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint, simulate
 
-STEP = 0.002
 TIME = STEP * np.arange(500)
 GAINS = PDGains(20.0, 0.5, 45.0)
 WEAK = PDGains(1e-9, 0.0)
 """A controller that does nothing."""
 
-Size = Callable[[float, float, float], float]
-"""Direction, speed and load -> size of the friction."""
-
-
-def small_steps(joint: Joint, gains: PDGains, target: np.ndarray, load: np.ndarray, size: Size) -> np.ndarray:
-    """Return q and q' by semi-implicit steps of 1e-5 s, friction as a projection; shape (2, num_samples)."""
-    pieces = round(STEP / 1e-5)
-    step, gravity = STEP / pieces, joint.gravity or Gravity(0.0)
-    position = velocity = 0.0
-    motion = [(position, velocity)]
-    for index in range(len(target) - 1):
-        for piece in range(pieces):
-            share = (piece + 0.5) / pieces
-            goal = target[index] + (target[index + 1] - target[index]) * share
-            torque = gains.kp * (goal - position) - gains.kd * velocity
-            torque = min(max(torque, -gains.torque_limit), gains.torque_limit)
-            weight = gravity.sin * np.sin(position) + gravity.cos * np.cos(position) if joint.gravity else 0.0
-            outside = load[index] + (load[index + 1] - load[index]) * share - weight
-            moved = velocity + step * (torque + outside - joint.offset - joint.viscous * velocity) / joint.inertia
-            way = 1.0 if moved > 0 else -1.0
-            moved = way * max(abs(moved) - step * size(way, abs(velocity), outside) / joint.inertia, 0.0)
-            position += step * 0.5 * (velocity + moved)
-            velocity = moved
-        motion.append((position, velocity))
-    return np.array(motion).T
-
-
 CASES: dict[str, tuple[Joint, Size]] = {
     "asymmetric": (
         Joint(0.0145, 0.0, Asymmetric(0.5, 0.3, 0.04, 0.1)),
-        lambda way, speed, load: 0.5 + 0.04 * speed if way > 0 else 0.3 + 0.1 * speed,
+        lambda direction, speed, load, angle: 0.5 + 0.04 * speed if direction > 0 else 0.3 + 0.1 * speed,
     ),
     "stribeck": (
         Joint(0.0145, 0.0704, Stribeck(0.3, 0.5, 0.4), -0.05),
-        lambda way, speed, load: 0.3 + 0.2 * np.exp(-((speed / 0.4) ** 2)),
+        lambda direction, speed, load, angle: 0.3 + 0.2 * np.exp(-((speed / 0.4) ** 2)),
     ),
     "load": (
         Joint(0.0145, 0.0704, LoadDependent(0.2, 0.1), 0.02),
-        lambda way, speed, load: 0.2 + 0.1 * abs(load),
+        lambda direction, speed, load, angle: 0.2 + 0.1 * abs(load),
     ),
     "load_and_gravity": (
         Joint(0.02, 0.07, LoadDependent(0.2, 0.1), 0.02, Gravity(2.5, -0.8)),
-        lambda way, speed, load: 0.2 + 0.1 * abs(load),
+        lambda direction, speed, load, angle: 0.2 + 0.1 * abs(load),
     ),
     "stribeck_and_gravity": (
         Joint(0.02, 0.07, Stribeck(0.1, 0.3, 0.2), 0.02, Gravity(2.5, 1.5)),
-        lambda way, speed, load: 0.1 + 0.2 * np.exp(-((speed / 0.2) ** 2)),
+        lambda direction, speed, load, angle: 0.1 + 0.2 * np.exp(-((speed / 0.2) ** 2)),
     ),
 }
 
@@ -78,7 +49,7 @@ def test_each_law_agrees_with_small_steps(name: str, limit: float) -> None:
     load = np.where(TIME < 0.4, 0.0, 1.2) + 0.5 * np.sin(9 * TIME)
     gains = PDGains(20.0, 0.5, limit)
     made = simulate(joint, gains, STEP, target, load=load)
-    position, velocity = small_steps(joint, gains, target, load, size)
+    position, velocity = small_steps(joint, gains, target, size, load)
     assert np.abs(made.position - position).max() < 2e-3 * np.abs(position).max()
     assert np.abs(made.velocity - velocity).max() < 6e-3 * np.abs(velocity).max()
 

@@ -5,38 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from small_steps import STEP, small_steps
 from stiction.core.errors import StictionError
 from stiction.joints.friction import Coulomb, PositionDependent
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint, simulate
 
-STEP = 0.002
 TIME = STEP * np.arange(500)
 GAINS = PDGains(20.0, 0.5, 45.0)
 LAW = PositionDependent(0.2, 0.3, 0.5, 0.1)
 """0.2 N m at 0.1 rad; 0.2 + 0.12 + 0.08 = 0.4 N m at 0.5 rad; 0.2 − 0.06 + 0.02 = 0.16 N m at −0.1 rad."""
-
-
-def small_steps(joint: Joint, law: PositionDependent, gains: PDGains, target: np.ndarray) -> np.ndarray:
-    """Return q and q' by semi-implicit steps of 1e-5 s, friction as a projection; shape (2, num_samples)."""
-    pieces = round(STEP / 1e-5)
-    step, gravity = STEP / pieces, joint.gravity or Gravity(0.0)
-    position = velocity = 0.0
-    motion = [(position, velocity)]
-    for index in range(len(target) - 1):
-        for piece in range(pieces):
-            goal = target[index] + (target[index + 1] - target[index]) * (piece + 0.5) / pieces
-            torque = gains.kp * (goal - position) - gains.kd * velocity
-            torque = min(max(torque, -gains.torque_limit), gains.torque_limit)
-            torque -= gravity.sin * np.sin(position) + gravity.cos * np.cos(position) + joint.offset
-            moved = velocity + step * (torque - joint.viscous * velocity) / joint.inertia
-            away = position - law.middle
-            size = max(law.level + law.slope * away + law.curvature * away * away, 0.0)
-            moved = (1.0 if moved > 0 else -1.0) * max(abs(moved) - step * size / joint.inertia, 0.0)
-            position += step * 0.5 * (velocity + moved)
-            velocity = moved
-        motion.append((position, velocity))
-    return np.array(motion).T
 
 
 def test_what_the_angle_adds_by_hand() -> None:
@@ -58,13 +36,13 @@ def test_friction_is_never_less_than_nothing() -> None:
 
 
 @pytest.mark.parametrize(("start", "friction"), [(0.5, 0.4), (0.1, 0.2), (-0.1, 0.16)])
-@pytest.mark.parametrize("way", [1, -1])
-def test_break_away_at_an_angle(start: float, friction: float, way: int) -> None:
+@pytest.mark.parametrize("direction", [1, -1])
+def test_break_away_at_an_angle(start: float, friction: float, direction: int) -> None:
     """At kp 10 and a target that leaves at 1 rad/s, the joint lets go after friction / 10 seconds, either way."""
-    made = simulate(Joint(0.01, 0.1, LAW), PDGains(10.0, 0.0), STEP, start + way * TIME[:40], position=start)
+    made = simulate(Joint(0.01, 0.1, LAW), PDGains(10.0, 0.0), STEP, start + direction * TIME[:40], position=start)
     held = round(friction / 10 / STEP)
     np.testing.assert_array_equal(made.velocity[:held], 0.0)
-    assert abs(made.velocity[held]) < 1e-12 and way * made.velocity[held + 1] > 1e-4
+    assert abs(made.velocity[held]) < 1e-12 and direction * made.velocity[held + 1] > 1e-4
 
 
 def test_coasting_stops_where_the_energy_is_used_up() -> None:
@@ -100,11 +78,17 @@ def test_friction_that_ends_lets_the_joint_coast() -> None:
 @pytest.mark.parametrize("limit", [45.0, 2.5])
 def test_it_agrees_with_small_steps(joint: Joint, limit: float) -> None:
     """Steps of 1e-5 s of another method, over stick, slip, and the motor's limit."""
-    assert isinstance(joint.friction, PositionDependent)
+    law = joint.friction
+    assert isinstance(law, PositionDependent)
+
+    def size(direction: float, speed: float, load: float, angle: float) -> float:
+        away = angle - law.middle
+        return max(law.level + law.slope * away + law.curvature * away * away, 0.0)
+
     target = 0.4 * np.sin(4 * np.pi * TIME) + 0.2 * np.sin(22 * TIME)
     gains = PDGains(20.0, 0.5, limit)
     made = simulate(joint, gains, STEP, target)
-    position, velocity = small_steps(joint, joint.friction, gains, target)
+    position, velocity = small_steps(joint, gains, target, size)
     assert np.abs(made.position - position).max() < 2e-3 * np.abs(position).max()
     assert np.abs(made.velocity - velocity).max() < 6e-3 * np.abs(velocity).max()
 

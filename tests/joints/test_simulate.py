@@ -2,37 +2,17 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 import pytest
 
+from small_steps import STEP, small_steps
 from stiction.core.errors import StictionError
 from stiction.joints.friction import Coulomb, Stribeck
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 
-STEP = 0.002
 WEAK = PDGains(kp=1e-9, kd=0.0)
 """A controller that does nothing."""
-
-
-def brute_force(joint: Joint, gains: PDGains, target: np.ndarray, pieces: int = 200) -> np.ndarray:
-    """Return q and q' by small implicit steps, friction as a projection; shape (2, num_samples)."""
-    step, dry = STEP / pieces, STEP / pieces * joint.friction.level / joint.inertia
-    position = velocity = 0.0
-    motion = [(position, velocity)]
-    for now, then in itertools.pairwise(target):
-        for piece in range(pieces):
-            goal = now + (then - now) * (piece + 0.5) / pieces
-            torque = gains.kp * (goal - position) - gains.kd * velocity
-            torque = min(max(torque, -gains.torque_limit), gains.torque_limit) - joint.offset
-            moved = velocity + step * (torque - joint.viscous * velocity) / joint.inertia
-            moved = np.sign(moved) * max(abs(moved) - dry, 0.0)
-            position += step * 0.5 * (velocity + moved)
-            velocity = moved
-        motion.append((position, velocity))
-    return np.array(motion).T
 
 
 def test_coasting_stops_where_theory_says() -> None:
@@ -83,7 +63,7 @@ def test_it_agrees_with_small_steps(joint: Joint, gains: PDGains, amplitude: flo
     """A sine of the target against 200 times smaller steps of another method, within that method's own error."""
     target = amplitude * np.sin(4 * np.pi * STEP * np.arange(500))
     made = simulate(joint, gains, STEP, target)
-    position, velocity = brute_force(joint, gains, target)
+    position, velocity = small_steps(joint, gains, target, lambda *_: joint.friction.level)
     assert np.abs(made.position - position).max() < 2e-3 * np.abs(position).max()
     assert np.abs(made.velocity - velocity).max() < 5e-3 * np.abs(velocity).max()
 

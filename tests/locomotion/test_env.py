@@ -8,9 +8,8 @@ import pytest
 import torch
 
 from stiction.deploy.observation import ObservationBuilder, Sensors
-from stiction.locomotion.commands import CommandSampler
 from stiction.locomotion.config import CommandCfg, NoiseCfg, RandomizationCfg, TaskCfg
-from stiction.locomotion.env import LocomotionEnv
+from stiction.locomotion.env import CommandSampler, LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.randomization import nominal_joints
 from stiction.rma.run import load_checkpoint, save_checkpoint

@@ -11,6 +11,7 @@ import pytest
 import torch
 from tensordict import TensorDict
 
+from rollouts import phase_runner
 from stiction.core.errors import StictionError
 from stiction.deploy.policy import Network
 from stiction.evaluate.export import export_network
@@ -21,11 +22,10 @@ from stiction.locomotion.symmetry import Rows, TaskMirror, task_mirror
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.equivariant import EquivariantLinear, make_equivariant
-from stiction.rma.figures import Board
 from stiction.rma.models import StudentPolicy
 from stiction.rma.phase import Interrupted, PhaseRunner
 from stiction.rma.run import RunDirectory
-from stiction.rma.runner import load_actor, load_student, ppo_cfg, student_cfg, train
+from stiction.rma.runner import load_actor, load_student, train
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2, per="joint")),
@@ -55,12 +55,7 @@ def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def phase(tmp_path: Path, name: str, cfg: TrainCfg = CFG, **env: object) -> PhaseRunner:
     """A runner of one phase."""
-    torch.manual_seed(0)
-    run = RunDirectory(tmp_path)
-    run.checkpoints.mkdir(parents=True, exist_ok=True)
-    settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
-    task = LocomotionEnv(cfg.task, cfg.num_envs, seed=0, **env)
-    runner = PhaseRunner(name, task, run, settings, 4, (100, 0), cfg.stop, Board(tmp_path / "tb"))
+    runner = phase_runner(cfg, tmp_path, name, LocomotionEnv(cfg.task, cfg.num_envs, seed=0, **env))
     if name == "student" and cfg.student.algorithm != "ppo":
         runner.alg.warm_start(runner.alg.teacher.state_dict(), {})
     return runner

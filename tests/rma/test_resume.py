@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -160,9 +161,8 @@ def test_a_run_that_is_asked_to_stop_does_so_with_a_checkpoint(tmp_path: Path, w
 
 def test_a_phase_that_reached_its_target_ends_and_stays_ended(tmp_path: Path, monkeypatch) -> None:
     """The teacher in the second iteration of its last stage, the student in its second; resumed or not."""
-    cfg = TrainCfg(**(vars(CFG) | {"stop": StopCfg(tracking_error=100.0, iterations=2, falls=100.0)}))
-    teacher = TeacherCfg(**(vars(CFG.teacher) | {"iterations": 8}))
-    cfg = TrainCfg(**(vars(cfg) | {"teacher": teacher}))
+    stop = StopCfg(tracking_error=100.0, iterations=2, falls=100.0)
+    cfg = replace(CFG, stop=stop, teacher=replace(CFG.teacher, iterations=8))
     run = start(tmp_path / "whole", cfg)
     summary = train(cfg, run)
     assert {name: stop["iteration"] for name, stop in summary["stopped"].items()} == {"teacher": 8, "student": 2}
@@ -198,9 +198,7 @@ def test_a_diverged_run_leaves_its_last_good_checkpoint(tmp_path: Path, monkeypa
 
 def test_what_looks_ill_does_not_replace_what_is_well(tmp_path: Path, monkeypatch) -> None:
     """Simulations blow up from iteration 3 on, the verdict comes after five: checkpoints 3 to 6 are not written."""
-    cfg = TrainCfg(
-        **(vars(CFG) | {"checkpoint_every": 1, "teacher": TeacherCfg(**(vars(CFG.teacher) | {"iterations": 9}))})
-    )
+    cfg = replace(CFG, checkpoint_every=1, teacher=replace(CFG.teacher, iterations=9))
     run = start(tmp_path / "run", cfg)
     iterate = PhaseRunner.iterate
 
@@ -256,7 +254,7 @@ def test_clips_are_made_regularly_and_of_the_end(iteration: int, every: int, las
 
 def test_every_clip_is_asked_for_with_its_checkpoint(tmp_path: Path) -> None:
     """The renderer reads the file: it must be there, whole, when it is called."""
-    cfg = TrainCfg(**(vars(CFG) | {"video_every": 3}))
+    cfg = replace(CFG, video_every=3)
     asked = []
 
     def film(phase_name: str, iteration: int, path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 import torch
 from tensordict import TensorDict
 
+from rollouts import phase_runner, rollout
 from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
@@ -17,10 +18,7 @@ from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.symmetry import TaskMirror, task_mirror
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.rma.figures import Board
 from stiction.rma.phase import PhaseRunner
-from stiction.rma.run import RunDirectory
-from stiction.rma.runner import ppo_cfg, student_cfg
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2, per="joint")),
@@ -33,13 +31,7 @@ CFG = TrainCfg(
 
 def phase(tmp_path: Path, symmetry: str, name: str = "teacher", cfg: TrainCfg = CFG) -> PhaseRunner:
     """A runner of one phase of a run with a symmetry."""
-    torch.manual_seed(0)
-    cfg = replace(cfg, symmetry=symmetry)
-    env = LocomotionEnv(cfg.task, cfg.num_envs, seed=0)
-    run = RunDirectory(tmp_path)
-    run.checkpoints.mkdir(parents=True, exist_ok=True)
-    settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
-    return PhaseRunner(name, env, run, settings, 4, (100, 0), cfg.stop, Board(tmp_path / "tb"))
+    return phase_runner(replace(cfg, symmetry=symmetry), tmp_path, name)
 
 
 def seen_by(runner: PhaseRunner, monkeypatch: pytest.MonkeyPatch, losses: str) -> list[TensorDict]:
@@ -151,11 +143,7 @@ def test_old_log_probabilities_are_those_of_the_originals(tmp_path: Path) -> Non
     with torch.no_grad():
         last.weight.zero_()
         last.bias.zero_()
-        obs = runner.env.get_observations()
-        for _ in range(4):
-            obs, reward, dones, extras = runner.env.step(runner.alg.act(obs))
-            runner.alg.process_env_step(obs, reward, dones, extras)
-        runner.alg.compute_returns(obs)
+        rollout(runner)
         batch = next(runner.alg.storage.mini_batch_generator(2, 1))
         runner.alg.symmetry.augment_batch(batch, 16)
         runner.alg.actor(batch.observations, stochastic_output=True)

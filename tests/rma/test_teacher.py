@@ -5,16 +5,13 @@ from dataclasses import replace
 import pytest
 import torch
 
-from rollouts import rollout
+from rollouts import phase_runner, rollout
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.rma.figures import Board
 from stiction.rma.models import StudentPolicy
 from stiction.rma.phase import PhaseRunner
-from stiction.rma.run import RunDirectory
-from stiction.rma.runner import ppo_cfg, student_cfg
 
 CFG = TrainCfg(
     task=TaskCfg(robot="go1", friction=FrictionCfg("deception", level=0.2)),
@@ -34,26 +31,7 @@ def env() -> LocomotionEnv:
 
 def phase(env: LocomotionEnv, tmp_path, name: str = "teacher", cfg: TrainCfg = CFG) -> PhaseRunner:
     """A runner of one phase."""
-    run = RunDirectory(tmp_path)
-    run.checkpoints.mkdir(parents=True, exist_ok=True)
-    settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
-    iterations = cfg.teacher.iterations if name == "teacher" else cfg.student.iterations
-    return PhaseRunner(name, env, run, settings, iterations, (100, 0), cfg.stop, Board(tmp_path / "tb"))
-
-
-@pytest.mark.parametrize("iteration", [0, 1])
-def test_ratio_is_one_before_the_first_step(env: LocomotionEnv, tmp_path, iteration: int) -> None:
-    """Old and new log-probabilities use the same latent source and the same estimate, on z and on z* alike."""
-    runner = phase(env, tmp_path)
-    for _ in range(iteration):
-        runner.iterate()
-    assert runner.alg.actor.latent_source == ["privileged", "history"][iteration]
-    rollout(runner)
-    storage = runner.alg.storage
-    runner.alg.actor(storage.observations.flatten(0, 1), stochastic_output=True)
-    new = runner.alg.actor.get_output_log_prob(storage.actions.flatten(0, 1))
-    ratio = torch.exp(new - storage.actions_log_prob.flatten())
-    torch.testing.assert_close(ratio, torch.ones_like(ratio), atol=1e-5, rtol=0)
+    return phase_runner(cfg, tmp_path, name, env)
 
 
 def test_latent_sources_alternate(env: LocomotionEnv, tmp_path) -> None:
@@ -110,9 +88,11 @@ def test_supervised_losses_by_hand(env: LocomotionEnv, tmp_path) -> None:
     """L_ada = MSE(z, z*), L_est = MSE(o_exp, o_exp*), means over robots and entries."""
     actor, obs = phase(env, tmp_path).alg.actor, env.get_observations()
     z, star = actor.privileged_encoder(obs["privileged"]), actor.adaptation(obs["history"])
-    torch.testing.assert_close(actor.adaptation_loss(obs), ((z - star) ** 2).sum() / z.numel())
+    torch.testing.assert_close(actor.supervised_losses(obs)["adaptation"], ((z - star) ** 2).sum() / z.numel())
     guess = actor.estimator(obs["history"])
-    torch.testing.assert_close(actor.estimator_loss(obs), ((guess - obs["explicit"]) ** 2).sum() / guess.numel())
+    torch.testing.assert_close(
+        actor.supervised_losses(obs)["estimator"], ((guess - obs["explicit"]) ** 2).sum() / guess.numel()
+    )
 
 
 def test_actor_never_sees_the_true_explicit_state(env: LocomotionEnv, tmp_path) -> None:

@@ -6,17 +6,16 @@ from pathlib import Path
 import pytest
 import torch
 
+from rollouts import check_ratio, phase_runner, rollout
 from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
-from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.rma.figures import Board
 from stiction.rma.models import RMAActor, StudentPolicy
 from stiction.rma.phase import Interrupted, PhaseRunner
 from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint, save_checkpoint
-from stiction.rma.runner import ppo_cfg, student_cfg, train
+from stiction.rma.runner import train
 
 CFG = TrainCfg(
     task=TaskCfg(
@@ -43,9 +42,7 @@ def one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def phase(tmp_path: Path, name: str) -> PhaseRunner:
     """A runner of one phase, on mixed ground."""
-    env = LocomotionEnv(CFG.task, CFG.num_envs, 0)
-    settings = ppo_cfg(CFG) if name == "teacher" else student_cfg(CFG)
-    return PhaseRunner(name, env, RunDirectory(tmp_path), settings, 4, (100, 0), CFG.stop, Board(tmp_path / "tb"))
+    return phase_runner(CFG, tmp_path, name)
 
 
 def trained(actor: RMAActor, loss: torch.Tensor) -> set[str]:
@@ -61,15 +58,8 @@ def test_ratio_is_one_before_the_first_step(tmp_path: Path, iteration: int) -> N
     runner = phase(tmp_path, "teacher")
     for _ in range(iteration):
         runner.iterate()
-    with torch.no_grad():
-        obs = runner.env.get_observations()
-        for _ in range(4):
-            obs, reward, dones, extras = runner.env.step(runner.alg.act(obs))
-            runner.alg.process_env_step(obs, reward, dones, extras)
-    storage, actor = runner.alg.storage, runner.alg.actor
-    actor(storage.observations.flatten(0, 1), stochastic_output=True)
-    new = actor.get_output_log_prob(storage.actions.flatten(0, 1))
-    torch.testing.assert_close(torch.exp(new - storage.actions_log_prob.flatten()), torch.ones(24), atol=1e-5, rtol=0)
+    rollout(runner)
+    check_ratio(runner)
 
 
 def test_the_teacher_sees_the_ground_and_the_student_does_not(tmp_path: Path) -> None:
@@ -97,7 +87,7 @@ def test_each_loss_trains_its_own_encoder(tmp_path: Path) -> None:
     assert trained(teacher, teacher.supervised_losses(obs)["terrain"]) == {"terrain_history"}
     assert trained(student, student(obs).square().sum()) == {"mlp", "adaptation", "estimator", "terrain_history"}
     by_hand = (student.terrain_encoder(obs["elevation"]) - student.terrain_history(obs["history"])).square().mean()
-    torch.testing.assert_close(student.terrain_loss(obs), by_hand)
+    torch.testing.assert_close(student.supervised_losses(obs)["terrain"], by_hand)
 
 
 def test_a_run_on_terrain_that_is_stopped_everywhere_is_the_same_run(tmp_path: Path) -> None:

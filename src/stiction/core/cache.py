@@ -1,8 +1,7 @@
-"""One cache for what takes minutes or hours to make; its entries are files, folders, or lines of a ledger.
+"""One cache for results of minutes or hours; its entries are files, folders, or lines of a ledger.
 
-An entry is known by a key, the SHA-256 of everything that it was made from: settings, digests of its inputs, the code
-that made it and the versions of the packages under it. What has changed since has another key and is made anew. An
-entry is written under another name, brought to the disk, and renamed: one that an interruption cut off is never read.
+The key of an entry is the SHA-256 of everything that it depends on: settings, digests of its inputs, code and versions
+of packages. An entry is written under another name, synced, and renamed: a partial one is never read.
 """
 
 from __future__ import annotations
@@ -24,28 +23,25 @@ ENTRY = "entry.json"
 
 
 def key_of(made_from: Any, *code: str) -> str:
-    """Return the key of what is made from something.
+    """Return the key of an entry.
 
-    Args:
-        made_from: everything that an entry depends on beside code and packages: plain data, or frozen dataclasses,
-            whose `repr` tells all of their fields.
-        code: that makes it, as `made_by` takes it; without any, code and packages do not count.
-
+    `made_from`: everything that it depends on beside code and packages, plain data or frozen dataclasses; `code`: as of
+    `made_by`, without any, code and packages do not count.
     """
     everything = [made_from, made_by(*code) if code else None]
     return hashlib.sha256(json.dumps(everything, sort_keys=True, default=repr).encode()).hexdigest()
 
 
 def entry_file(folder: Path, name: str, key: str, suffix: str) -> Path:
-    """Return the file of an entry: `name`, for people, and its key. Entries of other keys lie beside it, and stay."""
+    """Return the file of an entry: a readable `name`, and the begin of its key."""
     return folder / f"{name}-{key[:12]}{suffix}"
 
 
 @contextmanager
 def publish(path: Path) -> Iterator[Path]:
-    """Give a name beside `path` to write a file or a folder under; it then takes the place of `path`, whole.
+    """Yield a path beside `path` to write a file or a folder to, which then replaces `path` atomically.
 
-    Where the writing fails, what was at `path` before is there still. Raises `OSError` as the writing does.
+    Where the writing fails, `path` stays as it was. Raises `OSError` as the writing does.
     """
     partial, before = (path.with_name(f".{path.name}.{os.getpid()}.{kind}") for kind in ("part", "before"))
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -76,29 +72,21 @@ def _sync(path: Path) -> None:
 
 
 def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Return the entry of a key from its JSON file, which is made first where it is not there or cannot be read.
+    """Return the entry of a key from its JSON file (see `entry_file`), written from `make` where there is none.
 
-    Args:
-        folder: of the entries.
-        name: what it is, for people who look into the folder.
-        key: as from `key_of`.
-        make: returns the entry, as JSON takes it.
-
-    Raises:
-        FileError: the file cannot be written; and whatever `make` raises.
-
+    Raises `FileError` where the file cannot be written; and whatever `make` raises.
     """
     file = entry_file(folder, name, key, ".json")
     found = _read(file)
     if found is not None:
         return found
-    made = json.dumps(make(), allow_nan=False)
+    text = json.dumps(make(), allow_nan=False)
     try:
         with publish(file) as partial:
-            partial.write_text(made, encoding="utf-8")
+            partial.write_text(text, encoding="utf-8")
     except OSError as error:
         raise FileError(f"{file} cannot be written: {error}; give another --out") from error
-    return dict(json.loads(made))
+    return dict(json.loads(text))
 
 
 def read_entry(file: Path, key: str) -> dict[str, Any] | None:
@@ -123,9 +111,9 @@ def has_entry(folder: Path, key: str) -> bool:
 
 @contextmanager
 def publish_entry(folder: Path, key: str, label: str) -> Iterator[Path]:
-    """Give an empty folder to fill; it then takes the place of `folder`, as the entry of `key`.
+    """Yield an empty folder to fill; it then replaces `folder`, as the entry of `key` with a readable `label`.
 
-    label: what is in it, for people. Raises `OSError` as the writing does.
+    Raises `OSError` as the writing does.
     """
     with publish(folder) as partial:
         partial.mkdir()
@@ -134,13 +122,10 @@ def publish_entry(folder: Path, key: str, label: str) -> Iterator[Path]:
 
 
 class Ledger:
-    """Many small entries in one file, a line of JSON each, that grows while they are made."""
+    """Many small entries in one growing file, a line of JSON each."""
 
     def __init__(self, path: Path) -> None:
-        """Read what is there, every whole line; what an interruption cut off is none, and what comes next is behind it.
-
-        path: the file; its folder exists. Raises `FileError` where it cannot be read.
-        """
+        """Read every whole line of the file, if there is one. Raises `FileError` where it cannot be read."""
         self._path = path
         self._entries: dict[str, dict[str, Any]] = {}
         try:
@@ -160,12 +145,7 @@ class Ledger:
         return self._entries.get(key)
 
     def extend(self, entries: Sequence[dict[str, Any]]) -> None:
-        """Add entries, each with its `key`; they are on the disk when this returns.
-
-        Raises:
-            FileError: the file cannot be written.
-
-        """
+        """Add entries, each with its `key`, and sync. Raises `FileError` where the file cannot be written."""
         lines = [json.dumps(entry, allow_nan=False) + "\n" for entry in entries]
         self._entries |= {entry["key"]: entry for entry in entries}
         try:

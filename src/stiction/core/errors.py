@@ -9,8 +9,8 @@ from difflib import get_close_matches
 class StictionError(Exception):
     """A failure that the user can act on: what came, what was expected, what to do, in one line.
 
-    The command line prints the message on standard error and exits with status 1, without a traceback. What a file
-    put into the message (a name with line breaks, or with commands to the terminal) is shown escaped.
+    The command line prints the message on standard error and exits with status 1. Unprintable characters, such as of a
+    name in a file, are escaped.
     """
 
     def __init__(self, message: str) -> None:
@@ -55,10 +55,7 @@ MOST_NAMES = 24
 
 
 def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
-    """Return the message for a name that is none of the known ones, with the nearest of them where one is near.
-
-    what: kind of thing, such as `robot`; name: what was given, or that part of it that is wrong.
-    """
+    """Return the message for an unknown name of a kind of thing (`what`: such as `robot`), with the nearest."""
     names = list(known)
     more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
     near = "".join(f"did you mean {found!r}? " for found in get_close_matches(name, names, n=1))

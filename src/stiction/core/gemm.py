@@ -1,10 +1,9 @@
-"""Lets the linear algebra inside torch take its fast kernels on processors that are not its maker's.
+"""Lets the linear algebra inside torch take its fast kernels on processors that are not Intel's.
 
-The MKL that torch holds asks one question, `mkl_serv_intel_cpu_true`, before it chooses kernels by what the processor
-can do. Where the answer is no, float32 products take kernels that reach less than half the speed, and none of its
-documented variables changes that. So a library of 4 KiB that answers yes is opened before torch: made here, byte by
-byte, in memory, with six bytes of machine code. No compiler, no file. Kernels are still chosen by the instructions
-that the processor reports. Rounding differs from that of the slow kernels, so what was active is part of a result.
+The MKL inside torch calls `mkl_serv_intel_cpu_true` before it chooses kernels by what the processor can do. Where the
+answer is no, it takes float32 kernels of less than half the speed, whatever its documented variables say. So a library
+of 4 KiB that answers yes is made in memory and opened before torch. Kernels are still chosen by the instructions that
+the processor reports. Rounding differs from that of the slow kernels, so which were active is part of a result.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ _opened: list[ctypes.CDLL] = []
 
 
 def fast_gemm_obstacle(cpuinfo: Path = Path("/proc/cpuinfo")) -> str | None:
-    """Return why the fast path is not to be opened here, None where it is."""
+    """Return why the fast path cannot be opened here, None where it can."""
     if os.environ.get(VARIABLE, "").strip() == "0":
         return f"{VARIABLE}=0"
     if platform.system() != "Linux" or platform.machine() != "x86_64":
@@ -50,10 +49,7 @@ def fast_gemm_obstacle(cpuinfo: Path = Path("/proc/cpuinfo")) -> str | None:
 
 
 def open_fast_gemm() -> None:
-    """Open the fast path if there is one; say nothing where there is none, `gemm_path` does.
-
-    It has no effect once torch is loaded, so the command line calls it first.
-    """
+    """Open the fast path if there is one. It has no effect once torch is loaded."""
     if _opened or "torch" in sys.modules or fast_gemm_obstacle() is not None:
         return
     try:
@@ -68,7 +64,7 @@ def open_fast_gemm() -> None:
 
 
 def gemm_path() -> str:
-    """Return which matrix products torch has in this process, for the record: `fast`, or `default` and why."""
+    """Return which matrix products torch has in this process: `fast`, or `default` and why."""
     if _opened:
         return "fast"
     why = fast_gemm_obstacle()
@@ -78,15 +74,12 @@ def gemm_path() -> str:
 
 
 def yes_library() -> bytes:
-    """Return an ELF library for x86-64 with one function, `SYMBOL`, that returns 1.
-
-    Two segments: headers, symbols and code, read only; the dynamic section, which the loader writes to.
-    """
+    """Return an ELF library for x86-64 with one function, `SYMBOL`, that returns 1."""
     symbols, strings, table, code, dynamic = 0x120, 0x150, 0x170, 0x190, 0x1000
     names = b"\0" + SYMBOL.encode() + b"\0"
     tags = ((4, table), (5, strings), (6, symbols), (10, len(names)), (11, 24), (0, 0))
     entries = b"".join(struct.pack("<QQ", *tag) for tag in tags)
-    # Kind, rights, place, size, alignment of: what is read and run; what is written; the dynamic section; the stack.
+    # Type, flags, offset, size, alignment of: headers, symbols, code; what is written; dynamic section; stack.
     segments = (
         (1, 5, 0, code + len(YES), 0x1000),
         (1, 6, dynamic, len(entries), 0x1000),

@@ -14,13 +14,10 @@ Result = TypeVar("Result")
 
 
 def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int) -> Iterator[tuple[int, Result]]:
-    """Call `work` with the arguments of each task, and give a task's number and result as it ends.
+    """Call `work` with the arguments of each task, and yield a task's number and result as it ends.
 
-    jobs: processes at once; one, or a single task, is done in this process.
-
-    Raises:
-        StictionError: a process was killed; and whatever `work` raises. What was not begun by then is not done.
-
+    jobs: processes at once; with one, or a single task, this process does it. Raises `StictionError` where a process
+    was killed, and whatever `work` raises; what was not begun by then is not done.
     """
     if jobs == 1 or len(tasks) < 2:
         for number, task in enumerate(tasks):

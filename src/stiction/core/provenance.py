@@ -1,9 +1,6 @@
 """One seed policy, one thread policy, and what a result must say about the code and the machine that made it.
 
 NumPy is imported where it is used, so that `limit_library_threads` can run before NumPy loads its linear algebra.
-
-A command of hours imports modules, and starts processes that import them again, while somebody may commit. What it
-finds is labelled with the revision that it began with, and says so where the code did not stay that.
 """
 
 from __future__ import annotations
@@ -34,8 +31,7 @@ LIBRARY_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "
 """Environment variables that size the thread pools of numerical libraries; they are read when a library loads."""
 
 IDLE_THREADS = ("OMP_WAIT_POLICY", "PASSIVE")
-"""Variable and value with which torch's threads sleep between two operations: awake they hold cores that the simulator
-or another process wants."""
+"""Variable and value with which torch's threads sleep between two operations, and leave the cores to others."""
 
 PACKAGE = Path(__file__).resolve().parents[1]
 """The folder of the package `stiction`."""
@@ -45,11 +41,7 @@ GIT_TIMEOUT = 10.0
 
 
 def _sequence(seed: int, name: str) -> np.random.SeedSequence:
-    """Return the seed sequence of one named stream.
-
-    `SeedSequence.spawn` numbers its children by a counter; here the child's key is the SHA-256 of its name instead, so
-    that a stream depends on the seed and its own name alone.
-    """
+    """Return the seed sequence of one named stream, which depends on the seed and its own name alone."""
     import numpy as np
 
     if seed < 0:
@@ -61,8 +53,7 @@ def _sequence(seed: int, name: str) -> np.random.SeedSequence:
 def seed_streams(seed: int, names: Iterable[str]) -> dict[str, np.random.Generator]:
     """Return one independent generator a name, all from one seed.
 
-    Adding, removing or reordering names changes no other stream. Raise `StictionError` for a negative seed and for a
-    name given twice, because two users of one name would draw the same numbers.
+    Raises `StictionError` for a negative seed, and for a name given twice: its users would draw the same numbers.
     """
     import numpy as np
 
@@ -83,11 +74,12 @@ def stream_seed(seed: int, name: str) -> int:
 def num_threads() -> int:
     """Return the number of worker threads: STICTION_THREADS, else the cores that this process may use.
 
-    Raise `StictionError` where the variable is not a positive integer.
+    Raises `StictionError` where the variable is not a positive integer.
     """
     text = os.environ.get(THREADS_VARIABLE, "").strip()
     if not text:
-        return _available_cores()
+        # macOS has no affinity: all cores there.
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if not re.fullmatch(r"[0-9]+", text) or int(text) < 1:
         raise ConfigurationError(
             f"{THREADS_VARIABLE} is {text!r}; expected a positive integer, or unset it to use every core"
@@ -95,19 +87,11 @@ def num_threads() -> int:
     return int(text)
 
 
-def _available_cores() -> int:
-    """Return the number of cores that this process may use; macOS has no affinity, so all of them there."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def limit_library_threads() -> None:
     """Hold the pools of numerical libraries at one thread, in this process and its children.
 
-    Only the simulator's pool and torch's gain from more, and they are given `num_threads()` by name; pools of their own
-    under each would fight for the same cores. A variable that the user has set stays. It has no effect on a library
-    that is loaded already, so the command line calls it first.
+    Only the simulator and torch gain from more, and they are given `num_threads()` by name. A variable that the user
+    has set stays. It has no effect on a library that is loaded already, so the command line calls it first.
     """
     for variable in LIBRARY_POOLS:
         os.environ.setdefault(variable, "1")
@@ -116,23 +100,17 @@ def limit_library_threads() -> None:
 
 @cache
 def source_digest(*patterns: str) -> str:
-    """Return the SHA-256 of those of the package's files that match: results are known by the code that made them.
-
-    patterns: of paths below the package, such as `sim/*.py`.
-    """
+    """Return the SHA-256 of the package's files that match `patterns` of paths below it, such as `sim/*.py`."""
     found = {pattern: list(PACKAGE.glob(pattern)) for pattern in patterns}
     if missing := [pattern for pattern, files in found.items() if not files]:
-        # A module that was renamed would otherwise drop out of what a kept result depends on, and nobody would notice.
+        # A module that was renamed would otherwise silently drop out of what a cached result depends on.
         raise ValueError(f"{', '.join(missing)}: no such module in the package")
     files = sorted({file for files in found.values() for file in files})
     return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
 def made_by(*patterns: str) -> dict[str, Any]:
-    """Return what a kept result must have been made by to count still: code, and installed packages.
-
-    patterns: of the code, as of `source_digest`.
-    """
+    """Return the code, by patterns as of `source_digest`, and the packages that a cached result depends on."""
     return {"code": source_digest(*patterns), "packages": _package_versions()}
 
 
@@ -189,7 +167,7 @@ def _cpu_model(cpuinfo: Path) -> str:
 
 
 def _package_versions() -> dict[str, str]:
-    """Return the version of each installed package that `stiction` names as a dependency at run time, and its own."""
+    """Return the versions of `stiction` and of its installed run-time dependencies."""
     wanted = {"stiction"}
     for requirement in metadata.requires("stiction") or []:
         if "extra == 'dev'" not in requirement.replace('"', "'"):
@@ -209,7 +187,7 @@ SOURCE = ("*.py", "*.c", "*.html")
 
 @dataclass(frozen=True)
 class Origin:
-    """Code and machine of a command, as they were when it began."""
+    """Code and machine of a command, as they were when it began: a commit may change them while it runs."""
 
     provenance: dict[str, Any]
     """`revision` and `machine`, for its summary."""
@@ -233,7 +211,7 @@ class Origin:
 
 
 def code_digest(package: Path) -> str:
-    """Return the SHA-256 of the code in a folder as it is now, names of files included."""
+    """Return the SHA-256 of the code in a folder, names of files included."""
     found = hashlib.sha256()
     for file in sorted(file for pattern in SOURCE for file in package.rglob(pattern)):
         found.update(f"{file.relative_to(package)}\0".encode() + hashlib.sha256(file.read_bytes()).digest())

@@ -21,7 +21,7 @@ Row = TypeVar("Row")
 def column(label: str, unit: str = "", form: str | Callable[[Any], str] = ".3g") -> dict[str, Any]:
     """Return the metadata of a field that tables show, `speed: float = field(metadata=column("speed", "m/s"))`.
 
-    form: of its numbers, as of `format`, or what makes a text of any value but None.
+    form: of its numbers, as of `format`, or a function from a value, other than None, to text.
     """
     return {"label": f"{label} [{unit}]" if unit else label, "form": form}
 
@@ -42,7 +42,7 @@ def _shown(row: Any) -> list[dataclasses.Field]:
 
 
 def _text(value: Any, form: str | Callable[[Any], str]) -> str:
-    """Return one cell as people read it."""
+    """Return one cell for people."""
     if value is None:
         return "–"
     if callable(form):
@@ -61,9 +61,7 @@ def markdown(titles: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
 def write_rows(path: Path, rows: Sequence[Any]) -> None:
     """Write flat dataclass records of one kind, floats with nine digits.
 
-    Raises:
-        StictionError: there is no row, or a number is not finite.
-
+    Raises `StictionError` where there is no row, or a number is not finite.
     """
     if not rows:
         raise FileError(f"{path.name}: no row to write; expected at least one")
@@ -86,11 +84,8 @@ def _cell(path: Path, name: str, value: Any) -> str:
 def read_rows(path: Path, kind: type[Row]) -> list[Row]:
     """Read records that `write_rows` wrote.
 
-    kind: their dataclass, whose fields are text, integers, floats and yes or no, or one of these or None.
-
-    Raises:
-        StictionError: the file cannot be read, or is not one of such records.
-
+    kind: their dataclass, whose fields are text, integers, floats and booleans, or one of these or None. Raises
+    `StictionError` where the file cannot be read, or has other records.
     """
     types = get_type_hints(kind)
     names = list(types)
@@ -111,20 +106,15 @@ def read_rows(path: Path, kind: type[Row]) -> list[Row]:
 
 
 def _value(cell: str, kind: Any) -> str | int | float | None:
-    """Return what a cell says; raise `ValueError` where it is none of its kind."""
+    """Return the value of a cell; raise `ValueError` where it is not of its kind."""
     kinds = get_args(kind) or (kind,)
     if cell == "" and type(None) in kinds:
         return None
     if bool in kinds:
-        return _truth(cell)
+        if cell not in ("True", "False"):
+            raise ValueError(f"{cell!r} is neither True nor False")
+        return cell == "True"
     return next(one for one in (int, float, str) if one in kinds)(cell)
-
-
-def _truth(cell: str) -> bool:
-    """Return what a cell says of yes or no; raise `ValueError` where it is neither."""
-    if cell not in ("True", "False"):
-        raise ValueError(f"{cell!r} is neither True nor False")
-    return cell == "True"
 
 
 T = TypeVar("T")
@@ -136,9 +126,7 @@ def to_plain(config: Any) -> Any:
 
 
 def from_plain(kind: type[T], data: Any, where: str = "config") -> T:
-    """Build the dataclass `kind` from what `to_plain` returned, now or before a field was added.
-
-    A field that is missing has its default; a new field's default is therefore what was done before there was one.
+    """Build the dataclass `kind` from what `to_plain` returned; a missing field has its default.
 
     Raises `StictionError` naming the field that is missing or unknown.
     """
@@ -146,7 +134,8 @@ def from_plain(kind: type[T], data: Any, where: str = "config") -> T:
         raise FileError(f"{where}: expected the fields of {kind.__name__}, got {type(data).__name__}")
     hints = get_type_hints(kind)
     fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
-    needed = {name for name, field in fields.items() if _has_no_default(field)}
+    none = dataclasses.MISSING
+    needed = {name for name, field in fields.items() if field.default is none and field.default_factory is none}
     wrong = sorted((needed - data.keys()) | (data.keys() - fields.keys()))
     if wrong:
         raise FileError(
@@ -164,18 +153,10 @@ def from_plain(kind: type[T], data: Any, where: str = "config") -> T:
 
 
 def part_of(kind: type[T], config: Any, **others: Any) -> T:
-    """Return the `kind` whose fields have the values that a dataclass has under the same names, else their defaults.
-
-    A verb's options hold the settings of what it calls, among other things. others: fields that it has otherwise.
-    """
+    """Return the dataclass `kind` with the values of the fields of `config` of the same names, and `others`."""
     given = {field.name for field in dataclasses.fields(config)}
     names = [field.name for field in dataclasses.fields(kind) if field.name in given]  # type: ignore[arg-type]
     return kind(**{name: getattr(config, name) for name in names} | others)
-
-
-def _has_no_default(field: dataclasses.Field) -> bool:
-    """Say whether a field must be given."""
-    return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
 
 
 def _tuples(value: Any) -> Any:
@@ -184,12 +165,7 @@ def _tuples(value: Any) -> Any:
 
 
 def make_folder(out: Path, option: str = "--out") -> None:
-    """Make the directory for results, before the work that fills it. `option`: which names it.
-
-    Raises:
-        StictionError: it cannot be made.
-
-    """
+    """Make the directory for results, which `option` names. Raises `StictionError` where it cannot be made."""
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

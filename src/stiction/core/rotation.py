@@ -1,8 +1,8 @@
 """Rotations in NumPy. Quaternions are of unit length, in the order w, x, y, z; angles are in rad.
 
 A function whose name is in the singular takes one quaternion, shape (4,), and vectors of shape (3,); its plural takes N
-of them, batch first. Both are there, written out, because a control loop at 1 kHz and a fleet of thousands must both be
-fast. What has no plural takes any leading shape. Results depend on the order of the operations, to the last bit.
+of them, batch first: a control loop at 1 kHz and a fleet of thousands must both be fast. What has no plural takes any
+leading shape. Results depend on the order of the operations, to the last bit.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def about(axis: int, angle: float | np.ndarray) -> np.ndarray:
-    """Return the quaternions of turns by angles, shape (...), about x, y or z (0, 1, 2); shape (..., 4)."""
+    """Return the quaternions of rotations by angles, shape (...), about x, y or z (0, 1, 2); shape (..., 4)."""
     quaternion = np.zeros((*np.shape(angle), 4))
     quaternion[..., 0], quaternion[..., 1 + axis] = np.cos(angle / 2), np.sin(angle / 2)
     return quaternion
 
 
 def about_vector(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Return the quaternion of a turn by an angle about a unit vector of shape (3,); shape (4,)."""
+    """Return the quaternion of a rotation by an angle about a unit vector of shape (3,); shape (4,)."""
     return np.concatenate(([np.cos(angle / 2)], np.sin(angle / 2) * axis))
 
 
@@ -62,10 +62,7 @@ def uprightness(quaternion: np.ndarray) -> np.ndarray:
 
 
 def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
-    """Return roll and pitch, shape (..., 2).
-
-    Roll is atan2(2(wx + yz), 1 - 2(x² + y²)), pitch is asin(2(wy - zx)).
-    """
+    """Return roll, atan2(2(wx + yz), 1 - 2(x² + y²)), and pitch, asin(2(wy - zx)), shape (..., 2)."""
     w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
@@ -95,13 +92,13 @@ def tilted(quaternion: np.ndarray, tilt: np.ndarray) -> np.ndarray:
 
 
 def angle_between(first: np.ndarray, second: np.ndarray) -> float:
-    """Return the angle of the turn from one orientation to another."""
+    """Return the angle of the rotation from one orientation to another."""
     away = float(np.linalg.norm(matrix(first) - matrix(second)))
     return 2.0 * math.asin(min(away / 8**0.5, 1.0))
 
 
 def small_turns(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Return the small turns from N orientations to others, angle times axis in the first frame, shape (N, 3)."""
+    """Return the small rotations from N orientations to others, angle times axis in the first frame, shape (N, 3)."""
     inverse = first * (1.0, -1.0, -1.0, -1.0)
     # The vector part of the product of both: half the angle along the axis.
     half = inverse[:, :1] * second[:, 1:] + second[:, :1] * inverse[:, 1:] + np.cross(inverse[:, 1:], second[:, 1:])

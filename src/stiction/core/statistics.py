@@ -17,8 +17,7 @@ CONFIDENCE = 0.95
 def wilson(successes: float, trials: int, quantile: float = 1.959964) -> Interval:
     """Return Wilson's 95 % interval of a share (Wilson 1927): it holds near 0 and 1, where the usual one fails.
 
-    successes: a mean of clusters makes them a fraction, which `scipy.stats.binomtest` refuses; for whole numbers this
-    is its `proportion_ci(method="wilson")`. trials: at least one.
+    successes: may be a fraction, a mean of clusters, which `scipy.stats.binomtest` refuses; trials: at least one.
     """
     share, square = successes / trials, quantile**2
     centre = (share + square / (2 * trials)) / (1 + square / trials)
@@ -27,10 +26,7 @@ def wilson(successes: float, trials: int, quantile: float = 1.959964) -> Interva
 
 
 def t_interval(points: Sequence[float]) -> Interval | None:
-    """Return the 95 % t-interval of the mean of `points`, one a seed; None for fewer than two.
-
-    mean ± t(n - 1) s / √n.
-    """
+    """Return mean ± t(n - 1) s / √n, the 95 % interval of the mean of `points`, one a seed; None for fewer than two."""
     n = len(points)
     if n < 2:
         return None
@@ -43,10 +39,9 @@ def difference_interval(first: Sequence[float], second: Sequence[float]) -> Inte
 
 
 def ratio_interval(first: Sequence[float], second: Sequence[float]) -> Interval | None:
-    """Return the 95 % interval of mean(first) / mean(second), None where either has fewer than two points.
+    """Return the 95 % interval of mean(first) / mean(second) by the delta method, to first order in their errors.
 
-    To first order in the errors of the two means (the delta method): it holds where the second mean is many of its
-    errors away from zero. None where that mean is zero.
+    None where either has fewer than two points, or the second mean is zero.
     """
     if not first or not second or not (below := float(np.mean(second))):
         return None

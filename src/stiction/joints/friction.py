@@ -5,9 +5,9 @@ up to a limit: that is what makes it *static* friction.
 
 A law has up to two forms, and `LAWS` holds both. For many robots at once it is a bound that is written before every
 physics step, its level times a factor of speed, load or torque: training, evaluation and the engines use it. For one
-joint simulated from event to event it is a chain of straight pieces in |θ'| for each direction, for a joint on a
-straight piece is a linear system and its motion is known in closed form: identification uses that. Friction at rest
-goes up to the value of the first piece at zero.
+joint simulated from event to event it is a chain of straight pieces in |θ'| for each direction, on each of which the
+motion is known in closed form: identification uses that. Friction at rest goes up to the value of the first piece at
+zero.
 """
 
 from __future__ import annotations
@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol
+from itertools import pairwise
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -39,49 +40,31 @@ class Piece(NamedTuple):
     """[N m s/rad]."""
 
 
-class FrictionLaw(Protocol):
-    """What a simulator asks of a friction law."""
+class FrictionLaw:
+    """What the simulation of one joint asks of a law; this one depends on neither speed, load nor angle."""
 
-    @property
-    def load_coefficient(self) -> float:
-        """Friction per torque that the load transmits, at every speed and at rest [1]."""
-        ...
-
-    @property
-    def depends_on_angle(self) -> bool:
-        """Whether `at_angle` is anything but zero."""
-        ...
+    level: float
+    """b_c [N m]."""
+    load_coefficient: float = 0.0
+    """Friction per torque that the load transmits, at every speed and at rest [1]."""
+    depends_on_angle: bool = False
+    """Whether `at_angle` is anything but zero."""
 
     def pieces(self, direction: int) -> tuple[Piece, ...]:
         """Return the friction of the unloaded joint turning in `direction`, 1 or -1, continuous from zero speed on."""
-        ...
+        return (Piece(0.0, self.level, 0.0),)
 
     def at_angle(self, position: np.ndarray) -> np.ndarray:
         """Return what comes on top at an angle [rad], at every speed and at rest [N m], in the shape of `position`."""
-        ...
-
-    def slope_at_angle(self, position: np.ndarray) -> np.ndarray:
-        """Return the derivative of `at_angle` [N m/rad]."""
-        ...
-
-
-class SameEverywhere:
-    """A law that asks neither for the load nor for the angle."""
-
-    load_coefficient = 0.0
-    depends_on_angle = False
-
-    def at_angle(self, position: np.ndarray) -> np.ndarray:
-        """Return nothing on top."""
         return np.zeros_like(position)
 
     def slope_at_angle(self, position: np.ndarray) -> np.ndarray:
-        """Return no slope."""
+        """Return the derivative of `at_angle` [N m/rad]."""
         return np.zeros_like(position)
 
 
 @dataclass(frozen=True)
-class Coulomb(SameEverywhere):
+class Coulomb(FrictionLaw):
     """The same friction at every speed, and up to as much at rest."""
 
     level: float
@@ -91,13 +74,9 @@ class Coulomb(SameEverywhere):
         """Refuse friction that would drive the joint."""
         _not_negative("Coulomb friction", self.level)
 
-    def pieces(self, direction: int) -> tuple[Piece, ...]:
-        """Return b_c, whatever the direction."""
-        return (Piece(0.0, self.level, 0.0),)
-
 
 @dataclass(frozen=True)
-class Asymmetric(SameEverywhere):
+class Asymmetric(FrictionLaw):
     """Coulomb and viscous friction of each direction; forward means θ' > 0. `Joint.viscous` is zero beside it."""
 
     forward: float
@@ -120,13 +99,12 @@ class Asymmetric(SameEverywhere):
 
     def pieces(self, direction: int) -> tuple[Piece, ...]:
         """Return b_c + B |θ'| of the direction."""
-        if direction > 0:
-            return (Piece(0.0, self.forward, self.viscous_forward),)
-        return (Piece(0.0, self.backward, self.viscous_backward),)
+        forward, backward = (self.forward, self.viscous_forward), (self.backward, self.viscous_backward)
+        return (Piece(0.0, *(forward if direction > 0 else backward)),)
 
 
 @dataclass(frozen=True)
-class Stribeck(SameEverywhere):
+class Stribeck(FrictionLaw):
     """f = b_c + (b_s − b_c) exp(−(θ'/v_s)²): more friction at rest than in motion, as in lubricated gears.
 
     The Gaussian is a chain of secants (`KNOTS`), within 1 % of b_s − b_c of it.
@@ -140,7 +118,7 @@ class Stribeck(SameEverywhere):
     """v_s [rad/s]."""
 
     def __post_init__(self) -> None:
-        """Refuse friction that would drive the joint, and a fall without width."""
+        """Refuse friction that would drive the joint, and a velocity that is not positive."""
         _not_negative("Coulomb friction", self.coulomb)
         _not_negative("static friction", self.static)
         if not (self.velocity > 0 and np.isfinite(self.velocity)):
@@ -151,14 +129,14 @@ class Stribeck(SameEverywhere):
         speeds = [self.velocity * knot for knot in KNOTS]
         values = [self.coulomb + (self.static - self.coulomb) * height for height in SECANTS]
         chain = []
-        for index in range(len(speeds) - 1):
-            slope = (values[index + 1] - values[index]) / (speeds[index + 1] - speeds[index])
-            chain.append(Piece(speeds[index], values[index] - slope * speeds[index], slope))
+        for (speed, value), (next_speed, next_value) in pairwise(zip(speeds, values, strict=True)):
+            slope = (next_value - value) / (next_speed - speed)
+            chain.append(Piece(speed, value - slope * speed, slope))
         return (*chain, Piece(speeds[-1], self.coulomb, 0.0))
 
 
 @dataclass(frozen=True)
-class LoadDependent(SameEverywhere):
+class LoadDependent(FrictionLaw):
     """f = b_c + c |load|, the load being the torque that reaches the joint from outside: gravity and known torques."""
 
     level: float
@@ -171,13 +149,9 @@ class LoadDependent(SameEverywhere):
         _not_negative("Coulomb friction", self.level)
         _not_negative("load coefficient", self.load_coefficient)
 
-    def pieces(self, direction: int) -> tuple[Piece, ...]:
-        """Return b_c, whatever the direction; the simulator adds c |load|."""
-        return (Piece(0.0, self.level, 0.0),)
-
 
 @dataclass(frozen=True)
-class PositionDependent(SameEverywhere):
+class PositionDependent(FrictionLaw):
     """f = b_c + slope (θ − θ_m) + curvature (θ − θ_m)²: a joint behind a linkage, a belt or a cable guide."""
 
     level: float
@@ -199,17 +173,13 @@ class PositionDependent(SameEverywhere):
                 "numbers"
             )
 
-    def pieces(self, direction: int) -> tuple[Piece, ...]:
-        """Return b_c, whatever the direction; the simulator adds what the angle does."""
-        return (Piece(0.0, self.level, 0.0),)
-
     def at_angle(self, position: np.ndarray) -> np.ndarray:
         """Return slope (θ − θ_m) + curvature (θ − θ_m)², no less than −b_c."""
         away = position - self.middle
         return np.maximum(self.slope * away + self.curvature * away**2, -self.level)
 
     def slope_at_angle(self, position: np.ndarray) -> np.ndarray:
-        """Return slope + 2 curvature (θ − θ_m), zero where the friction is."""
+        """Return slope + 2 curvature (θ − θ_m), zero where there is no friction."""
         away = position - self.middle
         positive = self.slope * away + self.curvature * away**2 > -self.level
         return positive * (self.slope + 2 * self.curvature * away)
@@ -222,7 +192,7 @@ def _not_negative(name: str, value: float) -> None:
 
 
 def dead_band(level: float, kp: float) -> float:
-    """Return f/kp: how far the target can be from the angle before the joint moves at all [rad]."""
+    """Return f/kp: how far the target can be from the angle before the joint moves [rad]."""
     if not kp > 0:
         raise ConfigurationError(f"kp {kp}: the dead band f/kp needs a positive gain")
     return level / kp
@@ -243,8 +213,8 @@ Unit = Literal["share", "coefficient", "torque"]
 
 Signal = Literal["velocity", "load", "torque"]
 """What a bound may depend on, as it was before the physics step: the joint's velocity [rad/s]; |F| + |T| of the force
-[N] and torque [N m] that the joint transmitted, T about the centre of mass of the link behind it, which constraint
-forces tell; the motor's torque [N m]."""
+[N] and torque [N m] that the joint transmitted, T about the centre of mass of the link behind it; the motor's torque
+[N m]."""
 
 UNITS = {
     "viscous_friction": "N m s/rad",
@@ -274,7 +244,7 @@ class LawSpec:
     unit: Unit = "share"
     """Of its level."""
     label: str = "dry friction"
-    """What an axis of levels says; of shares without their unit."""
+    """Of an axis of levels; of shares without their unit."""
     factor: Callable[..., Values] | None = None
     """The bound of a physics step [N m] is the level times this, a function of `reads` and `numbers` by name; None: the
     batched simulator and the engines do not have the law."""
@@ -305,8 +275,8 @@ def stribeck_factor(velocity: Values, static_ratio: Values, stribeck_velocity: V
 def _asymmetric(of: Mapping[str, float]) -> Asymmetric:
     """Return friction without what differs between the directions.
 
-    What pushes one way all the time and friction that differs by direction are the same torque: so the law may have
-    less than no friction in one direction, as long as there is friction on the whole. The rest is the joint's offset.
+    A constant offset and friction that differs by direction are the same torque: so an identified law may have negative
+    friction in one direction, as long as their mean is positive. The difference is the joint's offset.
     """
     middle = 0.5 * (of["coulomb_friction_forward"] + of["coulomb_friction_backward"])
     return Asymmetric(middle, middle, of["viscous_friction_forward"], of["viscous_friction_backward"])
@@ -339,16 +309,14 @@ def register_law(law: LawSpec) -> LawSpec:
     return law
 
 
-register_law(
+for _law in (
     LawSpec(
         name="coulomb",
         meaning="a torque that depends on neither load nor speed",
         factor=lambda: 1.0,
         parameters=SYMMETRIC,
         joint=lambda of: Coulomb(of["coulomb_friction"]),
-    )
-)
-register_law(
+    ),
     LawSpec(
         name="asymmetric",
         meaning="a torque that differs between the directions, and so does viscous friction",
@@ -358,9 +326,7 @@ register_law(
             *("coulomb_friction_forward", "coulomb_friction_backward"),
         ),
         joint=_asymmetric,
-    )
-)
-register_law(
+    ),
     LawSpec(
         name="stribeck",
         meaning="a torque, more of it at rest than in motion",
@@ -370,9 +336,7 @@ register_law(
         numbers=("static_ratio", "stribeck_velocity"),
         parameters=(*SYMMETRIC, "static_friction", "stribeck_velocity"),
         joint=lambda of: Stribeck(of["coulomb_friction"], of["static_friction"], of["stribeck_velocity"]),
-    )
-)
-register_law(
+    ),
     LawSpec(
         name="load",
         meaning="in proportion to the force and torque that the joint transmits",
@@ -385,9 +349,7 @@ register_law(
         kept=0.5,
         parameters=(*SYMMETRIC, "load_coefficient"),
         joint=lambda of: LoadDependent(of["coulomb_friction"], of["load_coefficient"]),
-    )
-)
-register_law(
+    ),
     LawSpec(
         name="effort",
         meaning="in proportion to the motor's torque",
@@ -395,9 +357,7 @@ register_law(
         label="effort friction c, N m per N m of the motor",
         factor=lambda torque: np.abs(torque),
         reads=("torque",),
-    )
-)
-register_law(
+    ),
     LawSpec(
         name="position",
         meaning="a torque that changes with the joint's angle",
@@ -406,11 +366,12 @@ register_law(
         joint=lambda of: PositionDependent(
             of["coulomb_friction"], of["position_slope"], of["position_curvature"], of["position_middle"]
         ),
-    )
-)
+    ),
+):
+    register_law(_law)
 
 MAX_LEVEL = 0.9
-"""Highest friction level: above it hardly any torque is left to move the joint [-]. It bounds coefficients too."""
+"""Highest friction level, and coefficient [-]: above it hardly any torque is left to move the joint."""
 
 
 def find_law(name: str) -> LawSpec:
@@ -433,7 +394,7 @@ def candidate_laws() -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Law:
-    """A law that robots are simulated with, and the numbers that all its levels share."""
+    """A law that robots are simulated with, and the parameters that all its levels share."""
 
     name: str = "coulomb"
     """One of `simulated_laws`."""
@@ -443,7 +404,7 @@ class Law:
     """Speed at which 63 % of that excess is gone [rad/s], of `stribeck`."""
 
     def __post_init__(self) -> None:
-        """Refuse a law that does not exist, and friction that is lower at rest or never falls."""
+        """Refuse an unknown law, and parameters out of range."""
         if self.name not in simulated_laws():
             raise ConfigurationError(unknown_name("friction law", self.name, simulated_laws()))
         if not 1 <= self.static_ratio <= 10 or not 0 < self.stribeck_velocity < math.inf:
@@ -459,7 +420,7 @@ class Law:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Those of its numbers that this law has."""
+        """Those of its parameters that this law has."""
         return {name: getattr(self, name) for name in self.spec.numbers}
 
     def factor(self, **signals: Values) -> Values:

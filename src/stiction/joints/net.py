@@ -1,17 +1,13 @@
-"""The Actuator Net in NumPy: what it sees of a joint, and the torque it gives. No torch: evaluation runs it too.
+"""The Actuator Net in NumPy, and the analytic law that it is compared with. No torch: evaluation runs it too.
 
 For joint j at sample t the net returns τ_t / τ_max from two signals over a window, H = 3 in the paper. `default`: the
 position errors e = a - θ and the velocities θ' at t, t-1, ..., t-H. `paper`, as printed: θ_t ... θ_{t-H} and
-θ'_{t-1} ... θ'_{t-H}; without the target, that net cannot tell what was asked for.
+θ'_{t-1} ... θ'_{t-H}; without the target, that net cannot know what was commanded.
 
-τ = clip(kp (a - θ) - kd θ', ±τ_max) - λ kd Δθ' - f sat(θ'/w) - B θ', with f, B and λ of each joint by least squares. A
-torque logged on the motor's side has no friction in it, and finds f and B near zero.
-
-Δθ' is the change of the velocity over the period that follows, and λ the share of the period after which kd θ' acts: a
-logged torque is a mean over that period. λ is 0 for a controller that holds its torque, one half for one that runs much
-faster than the log, and 1 in MuJoCo, which takes kd implicitly. Without the term a law that a simulator follows to the
-last digit errs by 2 to 3 % of the limit on the simulator's own walks, and a net that has learned to foresee Δθ' would
-look better than the truth.
+The analytic law is τ = clip(kp (a - θ) - kd θ', ±τ_max) - λ kd Δθ' - f sat(θ'/w) - B θ', with f, B and λ of each joint
+by least squares. Δθ' is the change of the velocity over the period that follows, and λ the share of the period after
+which kd θ' acts, for a logged torque is a mean over that period: 0 for a controller that holds its torque, one half for
+one that runs much faster than the log, and 1 in MuJoCo, which takes kd implicitly.
 """
 
 from __future__ import annotations
@@ -28,7 +24,7 @@ from stiction.core.errors import ConfigurationError, FileError
 
 @dataclass(frozen=True)
 class ActuatorNet:
-    """A multilayer perceptron with softsign units for each group of joints. All joints of a group share its weights."""
+    """A multilayer perceptron with softsign units for each group of joints, whose joints share its weights."""
 
     robot: str
     """Name of the robot whose joints it was trained on."""
@@ -53,7 +49,7 @@ class ActuatorNet:
     training: Mapping[str, str]
     """File -> SHA-256 of each log that it was fitted to."""
     validation: Mapping[str, str]
-    """File -> SHA-256 of each log that was kept out."""
+    """File -> SHA-256 of each log that was held out."""
     loss: Mapping[str, float]
     """`training`, `validation`: mean squared error of torque over limit at the end [-]."""
     seed: int
@@ -119,8 +115,7 @@ def _check(net: ActuatorNet) -> None:
     once = sorted(together) == sorted(names) and all(net.groups)
     _expect(once, "groups", net.groups, "every joint in one group")
     _expect(net.inputs in INPUT_SETS, "inputs", net.inputs, " or ".join(INPUT_SETS))
-    whole = isinstance(net.history, int) and not isinstance(net.history, bool)
-    _expect(whole and 0 <= net.history <= 100, "history", net.history, "0 to 100 samples")
+    _expect(type(net.history) is int and 0 <= net.history <= 100, "history", net.history, "0 to 100 samples")
     _expect(_number(net.period) and 1e-5 <= net.period <= 0.1, "period", net.period, "1e-5 to 0.1 s")
     _expect(net.torque_source in TORQUE_SOURCES, "torque_source", net.torque_source, " or ".join(TORQUE_SOURCES))
     for field in ("training", "validation"):
@@ -129,8 +124,7 @@ def _check(net: ActuatorNet) -> None:
         _expect(named, field, value, "an object, file -> SHA-256")
     right = isinstance(net.loss, Mapping) and all(_number(value) and value >= 0 for value in net.loss.values())
     _expect(right, "loss", net.loss, "an object of numbers of at least 0")
-    seeded = isinstance(net.seed, int) and not isinstance(net.seed, bool) and net.seed >= 0
-    _expect(seeded, "seed", net.seed, "an integer of at least 0")
+    _expect(type(net.seed) is int and net.seed >= 0, "seed", net.seed, "an integer of at least 0")
     _check_layers(net)
 
 
@@ -162,8 +156,7 @@ def _number(value: object) -> bool:
 TORQUE_SOURCES = ("motor_side", "output_side")
 
 ROWS = 3072
-"""Rows that go through the layers at once: what they hold stays in the processor's cache. Measured for 9216 rows of a
-net 8-32-32-1 on one core: 0.51 ms; 1.5 ms all at once; 0.7 ms by torch."""
+"""Rows that go through the layers at once, so that they stay in the processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -177,8 +170,7 @@ class ActuatorCfg:
     """H, samples of the past beside the current one; the paper's."""
     share: Literal["kind", "all"] = "kind"
     """Who shares weights: joints of a kind (`FL_shank` is a `shank`), or all. Joints of a kind have the same motor,
-    gear and controller, and every leg adds data; between kinds torque limits and gains differ, and an error alone does
-    not tell which joint it is of."""
+    gear and controller, and every leg adds data; between kinds torque limits and gains differ."""
     hidden: tuple[int, ...] = (32, 32)
     """Widths of the hidden layers, softsign units: the field's much-copied net. Empty: a linear law."""
     epochs: int = 40
@@ -188,7 +180,7 @@ class ActuatorCfg:
     learning_rate: float = 1e-2
     """First learning rate; it falls to zero along a cosine."""
     validation_share: float = 0.25
-    """Share of the runs that is kept out of the fit, at least one. Whole runs: windows overlap, so windows drawn at
+    """Share of the runs that is held out of the fit, at least one. Whole runs: windows overlap, so windows drawn at
     random would be in both parts."""
     seed: int = 0
     """Seed of weights, order of samples and split."""
@@ -264,14 +256,13 @@ def perceptron(layers: Layers, inputs: np.ndarray) -> np.ndarray:
 class ActuatorMemory:
     """The last H + 1 samples of the joints of N robots, and the torque that the net gives for them.
 
-    Inside, joints are ordered by group and stand before robots, so that each group's rows lie side by side.
+    Joints are ordered by group and come before robots, so that each group's rows are contiguous.
     """
 
     def __init__(self, net: ActuatorNet, num: int) -> None:
         """Start without a past: the first sample of a robot stands for all that were before it."""
         self.net, self.num = net, num
-        places = {name: index for index, name in enumerate(net.joint_names)}
-        self._order = np.array([places[name] for group in net.groups for name in group])
+        self._order = np.array([net.joint_names.index(name) for group in net.groups for name in group])
         self._back = np.argsort(self._order)
         self._limit = np.array(net.torque_limit)
         self.past = np.zeros((2, net.history + 1, len(self._order), num), np.float32)
@@ -304,9 +295,8 @@ def predict(net: ActuatorNet, target: np.ndarray, position: np.ndarray, velocity
     """Return the torque [N m] for a whole log, clipped to the limit, shape (T - H, J); arguments (T, J)."""
     rows = windows(first_signal(net.inputs, target, position), velocity, net.history).astype(np.float32)
     result = np.empty(rows.shape[:2])
-    places = {name: index for index, name in enumerate(net.joint_names)}
     for group, layers in zip(net.groups, net.layers, strict=True):
-        columns = [places[name] for name in group]
+        columns = [net.joint_names.index(name) for name in group]
         part = rows[:, columns]
         result[:, columns] = perceptron(layers, part.reshape(-1, part.shape[-1]).T).reshape(part.shape[:2])
     limit = np.array(net.torque_limit)
@@ -314,8 +304,8 @@ def predict(net: ActuatorNet, target: np.ndarray, position: np.ndarray, velocity
 
 
 WIDTH = 0.05
-"""Speed at which the friction of the baseline is whole [rad/s]. At rest friction takes any value up to f, which no law
-of the speed alone can tell; a ramp is the least wrong."""
+"""Speed at which the friction of the baseline reaches f [rad/s]. At rest friction takes any value up to f, which no law
+of the speed alone can give."""
 
 
 @dataclass(frozen=True)
@@ -336,10 +326,7 @@ class Baseline:
     """λ, fitted, share of a period by which kd θ' acts later than the sample, in [0, 1] [-]."""
 
     def torque(self, target: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> np.ndarray:
-        """Return the torque [N m] of one run, shape (T, J); arguments [rad, rad/s], (T, J).
-
-        The change of the velocity after the last sample is not known, and taken as none.
-        """
+        """Return the torque [N m] of one run, shape (T, J), Δθ' of the last sample taken as 0; arguments (T, J)."""
         motor, change = self._at_the_sample(target, position, velocity)
         return motor + self.later * change - self.coulomb * ramp(velocity) - self.viscous * velocity
 
@@ -347,10 +334,10 @@ class Baseline:
         self, target: np.ndarray, position: np.ndarray, velocity: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the PD law of the sample, and -kd Δθ' where that law is within its limit, (T, J) each [N m]."""
-        asked = self.kp * (target - position) - self.kd * velocity
+        commanded = self.kp * (target - position) - self.kd * velocity
         ahead = np.diff(velocity, axis=0, append=velocity[-1:])
-        free = np.abs(asked) < self.torque_limit
-        return np.clip(asked, -self.torque_limit, self.torque_limit), -self.kd * ahead * free
+        free = np.abs(commanded) < self.torque_limit
+        return np.clip(commanded, -self.torque_limit, self.torque_limit), -self.kd * ahead * free
 
 
 def ramp(velocity: np.ndarray) -> np.ndarray:
@@ -368,13 +355,13 @@ def fit_baseline(
     """
     none = np.zeros_like(gains[0])
     plain = Baseline(*gains, none, none, none)
-    lost, columns = [], []
+    differences, columns = [], []
     for target, position, velocity, torque in runs:
         motor, change = plain._at_the_sample(target, position, velocity)
-        lost.append(motor - torque)
+        differences.append(motor - torque)
         columns.append(np.stack([ramp(velocity), velocity, -change], axis=-1))
-    missing, known = np.concatenate(lost), np.concatenate(columns)
-    return Baseline(*gains, *np.array([_fit_joint(known[:, j], missing[:, j]) for j in range(missing.shape[1])]).T)
+    lost, known = np.concatenate(differences), np.concatenate(columns)
+    return Baseline(*gains, *np.array([_fit_joint(known[:, j], lost[:, j]) for j in range(lost.shape[1])]).T)
 
 
 def _fit_joint(columns: np.ndarray, lost: np.ndarray) -> np.ndarray:
@@ -384,5 +371,4 @@ def _fit_joint(columns: np.ndarray, lost: np.ndarray) -> np.ndarray:
     if later == free[2]:
         return free
     # The squares are convex, so that with one bound the least of them is on it.
-    rest = np.linalg.lstsq(columns[:, :2], lost - later * columns[:, 2], rcond=None)[0]
-    return np.append(rest, later)
+    return np.append(np.linalg.lstsq(columns[:, :2], lost - later * columns[:, 2], rcond=None)[0], later)

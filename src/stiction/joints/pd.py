@@ -41,11 +41,10 @@ COMPENSATION_WIDTH = 0.05
 
 
 def compensated(target: Any, position: Any, friction_angle: Any, width: float = COMPENSATION_WIDTH) -> Any:
-    """Return the target moved on by what friction holds back, a + (f/kp) sat((a − θ)/width), shapes broadcast.
+    """Return the target with friction compensated, a + (f/kp) sat((a − θ)/width), shapes broadcast.
 
-    Section V of the paper compensates friction in the actions and does not say how the direction is chosen: it is that
-    in which the joint is asked to move. target: a [rad]; position: θ as measured [rad]; friction_angle: f/kp [rad].
-    NumPy arrays and torch tensors alike.
+    Section V of the paper does not say how the direction is chosen: here it is that towards the target. target: a
+    [rad]; position: θ as measured [rad]; friction_angle: f/kp [rad]. NumPy arrays and torch tensors alike.
     """
     return target + fed_forward(target, position, friction_angle, width)
 

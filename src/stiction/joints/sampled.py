@@ -1,18 +1,15 @@
 """A joint under a PD controller as a computer runs it: torque computed once a period and held, from a late velocity.
 
-Between two samples the torque is constant, so the motion is known in closed form, and a stop inside the period too.
-What makes it differ from the PD law in continuous time: the torque is on average half a period late, and the velocity
-may come later still, through a filter or from a bus. To first order, kd θ'(t − δ) is kd θ' − kd δ θ'': the late part
-of k kd acts as an inertia of −k kd δ. Viscous friction is a thing of the joint and never late.
+Between two samples the torque is constant, so the motion is known in closed form, and a stop inside the period too. The
+torque is on average half a period late, and the velocity may come later still, through a filter or from a bus.
 
 The paper's section V: with τ = k (kp (a − θ) − kd θ'), I θ'' + B θ' = τ + f is
 
     I θ'' + (B + k kd) θ' + k kp (θ − a) = f,
 
 in which B and kd appear in their sum alone. A *swap* moves damping from one to the other and keeps the sum. It changes
-nothing where the equation holds, dry friction included, for f depends on θ' and not on its causes. It changes the
-motion where kd θ' is not what acts on the joint: a torque limit cuts it, a sampled controller holds it, a filter makes
-it late, friction that grows with the drive torque feels it, a net has learned it.
+the motion where kd θ' is not what acts on the joint: a torque limit cuts it, a sampled controller holds it, a filter
+delays it, friction may grow with the drive torque, and a net has learned it.
 """
 
 from __future__ import annotations
@@ -62,50 +59,48 @@ def slide(joint: Joint, force: float, position: float, velocity: float, span: fl
     first = -expm1(-x) / x if x > SMALL else 1.0 - x / 2.0 + x**2 / 6.0 - x**3 / 24.0
     second = (1.0 - first) / x if x > SMALL else 0.5 - x / 6.0 + x**2 / 24.0
     push = force / joint.inertia
-    return position + span * (velocity * first + push * span * second), velocity * (
-        1.0 - x * first
-    ) + push * span * first
+    moved = span * (velocity * first + push * span * second)
+    return position + moved, velocity * (1.0 - x * first) + push * span * first
 
 
-def hold(joint: Joint, torque: float, dry: float, state: tuple[float, float], span: float) -> tuple[float, float]:
-    """Return θ and θ' after `span` seconds under a constant torque; dry: Coulomb friction, also at rest [N m]."""
+def hold(joint: Joint, torque: float, coulomb: float, state: tuple[float, float], span: float) -> tuple[float, float]:
+    """Return θ and θ' after `span` seconds under a constant torque; coulomb: friction, also at rest [N m]."""
     position, velocity = state
     if velocity != 0.0:
-        force = torque - np.sign(velocity) * dry
+        force = torque - np.sign(velocity) * coulomb
         if force * velocity < 0:
             x = -velocity * joint.viscous / force
             stop = -joint.inertia * velocity / force * (log1p(x) / x if x > 1e-12 else 1.0)
             if stop < span:
                 position, velocity, span = slide(joint, force, position, velocity, stop)[0], 0.0, span - stop
     if velocity == 0.0:
-        if abs(torque) <= dry:
+        if abs(torque) <= coulomb:
             return position, 0.0
-        force = torque - np.sign(torque) * dry
+        force = torque - np.sign(torque) * coulomb
     return slide(joint, force, position, velocity, span)
 
 
 def simulate_sampled(
     joint: Joint, gains: PDGains, sampling: Sampling, target: np.ndarray, effort: float = 0.0
 ) -> Trajectory:
-    """Simulate from rest at θ = 0; the result is at the controller's samples, its torque held after each.
+    """Simulate from rest at θ = 0; the result is at the controller's samples.
 
     target: a at each period [rad], shape (num_samples,); effort: friction per drive torque, c of the law
     b_c + c |τ| [1]. Raises `StictionError` for another law of friction than Coulomb's, a weight, or negative B.
     """
     if not isinstance(joint.friction, Coulomb) or joint.gravity is not None or joint.viscous < 0:
         raise ConfigurationError("the sampled controller is simulated with B ≥ 0 and Coulomb friction, without gravity")
-    made = np.empty((3, len(target)))
-    state, heard, share = (0.0, 0.0), 0.0, sampling.pass_share
+    samples = np.empty((3, len(target)))
+    state, filtered, share = (0.0, 0.0), 0.0, sampling.pass_share
     past = [0.0] * (sampling.late + 1)
     for index, goal in enumerate(np.asarray(target, float).tolist()):
         past = [*past[1:], state[1]]
-        heard += share * (past[0] - heard)
-        asked = gains.strength * (gains.kp * (goal - state[0]) - gains.kd * heard)
-        torque = min(max(asked, -gains.torque_limit), gains.torque_limit)
-        made[:, index] = *state, torque
-        dry = joint.friction.level + effort * abs(torque)
-        state = hold(joint, torque, dry, state, sampling.period)
-    return Trajectory(*made)
+        filtered += share * (past[0] - filtered)
+        commanded = gains.strength * (gains.kp * (goal - state[0]) - gains.kd * filtered)
+        torque = min(max(commanded, -gains.torque_limit), gains.torque_limit)
+        samples[:, index] = *state, torque
+        state = hold(joint, torque, joint.friction.level + effort * abs(torque), state, sampling.period)
+    return Trajectory(*samples)
 
 
 def growth(joint: Joint, gains: PDGains, sampling: Sampling) -> float:
@@ -187,15 +182,14 @@ def fit_net(error: np.ndarray, velocity: np.ndarray, torque: np.ndarray) -> Line
     return LinearNet(float(weights[0]), float(weights[1]))
 
 
-def output_torque(joint: Joint, made: Trajectory) -> np.ndarray:
-    """Return what leaves the joint, motor torque less its own B θ' and dry friction [N m], shape (num_samples,).
+def output_torque(joint: Joint, trajectory: Trajectory) -> np.ndarray:
+    """Return the joint's output, motor torque less B θ' and dry friction [N m], 0 at rest, shape (num_samples,).
 
-    At rest friction takes all of the motor's torque. Raises `StictionError` for a law other than plain Coulomb
-    friction in both directions, whose value the velocity's sign does not tell.
+    Raises `StictionError` for a law other than plain Coulomb friction in both directions.
     """
-    pieces = [joint.friction.pieces(way) for way in (1, -1)]
+    pieces = [joint.friction.pieces(direction) for direction in (1, -1)]
     if any(len(chain) != 1 or chain[0].slope for chain in pieces) or joint.friction.depends_on_angle:
         raise ConfigurationError(f"{type(joint.friction).__name__} friction: expected Coulomb friction")
-    level = np.where(made.velocity > 0, pieces[0][0].level, pieces[1][0].level)
-    sliding = made.torque - joint.viscous * made.velocity - np.sign(made.velocity) * level
-    return np.where(made.velocity == 0.0, 0.0, sliding)
+    level = np.where(trajectory.velocity > 0, pieces[0][0].level, pieces[1][0].level)
+    sliding = trajectory.torque - joint.viscous * trajectory.velocity - np.sign(trajectory.velocity) * level
+    return np.where(trajectory.velocity == 0.0, 0.0, sliding)

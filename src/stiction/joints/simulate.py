@@ -1,12 +1,13 @@
 """One joint under its controller: I q'' + B q' + gravity = τ + d + f − offset, with stick and slip at exact instants.
 
 Between two events the joint is a linear system whose target is a straight line from sample to sample, so its motion is
-known in closed form (`regime`), and the events are solved for (`stick_slip`). Gravity is not linear: it is a spring of
-its mean slope, and what is left of it a torque along the path of the pass before, until the path no longer changes.
+known in closed form and the events are solved for (`stick_slip`). Gravity is not linear: it is a spring of its mean
+slope, and what is left of it a torque along the path of the pass before, until the path no longer changes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,7 +42,7 @@ class Gravity:
 
 
 SETTLED = 1e-8
-"""Change of the path between two passes under which gravity is taken as known [rad]; the next would be far smaller."""
+"""Change of the path between two passes under which gravity is taken as known [rad]."""
 
 MOST_PASSES = 40
 """Passes after which gravity is declared too strong for the controller."""
@@ -105,8 +106,7 @@ def simulate(
     short, and if gravity is too strong for the controller to hold.
     """
     target = np.asarray(target, float)
-    inputs = {"target": target, "load": load, "guess": guess}
-    for name, values in inputs.items():
+    for name, values in {"target": target, "load": load, "guess": guess}.items():
         if values is not None and (
             np.shape(values) != (len(target),) or len(target) < 2 or not np.isfinite(values).all() or not step > 0
         ):
@@ -115,47 +115,41 @@ def simulate(
                 "of the target, and a positive step"
             )
     outside = np.zeros(len(target)) if load is None else np.asarray(load, float)
+
+    def run(push: np.ndarray, more_friction: np.ndarray, spring: float) -> Motion:
+        mechanism = Mechanism(joint.inertia, joint.viscous, joint.friction, spring, push, more_friction)
+        course = StickSlip(mechanism, gains, step, target)
+        return course.run(position, velocity), tuple(course.phases)
+
     if joint.gravity is None and not joint.friction.depends_on_angle:
-        dry = joint.friction.load_coefficient * np.abs(outside)
-        motion, phases = _run(joint, gains, step, target, (position, velocity), outside - joint.offset, dry, 0.0)
+        motion, phases = run(outside - joint.offset, joint.friction.load_coefficient * np.abs(outside), 0.0)
     else:
         path = np.asarray(target if guess is None else guess, float)
-        motion, phases = _settle(joint, gains, step, target, (position, velocity), outside, path)
+        motion, phases = _settle(joint, gains, outside, path, run)
     return Trajectory(motion[0], motion[1], pd_torque(gains, target, motion[0], motion[1]), phases)
 
 
-def _run(
-    joint: Joint,
-    gains: PDGains,
-    step: float,
-    target: np.ndarray,
-    start: tuple[float, float],
-    push: np.ndarray,
-    dry: np.ndarray,
-    spring: float,
-) -> tuple[np.ndarray, tuple[Phase, ...]]:
-    """Run once; push: known torque beside motor, friction and spring; dry: friction beyond the law's own."""
-    run = StickSlip(Mechanism(joint.inertia, joint.viscous, joint.friction, spring, push, dry), gains, step, target)
-    return run.run(*start), tuple(run.phases)
+Motion = tuple[np.ndarray, tuple[Phase, ...]]
+"""θ and θ', shape (2, num_samples), and the phases."""
 
 
 def _settle(
     joint: Joint,
     gains: PDGains,
-    step: float,
-    target: np.ndarray,
-    start: tuple[float, float],
     outside: np.ndarray,
     path: np.ndarray,
-) -> tuple[np.ndarray, tuple[Phase, ...]]:
-    """Run with weight and friction along the path of the run before, until the path stays where it is."""
+    run: Callable[[np.ndarray, np.ndarray, float], Motion],
+) -> Motion:
+    """Run with weight and friction along the path of the run before, until the path stays where it is.
+
+    run: of known torque beside motor, friction and spring [N m], friction beyond the law's own [N m], and spring.
+    """
     gravity = joint.gravity or Gravity(0.0, 0.0)
     spring, change = mean_slope(gravity, path), np.inf
     for _ in range(MOST_PASSES):
         weight = gravity.torque(path)
-        push = outside - joint.offset - (weight - spring * path)
-        dry = joint.friction.load_coefficient * np.abs(outside - weight) + joint.friction.at_angle(path)
-        motion, phases = _run(joint, gains, step, target, start, push, dry, spring)
+        more_friction = joint.friction.load_coefficient * np.abs(outside - weight) + joint.friction.at_angle(path)
+        motion, phases = run(outside - joint.offset - (weight - spring * path), more_friction, spring)
         previous, change = change, float(np.abs(motion[0] - path).max())
         path = motion[0]
         if change < SETTLED:

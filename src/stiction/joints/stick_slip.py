@@ -1,10 +1,8 @@
 """Stick and slip at exact instants: a joint on one straight piece of its friction after another.
 
 A stop, a break-away or a new piece of the friction law inside a sample is solved for, so there is no sign(v) to
-chatter. Saturation of the motor begins and ends on samples.
-
-Its input is a straight line between samples, so its motion is known in closed form: whole stretches are computed at
-once, and states between samples by a power series.
+chatter. Saturation of the motor begins and ends on samples. The input is a straight line between samples, so the motion
+is known in closed form: whole stretches are computed at once, and states between samples by a power series.
 """
 
 from __future__ import annotations
@@ -111,25 +109,25 @@ class Regime:
             if low >= span or side * (self.inside(state, drive, drive_slope, low)[1] - speed) >= 0:
                 return 0.0
         root = begin * begin - 2.0 * growth * gap
-        moment = -2.0 * gap / (begin + root**0.5) if gap < 0 <= root and begin + root**0.5 > 0 else 2.0 * low
-        if not low < moment < high:
-            moment = 0.5 * (low + high)
+        instant = -2.0 * gap / (begin + root**0.5) if gap < 0 <= root and begin + root**0.5 > 0 else 2.0 * low
+        if not low < instant < high:
+            instant = 0.5 * (low + high)
         for _ in range(60):
-            now = self.inside(state, drive, drive_slope, moment)
+            now = self.inside(state, drive, drive_slope, instant)
             gap = side * (now[1] - speed)
             if gap >= 0:
-                high = moment
+                high = instant
             else:
-                low = moment
-            rate = side * self.acceleration(now, drive + drive_slope * moment)
-            guess = moment - gap / rate if rate > 0 else 0.5 * (low + high)
+                low = instant
+            rate = side * self.acceleration(now, drive + drive_slope * instant)
+            guess = instant - gap / rate if rate > 0 else 0.5 * (low + high)
             if not low <= guess <= high:
                 guess = 0.5 * (low + high)
             # Newton's error is squared by the step that is taken here without looking again.
-            if abs(guess - moment) <= 1e-7 * span:
+            if abs(guess - instant) <= 1e-7 * span:
                 return guess
-            moment = guess
-        return moment
+            instant = guess
+        return instant
 
 
 FIRST_STRETCH = 64
@@ -149,7 +147,7 @@ MOST_EVENTS = 100
 
 
 class Phase(NamedTuple):
-    """A time in which nothing changes but the state: whole samples from `first` to `last`, or part of one sample."""
+    """A time without an event: whole samples from `first` to `last`, or part of one sample."""
 
     first: int
     """Sample at which the phase begins, or in which it lies."""
@@ -160,7 +158,7 @@ class Phase(NamedTuple):
     end: float
     """Seconds from sample `first` to the end."""
     sign: int
-    """-1 or 1 while sliding that way, 0 at rest."""
+    """Direction: -1 or 1 while sliding, 0 at rest."""
     side: int
     """-1 or 1 while the motor is at that limit, else 0."""
     piece: int
@@ -187,8 +185,8 @@ class Mechanism:
     """Dry friction beyond the law's own, straight between samples [N m], shape (num_samples,)."""
 
 
-class _Way(NamedTuple):
-    """One piece of friction in one direction under one state of the motor."""
+class _Sliding(NamedTuple):
+    """Sliding in one direction on one piece of friction, under one state of the motor."""
 
     regime: Regime
     drive: np.ndarray
@@ -200,7 +198,7 @@ class _Way(NamedTuple):
 
 
 class StickSlip:
-    """One run of a mechanism under its controller; `phases` says afterwards how it went."""
+    """One run of a mechanism under its controller; `run` fills `phases`."""
 
     def __init__(self, mechanism: Mechanism, gains: PDGains, step: float, target: np.ndarray) -> None:
         """Prepare a run; step [s]; target: a [rad], shape (num_samples,)."""
@@ -210,12 +208,12 @@ class StickSlip:
         self.limited = bool(np.isfinite(gains.torque_limit))
         self.loaded = bool(mechanism.load_friction.any())
         self._regimes: dict[tuple[float, float], Regime] = {}
-        self._ways: dict[tuple[int, int, int], _Way] = {}
+        self._slidings: dict[tuple[int, int, int], _Sliding] = {}
 
-    def way(self, sign: int, side: int, piece: int) -> _Way:
+    def sliding(self, sign: int, side: int, piece: int) -> _Sliding:
         """Return the linear system of sliding in direction `sign` on `piece`, the motor in state `side`."""
         key = (sign, side, piece)
-        if key not in self._ways:
+        if key not in self._slidings:
             joint, gains, pieces = self.mechanism, self.gains, self.pieces[sign]
             kp, kd = (0.0, 0.0) if side else (gains.strength * gains.kp, gains.strength * gains.kd)
             law = pieces[piece]
@@ -235,8 +233,8 @@ class StickSlip:
             motor = side * gains.torque_limit if side else kp * self.target
             drive = (motor + joint.push - sign * (law.level + joint.load_friction)) / joint.inertia
             fast = pieces[piece + 1].start if piece + 1 < len(pieces) else np.inf
-            self._ways[key] = _Way(self._regimes[pair], drive, law.start, fast)
-        return self._ways[key]
+            self._slidings[key] = _Sliding(self._regimes[pair], drive, law.start, fast)
+        return self._slidings[key]
 
     def pull(self, index: slice | int, position: float) -> np.ndarray:
         """Return the torque on a joint at rest at samples `index`, friction apart [N m]."""
@@ -249,8 +247,8 @@ class StickSlip:
     def sides(self, index: slice | int, position: np.ndarray | float, velocity: np.ndarray | float) -> np.ndarray:
         """Return -1 or +1 where the controller asks for more than the motor gives, else 0."""
         gains = self.gains
-        asked = gains.strength * (gains.kp * (self.target[index] - position) - gains.kd * velocity)
-        return np.where(np.abs(asked) <= gains.torque_limit, 0, np.sign(asked)).astype(int)
+        commanded = gains.strength * (gains.kp * (self.target[index] - position) - gains.kd * velocity)
+        return np.where(np.abs(commanded) <= gains.torque_limit, 0, np.sign(commanded)).astype(int)
 
     def rest(self, index: int, position: float) -> int:
         """Return the first sample after `index` that friction no longer holds, or the number of samples."""
@@ -258,11 +256,8 @@ class StickSlip:
         while index + 1 < len(self.target):
             ahead = slice(index + 1, index + 1 + length)
             pull = self.pull(ahead, position)
-            if self.loaded:
-                more = self.mechanism.load_friction[ahead]
-                free = (pull > self.pieces[1][0].level + more) | (-pull > self.pieces[-1][0].level + more)
-            else:
-                free = (pull > self.pieces[1][0].level) | (-pull > self.pieces[-1][0].level)
+            more = self.mechanism.load_friction[ahead] if self.loaded else 0.0
+            free = (pull > self.pieces[1][0].level + more) | (-pull > self.pieces[-1][0].level + more)
             first = int(free.argmax())
             if free[first]:
                 return index + 1 + first
@@ -270,23 +265,23 @@ class StickSlip:
         return len(self.target)
 
     def break_away(self, index: int, since: float, position: float) -> tuple[float, int]:
-        """Return when a joint that rests `since` seconds after sample `index` breaks away, and which way.
+        """Return when [s after sample `index`] a joint that rests from `since` on breaks away, and in which direction.
 
-        The instant is in seconds after the sample; the way is 0 if the joint rests until the next sample.
+        The direction is 0 if the joint rests until the next sample.
         """
-        first, last = (float(self.pull(index + ahead, position)) for ahead in (0, 1))
-        dry, drier = (float(more) for more in self.mechanism.load_friction[index : index + 2])
-        soonest, way = self.step, 0
+        pulls = [float(self.pull(index + ahead, position)) for ahead in (0, 1)]
+        more = [float(value) for value in self.mechanism.load_friction[index : index + 2]]
+        soonest, direction = self.step, 0
         for sign in (1, -1):
             hold = self.pieces[sign][0].level
-            begin, end = sign * first - hold - dry, sign * last - hold - drier
+            begin, end = (sign * pull - hold - extra for pull, extra in zip(pulls, more, strict=True))
             if begin + (end - begin) * since / self.step > 0:
                 return since, sign
             if end > 0:
-                moment = max(since, self.step * begin / (begin - end))
-                if moment < soonest:
-                    soonest, way = moment, sign
-        return soonest, way
+                instant = max(since, self.step * begin / (begin - end))
+                if instant < soonest:
+                    soonest, direction = instant, sign
+        return soonest, direction
 
     def cross(self, index: int, state: State, sign: int, side: int, piece: int) -> tuple[State, int, int]:
         """Return state, direction and piece at sample `index + 1`, solving for every event on the way.
@@ -296,12 +291,12 @@ class StickSlip:
         since, from_rest = 0.0, False
         for _ in range(MOST_EVENTS):
             if sign == 0:
-                moment, sign = self.break_away(index, since, state[0])
-                self._note(index, since, moment, 0, side, 0, state)
+                instant, sign = self.break_away(index, since, state[0])
+                self._note(index, since, instant, 0, side, 0, state)
                 if sign == 0:
                     return state, 0, 0
-                since, piece, from_rest = moment, 0, True
-            regime, drives, slow, fast = self.way(sign, side, piece)
+                since, piece, from_rest = instant, 0, True
+            regime, drives, slow, fast = self.sliding(sign, side, piece)
             slope = float(drives[index + 1] - drives[index]) / self.step
             drive, left = float(drives[index]) + slope * since, self.step - since
             final = regime.inside(state, drive, slope, left)
@@ -366,7 +361,7 @@ class StickSlip:
         self, index: int, state: State, sign: int, side: int, piece: int, length: int
     ) -> tuple[np.ndarray, int, bool]:
         """Return the motion ahead, how many samples of it hold, and whether the sample after them leaves the piece."""
-        regime, drive, slow, fast = self.way(sign, side, piece)
+        regime, drive, slow, fast = self.sliding(sign, side, piece)
         length = min(length, regime.longest)
         ahead = regime.stretch(state, drive[index : index + length + 1])
         speed = sign * ahead[1]

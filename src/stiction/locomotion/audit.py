@@ -1,9 +1,8 @@
 """Measures that every randomised parameter changes the physics as its own formula says.
 
 Randomisation that silently does nothing is a recurring fault: a multiplier of a zero default, a derived constant that
-is not recomputed, a controller that overwrites the value. So nothing is read back here. For each parameter, robots
-with its two ends are simulated, and the *difference* of their motion is compared with the difference that the formula
-gives:
+is not recomputed, a controller that overwrites the value. So for each parameter, robots with its two ends are
+simulated, and the *difference* of their motion is compared with the one that the formula gives:
 
     share = <measured, expected> / <expected, expected>
 
@@ -24,7 +23,7 @@ from stiction.locomotion.env import LocomotionEnv
 from stiction.robots.model import GRAVITY, RobotSpec
 
 TOLERANCE = 0.1
-"""Largest deviation of a share from 1. The physics step and the soft contacts stay well under it."""
+"""Largest deviation of a share from 1; the errors of physics step and soft contacts are well under it."""
 
 AUDIT_LEVEL = 0.1
 """Friction level of the audit where the task names none."""
@@ -35,7 +34,7 @@ SLIDING_SPAN = 0.3
 
 @dataclass(frozen=True)
 class AuditRow:
-    """What was found out about one parameter."""
+    """The audit of one parameter."""
 
     parameter: str
     """Field of `RandomizationCfg`, or `friction`, or a check of its own."""
@@ -51,7 +50,7 @@ class AuditRow:
 
     @property
     def verdict(self) -> str:
-        """One phrase for the table."""
+        """`ok` in words."""
         if self.ok:
             return "acts as its formula says"
         if not np.isfinite(self.share):
@@ -80,30 +79,28 @@ def audit_joints(stand: Stand) -> list[AuditRow]:
     if cfg.friction.law == "coulomb":
         spans["friction"] = cfg.friction.last.range
     rows = []
-    for name, ends in spans.items():
-        if ends[0] == ends[1]:
-            continue
-        effects = []
-        for motion in (stand.joint_motion, stand.joint_formula):
-            low, high = (motion(**{name: end}) for end in ends)
-            effects.append(high - low)
-        rows.append(AuditRow(name, "step response, worst joint", effect_share(*effects)))
+    for name, (low, high) in spans.items():
+        if low != high:
+            motions = (stand.joint_motion, stand.joint_formula)
+            effects = [motion(**{name: high}) - motion(**{name: low}) for motion in motions]
+            rows.append(AuditRow(name, "step response, worst joint", effect_share(*effects)))
     return rows
 
 
 def audit_friction(stand: Stand) -> list[AuditRow]:
-    """Check the law of friction at the largest multiplier: what it holds, where it lets go, how it brakes."""
+    """Check the law of friction at the largest multiplier: at rest, at break-away, and sliding."""
     most = stand.cfg.friction.last.range[1]
     if most == 0.0 or stand.cfg.friction.level == 0.0:
         return []
     bench, law = FrictionBench(stand, most), stand.cfg.friction.law
-    worst = [values[np.argmax(np.abs(values - 1.0))] for values in (bench.hold(), bench.break_away())]
-    shares = [*worst, effect_share(*bench.slowed(coasting=False)), effect_share(*bench.slowed(coasting=True))]
-    quantities = ("holds below its bound", "torque of break-away", "brakes above its bound", "slows free motion")
-    return [
-        AuditRow("friction", f"{law}: {what}, worst joint", float(share))
-        for what, share in zip(quantities, shares, strict=True)
-    ]
+    hold, begin = (values[np.argmax(np.abs(values - 1.0))] for values in (bench.hold(), bench.break_away()))
+    shares = {
+        "holds below its bound": hold,
+        "torque of break-away": begin,
+        "brakes above its bound": effect_share(*bench.slowed(coasting=False)),
+        "slows free motion": effect_share(*bench.slowed(coasting=True)),
+    }
+    return [AuditRow("friction", f"{law}: {what}, worst joint", float(share)) for what, share in shares.items()]
 
 
 def audit_body(stand: Stand) -> list[AuditRow]:
@@ -126,7 +123,7 @@ def audit_body(stand: Stand) -> list[AuditRow]:
 
 
 def _center_of_mass(stand: Stand, axis: int) -> AuditRow:
-    """Check the shift of the trunk's centre of mass along one axis; upward, by the lever that gravity tilted gives."""
+    """Check the shift of the trunk's centre of mass along one axis; upward, under tilted gravity."""
     tilt, spec = 0.1, stand.spec
     gravity = (tilt * GRAVITY, 0.0, -GRAVITY) if axis == 2 else (0.0, 0.0, -GRAVITY)
     ends = np.array(stand.cfg.randomization.center_of_mass) * spec.base.size[axis] / spec.base.size[0]
@@ -191,19 +188,18 @@ def _range_rows(env: LocomotionEnv) -> list[AuditRow]:
 def check_randomization(
     cfg: TaskCfg, spec: RobotSpec, report: Callable[[str], None] = lambda _: None
 ) -> list[AuditRow]:
-    """Return the audit of every randomised parameter of a task; `report` is told what is being measured.
+    """Return the audit of every randomised parameter of a task; `report` is called with what is measured next.
 
-    Without a friction level, friction is audited at `AUDIT_LEVEL`: the few hundredths of a newton metre of a good motor
-    move a joint less than the physics step's own error.
+    Without a friction level, friction is audited at `AUDIT_LEVEL`: that of a good motor moves a joint less than the
+    physics step's own error.
     """
     if cfg.friction.level is None:
         cfg = replace(cfg, friction=replace(cfg.friction, level=AUDIT_LEVEL))
     stand = Stand(spec, cfg)
-    report("joints")
-    rows = audit_joints(stand)
-    report("friction")
-    rows += audit_friction(stand)
-    report("masses and ground")
-    rows += audit_body(stand)
+    rows: list[AuditRow] = []
+    audits = {"joints": audit_joints, "friction": audit_friction, "masses and ground": audit_body}
+    for name, audit in audits.items():
+        report(name)
+        rows += audit(stand)
     report("task")
     return rows + audit_env(cfg)

@@ -1,12 +1,9 @@
 """A test stand for randomised robots: one joint at a time in the air, the whole robot standing or sliding.
 
-Robots are randomised through the same `Randomizer` as in training; the formulas beside the measurements know only what
-was drawn and what the specification says.
-
-Joints hang in the air, the base and all other joints held. The robots come from the same `Randomizer` as in training.
-What loads them is known: where the law reads the load, gravity along the joint's own axis, which bends the joint and
-does not turn it; where it reads the motor's torque, the motor at its limit, against a torque from outside that balances
-it. Beside each motion stands the one that the law's formula gives, from the specification alone.
+Robots are randomised through the same `Randomizer` as in training; the formulas beside the measurements use only the
+draws and the specification. Joints hang in the air, the base and all other joints held. Where a friction law reads the
+load, gravity is along the joint's own axis, which bends the joint and does not turn it; where it reads the motor's
+torque, the motor is at its limit, against a torque from outside that balances it.
 """
 
 from __future__ import annotations
@@ -37,11 +34,11 @@ class Stand:
     """One robot of a task on a stand, at the task's own physics step."""
 
     def __init__(self, spec: RobotSpec, cfg: TaskCfg) -> None:
-        """`cfg`: the task; dry friction is the nominal one of its level."""
+        """`cfg`: the task; friction is nominally that of its level."""
         self.spec, self.cfg = spec, cfg
 
     def fleet(self, num: int, **draws: float | np.ndarray) -> tuple[Fleet, Randomizer]:
-        """Return `num` robots, nominal but for `draws`, without gravity."""
+        """Return `num` robots, nominal but for `draws`."""
         cfg = self.cfg
         fleet = Fleet(self.spec, num, cfg.timestep, cfg.decimation, joint_sensors=cfg.friction.joint_law.spec.loaded)
         randomizer = Randomizer(fleet, cfg.randomization, cfg.friction, nominal_joints(fleet, cfg.friction))
@@ -78,9 +75,8 @@ class Stand:
     ) -> np.ndarray:
         """Return what I q'' + B q' = τ + f gives for the same step, (joints, samples)."""
         fleet = Fleet(self.spec, 1, self.cfg.timestep, self.cfg.decimation)
-        # The reference joins its targets by straight lines: a grid ten times finer makes the step a step.
-        fine = 10
-        links, step = fleet.link_inertia(), fleet.timestep / fine
+        # The reference joins its targets by straight lines: a finer grid makes the step a step.
+        links, step = fleet.link_inertia(), fleet.timestep / FINE
         nominal = nominal_joints(fleet, self.cfg.friction)
         target = np.full(round(BENCH_SECONDS / step) + 1, STEP)
         target[: round(action_delay / step)] = 0.0
@@ -97,7 +93,7 @@ class Stand:
                 torque_limit=fleet.torque_limit[j],
                 strength=motor_strength,
             )
-            motion.append(simulate(joint, gains, step, target).position[::fine])
+            motion.append(simulate(joint, gains, step, target).position[::FINE])
         return np.array(motion)
 
     def standing_feet(
@@ -129,19 +125,19 @@ SECONDS = 0.2
 """Length of a run [s]."""
 
 SETTLE = 20
-"""Physics steps before it in which nothing turns the joint."""
+"""Physics steps before a run, without a torque on the joint."""
 
 FREE = int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
-"""A joint on the bench may turn as far as it likes."""
+"""Flags that let a joint turn without end."""
 
 FINE = 10
-"""Steps of the formula's integration in one physics step."""
+"""Steps of a formula's integration in one physics step."""
 
 SHARES = np.linspace(0.9, 1.1, 11)
 """Torques of the search for the break-away, over the bound at rest."""
 
 COAST = 0.8
-"""When the joint that coasts would come to rest if friction stayed as it is at rest, over the length of the run."""
+"""Time after which the coasting joint would stop under the friction at rest, over the length of the run."""
 
 HOLD, SLIDE = 0.9, 1.3
 """Torques of the runs below and above the bound, over the bound at rest."""
@@ -149,7 +145,7 @@ HOLD, SLIDE = 0.9, 1.3
 
 @dataclass(frozen=True)
 class LoadedJoint:
-    """What the law's formula knows of each joint, arrays of shape (joints,)."""
+    """What a law's formula uses of each joint, arrays of shape (joints,)."""
 
     level: np.ndarray
     """Friction f_c [N m], or the coefficient."""
@@ -172,7 +168,7 @@ class LoadedJoint:
 
 
 class FrictionBench:
-    """All runs in one batch: for each joint the search, a run below the bound, one above it, and one that coasts."""
+    """Runs in one batch: for each joint a search of break-away, a run below the bound, one above, one coasting."""
 
     def __init__(self, stand: Stand, multiplier: float) -> None:
         """Prepare robots whose friction is `multiplier` times the nominal one."""
@@ -245,13 +241,12 @@ class FrictionBench:
         return self._formula(0.0)
 
     def _formula(self, friction: float) -> np.ndarray:
-        """Integrate I q'' + B q' = net - f, f the law's times `friction`.
+        """Integrate I q'' + B q' = net - f, f the law's times `friction`; return the speeds.
 
-        Of a law that reads the load f is as the simulator has it: measured a physics step ago, part of the old one
-        kept.
+        Of a law that reads the load f is as in the simulator: of the load a physics step ago, and smoothed.
         """
         known, joint, step = self.known, self.joint, self.fleet.timestep / FINE
-        kept = self.law.spec.kept
+        smoothing = self.law.spec.kept
         inertia, damping = known.inertia[joint], known.damping[joint]
         speed, acceleration, trace = self.speed.copy(), np.zeros_like(self.speed), []
         late = self.bound_at_rest()[joint]
@@ -260,12 +255,11 @@ class FrictionBench:
             if not self.law.spec.loaded:
                 bound = friction * self.bound(speed, acceleration, joint)
             elif count % FINE == 0:
-                bound = kept * bound + (1.0 - kept) * friction * late
+                bound = smoothing * bound + (1.0 - smoothing) * friction * late
                 late = self.bound(speed, acceleration, joint)
             push = self.net - damping * speed
-            # Friction takes the whole of what moves the joint, or its bound.
-            wanted = push + inertia * speed / step
-            acceleration = (push - np.clip(wanted, -bound, bound)) / inertia
+            # Friction is what would stop the joint within the step, or its bound.
+            acceleration = (push - np.clip(push + inertia * speed / step, -bound, bound)) / inertia
             speed = speed + step * acceleration
             if (count + 1) % FINE == 0:
                 trace.append(speed)
@@ -298,8 +292,8 @@ def transmitted(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return force [N] and torque about the first link's centre of mass [N m] on the links behind, shape (n, 3).
 
-    M a_c = F + M g and L' = T - lever x F about their own centre of mass, which goes round the axis. The links'
-    products of inertia are left out: they are thin, or lie in the plane of the motion.
+    M a_c = F + M g and L' = T - lever x F about their own centre of mass, which goes round the axis; without the links'
+    products of inertia, which are small.
     """
     axis, arm = known.axis[joint], known.arm[joint]
     turning = acceleration[:, None] * np.cross(axis, arm) - np.square(speed)[:, None] * arm

@@ -70,8 +70,8 @@ class RandomizationCfg:
     encoder_offset: tuple[float, float] = (-0.02, 0.02)
     """Error of each joint's measured angle [rad]; the joint controller sees it too. Not in the paper's table."""
     known_friction: tuple[float, float] = (0.7, 1.3)
-    """Multiplier of the friction that a policy is told (`TaskCfg.known_friction`), one a kind of joint: the error of
-    whoever identified it, and how much it has changed since."""
+    """Multiplier of the friction that a policy is given (`TaskCfg.known_friction`), one a kind of joint: the error of
+    its identification, and what it has changed since."""
 
     def __post_init__(self) -> None:
         """Refuse multipliers that turn physics around."""
@@ -84,7 +84,7 @@ class RandomizationCfg:
             )
 
     def check_robot(self, robot: RobotSpec) -> None:
-        """Raise `StictionError` where the ranges do not fit a robot: a payload that takes away more than its trunk."""
+        """Raise `StictionError` where the payload takes away more than the robot's trunk."""
         if robot.base.mass + self.payload[0] <= 0:
             raise ConfigurationError(
                 f"payload down to {self.payload[0]} kg on a trunk of {robot.base.mass} kg leaves no mass; "
@@ -92,11 +92,9 @@ class RandomizationCfg:
             )
 
     def with_net(self, holds_friction: bool) -> RandomizationCfg:
-        """Return what is left to randomise where an Actuator Net gives the torque.
+        """Return what is left to randomise where an Actuator Net gives the torque: kp and the delay are in the net.
 
-        kp and the delay are in the net. The motor's strength is not: the paper's table has it, the torque constant of
-        the next robot differs, and it multiplies what the net gives. `holds_friction`: viscous friction is in the net
-        too.
+        `holds_friction`: viscous friction is in the net too.
         """
         one, none = (1.0, 1.0), (0.0, 0.0)
         return replace(self, stiffness=one, action_delay=none, damping=one if holds_friction else self.damping)
@@ -139,7 +137,7 @@ class CommandCfg:
     """A command is a moving one if its norm (m/s and rad/s alike) is above this."""
 
     def __post_init__(self) -> None:
-        """Refuse commands that nobody could draw."""
+        """Refuse ranges, shares and times that make no commands."""
         check_spans(self, dict.fromkeys(("forward", "sideways", "turn"), float("-inf")))
         if not 0 <= self.standing_share <= 1 or self.interval <= 0:
             raise ConfigurationError(
@@ -176,15 +174,14 @@ class TaskCfg:
     """Whether o_exp, which the policy estimates from its history, holds the dry friction of each kind of joint too, in
     units of 0.1 of the torque limit: supervised learning finds it long before a policy's reward would ask for it."""
     known_friction: bool = False
-    """Whether the policy is told f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
-    every episode (`randomization.known_friction`), on the robot what its bench identified (`export --joints`)."""
-
+    """Whether the policy is given f/τ_max of each kind of joint: in training that of the robot, with an error drawn for
+    every episode (`randomization.known_friction`), on the robot what was identified (`export --joints`)."""
     slow_means: float | None = None
     """Time constant [s] of means, of products of target, angle and velocity, that tell each joint's dry friction where
     no frame does: 1, say. They are in every frame, see `SLOW_TERMS`. None: there are none."""
 
     def __post_init__(self) -> None:
-        """Refuse times that do not fit each other, and a history that is none."""
+        """Refuse times that do not fit each other, and settings that contradict each other."""
         if not 1 <= self.history <= LONGEST_HISTORY:
             raise ConfigurationError(f"a history of {self.history} frames: expected 1 to {LONGEST_HISTORY}")
         if self.slow_means is not None and not self.control_period <= self.slow_means <= SLOWEST:
@@ -221,12 +218,8 @@ class TaskCfg:
     def layout(self, robot: RobotSpec) -> ObservationLayout:
         """Return what a policy for a robot observes."""
         kinds = len(joint_kinds(robot.joint_names)) if self.known_friction else 0
-        return proprioception(robot.num_joints, self.history, kinds, self._slow_kept)
-
-    @property
-    def _slow_kept(self) -> float | None:
-        """What slow means keep from one frame to the next; None where there are none."""
-        return None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)
+        decay = None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)
+        return proprioception(robot.num_joints, self.history, kinds, decay)
 
     @property
     def control_period(self) -> float:

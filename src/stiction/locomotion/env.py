@@ -1,8 +1,4 @@
-"""The task as an rsl_rl `VecEnv`: commands in, joint targets out, observation groups and rewards back.
-
-The task itself stays on the host, in NumPy and torch: what it exchanges with the simulator is a few kilobytes a robot
-and control step.
-"""
+"""The task as an rsl_rl `VecEnv`: actions in, observation groups and rewards out. It is computed on the host."""
 
 from __future__ import annotations
 
@@ -16,8 +12,7 @@ from tensordict import TensorDict
 from stiction.formats.known_friction import kind_average
 from stiction.joints.net import ActuatorNet
 from stiction.joints.pd import compensated
-from stiction.locomotion.commands import CommandSampler
-from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.config import CommandCfg, TaskCfg
 from stiction.locomotion.device import CPU, Device
 from stiction.locomotion.gait import UnsyncWindow, exactly_one_group, group_imbalance
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
@@ -43,6 +38,36 @@ def to_tensor(array: np.ndarray) -> torch.Tensor:
     return torch.from_numpy(array.astype(np.float32))
 
 
+class CommandSampler:
+    """The command of every robot: vx, vy [m/s] and yaw rate [rad/s] in the base frame."""
+
+    def __init__(self, cfg: CommandCfg, num_envs: int) -> None:
+        """Start with every robot commanded to stand."""
+        self.cfg = cfg
+        self.value = torch.zeros(num_envs, 3)
+
+    @property
+    def moving(self) -> torch.Tensor:
+        """Whether each robot is commanded to move, (N,) bool."""
+        return self.value.norm(dim=-1) > self.cfg.moving_above
+
+    def override(self, mask: torch.Tensor, value: torch.Tensor) -> None:
+        """Command `value`, (N, 3), to the robots in `mask`, (N,) bool. The tensor is replaced."""
+        self.value = torch.where(mask[:, None], value, self.value)
+
+    def draw(self, ids: torch.Tensor, generator: torch.Generator) -> None:
+        """Draw new commands for the robots `ids`. The tensor is replaced: observations keep the old one."""
+        if not len(ids):
+            return
+        spans = torch.tensor([self.cfg.forward, self.cfg.sideways, self.cfg.turn])
+        new = spans[:, 0] + (spans[:, 1] - spans[:, 0]) * torch.rand(len(ids), 3, generator=generator)
+        standing = torch.rand(len(ids), 1, generator=generator) < self.cfg.standing_share
+        small = new.norm(dim=-1, keepdim=True) <= self.cfg.moving_above
+        value = self.value.clone()
+        value[ids] = torch.where(standing | small, 0.0, new)
+        self.value = value
+
+
 class LocomotionEnv(VecEnv):
     """Velocity tracking for any legged robot.
 
@@ -64,17 +89,16 @@ class LocomotionEnv(VecEnv):
     ) -> None:
         """Build the fleet and reset every robot.
 
-        `identified`: see `nominal_joints`; `device`: simulator, and where observations, rewards and actions are, while
-        everything in between is on the host; `actuator`: gives the joints' torque in place of the PD law. Raises
-        `StictionError` where the net does not fit the robot, the physics step or the friction.
+        `identified`: see `nominal_joints`; `device`: simulator, and where observations, rewards and actions are;
+        `actuator`: gives the joints' torque in place of the PD law. Raises `StictionError` where the net does not fit
+        the robot, the physics step or the friction.
         """
         self.cfg: Any = cfg
         self.num_envs, self.device = num_envs, device.torch
         self.spec = find_robot(cfg.robot)
         self.num_actions = self.spec.num_joints
-        self.course = None
-        if cfg.terrain.kind != "flat":
-            self.course = Curriculum(cfg.terrain, num_envs, np.random.default_rng(seed))
+        flat, draws = cfg.terrain.kind == "flat", np.random.default_rng(seed)
+        self.course = None if flat else Curriculum(cfg.terrain, num_envs, draws)
         terrain, sensors = self.course.terrain if self.course else None, cfg.friction.joint_law.spec.loaded
         steps = (cfg.timestep, cfg.decimation)
         self.fleet = Fleet(self.spec, num_envs, *steps, threads, device.backend, terrain, sensors, cfg.physics)
@@ -94,8 +118,8 @@ class LocomotionEnv(VecEnv):
         self.group = torch.from_numpy(self.spec.groups())
         self.frames = FrameBuilder(self.layout, self.standing)
         self.history = History(num_envs, self.layout)
-        kept = self.layout.slow_kept
-        self.slow = None if kept is None else SlowMeans(num_envs, self.num_actions, kept)
+        decay = self.layout.slow_kept
+        self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay)
         self.unsync = UnsyncWindow(num_envs, len(self.spec.legs))
         self.terms = cfg.rewards.terms
         self.max_episode_length = round(cfg.episode / cfg.control_period)
@@ -143,13 +167,13 @@ class LocomotionEnv(VecEnv):
             self.course.fall(fallen.numpy(), left.numpy())
             time_outs |= torch.from_numpy(self.course.crossed(self.fleet.base_position[:, :2])) & ~fallen
         dones = fallen | time_outs
-        log = self._log(snapshot, fallen, blown_up)
+        log = means | self._log(snapshot, fallen, blown_up)
         if self.course:
             log |= {name: torch.tensor(value) for name, value in self.course.figures().items()}
         self._reset(dones.nonzero().flatten())
         self._push_and_command(dones)
         self._observation = self._observe(dones)
-        extras = {"time_outs": time_outs.float().to(self.device), "log": means | log}
+        extras = {"time_outs": time_outs.float().to(self.device), "log": log}
         return self._observation, reward.to(self.device), dones.to(self.device), extras
 
     def enter_stage(self, number: int) -> None:
@@ -188,22 +212,18 @@ class LocomotionEnv(VecEnv):
         )
 
     def _log(self, snapshot: Snapshot, fallen: torch.Tensor, blown_up: torch.Tensor) -> dict[str, torch.Tensor]:
-        """Return the figures that tell how the robots walk, as scalars of this step."""
+        """Return the figures of the walk in this step, scalars."""
         moving = snapshot.moving.float()
-        share = moving.sum().clamp(min=1.0)
         error = (snapshot.command[:, :2] - snapshot.linear_velocity[:, :2]).norm(dim=-1)
         log = {
             "walk/tracking_error": error.mean(),
-            "walk/tripod_share": (snapshot.one_group * moving).sum() / share,
+            "walk/tripod_share": (snapshot.one_group * moving).sum() / moving.sum().clamp(min=1.0),
             "walk/falls": fallen.float().mean() / self.cfg.control_period,
             "walk/blown_up": blown_up.sum().float(),
         }
-        fast = snapshot.command[:, 0].abs() > 0.3
-        for name, mask in (
-            ("forward", fast & (snapshot.command[:, 0] > 0)),
-            ("backward", fast & (snapshot.command[:, 0] < 0)),
-        ):
-            ratio = snapshot.linear_velocity[:, 0] / snapshot.command[:, 0]
+        command = snapshot.command[:, 0]
+        ratio = snapshot.linear_velocity[:, 0] / command
+        for name, mask in (("forward", command > 0.3), ("backward", command < -0.3)):
             log[f"walk/{name}_ratio"] = torch.where(mask, ratio, 0.0).sum() / mask.sum().clamp(min=1)
         if self.cfg.friction.law != "coulomb":
             log["friction/share"] = torch.as_tensor((self.fleet.friction / self.fleet.torque_limit).mean())
@@ -316,10 +336,8 @@ class LocomotionEnv(VecEnv):
         }
 
     def load_state(self, state: dict[str, Any]) -> None:
-        """Restore what `state` returned; the next step is then bit-identical on the same number of threads.
-
-        A state from before there were schedules, terrain and Actuator Nets has none of them.
-        """
+        """Restore what `state` returned; the next step is then bit-identical on the same number of threads."""
+        # Older states are without schedules, terrain and Actuator Nets.
         state = {"stage": 0, "course": None, "ground": torch.zeros(self.num_envs), "motors": {}} | state
         for name, value in state["draws"].items():
             setattr(self.randomizer.draws, name, value.clone())

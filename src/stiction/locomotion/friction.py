@@ -1,7 +1,7 @@
 """Dry friction during training: how much, by which law, and when. No torch, no mujoco.
 
 Every training method is one *schedule*: stages of the teacher's training, each with a distribution of the
-multiplier of the nominal friction. The student, and whoever asks later, meets the last stage.
+multiplier of the nominal friction. The student has that of the last stage.
 """
 
 from __future__ import annotations
@@ -33,15 +33,14 @@ FRICTION_RANGES: dict[str, tuple[float, float]] = {
 }
 """Multiplier of the nominal dry friction in the last stage, by training method.
 
-`none` is conventional randomisation, the paper's Table II without its friction row. The range that the table gives
-every other joint parameter is that of `direct`, of `compensation` (which adds the nominal friction to the command) and
-of the two that begin without friction: `finetune` meets all of it at once, `iterative` in equal steps. `deception` is
-the table's row: only the lower end moves, to zero.
+`none` is conventional randomisation, the paper's Table II without its friction row; `deception` has that row. The
+others have the range that the table gives every other joint parameter: `compensation` adds the nominal friction to the
+command, `finetune` begins without friction and has all of it at once, `iterative` in equal steps.
 """
 
 
 def law_choice() -> Any:
-    """Return what makes text on a command line the name of a law: those of the table when the line is read."""
+    """Return tyro's choice of a law by name, from the table as it is when the command line is read."""
     names = simulated_laws()
     return PrimitiveConstructorSpec(
         nargs=1,
@@ -61,10 +60,10 @@ def law_help(words: str, *aliases: str) -> Any:
 
 @dataclass(frozen=True)
 class Stage:
-    """What is drawn from one moment of the teacher's training on."""
+    """A part of the teacher's training, up to the next stage."""
 
     begin: float
-    """Share of the teacher's iterations that lie before it."""
+    """Share of the teacher's iterations before it."""
     mixture: Mixture
     """Distribution of the multiplier."""
 
@@ -104,12 +103,8 @@ class FrictionCfg:
     """Speed at which 63 % of that excess is gone [rad/s], of the law `stribeck`."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be drawn or overcome, and, from a file, words that mean nothing."""
-        choices = {
-            "method": tuple(FRICTION_RANGES),
-            "per": ("robot", "joint"),
-        }
-        for name, allowed in choices.items():
+        """Refuse unknown names, and numbers that cannot be drawn or overcome."""
+        for name, allowed in {"method": tuple(FRICTION_RANGES), "per": ("robot", "joint")}.items():
             if getattr(self, name) not in allowed:
                 raise ConfigurationError(unknown_name(f"friction {name}", getattr(self, name), allowed))
         _ = self.joint_law
@@ -121,9 +116,9 @@ class FrictionCfg:
             )
 
     def _check_level(self) -> None:
-        """Refuse a level that no motor could overcome, and a coefficient that nobody named."""
-        number = self.level is None or (isinstance(self.level, int | float) and not isinstance(self.level, bool))
-        if not number or (self.level is not None and not 0.0 <= self.level < 0.8):
+        """Refuse a level that no motor could overcome, and a law without its coefficient."""
+        number = isinstance(self.level, int | float) and not isinstance(self.level, bool)
+        if self.level is not None and not (number and 0.0 <= self.level < 0.8):
             unit = "a coefficient" if has_coefficient(self.law) else "a fraction of the torque limit"
             raise ConfigurationError(f"friction level {self.level!r}: expected {unit} in [0, 0.8)")
         if self.level is None and has_coefficient(self.law) and self.method != "none":
@@ -171,31 +166,23 @@ class FrictionCfg:
         if self.method == "finetune":
             return Stage(0.0, FRICTIONLESS), Stage(self.pretraining, final)
         if self.method == "iterative":
-            rest, n = 1.0 - self.pretraining, self.steps
-            steps = (
-                Stage(
-                    self.pretraining + rest * k / n, tuple((w, a * (k + 1) / n, b * (k + 1) / n) for w, a, b in final)
-                )
-                for k in range(n)
-            )
-            return Stage(0.0, FRICTIONLESS), *steps
+            rest, n, stages = 1.0 - self.pretraining, self.steps, [Stage(0.0, FRICTIONLESS)]
+            for k in range(n):
+                part = tuple((w, a * (k + 1) / n, b * (k + 1) / n) for w, a, b in final)
+                stages.append(Stage(self.pretraining + rest * k / n, part))
+            return tuple(stages)
         return (Stage(0.0, final),)
 
     def stage(self, iteration: int, iterations: int) -> int:
         """Return the number of the stage that iteration `iteration` of `iterations` of the teacher belongs to."""
-        begun = [k for k, stage in enumerate(self.schedule) if iteration >= round(stage.begin * iterations)]
-        return begun[-1]
+        return max(k for k, stage in enumerate(self.schedule) if iteration >= round(stage.begin * iterations))
 
 
 def friction_share(law: str, friction: np.ndarray, spec: RobotSpec) -> np.ndarray:
-    """Return dry friction as a fraction of each joint's torque limit, shape (..., joints): the same at every level.
+    """Return dry friction as a fraction of each joint's torque limit, shape (..., joints).
 
-    Args:
-        law: of the friction. A coefficient counts at the full torque of the motor, and where the joint transmits an
-            even share of the robot's weight and no torque.
-        friction: torque [N m], or coefficient, of each joint, shape (..., joints).
-        spec: the robot.
-
+    `friction`: torque [N m], or coefficient, of each joint, shape (..., joints). A coefficient counts at the full
+    torque of the motor, and where the joint transmits an even share of the robot's weight and no torque.
     """
     limit = spec.joint_values("torque_limit")
     if not has_coefficient(law):

@@ -54,9 +54,9 @@ class History:
 class SlowMeans:
     """Means of products of error and velocity that tell a joint's dry friction, see `SLOW_TERMS`."""
 
-    def __init__(self, num_envs: int, num_joints: int, kept: float) -> None:
-        """Start with nothing; `kept`: see `ObservationLayout.slow_kept`."""
-        self.kept = kept
+    def __init__(self, num_envs: int, num_joints: int, decay: float) -> None:
+        """Start with nothing; `decay`: see `ObservationLayout.slow_kept`."""
+        self.decay = decay
         self.sums = torch.zeros(num_envs, len(SLOW_TERMS), num_joints)
         """Σ k^(t-i) x_i."""
         self.weight = torch.zeros(num_envs, 1)
@@ -69,6 +69,6 @@ class SlowMeans:
         forgotten.
         """
         products = torch.stack((error.abs(), velocity.abs(), error * velocity), 1)
-        self.sums = products + torch.where(fresh[:, None, None], 0.0, self.kept * self.sums)
-        self.weight = 1.0 + torch.where(fresh[:, None], 0.0, self.kept * self.weight)
+        self.sums = products + torch.where(fresh[:, None, None], 0.0, self.decay * self.sums)
+        self.weight = 1.0 + torch.where(fresh[:, None], 0.0, self.decay * self.weight)
         return dict(zip(SLOW_TERMS, (self.sums / self.weight[..., None]).unbind(1), strict=True))

@@ -1,7 +1,6 @@
 """Domain randomisation: every row of the paper's Table II, drawn anew for a robot at each of its resets.
 
-Each draw is relative to the *nominal* value, never to the last one, so nothing drifts. What is drawn is kept in
-`Draws`: the privileged observation is read from it, and the audit compares it with how the robot then moves.
+Each draw is relative to the *nominal* value, never to the last one, so nothing drifts.
 """
 
 from __future__ import annotations
@@ -43,24 +42,11 @@ def privileged_observation(
 ) -> torch.Tensor:
     """Return o_priv = {m_b, f_g, I_j, B_j, f_j}, shape (N, 2 + 3 joints), each entry near unit size.
 
-    Args:
-        payload: mass added to the trunk [kg], shape (N, 1).
-        ground_friction: multiplier of the sliding friction, shape (N, 1).
-        armature: multiplier of each joint's rotor inertia, shape (N, joints).
-        damping: multiplier of each joint's viscous friction, shape (N, joints).
-        friction: dry friction of each joint as a fraction of its torque limit, see `friction_share`, shape (N, joints).
-
+    `payload`: mass added to the trunk [kg], and `ground_friction`: multiplier, both (N, 1); `armature`, `damping`:
+    multipliers, and `friction`: as a fraction of the torque limit, see `friction_share`, all (N, joints).
     """
-    return torch.cat(
-        (
-            payload / PAYLOAD_UNIT,
-            ground_friction - 1.0,
-            (armature - 1.0) / MULTIPLIER_UNIT,
-            (damping - 1.0) / MULTIPLIER_UNIT,
-            friction / FRICTION_UNIT,
-        ),
-        -1,
-    )
+    multipliers = [(value - 1.0) / MULTIPLIER_UNIT for value in (armature, damping)]
+    return torch.cat((payload / PAYLOAD_UNIT, ground_friction - 1.0, *multipliers, friction / FRICTION_UNIT), -1)
 
 
 def nominal_privileged(friction: np.ndarray) -> torch.Tensor:
@@ -90,9 +76,8 @@ def nominal_joints(
 ) -> NominalJoints:
     """Return the robot's own joints, overridden by an identification, its friction overridden by the level.
 
-    Of the laws with a coefficient, every joint has the same one, and none where no level is named.
-
-    `identified`: `armature`, `damping`, `frictionloss`, each (joints,), NaN where not identified.
+    Of the laws with a coefficient, every joint has the same one, 0 without a level. `identified`: `armature`,
+    `damping`, `frictionloss`, each (joints,), NaN where not identified.
     """
     values = {name: fleet.spec.joint_values(name) for name in ("armature", "damping", "frictionloss")}
     for name, value in (identified or {}).items():
@@ -113,7 +98,7 @@ def friction_angle(cfg: FrictionCfg, nominal: NominalJoints, robot: RobotSpec) -
 
 @dataclass
 class Draws:
-    """What each robot has now, float32; multipliers unless a unit is given."""
+    """The current parameters of each robot, float32; multipliers unless a unit is given."""
 
     armature: torch.Tensor
     damping: torch.Tensor
@@ -143,13 +128,13 @@ class Randomizer:
         nominal: NominalJoints,
         motors: NetMotors | None = None,
     ) -> None:
-        """Remember the nominal robot. Nothing is drawn before the first `draw`. `motors`: those of an Actuator Net."""
+        """Begin with all draws 0, before the first `draw`. `motors`: those of an Actuator Net."""
         self.motors = motors
         if motors is not None:
             cfg = cfg.with_net(motors.holds_friction)
-        if motors is not None and motors.holds_friction:
-            zero = np.zeros_like(nominal.damping)
-            nominal = NominalJoints(nominal.armature, damping=zero, frictionloss=zero)
+            if motors.holds_friction:
+                zero = np.zeros_like(nominal.damping)
+                nominal = NominalJoints(nominal.armature, damping=zero, frictionloss=zero)
         self.fleet, self.cfg, self.friction, self.nominal = fleet, cfg, friction, nominal
         self.mixture = friction.schedule[0].mixture
         self.law = JointFriction(fleet, friction.joint_law)
@@ -171,9 +156,8 @@ class Randomizer:
         def uniform(span: tuple[float, float], like: torch.Tensor) -> torch.Tensor:
             return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator)
 
-        new = {
-            name: uniform(getattr(cfg, name), value) for name, value in vars(self.draws).items() if name != "friction"
-        }
+        drawn = ((name, value) for name, value in vars(self.draws).items() if name != "friction")
+        new = {name: uniform(getattr(cfg, name), value) for name, value in drawn}
         new["friction"] = self._draw_friction(num, generator)
         new["center_of_mass"] = new["center_of_mass"] * self.com_axes
         step = self.fleet.timestep
@@ -194,7 +178,7 @@ class Randomizer:
         return multiplier if self.friction.per == "joint" else multiplier[:, :1].expand(size)
 
     def enter(self, mixture: Mixture, generator: torch.Generator) -> None:
-        """Begin a stage of the schedule: every robot's friction is drawn anew, and nothing else."""
+        """Begin a stage of the schedule: draw every robot's friction, and nothing else."""
         self.mixture = mixture
         self.draws.friction = self._draw_friction(self.fleet.num_envs, generator).clone()
         self.apply(torch.arange(self.fleet.num_envs))
@@ -229,7 +213,7 @@ class Randomizer:
 
 @dataclass(frozen=True)
 class IdentifiedJoints:
-    """What an identification says about each joint of a robot; None where the robot's own value stays."""
+    """What an identification gives for each joint of a robot; None where the robot's own value stays."""
 
     armature: tuple[float | None, ...]
     """Rotor inertia [kg m²]: the identified inertia less that of the links it was measured with."""
@@ -246,38 +230,35 @@ def identified_joints(
 ) -> IdentifiedJoints:
     """Read the nominal joints of a robot from an identification.
 
-    A record stands for the joint of its name, `FL_shank`, or for all of its kind, `shank`. Quantities that are null
-    stay as the robot has them. The simulator adds the links' inertia itself, so it is taken off what was measured on a
-    leg in the air; the inertia of a loaded or unstated test says nothing about the rotor, and is not used. Where no
-    torque was measured, friction is known as a share of the torque limit alone, in units of the command, and that share
-    of the robot's own limit is taken.
+    A record stands for the joint of its name, `FL_shank`, or for all of its kind, `shank`. The simulator adds the
+    links' inertia itself, so it is subtracted from what was measured on a leg in the air; the inertia of a loaded or
+    unstated test says nothing about the rotor, and is not used. Friction that is known in units of the command alone is
+    taken as a share of the robot's own torque limit.
 
-    `link_inertia`: what the links put on each joint [kg m²], (joints,); `torque_limit` [N m], (joints,). Raises
+    `link_inertia`: of the links about each joint [kg m²], (joints,); `torque_limit` [N m], (joints,). Raises
     `StictionError` where the file holds nothing that can be used for this robot, a linear axis, or an inertia smaller
     than the links' own.
     """
-    armature: list[float | None] = []
-    damping: list[float | None] = []
-    frictionloss: list[float | None] = []
+    rows = []
     warnings: dict[str, None] = {}
     for name, links, limit in zip(joint_names, link_inertia, torque_limit, strict=True):
         key = file.key(name)
         record = file.joints[key] if key is not None else JointRecord()
         if record.axis != "rotary":
             raise FileError(f"joint {key!r} was identified as a linear axis (kg, N); expected a rotary one")
-        armature.append(_armature(name, key, record, float(links), warnings))
-        damping.append(_value(record.viscous_friction))
-        frictionloss.append(_friction(key, record, float(limit), warnings))
-    if all(value is None for value in (*armature, *damping, *frictionloss)):
+        armature = _armature(name, key, record, float(links), warnings)
+        rows.append((armature, _value(record.viscous_friction), _friction(key, record, float(limit), warnings)))
+    if all(value is None for row in rows for value in row):
         raise FileError(
             f"the file has {', '.join(file.joints)}, and nothing that can be used for {', '.join(joint_names[:3])} and "
             "so on; name the joint, or its kind, when you identify it"
         )
-    return IdentifiedJoints(tuple(armature), tuple(damping), tuple(frictionloss), tuple(warnings))
+    inertias, dampings, frictions = zip(*rows, strict=True)
+    return IdentifiedJoints(inertias, dampings, frictions, tuple(warnings))
 
 
 def _value(estimate: Estimate | None) -> float | None:
-    """Return an estimate of friction as simulators take it: what is below zero is zero."""
+    """Return an estimate of friction, at least zero."""
     return None if estimate is None else max(0.0, estimate.value)
 
 

@@ -2,16 +2,16 @@
 
     o'_i = factor_i o_index_i + shift_i
 
-Nothing is assumed about a robot's parameters: a worn left joint becomes a worn right one, and what the mirrored robot
-observes is what a robot so worn would. Groups and terms each have a rule below; one without is an error.
+The mirror image of a robot with a worn left joint has a worn right one. Groups and terms each have a rule below; one
+without is an error.
 
 * What has a direction in the base follows the reflection y -> -y: positions and velocities (x, -y, z), rates of turn
   (-x, y, -z), roll and pitch (-φ, ψ), commands (v_x, -v_y, -ω).
 * Angles, velocities and actions of joints are exchanged with those of the mirror image, with its sign.
-* Means without a sign, of |e|, |θ'| and e θ', are exchanged as they are.
-* What is known of a kind of joint is known of both sides: it stays.
-* Friction, rotor inertia and damping are exchanged without sign. The last two are observed as multipliers of each
-  joint's own nominal value: where that differs from its image's, the multiplier is converted (factor and shift).
+* Means of |e|, |θ'| and e θ', and friction, rotor inertia and damping, are exchanged without sign. The last two are
+  observed as multipliers of each joint's own nominal value: where that differs from its image's, the multiplier is
+  converted (factor and shift).
+* What belongs to a kind of joint stays.
 * The elevation map is looked up at (x, -y); a history is mirrored frame by frame.
 """
 
@@ -65,11 +65,7 @@ class Rows:
 
 
 class VectorMirror(nn.Module):
-    """Mirrors the last axis of a tensor: one gather and one multiplication, and an addition where entries shift.
-
-    Its numbers go into a checkpoint with the network that uses them: those of identified joints are known to no one
-    else.
-    """
+    """Mirrors the last axis of a tensor. Its numbers go into the checkpoint of the network that uses them."""
 
     index: torch.Tensor
     factor: torch.Tensor
@@ -96,7 +92,7 @@ class TaskMirror(nn.Module):
         """`groups`: of every observation group; `action`: of the action."""
         super().__init__()
         self.rows = {**groups, "action": action}
-        """The rules as they came, for who builds more than a mirror of them."""
+        """The rules themselves, for layers that are built of them."""
         self.groups = nn.ModuleDict({name: VectorMirror(rows) for name, rows in groups.items()})
         self.action = VectorMirror(action)
 
@@ -108,34 +104,35 @@ class TaskMirror(nn.Module):
     def group(self, name: str) -> VectorMirror:
         """Return the mirror of one group. Raises `StictionError` where it has no rule."""
         if name not in self.groups:
-            raise ConfigurationError(
-                f"observation group {name!r} has no mirror rule; those with one: {', '.join(RULES)}"
-            )
+            raise _no_rule(name)
         found = self.groups[name]
         assert isinstance(found, VectorMirror)
         return found
 
 
 def task_mirror(env: LocomotionEnv) -> TaskMirror:
-    """Return the mirror of a task, as its environment has built it.
+    """Return the mirror of a task.
 
     Raises `StictionError` where the robot has no mirror image, where an observation group or term has no rule, or where
-    a part of the task that no observation tells of differs from left to right: the nominal friction that `compensation`
-    adds to the command, the groups of joints of an Actuator Net.
+    an unobserved part of the task differs from left to right: the nominal friction that `compensation` adds to the
+    command, the groups of joints of an Actuator Net.
     """
     mirror = robot_mirror(env.spec)
     _check_fixed_parts(env, mirror)
     groups = {}
     for name, value in env.get_observations().items():
         if name not in RULES:
-            raise ConfigurationError(
-                f"observation group {name!r} has no mirror rule; those with one: {', '.join(RULES)}"
-            )
+            raise _no_rule(name)
         groups[name] = RULES[name](env, mirror)
         size, ruled = value.shape[-1], len(groups[name].index)
         if size != ruled:
             raise ConfigurationError(f"observation group {name!r} has {size} entries and its mirror rule {ruled}")
     return TaskMirror(groups, Rows(mirror.joints, mirror.sign))
+
+
+def _no_rule(group: str) -> ConfigurationError:
+    """Return the error of an observation group without a rule."""
+    return ConfigurationError(f"observation group {group!r} has no mirror rule; those with one: {', '.join(RULES)}")
 
 
 def _check_fixed_parts(env: LocomotionEnv, mirror: RobotMirror) -> None:
@@ -190,7 +187,7 @@ def _history(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
 
 
 def _privileged(env: LocomotionEnv, mirror: RobotMirror) -> Rows:
-    """Return the rule of o_priv; multipliers are converted to the nominal value of the joint they are handed to."""
+    """Return the rule of o_priv; multipliers are converted to the nominal value of the mirror image."""
     parts = []
     for name, per in PRIVILEGED_TERMS:
         if per == "robot":

@@ -30,10 +30,10 @@ BEYOND = 0.6
 """A robot that is this far beyond the other foot has crossed its course [m]."""
 
 LENGTH = START + 2 * REACH + BEYOND
-"""Way from the start to where a course has been crossed [m]."""
+"""Distance from the start to where a course has been crossed [m]."""
 
 SIDEWAYS = 1.0
-"""Half-width of the start, across the way [m]."""
+"""Half-width of the start, across the course [m]."""
 
 ASKEW = 0.2
 """Half-width of the first error of heading [rad]."""
@@ -62,18 +62,18 @@ class TerrainCfg:
     first_level: int = 2
     """Levels are drawn from 0 up to this one at first."""
     promote_above: float = 0.75
-    """A robot goes one level up after an episode in which it covered more than this share of the commanded way..."""
+    """A robot goes one level up after an episode in which it covered more than this share of what was commanded..."""
     demote_below: float = 0.4
-    """... and one down where it covered less than this. To who falls, the rest of the way counts as commanded too."""
+    """... and one down where it covered less than this. After a fall the rest of the course counts as commanded too."""
     speed: tuple[float, float] = (0.3, 0.55)
     """Commanded speed across a course [m/s]."""
     heading_gain: float = 1.0
-    """Turn rate over error of heading, by which robots on a course are held on their way [1/s], as a pilot would."""
+    """Turn rate over error of heading, by which robots on a course are steered [1/s]."""
     elevation_noise: float = 0.02
     """Half-width of the noise on the elevation map [m]."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no curriculum."""
+        """Refuse unknown ground, and numbers that make no curriculum."""
         if self.kind not in get_args(TerrainName):
             raise ConfigurationError(unknown_name("terrain", self.kind, get_args(TerrainName)))
         if not 0 <= self.first_level < self.levels or not 0 <= self.demote_below <= self.promote_above:
@@ -93,12 +93,16 @@ class TerrainCfg:
 
 
 def hold_heading(error: np.ndarray, gain: float) -> np.ndarray:
-    """Return the turn rate that corrects an error of heading [rad], at most 0.6 rad/s, as a pilot would give it."""
+    """Return the turn rate that corrects an error of heading [rad], at most 0.6 rad/s."""
     return np.clip(gain * ((error + np.pi) % (2 * np.pi) - np.pi), -0.6, 0.6)
 
 
+STATE, TERRAIN_STATE = ("level", "heading", "speed", "covered", "asked"), ("difficulty", "position", "quaternion")
+"""What a checkpoint holds of a curriculum, and of its terrain."""
+
+
 class Curriculum:
-    """Who walks what. Levels move at the end of an episode; the first reset leaves them as they were drawn."""
+    """The ground, level and course of each robot. Levels move at the end of an episode."""
 
     def __init__(self, cfg: TerrainCfg, num: int, generator: np.random.Generator) -> None:
         """Assign kinds and draw first levels."""
@@ -110,7 +114,7 @@ class Curriculum:
         self.covered, self.asked = np.zeros(num), np.zeros(num)
 
     def begin(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Move the levels of the robots `ids` and start their next episode, facing their way within `ASKEW`.
+        """Move the levels of the robots `ids` and start their next episode, facing along the course within `ASKEW`.
 
         Returns difficulty (n,), random numbers for `Terrain.place` (n, SLABS, 4), start (n, 2) [m], heading (n,) [rad].
         """
@@ -128,29 +132,32 @@ class Curriculum:
         quarter = np.where(stairs, self.generator.integers(0, 4, num), 2 * self.generator.integers(0, 2, num))
         heading = np.where(self.on_course[ids], np.pi / 2 * quarter, self.generator.uniform(-np.pi, np.pi, num))
         self.heading[ids] = heading
-        way = np.stack((np.cos(heading), np.sin(heading)), -1)
-        left = np.stack((-way[:, 1], way[:, 0]), -1)
+        forward = np.stack((np.cos(heading), np.sin(heading)), -1)
+        left = np.stack((-forward[:, 1], forward[:, 0]), -1)
         aside = self.generator.uniform(-SIDEWAYS, SIDEWAYS, (num, 1))
-        start = np.where(self.on_course[ids][:, None], aside * left - (REACH + START) * way, 0.0)
+        start = np.where(self.on_course[ids][:, None], aside * left - (REACH + START) * forward, 0.0)
         askew = self.generator.uniform(-ASKEW, ASKEW, num)
         return difficulty, self.generator.random((num, SLABS, 4)), start, heading + askew
 
     def command(self, yaw: np.ndarray) -> np.ndarray:
-        """Return what is commanded on a course: its speed, and a turn that holds the way; (N, 3) [m/s, rad/s].
+        """Return the command on a course: its speed, and a turn towards its heading; (N, 3) [m/s, rad/s].
 
-        yaw: heading now [rad], (N,).
+        yaw: current heading [rad], (N,).
         """
         turn = hold_heading(self.heading - yaw, self.cfg.heading_gain)
         return np.stack((self.speed, np.zeros_like(turn), turn), -1)
 
+    def _along(self, vector: np.ndarray) -> np.ndarray:
+        """Return the components of vectors in the world, (N, 2), along the courses, (N,)."""
+        return vector[:, 0] * np.cos(self.heading) + vector[:, 1] * np.sin(self.heading)
+
     def walk(self, velocity: np.ndarray, period: float) -> None:
-        """Count the way of one control period. `velocity`: of the base in the world, (N, 2) [m/s]."""
-        along = velocity[:, 0] * np.cos(self.heading) + velocity[:, 1] * np.sin(self.heading)
-        self.covered += along * period
+        """Count the distance of one control period. `velocity`: of the base in the world, (N, 2) [m/s]."""
+        self.covered += self._along(velocity) * period
         self.asked += self.speed * period
 
     def fall(self, fallen: np.ndarray, left: np.ndarray) -> None:
-        """Ask of who has fallen, (N,) bool, for the way that was still to come: it would be promoted for a good start.
+        """Count the rest of the course as commanded for robots that fell, (N,) bool: else a good start would promote.
 
         left: time to the end of each robot's episode [s], (N,).
         """
@@ -158,9 +165,8 @@ class Curriculum:
         self.asked = np.where(fallen, np.maximum(self.asked, whole), self.asked)
 
     def crossed(self, position: np.ndarray) -> np.ndarray:
-        """Return who has crossed its course, (N,) bool. `position`: of the base, (N, 2) [m]."""
-        along = position[:, 0] * np.cos(self.heading) + position[:, 1] * np.sin(self.heading)
-        return self.on_course & (along > REACH + BEYOND)
+        """Return which robots have crossed their courses, (N,) bool. `position`: of the base, (N, 2) [m]."""
+        return self.on_course & (self._along(position) > REACH + BEYOND)
 
     def figures(self) -> dict[str, float]:
         """Return mean level and mean difficulty in its own unit, by kind of ground."""
@@ -174,18 +180,14 @@ class Curriculum:
         return figures
 
     def state(self) -> dict[str, Any]:
-        """Return what a checkpoint must hold; the layout of the ground is drawn anew from it."""
-        names = ("level", "heading", "speed", "covered", "asked")
-        return {name: getattr(self, name).copy() for name in names} | {
-            "difficulty": self.terrain.difficulty.copy(),
-            "position": self.terrain.position.copy(),
-            "quaternion": self.terrain.quaternion.copy(),
-            "generator": self.generator.bit_generator.state,
-        }
+        """Return what a checkpoint must hold."""
+        mine = {name: getattr(self, name).copy() for name in STATE}
+        ground = {name: getattr(self.terrain, name).copy() for name in TERRAIN_STATE}
+        return mine | ground | {"generator": self.generator.bit_generator.state}
 
     def load_state(self, state: dict[str, Any]) -> None:
         """Restore what `state` returned."""
-        for name in ("level", "heading", "speed", "covered", "asked"):
+        for name in STATE:
             getattr(self, name)[:] = np.asarray(state[name])
         self.generator.bit_generator.state = state["generator"]
-        self.terrain.restore(*(np.asarray(state[name]) for name in ("difficulty", "position", "quaternion")))
+        self.terrain.restore(*(np.asarray(state[name]) for name in TERRAIN_STATE))

@@ -1,4 +1,4 @@
-"""Fits an Actuator Net to logs and measures it on the runs that were kept out, beside the analytic law.
+"""Fits an Actuator Net to logs and measures it on held-out runs, beside the analytic law.
 
 L_actuator = MSE(τ^motor, τ^motor*) of the paper, here of torque over the joint's limit: in newton metres the strongest
 motor would count most.
@@ -35,8 +35,8 @@ from stiction.joints.net import (
 from stiction.rma.actuator_data import LoggedRun, check_runs, split_runs
 
 STD_FLOOR = 1e-6
-"""An input that deviates by less in the training runs never changes there, tells nothing, and is left out: divided by
-next to nothing, its first change in use would swamp the net."""
+"""An input with a smaller standard deviation in the training runs is left out: scaled by so little, its first change in
+use would swamp the net."""
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Fit:
     training: tuple[float, ...]
     """Mean squared error of torque over limit on the training samples, while it was fitted, one entry an epoch [-]."""
     validation: tuple[float, ...]
-    """... on the validation samples after each epoch [-]. The last weights are kept, not the best: a choice by this
-    number would make it too good."""
+    """... on the validation samples after each epoch [-]. The last weights are used, not the best by this number: the
+    choice would bias it."""
 
 
 def fit_net(
@@ -61,13 +61,9 @@ def fit_net(
 ) -> Fit:
     """Fit one net.
 
-    Args:
-        training: inputs, shape (M, 2 (H + 1)), in the order of `windows`, and torques over their limits, shape (M,).
-        validation: the same of the runs that were kept out.
-        cfg: sizes and schedule.
-        seed: of weights and order; torch's own generator is left alone.
-        progress: called with the share of the epochs that is done.
-
+    `training`: inputs, shape (M, 2 (H + 1)), in the order of `windows`, and torques over their limits, shape (M,);
+    `validation`: the same of held-out runs; `seed`: of weights and order, torch's own generator is left alone;
+    `progress`: called with the share of the epochs that is done.
     """
     inputs, torque = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in training)
     unseen, expected = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in validation)
@@ -77,7 +73,7 @@ def fit_net(
     factor = torch.from_numpy(scale.astype(np.float32))
     inputs, unseen = (inputs - mean) * factor, (unseen - mean) * factor
     generator = torch.Generator().manual_seed(seed)
-    parameters = _start((inputs.shape[1], *cfg.hidden, 1), generator)
+    parameters = _first_weights((inputs.shape[1], *cfg.hidden, 1), generator)
     optimizer = torch.optim.Adam(parameters, lr=cfg.learning_rate)
     batches = -(-len(inputs) // cfg.batch)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, cfg.epochs * batches)
@@ -99,7 +95,7 @@ def fit_net(
     return Fit(_in_si(parameters, mean.numpy(), scale), tuple(history[0]), tuple(history[1]))
 
 
-def _start(widths: tuple[int, ...], generator: torch.Generator) -> list[torch.Tensor]:
+def _first_weights(widths: tuple[int, ...], generator: torch.Generator) -> list[torch.Tensor]:
     """Return weights and biases in turn, uniform in ±1/sqrt(inputs)."""
     parameters = []
     for width, outputs in pairwise(widths):
@@ -137,14 +133,12 @@ SHOWN = 3.0
 
 @dataclass(frozen=True)
 class TrainedActuator:
-    """A net, what it is worth, and what the page draws."""
+    """A net, its errors, and what the page draws."""
 
     net: ActuatorNet
-    """The net."""
     summary: dict[str, Any]
     """Errors, by part, joint and command; configuration, and what made it."""
     fit: ActuatorFit
-    """Curves."""
 
 
 def train_actuator(
@@ -155,25 +149,18 @@ def train_actuator(
 ) -> TrainedActuator:
     """Fit a net to runs of one kind of robot.
 
-    Args:
-        runs: what was logged; a share of them, whole runs, is kept out and measures the net.
-        cfg: inputs, sizes, schedule, split.
-        command: the command line, for the record.
-        progress: see `Progress`.
-
-    Raises:
-        StictionError: the runs do not agree with each other, or there are fewer than two.
-
+    A share of the `runs` is held out and measures the net. `command`: the command line, for the record. Raises
+    `StictionError` where the runs do not agree with each other, or there are fewer than two.
     """
     begun = time.perf_counter()
     check_runs(runs, cfg.history)
     training, validation = split_runs(runs, cfg.validation_share, cfg.seed)
-    groups = kinds(training[0].joint_names, cfg.share)
+    first = training[0]
+    groups = kinds(first.joint_names, cfg.share)
     fits = _fit_groups(groups, training, validation, cfg, progress)
     net = _assemble(groups, fits, training, validation, cfg, command)
-    baseline = _baseline(training)
-    errors = measure(net, baseline, training, validation)
-    losses = np.array([fit.training for fit in fits]), np.array([fit.validation for fit in fits])
+    gains = first.kp, first.kd, first.torque_limit
+    baseline = fit_baseline(gains, [(*run.signals, run.torque) for run in training])
     summary = {
         "robot": net.robot,
         "inputs": net.inputs,
@@ -185,7 +172,7 @@ def train_actuator(
             "training": sum(len(r.torque) for r in training),
             "validation": sum(len(r.torque) for r in validation),
         },
-        **errors,
+        **measure(net, baseline, training, validation),
         "loss": dict(net.loss),
         "training": dict(net.training),
         "validation": dict(net.validation),
@@ -195,7 +182,7 @@ def train_actuator(
         "seconds": round(time.perf_counter() - begun, 2),
         "machine": machine(),
     }
-    return TrainedActuator(net, summary, _curves(net, baseline, validation[0], *losses))
+    return TrainedActuator(net, summary, _curves(net, baseline, validation[0], fits))
 
 
 def _fit_groups(
@@ -223,7 +210,7 @@ def _assemble(
     cfg: ActuatorCfg,
     command: str,
 ) -> ActuatorNet:
-    """Return the net with everything that a simulation checks and a reader asks. Losses weigh each joint alike."""
+    """Return the net with its record; losses weigh each joint alike."""
     first = training[0]
     sizes = np.array([len(group) for group in groups]) / len(first.joint_names)
     return ActuatorNet(
@@ -262,13 +249,6 @@ def _samples(runs: Sequence[LoggedRun], columns: list[int], cfg: ActuatorCfg) ->
     return np.concatenate(inputs), np.concatenate(torque)
 
 
-def _baseline(training: Sequence[LoggedRun]) -> Baseline:
-    """Fit the analytic law to the training runs alone."""
-    first = training[0]
-    gains = first.kp, first.kd, first.torque_limit
-    return fit_baseline(gains, [(*run.signals, run.torque) for run in training])
-
-
 def measure(
     net: ActuatorNet, baseline: Baseline, training: Sequence[LoggedRun], validation: Sequence[LoggedRun]
 ) -> dict[str, Any]:
@@ -279,11 +259,11 @@ def measure(
     """
     parts = {"training": list(training), "validation": list(validation)}
     squares = {part: [_squares(net, baseline, run) for run in runs] for part, runs in parts.items()}
-    limit = np.array(net.torque_limit)
-    laws = ("net", "baseline")
+    limit, laws = np.array(net.torque_limit), ("net", "baseline")
 
-    def whole(found: list[dict[str, np.ndarray]], law: str) -> float:
-        return float(np.sqrt(np.concatenate([item[law] / limit**2 for item in found]).mean()))
+    def over_limit(found: list[dict[str, np.ndarray]]) -> dict[str, float]:
+        relative = {law: np.concatenate([item[law] / limit**2 for item in found]) for law in laws}
+        return {law: float(np.sqrt(values.mean())) for law, values in relative.items()}
 
     joints = {}
     for index, name in enumerate(net.joint_names):
@@ -297,8 +277,8 @@ def measure(
     for part, runs in parts.items():
         for label in dict.fromkeys(run.command for run in runs):
             chosen = [item for item, run in zip(squares[part], runs, strict=True) if run.command == label]
-            commands.setdefault(label or "not known", {})[part] = {law: whole(chosen, law) for law in laws}
-    rmse = {part: {law: whole(found, law) for law in laws} for part, found in squares.items()}
+            commands.setdefault(label or "not known", {})[part] = over_limit(chosen)
+    rmse = {part: over_limit(found) for part, found in squares.items()}
     return {"rmse": rmse, "joints": joints, "commands": commands}
 
 
@@ -317,23 +297,21 @@ def _squares(net: ActuatorNet, baseline: Baseline, run: LoggedRun) -> dict[str, 
     }
 
 
-def _curves(
-    net: ActuatorNet, baseline: Baseline, run: LoggedRun, training: np.ndarray, validation: np.ndarray
-) -> ActuatorFit:
-    """Return the last part of a run as the laws see it."""
+def _curves(net: ActuatorNet, baseline: Baseline, run: LoggedRun, fits: Sequence[Fit]) -> ActuatorFit:
+    """Return the end of a run as measured and by both laws, and the losses."""
     cut = slice(-min(round(SHOWN / net.period), len(run.torque) - net.history), None)
     return ActuatorFit(
         time=(np.arange(len(run.torque)) * net.period)[cut],
         measured=run.torque[cut],
         net=predict(net, *run.signals)[cut],
         baseline=baseline.torque(*run.signals)[cut],
-        loss_training=training,
-        loss_validation=validation,
+        loss_training=np.array([fit.training for fit in fits]),
+        loss_validation=np.array([fit.validation for fit in fits]),
     )
 
 
 def write_trained(folder: Path, trained: TrainedActuator) -> None:
-    """Write `fit.npz`, `summary.json`, and last `actuator.npz`: where that stands, the others do too."""
+    """Write `fit.npz`, `summary.json`, and last `actuator.npz`: where that is there, the others are too."""
     folder.mkdir(parents=True, exist_ok=True)
     write_actuator_fit(folder / "fit.npz", trained.fit)
     write_summary(folder / "summary.json", trained.summary)

@@ -22,13 +22,11 @@ class LoggedRun:
     """One run of one robot: T samples of J joints."""
 
     name: str
-    """Name of the file."""
+    """Of the file."""
     sha256: str
-    """Of its bytes."""
     robot: str
-    """Name of the robot."""
     command: str
-    """What it was told, empty where the log does not say."""
+    """The velocity command, empty where the log does not say."""
     joint_names: tuple[str, ...]
     """In the order of every array."""
     period: float
@@ -59,10 +57,8 @@ class LoggedRun:
 def read_run(path: Path) -> LoggedRun:
     """Read a walking log, or a canonical log of joints with its sidecar.
 
-    Raises:
-        StictionError: not a log, no torque, no velocity or no target in it, or it does not say on which side of the
-            joint's friction the torque was measured.
-
+    Raises `StictionError` for what is no log, has no torque, velocity or target, or does not say on which side of the
+    joint's friction the torque was measured.
     """
     return _from_walk(path) if path.suffix == ".npz" and path.is_file() and is_walk(path) else _from_joints(path)
 
@@ -177,16 +173,12 @@ def check_runs(runs: Sequence[LoggedRun], history: int) -> None:
 def split_runs(runs: Sequence[LoggedRun], share: float, seed: int) -> tuple[list[LoggedRun], list[LoggedRun]]:
     """Return the runs to fit and those to keep out: a share of whole runs, at least one of either.
 
-    Windows of one run overlap, so a run is in one part with all of its samples. The order of the arguments does not
-    matter. Raises `StictionError` for fewer than two runs.
+    Windows of one run overlap, so a run is in one part with all of its samples. Raises `StictionError` for fewer than
+    two runs.
     """
     if len(runs) < 2:
         raise LogError(f"{len(runs)} log: expected at least two runs, one of them to be kept out of the fit")
     ordered = sorted(runs, key=lambda run: run.name)
-    kept = min(max(round(share * len(ordered)), 1), len(ordered) - 1)
+    held_out = min(max(round(share * len(ordered)), 1), len(ordered) - 1)
     order = np.random.default_rng([seed, len(ordered)]).permutation(len(ordered))
-    out = {int(index) for index in order[:kept]}
-    return (
-        [run for index, run in enumerate(ordered) if index not in out],
-        [run for index, run in enumerate(ordered) if index in out],
-    )
+    return [ordered[k] for k in sorted(order[held_out:])], [ordered[k] for k in sorted(order[:held_out])]

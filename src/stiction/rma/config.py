@@ -20,7 +20,7 @@ SymmetryName = Literal["none", "batches", "half", "network"]
 
 @dataclass(frozen=True)
 class NetworkCfg:
-    """Sizes of the networks. Small on purpose: on a CPU the update costs as much as the physics."""
+    """Sizes of the networks. Small: on a CPU the update costs as much as the physics."""
 
     actor: tuple[int, ...] = (256, 128, 64)
     """Hidden layers of the actor."""
@@ -71,8 +71,8 @@ class TeacherCfg:
     """Whether L_ada trains the privileged encoder too, as the paper says: z then becomes what a history can tell."""
     final_std: float | None = None
     """Bound of the actions' standard deviation in the last quarter of the phase, to which it falls on a straight line
-    from that of the first actions; None: free. A policy is deployed without noise, and noise shakes joints loose: one
-    that was trained with more of it may stand still without."""
+    from that of the first actions; None: free. A policy is deployed without noise, which shakes joints loose: trained
+    with more of it, it may stand still without."""
     iterations: int = 700
     """Rollouts, each followed by an update."""
     steps: int = 24
@@ -93,8 +93,7 @@ class TeacherCfg:
     """λ of the advantage estimate."""
     alternate: int = 4
     """With `alternate`, z comes from the history (z*) in one iteration out of this many, else from the privileged
-    encoder. The paper says that they alternate, not how often; the public code it builds on uses 20, with which z* is
-    hardly ever walked on."""
+    encoder. The paper does not say how often; the public code it builds on uses 20."""
     adaptation_learning_rate: float = 1e-3
     """For L_ada, L_est and, where there is terrain, L_hist."""
     adaptation_batches: int = 4
@@ -152,7 +151,7 @@ class StopCfg:
     part."""
 
     def __post_init__(self) -> None:
-        """Refuse targets that mean nothing."""
+        """Refuse targets out of range, and one without effect."""
         if self.tracking_error is not None and not self.tracking_error > 0:
             raise ConfigurationError(f"stop.tracking_error is {self.tracking_error}; expected more than 0 m/s")
         if self.iterations < 1 or self.falls < 0:
@@ -192,8 +191,7 @@ class TrainCfg:
     """Contacts for which MuJoCo Warp has room, a robot. More than that stop the run."""
     video_every: int = 0
     """Iterations between short clips of the policy, in `clips/`; 0: none. They are rendered by a process of their own
-    from a checkpoint and change nothing in the training; each takes some seven seconds of one core. The presets have
-    clips, for people like to see what they train; this default has none, for nobody looks at those of an experiment."""
+    from a checkpoint and change nothing in the training; each takes some seven seconds of one core."""
     stop: StopCfg = field(default_factory=StopCfg)
 
     def __post_init__(self) -> None:
@@ -205,25 +203,35 @@ class TrainCfg:
                 f"MuJoCo Warp has no joints that yield, and --physics plastic needs them; use --device cpu in place of "
                 f"{self.device}, or --physics rows"
             )
-        self._check_symmetry()
+        if self.symmetry not in get_args(SymmetryName):
+            raise ConfigurationError(unknown_name("symmetry", self.symmetry, get_args(SymmetryName)))
+        if self.symmetry == "half" and self.teacher.epochs % 2:
+            raise ConfigurationError(
+                f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"
+            )
+        self._check_numbers()
+        self._check_phases()
+        if self.stop.terrain_level is not None and self.task.terrain.kind == "flat":
+            raise ConfigurationError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
+
+    def _check_numbers(self) -> None:
+        """Refuse counts and rates out of range, and rollouts too short to be split."""
+        phases: dict[str, TeacherCfg | StudentCfg] = {"teacher": self.teacher, "student": self.student}
+        names = ("iterations", "steps", "epochs", "mini_batches")
         counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
-        for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
-            names = ("iterations", "steps", "epochs", "mini_batches")
-            counts |= {f"{phase}.{name}": getattr(cfg, name) for name in names}
-        for name in ("adaptation_batches", "adaptation_passes"):
-            counts[f"teacher.{name}"] = getattr(self.teacher, name)
+        counts |= {f"{phase}.{name}": getattr(cfg, name) for phase, cfg in phases.items() for name in names}
+        counts |= {
+            f"teacher.{name}": getattr(self.teacher, name) for name in ("adaptation_batches", "adaptation_passes")
+        }
         for name, count in counts.items():
             least = 0 if name == "student.iterations" else 1
             if count < least:
                 raise ConfigurationError(f"{name} is {count}; expected at least {least}")
-        self._check_phases()
-        if self.stop.terrain_level is not None and self.task.terrain.kind == "flat":
-            raise ConfigurationError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
         if self.video_every < 0:
             raise ConfigurationError(
                 f"video_every is {self.video_every}; expected a number of iterations, or 0 for none"
             )
-        for phase, cfg in (("teacher", self.teacher), ("student", self.student)):
+        for phase, cfg in phases.items():
             samples = self.num_envs * cfg.steps
             if samples < max(cfg.mini_batches, 2 * self.teacher.mini_batches * (self.symmetry == "half")):
                 raise ConfigurationError(
@@ -236,7 +244,7 @@ class TrainCfg:
             )
 
     def _check_phases(self) -> None:
-        """Refuse phases that nobody could mean."""
+        """Refuse settings of the phases that contradict each other."""
         teacher, student = self.teacher, self.student
         if student.iterations == 0 and teacher.latent != "history" and self.task.terrain.kind != "flat":
             raise ConfigurationError(
@@ -273,7 +281,7 @@ class TrainCfg:
             raise ConfigurationError(f"teacher.velocity_weight is {teacher.velocity_weight}; expected more than 0")
 
     def check_effects(self) -> None:
-        """Refuse settings that would have no effect. Runs that were started with some before are read still."""
+        """Refuse settings without effect. Not in `__post_init__`: older runs may have some."""
         teacher, student = self.teacher, self.student
         for name in ("noise", "epochs"):
             given = getattr(student, name)
@@ -286,15 +294,6 @@ class TrainCfg:
             raise ConfigurationError(
                 f"--teacher.student-share {teacher.student_share:g} has no effect with --teacher.latent "
                 f"{teacher.latent}; leave it out, or say --teacher.latent groups"
-            )
-
-    def _check_symmetry(self) -> None:
-        """Refuse a symmetry that is none, and one that would need half a pass."""
-        if self.symmetry not in get_args(SymmetryName):
-            raise ConfigurationError(unknown_name("symmetry", self.symmetry, get_args(SymmetryName)))
-        if self.symmetry == "half" and self.teacher.epochs % 2:
-            raise ConfigurationError(
-                f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"
             )
 
     @property
@@ -324,10 +323,9 @@ PRESETS = {
     "paper": replace(_SHOWN, task=TaskCfg(randomization=RandomizationCfg.literal())),
 }
 """`full` and `quick` are one phase: what walks is what will be deployed, on its own z* and its own estimate of velocity
-and friction, quietly in the end. `two-phase` is the paper's teacher and student at the budget with which its claims
-were judged; `paper` has more of it, and randomises the paper's table and no more: no action delay, no encoder offset.
-All show clips. All but `paper` simulate joint friction by sliders, twice as fast as the rows of `paper` and of every
-evaluation; what that does to a walk is in results/speed."""
+and friction, with little noise in the end. `two-phase` is the paper's teacher and student at the budget with which its
+claims were judged; `paper` has more of it, and randomises the paper's table and no more. All make clips. All but
+`paper` simulate joint friction by yielding springs, which is faster than the solver's rows; see results/speed."""
 
 
 def preset(name: str, device: str = "cpu") -> TrainCfg:

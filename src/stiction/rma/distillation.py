@@ -1,4 +1,4 @@
-"""The student's algorithm: it walks, the teacher labels, and L_clone + w (L_ada + L_hist) + w' L_est is descended."""
+"""Distillation of the student: it walks, the teacher labels; the loss is L_clone + w (L_ada + L_hist) + w' L_est."""
 
 from __future__ import annotations
 
@@ -25,23 +25,12 @@ class StudentDistillation(Distillation):
     student: RMAActor
     teacher: RMAActor
     symmetry: MirroredBatches | None = None
-    """What mirrors samples, if anything does; the runner sets it."""
+    """What mirrors samples, if anything does; `make_symmetric` sets it."""
 
-    def __init__(
-        self,
-        *args: Any,
-        settings: StudentCfg,
-        velocity_weight: float = 1.0,
-        **kwargs: Any,
-    ) -> None:
-        """Set the weights beside L_clone.
+    def __init__(self, *args: Any, settings: StudentCfg, velocity_weight: float = 1.0, **kwargs: Any) -> None:
+        """Add the supervised losses to `Distillation`, whose other arguments are `args` and `kwargs`.
 
-        Args:
-            args: of `Distillation`.
-            settings: of the phase; what `Distillation` itself has of it is among `kwargs`.
-            velocity_weight: as in `TeacherCfg`.
-            kwargs: of `Distillation`.
-
+        `settings`: of the phase; `velocity_weight`: as in `TeacherCfg`.
         """
         super().__init__(*args, **kwargs)
         self.settings, self.velocity_weight = settings, velocity_weight
@@ -70,10 +59,9 @@ class StudentDistillation(Distillation):
 
     def update(self) -> dict[str, float]:
         """Descend L_clone and the weighted supervised losses over the rollout; return their means."""
-        observations = self.storage.observations.flatten(0, 1)
+        observations, settings = self.storage.observations.flatten(0, 1), self.settings
         labels = self.storage.privileged_actions.flatten(0, 1)
         total: dict[str, float] = {}
-        settings = self.settings
         updates = settings.epochs * settings.mini_batches
         for _ in range(settings.epochs):
             for ids in torch.randperm(len(labels), device=self.device).chunk(settings.mini_batches):

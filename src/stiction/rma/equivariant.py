@@ -4,13 +4,12 @@ Every linear layer is the average of itself and of its mirror image,
 
     y = ½ (W x + b) + ½ M_out (W M_in x + b),
 
-which is a linear layer again. Its weights are averaged, not its outputs: a pass costs what one without symmetry does,
-where the average of two passes of a whole network would cost twice as much. M of an observation or action is the
-task's; hidden units, z and z*, and the terrain's latent come in two halves, left and right, which the mirror exchanges,
-so that any activation commutes with it.
+which is a linear layer again: its weights are averaged, so that a pass costs what one without symmetry does. M of an
+observation or action is the task's; hidden units, z and z*, and the terrain's latent come in two halves, left and
+right, which the mirror exchanges, so that any activation commutes with it.
 
-The layers of a network are replaced in place and keep their parameters: who holds these, an optimizer, notices nothing.
-What is deployed has the averaged weights written out: `StudentPolicy` and its file are those of any other student.
+The layers of a network are replaced in place and keep their parameters, for optimizers. What is deployed has ordinary
+layers of the averaged weights.
 """
 
 from __future__ import annotations
@@ -29,15 +28,13 @@ class EquivariantLinear(nn.Linear):
     """A linear layer averaged with its mirror image."""
 
     def __init__(self, layer: nn.Linear, into: Rows, out: Rows) -> None:
-        """Take over a layer's parameters; `into`, `out`: the mirror of its inputs and outputs.
-
-        The average of two independent weights has half their variance: it is restored.
-        """
+        """Take over a layer's parameters; `into`, `out`: the mirror of its inputs and outputs."""
         super().__init__(layer.in_features, layer.out_features, device="meta")
         self.weight, self.bias = layer.weight, layer.bias
         self.into, self.out = VectorMirror(into), VectorMirror(out)
         self.to(layer.weight.device)
         with torch.no_grad():
+            # The average of two independent weights has half their variance: restore it.
             self.weight.mul_(2**0.5)
 
     def averaged(self) -> tuple[torch.Tensor, torch.Tensor]:
@@ -76,7 +73,7 @@ def make_equivariant(model: RMAActor | RMACritic, mirror: TaskMirror) -> None:
 
 
 def make_dense(model: nn.Module) -> None:
-    """Write the averaged weights out as ordinary layers, in place: to deploy or to look at, not to train."""
+    """Replace equivariant layers by ordinary ones with the averaged weights, in place: not to be trained."""
     for module in list(model.modules()):
         for name, layer in list(module.named_children()):
             if isinstance(layer, EquivariantLinear):

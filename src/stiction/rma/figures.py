@@ -1,4 +1,4 @@
-"""The figures of one iteration of training: what is averaged over a rollout, and what the networks know."""
+"""The figures of one iteration of training: means over a rollout, errors of adaptation and estimator, friction."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class RolloutFigures:
     def means(self) -> dict[str, float]:
         """Return the mean of every name over the steps that had it.
 
-        `episode/length` [s] is the mean of the episodes that ended, and missing where none did. The first ones begin
-        at a random age, which makes them look longer than they were.
+        `episode/length` [s] is the mean of the episodes that ended, and missing where none did; the first ones begin at
+        a random age.
         """
         figures = {name: float(total) / self._counts[name] for name, total in self._sums.items()}
         if "walk/blown_up" in figures:
@@ -51,13 +51,12 @@ class RolloutFigures:
 
 
 def adaptation_figures(actor: RMAActor, obs: TensorDict, feet: int) -> dict[str, float]:
-    """Return how well the history tells what only simulation knows, over one step of all robots.
+    """Return how well the history tells what only simulation knows, over one step of all robots with `feet` feet.
 
-    `latent/explained`: 1 - MSE(z, z*) / Var(z), both summed over the latent's entries: 1 is perfect, 0 is what the mean
-    would reach. It is missing where z does not vary, and where z* is PPO's own and guesses no z.
-    `estimator/velocity_error`: mean length of the velocity's error [m/s]. `estimator/contact_error`: share of feet
-    whose contact is misjudged, of as many as there are `feet`. `estimator/friction_error`: mean size of the error of
-    the joints' friction [fraction of the torque limit], where it is estimated.
+    `latent/explained`: 1 - MSE(z, z*) / Var(z), both summed over the latent's entries; missing where z does not vary,
+    and where PPO trains z*. `estimator/velocity_error`: mean length of the velocity's error [m/s];
+    `estimator/contact_error`: share of feet whose contact is misjudged; `estimator/friction_error`: mean size of the
+    error of the joints' friction [fraction of the torque limit], where it is estimated.
     """
     figures = {}
     with torch.no_grad():
@@ -86,12 +85,8 @@ def friction_figures(env: LocomotionEnv) -> dict[str, float]:
     return {"friction/stage": float(env.stage), "friction/low": low, "friction/high": high, "friction/mean": mean}
 
 
-LOOSE = "training"
-"""Group of the figures whose name has none."""
-
-
 class Board:
-    """Writes into one folder, which TensorBoard shows as one run: teacher and student side by side, same tags."""
+    """Writes into one folder, which TensorBoard shows as one run; figures without a group go under `training`."""
 
     def __init__(self, folder: Path) -> None:
         """Name the folder; a file is begun with the first figures."""
@@ -103,7 +98,7 @@ class Board:
         if self._writer is None:
             self._writer = SummaryWriter(str(self.folder), purge_step=iteration)
         for name, value in figures.items():
-            self._writer.add_scalar(name if "/" in name else f"{LOOSE}/{name}", value, iteration)
+            self._writer.add_scalar(name if "/" in name else f"training/{name}", value, iteration)
 
     def flush(self) -> None:
         """Bring everything to the disk: what comes before a checkpoint must not be lost with a killed run."""

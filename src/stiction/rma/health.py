@@ -1,8 +1,7 @@
-"""Says when a training run has diverged, since when, and what to try.
+"""Watches a training run: whether it has diverged, since when, what to try; and whether it has learned enough.
 
 A run that learns nothing has not diverged: a policy that stands still for good is a result of training with friction,
-and exploration that shrinks to its lower bound is how a long run ends. What is looked for here does not come back from
-where it is, and no healthy run gets there.
+and exploration that shrinks to its lower bound is how a long run ends.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ FALLS = 2.5
 
 @dataclass(frozen=True)
 class Symptom:
-    """One way to diverge."""
+    """One kind of divergence."""
 
     lasting: int
     """Iterations in a row that must show it."""
@@ -92,7 +91,7 @@ def _falling(row: Row, _: Sequence[Row]) -> str:
 
 
 def symptoms(num_envs: int, desired_kl: float) -> tuple[Symptom, ...]:
-    """Return all ways to diverge, for a fleet of `num_envs` robots and PPO's `desired_kl`."""
+    """Return all kinds of divergence, for a fleet of `num_envs` robots and PPO's `desired_kl`."""
 
     def blown_up(row: Row, _: Sequence[Row]) -> str:
         share = row.get("walk/blown_up", 0.0) / num_envs
@@ -116,7 +115,7 @@ def symptoms(num_envs: int, desired_kl: float) -> tuple[Symptom, ...]:
 
 
 class Health:
-    """Watches the iterations of one phase, in order. Given the same rows it says the same: a resumed run too."""
+    """Watches the iterations of one phase, in order."""
 
     def __init__(self, num_envs: int, desired_kl: float) -> None:
         """Begin before the first iteration."""
@@ -133,35 +132,28 @@ class Health:
         """Take the figures of an iteration; return what is wrong once it has lasted."""
         found = None
         for index, symptom in enumerate(self._symptoms):
-            what = symptom.seen(row, self._healthy[index])
+            what, since = symptom.seen(row, self._healthy[index]), self._since[index]
             if not what:
                 self._since[index] = None
                 self._healthy[index].append(row)
                 continue
-            since = self._since[index]
             since = self._since[index] = iteration if since is None else since
             if found is None and iteration - since + 1 >= symptom.lasting:
                 found = Diagnosis(what, since, symptom.advice)
         return found
 
 
-Figures = Mapping[str, float]
-"""The figures of one iteration."""
-
-
 class EarlyStop:
-    """Averages the last iterations of one phase. Given the same rows it says the same: a resumed run too."""
+    """Averages the last iterations of one phase."""
 
     def __init__(self, cfg: StopCfg, last_stage: int, not_before: int = 0) -> None:
-        """Remember which iterations count.
-
-        `last_stage`: number of the friction stage that every averaged iteration must belong to; `not_before`: the first
-        iteration that counts, that from which a robot walks with its least noise.
+        """`last_stage`: of the friction, to which all averaged iterations must belong; `not_before`: first iteration
+        that counts, from which robots walk with their least noise.
         """
         self.cfg, self.last_stage, self.not_before = cfg, last_stage, not_before
-        self._rows: deque[Figures] = deque(maxlen=cfg.iterations)
+        self._rows: deque[Row] = deque(maxlen=cfg.iterations)
 
-    def check(self, row: Figures, iteration: int = 0) -> dict[str, float] | None:
+    def check(self, row: Row, iteration: int = 0) -> dict[str, float] | None:
         """Take the figures of an iteration; return the means that met the target, or None."""
         if self.cfg.tracking_error is None:
             return None

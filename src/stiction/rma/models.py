@@ -10,6 +10,8 @@ from rsl_rl.modules import MLP
 from tensordict import TensorDict
 from torch import nn
 
+from stiction.rma.config import NetworkCfg
+
 GROUPS = ["proprioception", "history", "privileged", "explicit"]
 """The observation groups on any ground; each model picks what it may see."""
 
@@ -23,14 +25,13 @@ VELOCITY = 3
 class HistoryEncoder(nn.Module):
     """Reads o_H: every frame through one linear layer, then an MLP over all frames.
 
-    `recurrent`: a gated recurrent unit reads the frames one after the other instead, from the oldest on, and the MLP
-    reads its last state.
+    With `recurrent` a gated recurrent unit reads the frames in turn, oldest first, and the MLP reads its last state.
     """
 
     def __init__(
         self, history: int, frame: int, width: int, hidden: tuple[int, ...], output: int, recurrent: bool = False
     ) -> None:
-        """`history`: size of the flattened history; `frame`: size of one frame; `width`: what a frame is reduced to."""
+        """`history`: size of the flattened history; `frame`: of one frame; `width`: of a frame after its layer."""
         super().__init__()
         self.frame = frame
         self.embed = nn.Sequential(nn.Linear(frame, width), nn.ELU())
@@ -52,21 +53,21 @@ class HistoryEncoder(nn.Module):
 class RMAActor(MLPModel):
     """π(o_exp*, o_prio, z or z*): the actor with its adaptation networks and its estimator.
 
-    `latent_source` says where the latent comes from: `privileged` (z = f_ada_tea(o_priv)), `history`
-    (z* = f_ada_stu(o_H)), or `groups`: z* for the robots that the group `walks_blind` marks, z for the others. The
-    explicit state is always the estimate f_est(o_H), as on the robot.
+    `latent_source` is `privileged` (z = f_ada_tea(o_priv)), `history` (z* = f_ada_stu(o_H)), or `groups`: z* for the
+    robots that the group `walks_blind` marks, z for the others. The explicit state is always the estimate f_est(o_H).
 
-    What comes from the history is detached, so that PPO never trains what the supervised losses train, unless
-    `adapts` (the latent: PPO trains z*) or `end_to_end` (latent and estimate: the student's cloning loss). What is
-    detached does not change while PPO passes over a rollout, so it may be computed once, when the robot walks
+    PPO trains neither estimate nor z*, unless `adapts` (PPO trains z*) or `end_to_end` (the student's cloning loss
+    trains both). What is not trained stays the same over a rollout: it may be computed once, when the robot walks
     (`remembered`), and be handed in with the observations.
 
-    On other than flat ground there is a second latent: the teacher encodes the elevation map e_t, the student takes the
-    same features from the history, by f_hist, and climbs blind.
+    On other than flat ground there is a second latent: the teacher encodes the elevation map e_t, the student (`blind`)
+    takes the same features from the history, by f_hist.
     """
 
     adapts = False
     end_to_end = False
+    blind = False
+    latent_source = "privileged"
 
     def __init__(
         self,
@@ -74,34 +75,24 @@ class RMAActor(MLPModel):
         obs_groups: dict[str, list[str]],
         obs_set: str,
         output_dim: int,
-        hidden_dims: tuple[int, ...],
-        latent: int,
-        privileged: tuple[int, ...],
-        history_frame: int,
-        history: tuple[int, ...],
-        estimator_frame: int,
-        estimator: tuple[int, ...],
+        network: NetworkCfg,
         distribution_cfg: dict[str, Any],
-        terrain: tuple[int, ...] = (),
-        terrain_latent: int = 0,
-        latent_source: str = "privileged",
-        recurrent: bool = False,
     ) -> None:
-        """Build from the sizes of the observation groups."""
-        size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
+        """Build the networks for the sizes of the observation groups; arguments as rsl_rl has them."""
+        net, size = network, {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
         self.sees_terrain = ELEVATION in size
-        self.latent_dim = size["proprioception"] + size["explicit"] + latent + terrain_latent * self.sees_terrain
-        super().__init__(obs, obs_groups, obs_set, output_dim, hidden_dims, "elu", False, distribution_cfg)
+        self.latent_dim = size["proprioception"] + size["explicit"] + net.latent
+        self.latent_dim += net.terrain_latent * self.sees_terrain
+        super().__init__(obs, obs_groups, obs_set, output_dim, net.actor, "elu", False, distribution_cfg)
         frames = (size["history"], size["proprioception"])
-        encoder = (*frames, history_frame, history)
-        self.latent_source = latent_source
-        self.privileged_encoder = MLP(size["privileged"], latent, list(privileged), "elu")
-        self.adaptation = HistoryEncoder(*encoder, latent, recurrent)
-        self.estimator = HistoryEncoder(*frames, estimator_frame, estimator, size["explicit"])
-        self.blind = False
+        encoder = (*frames, net.history_frame, net.history)
+        self.privileged_encoder = MLP(size["privileged"], net.latent, list(net.privileged), "elu")
+        self.adaptation = HistoryEncoder(*encoder, net.latent, net.recurrent)
+        self.estimator = HistoryEncoder(*frames, net.estimator_frame, net.estimator, size["explicit"])
         if self.sees_terrain:
-            self.terrain_encoder = nn.Sequential(MLP(size[ELEVATION], terrain_latent, list(terrain), "elu"), nn.Tanh())
-            self.terrain_history = nn.Sequential(HistoryEncoder(*encoder, terrain_latent), nn.Tanh())
+            elevation = MLP(size[ELEVATION], net.terrain_latent, list(net.terrain), "elu")
+            self.terrain_encoder = nn.Sequential(elevation, nn.Tanh())
+            self.terrain_history = nn.Sequential(HistoryEncoder(*encoder, net.terrain_latent), nn.Tanh())
 
     def _get_latent_dim(self) -> int:
         """Return the size of the actor's input."""
@@ -109,29 +100,25 @@ class RMAActor(MLPModel):
 
     def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> torch.Tensor:
         """Assemble the actor's input, (N, proprioception + explicit + latent + terrain latent)."""
-        parts = (obs["proprioception"], self._estimate(obs), self._latent(obs))
-        return torch.cat((*parts, self.terrain_features(obs)) if self.sees_terrain else parts, -1)
+        estimate = self._from_history(self.estimator, obs, "estimate", self.end_to_end)
+        parts = [obs["proprioception"], estimate, self._latent(obs)]
+        if self.sees_terrain:
+            features = self.terrain_history(obs["history"]) if self.blind else self.terrain_encoder(obs[ELEVATION])
+            parts.append(features)
+        return torch.cat(parts, -1)
 
-    def _estimate(self, obs: TensorDict) -> torch.Tensor:
-        """Return o_exp*, (N, explicit)."""
-        if self.end_to_end:
-            return self.estimator(obs["history"])
-        if "estimate" in obs.keys():  # noqa: SIM118 (a TensorDict knows no `in`)
-            return obs["estimate"]
-        with torch.no_grad():
-            return self.estimator(obs["history"])
+    def _from_history(self, network: nn.Module, obs: TensorDict, name: str, trained: bool) -> torch.Tensor:
+        """Return what a network makes of the history; if it is not `trained`, the group `name` where that is there."""
+        if not trained and name in obs.keys():  # noqa: SIM118 (a TensorDict knows no `in`)
+            return obs[name]
+        with torch.set_grad_enabled(trained and torch.is_grad_enabled()):
+            return network(obs["history"])
 
     def _latent(self, obs: TensorDict) -> torch.Tensor:
         """Return z or z* of every robot, (N, latent)."""
         if self.latent_source == "privileged":
             return self.privileged_encoder(obs["privileged"])
-        if self.adapts or self.end_to_end:
-            guess = self.adaptation(obs["history"])
-        elif "guess" in obs.keys():  # noqa: SIM118 (a TensorDict knows no `in`)
-            guess = obs["guess"]
-        else:
-            with torch.no_grad():
-                guess = self.adaptation(obs["history"])
+        guess = self._from_history(self.adaptation, obs, "guess", self.adapts or self.end_to_end)
         if self.latent_source == "history":
             return guess
         return torch.where(obs["walks_blind"] > 0, guess, self.privileged_encoder(obs["privileged"]))
@@ -144,36 +131,37 @@ class RMAActor(MLPModel):
                 found["guess"] = self.adaptation(obs["history"])
         return found
 
-    def terrain_features(self, obs: TensorDict) -> torch.Tensor:
-        """Return e_t*, from the elevation map, or from the history where `blind`."""
-        return self.terrain_history(obs["history"]) if self.blind else self.terrain_encoder(obs[ELEVATION])
-
     def supervised_parameters(self) -> list[nn.Parameter]:
         """Return the parameters that L_ada, L_est and L_hist train."""
         modules: list[nn.Module] = [self.estimator, *([] if self.adapts else [self.adaptation])]
         modules += [self.terrain_history] if self.sees_terrain else []
         return [parameter for module in modules for parameter in module.parameters()]
 
-    def supervised_losses(
-        self, obs: TensorDict, velocity_weight: float = 1.0, both_ways: bool = False
-    ) -> dict[str, torch.Tensor]:
-        """Return L_est, L_ada where the latent is not PPO's, and, where there is terrain, L_hist.
-
-        `velocity_weight`: of the velocity's entries in L_est; `both_ways`: whether L_ada's gradient reaches z.
-        """
-        losses = {} if self.adapts else {"adaptation": self.adaptation_loss(obs, both_ways)}
-        losses["estimator"] = self.estimator_loss(obs, velocity_weight)
-        return losses | ({"terrain": self.terrain_loss(obs)} if self.sees_terrain else {})
-
     def policy_parameters(self) -> list[nn.Parameter]:
         """Return the parameters that PPO trains: all others."""
         supervised = {id(parameter) for parameter in self.supervised_parameters()}
         return [parameter for parameter in self.parameters() if id(parameter) not in supervised]
 
-    @property
-    def std(self) -> torch.Tensor:
-        """Standard deviation of the actions, (joints,): the parameter within the bounds of the moment, no gradient."""
-        return self.distribution.std_param.detach().clamp(*self.distribution.std_range)
+    def supervised_losses(
+        self, obs: TensorDict, velocity_weight: float = 1.0, both_ways: bool = False
+    ) -> dict[str, torch.Tensor]:
+        """Return L_ada where the latent is not PPO's, L_est, and, where there is terrain, L_hist.
+
+        L_ada = MSE(z, z*); L_est = mean of w (o_exp* - o_exp)², w = `velocity_weight` for the base's velocity, else 1;
+        L_hist = MSE(e_t*, f_hist(o_H)). e_t* is held fixed, and z unless `both_ways`.
+        """
+        losses = {}
+        if not self.adapts:
+            target, guess = self.latents(obs, both_ways)
+            losses["adaptation"] = nn.functional.mse_loss(guess, target)
+        error = (self.estimator(obs["history"]) - obs["explicit"]).square()
+        more = (velocity_weight - 1.0) * error[:, :VELOCITY].sum(-1).mean() / error.shape[-1]
+        losses["estimator"] = error.mean() + more
+        if self.sees_terrain:
+            with torch.no_grad():
+                target = self.terrain_encoder(obs[ELEVATION])
+            losses["terrain"] = nn.functional.mse_loss(self.terrain_history(obs["history"]), target)
+        return losses
 
     def latents(self, obs: TensorDict, both_ways: bool = False) -> tuple[torch.Tensor, torch.Tensor]:
         """Return z, held fixed unless `both_ways`, and z*, each (N, latent)."""
@@ -181,43 +169,26 @@ class RMAActor(MLPModel):
             target = self.privileged_encoder(obs["privileged"])
         return target, self.adaptation(obs["history"])
 
-    def adaptation_loss(self, obs: TensorDict, both_ways: bool = False) -> torch.Tensor:
-        """L_ada = MSE(z, z*), z held fixed unless `both_ways`."""
-        target, guess = self.latents(obs, both_ways)
-        return nn.functional.mse_loss(guess, target)
-
-    def terrain_loss(self, obs: TensorDict) -> torch.Tensor:
-        """L_hist = MSE(e_t*, f_hist(o_H)), e_t* held fixed."""
-        with torch.no_grad():
-            target = self.terrain_encoder(obs[ELEVATION])
-        return nn.functional.mse_loss(self.terrain_history(obs["history"]), target)
-
-    def estimator_loss(self, obs: TensorDict, velocity_weight: float = 1.0) -> torch.Tensor:
-        """L_est = mean of w (o_exp* - o_exp)², w = `velocity_weight` for the base's velocity and 1 for contacts."""
-        error = (self.estimator(obs["history"]) - obs["explicit"]).square()
-        return error.mean() + (velocity_weight - 1.0) * error[:, :VELOCITY].sum(-1).mean() / error.shape[-1]
+    @property
+    def std(self) -> torch.Tensor:
+        """Standard deviation of the actions within its current bounds, (joints,), without gradient."""
+        return self.distribution.std_param.detach().clamp(*self.distribution.std_range)
 
 
 class RMACritic(MLPModel):
     """V(s_t): sees everything, the history through an encoder of its own."""
 
     def __init__(
-        self,
-        obs: TensorDict,
-        obs_groups: dict[str, list[str]],
-        obs_set: str,
-        output_dim: int,
-        hidden_dims: tuple[int, ...],
-        history_frame: int,
-        history: tuple[int, ...],
+        self, obs: TensorDict, obs_groups: dict[str, list[str]], obs_set: str, output_dim: int, network: NetworkCfg
     ) -> None:
-        """Build from the sizes of the observation groups."""
+        """Build the networks for the sizes of the observation groups; arguments as rsl_rl has them."""
         size = {name: obs[name].shape[-1] for name in obs_groups[obs_set]}
         self.seen = [name for name in size if name != "history"]
-        encoded = history[-1] // 2
+        encoded = network.history[-1] // 2
         self.latent_dim = sum(size.values()) - size["history"] + encoded
-        super().__init__(obs, obs_groups, obs_set, output_dim, hidden_dims, "elu")
-        self.history_encoder = HistoryEncoder(size["history"], size["proprioception"], history_frame, history, encoded)
+        super().__init__(obs, obs_groups, obs_set, output_dim, network.critic, "elu")
+        frames = (size["history"], size["proprioception"])
+        self.history_encoder = HistoryEncoder(*frames, network.history_frame, network.history, encoded)
 
     def _get_latent_dim(self) -> int:
         """Return the size of the value head's input."""
@@ -225,8 +196,7 @@ class RMACritic(MLPModel):
 
     def get_latent(self, obs: TensorDict, masks: Any = None, hidden_state: Any = None) -> torch.Tensor:
         """Assemble the value head's input."""
-        seen = [obs[name] for name in self.seen]
-        return torch.cat((*seen, self.history_encoder(obs["history"])), -1)
+        return torch.cat((*(obs[name] for name in self.seen), self.history_encoder(obs["history"])), -1)
 
 
 class StudentPolicy(nn.Module):

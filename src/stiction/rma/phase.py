@@ -20,7 +20,7 @@ from stiction.core.gemm import gemm_path
 from stiction.locomotion.env import LocomotionEnv
 from stiction.rma.config import StopCfg
 from stiction.rma.figures import Board, RolloutFigures, adaptation_figures, friction_figures
-from stiction.rma.health import Diagnosis, EarlyStop, Health
+from stiction.rma.health import EarlyStop, Health
 from stiction.rma.ppo import AdaptationPPO
 from stiction.rma.quick import quicken
 from stiction.rma.run import RunDirectory, keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
@@ -41,8 +41,8 @@ class Interrupted(TrainingError):
 def torch_threads(count: int) -> Iterator[None]:
     """Give torch `count` threads for a while.
 
-    Rollouts use one: their tensors are small, and torch's own threads, which wait actively after each operation,
-    would take the cores from the simulator's (measured on two cores: a third of its speed).
+    Rollouts use one: their tensors are small, and torch's own threads, which wait actively after each operation, would
+    take the cores from the simulator's.
     """
     before = torch.get_num_threads()
     torch.set_num_threads(count)
@@ -59,7 +59,7 @@ def film_due(iteration: int, every: int, last: bool) -> bool:
 
 @dataclass
 class PhaseRunner(OnPolicyRunner):
-    """One phase of a run. rsl_rl builds algorithm and storage; the loop, the figures and the checkpoints are ours."""
+    """One phase of a run: rsl_rl's runner with another loop, figures and checkpoints."""
 
     phase: str
     env: LocomotionEnv
@@ -86,8 +86,8 @@ class PhaseRunner(OnPolicyRunner):
         if self.alg.symmetry is not None and isinstance(self.alg, AdaptationPPO):
             self.alg.symmetry.remembered = self.alg.actor.remembered
         self.health = Health(self.env.num_envs, self.rl_cfg["algorithm"].get("desired_kl", 0.01))
-        quiet = self.alg.quiet_from if isinstance(self.alg, AdaptationPPO) else 0
-        self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, quiet)
+        steady = self.alg.least_noise_from if isinstance(self.alg, AdaptationPPO) else 0
+        self.early_stop = EarlyStop(self.stop, len(self.env.cfg.friction.schedule) - 1, steady)
 
     @property
     def finished(self) -> bool:
@@ -110,17 +110,15 @@ class PhaseRunner(OnPolicyRunner):
             figures = self.iterate()
             seconds = time.perf_counter() - start
             steps = self.cfg["num_steps_per_env"] * self.env.num_envs
-            figures |= {"seconds": seconds, "env_steps_per_second": steps / seconds}
             self.current_learning_iteration += 1
-            self._report(figures)
+            self._report(figures | {"seconds": seconds, "env_steps_per_second": steps / seconds})
             self._preserve()
 
     def _enter_stage(self) -> None:
         """Go over to the friction that the schedule has for this iteration."""
-        friction = self.env.cfg.friction
-        stage = len(friction.schedule) - 1
-        if self.phase == "teacher":
-            stage = friction.stage(self.current_learning_iteration, self.iterations)
+        friction, teacher = self.env.cfg.friction, self.phase == "teacher"
+        last = len(friction.schedule) - 1
+        stage = friction.stage(self.current_learning_iteration, self.iterations) if teacher else last
         if stage != self.env.stage:
             self.env.enter_stage(stage)
 
@@ -160,24 +158,20 @@ class PhaseRunner(OnPolicyRunner):
         row = {name: round(value, 6) for name, value in figures.items()}
         diagnosis = self.health.check(it, row)
         if diagnosis is not None:
-            raise TrainingError(self._describe(diagnosis))
+            good = latest_checkpoint(self.run.checkpoints, self.phase)
+            name = good.name if good else "none, there was no time for one"
+            raise TrainingError(
+                f"training diverged in iteration {it} of the {self.phase}, since iteration {diagnosis.since}: "
+                f"{diagnosis.what}; the last good checkpoint is {name}; train again in another folder with "
+                f"{diagnosis.advice}"
+            )
         self.stopped = self.early_stop.check(row, it)
         self.run.log({"phase": self.phase, "iteration": it, **row})
         self.board.add(it, figures)
         self.progress(self.phase, it, self.iterations, figures)
 
-    def _describe(self, diagnosis: Diagnosis) -> str:
-        """Say what was seen, since when, what is kept, and what to try."""
-        kept = latest_checkpoint(self.run.checkpoints, self.phase)
-        return (
-            f"training diverged in iteration {self.current_learning_iteration} of the {self.phase}, "
-            f"since iteration {diagnosis.since}: {diagnosis.what}; "
-            f"the last good checkpoint is {kept.name if kept else 'none, there was no time for one'}; "
-            f"train again in another folder with {diagnosis.advice}"
-        )
-
     def _preserve(self) -> None:
-        """Write a checkpoint where one is due, never one of a run that looks as if it diverges in place of a good one.
+        """Write a checkpoint where one is due, but none of a run that seems to diverge in place of a good one.
 
         Raises `Interrupted` after it where the run was asked to stop.
         """
@@ -223,9 +217,9 @@ class PhaseRunner(OnPolicyRunner):
         try:
             self._restore(path, tree)
         except (KeyError, ValueError, RuntimeError) as error:  # a part that is missing, of another shape, another net
-            said, first = str(error).strip().splitlines()[0], self.run.header()["revision"].partition("+")[0]
+            cause, first = str(error).strip().splitlines()[0], self.run.header()["revision"].partition("+")[0]
             raise TrainingError(
-                f"checkpoint {path} cannot be restored by this version ({type(error).__name__}: {said}); "
+                f"checkpoint {path} cannot be restored by this version ({type(error).__name__}: {cause}); "
                 f"finish the run with revision {first}, which began it, or train again"
             ) from error
 

@@ -1,4 +1,4 @@
-"""rsl_rl's PPO with rapid motor adaptation: whose latent walks, what it is trained by, and how loudly it explores."""
+"""rsl_rl's PPO with rapid motor adaptation: where the latent comes from, its losses, and the action noise."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ REMEMBERED = ("estimate", "guess", "walks_blind")
 
 
 def evenly_spread(num: int, share: float) -> torch.Tensor:
-    """Return which of `num` robots belong to a share of them, every k-th as near as can be, (num,) bool."""
+    """Return a mask of a share of `num` robots, spread evenly over them, (num,) bool."""
     counted = torch.floor(torch.arange(num + 1, dtype=torch.float64) * share)
     return counted[1:] > counted[:-1]
 
@@ -30,37 +30,28 @@ class AdaptationPPO(PPO):
     """PPO of an actor that walks on z, on z*, on both in turn, or on z* with a share of the robots.
 
     The latent source changes only between an update and the next rollout, and what comes from networks that PPO does
-    not train is computed once, as the robot walks, and stored: log-probabilities of a rollout are recomputed with the
-    source, and with the estimates, that produced it, so the ratio is 1 before the first gradient step.
+    not train is computed once, as the robot walks, and stored: so the ratio is 1 before the first gradient step.
     """
 
     actor: RMAActor
     symmetry: MirroredBatches | None
-    """What mirrors samples, if anything does; the runner sets it."""
+    """What mirrors samples, if anything does; `make_symmetric` sets it."""
 
     def __init__(
-        self,
-        *args: Any,
-        settings: TeacherCfg,
-        noise: tuple[float, float, int] | None = None,
-        **kwargs: Any,
+        self, *args: Any, settings: TeacherCfg, noise: tuple[float, float, int] | None = None, **kwargs: Any
     ) -> None:
-        """Add the supervised losses to `PPO`.
+        """Add the supervised losses to `PPO`, whose other arguments are `args` and `kwargs`.
 
-        Args:
-            args: of `PPO`.
-            settings: of the phase; what `PPO` itself has of it is among `kwargs`.
-            noise: bound of the standard deviation at the start and at the end, and the iterations in between.
-            kwargs: of `PPO`.
-
+        `settings`: of the phase; `noise`: bound of the actions' standard deviation at the start and at the end, and
+        the iterations in between.
         """
         super().__init__(*args, **kwargs)
         self.settings, self.noise = settings, noise
         stored = self.storage.observations[0]
-        self.room = {name: stored[name].clone() for name in REMEMBERED if name in stored.keys()}  # noqa: SIM118
+        self.fixed = {name: stored[name].clone() for name in REMEMBERED if name in stored.keys()}  # noqa: SIM118
         if settings.latent == "groups":
             blind = evenly_spread(self.storage.num_envs, settings.student_share)
-            self.room["walks_blind"] = blind.float()[:, None].to(self.device)
+            self.fixed["walks_blind"] = blind.float()[:, None].to(self.device)
         self.iteration = 0
         self.kl = 0.0
         self.actor.adapts = settings.latent == "history"
@@ -73,14 +64,14 @@ class AdaptationPPO(PPO):
     @staticmethod
     def construct_algorithm(obs: TensorDict, env: VecEnv, cfg: dict, device: str) -> PPO:
         """Construct the algorithm, with room in its storage for what the actor remembers of a rollout."""
-        latent, source = cfg["actor"]["latent"], cfg["algorithm"]["settings"].latent
+        latent, source = cfg["actor"]["network"].latent, cfg["algorithm"]["settings"].latent
         columns = {"estimate": obs["explicit"].shape[-1]}
         if source != "history":
             columns |= {"guess": latent}
         if source == "groups":
             columns |= {"walks_blind": 1}
-        room = {name: torch.zeros(env.num_envs, width, device=device) for name, width in columns.items()}
-        return PPO.construct_algorithm(obs.clone(recurse=False).update(room), env, cfg, device)
+        empty = {name: torch.zeros(env.num_envs, width, device=device) for name, width in columns.items()}
+        return PPO.construct_algorithm(obs.clone(recurse=False).update(empty), env, cfg, device)
 
     def warm_start(self, actor: dict[str, torch.Tensor], critic: dict[str, torch.Tensor]) -> None:
         """Begin with the networks of an earlier phase."""
@@ -89,11 +80,10 @@ class AdaptationPPO(PPO):
 
     def act(self, obs: TensorDict) -> torch.Tensor:
         """Sample actions; store, with the observations, what PPO holds fixed."""
-        known = self.room | self.actor.remembered(obs)
-        return super().act(obs.clone(recurse=False).update(known))
+        return super().act(obs.clone(recurse=False).update(self.fixed | self.actor.remembered(obs)))
 
     def update(self) -> dict[str, float]:
-        """Update the policy, then adaptation and estimator, then choose how the next rollout walks."""
+        """Update the policy, then adaptation and estimator; prepare the next rollout."""
         losses = super().update()
         self.kl = self._divergence()
         losses |= self._supervise()
@@ -102,16 +92,17 @@ class AdaptationPPO(PPO):
         return losses
 
     @property
-    def quiet_from(self) -> int:
+    def least_noise_from(self) -> int:
         """Iteration from which robots walk with the least noise of the phase."""
         return 0 if self.noise is None else self.noise[2]
 
     def _prepare_rollout(self) -> None:
         """Set where the next rollout's latent comes from, and how much noise it may have."""
+        source: str = self.settings.latent
         every = self.settings.alternate
-        in_turn = every > 0 and self.iteration % every == every - 1
-        alternating = "history" if in_turn else "privileged"
-        self.actor.latent_source = {"alternate": alternating}.get(self.settings.latent, self.settings.latent)
+        if source == "alternate":
+            source = "history" if every > 0 and self.iteration % every == every - 1 else "privileged"
+        self.actor.latent_source = source
         if self.noise is not None:
             start, end, iterations = self.noise
             done = min(1.0, self.iteration / max(1, iterations - 1))
@@ -122,12 +113,11 @@ class AdaptationPPO(PPO):
 
         Nothing is sampled. Like `_supervise`, it reads the rollout that `PPO.update` has left in the storage.
         """
-        storage, distribution = self.storage, self.actor.distribution
         with torch.no_grad():
-            mean = self.actor(storage.observations[-1])
-            std = self.actor.std.expand_as(mean)
-            before = tuple(parameter[-1] for parameter in storage.distribution_params)
-            return float(distribution.kl_divergence(before, (mean, std)).mean())
+            mean = self.actor(self.storage.observations[-1])
+            before = tuple(parameter[-1] for parameter in self.storage.distribution_params)
+            after = (mean, self.actor.std.expand_as(mean))
+            return float(self.actor.distribution.kl_divergence(before, after).mean())
 
     def _supervised_parameters(self) -> list[nn.Parameter]:
         """Return what the supervised pass trains."""
@@ -135,7 +125,7 @@ class AdaptationPPO(PPO):
         return [*self.actor.supervised_parameters(), *privileged]
 
     def _supervise(self) -> dict[str, float]:
-        """Take passes of L_ada, L_est and, where there is terrain, L_hist over the rollout just used.
+        """Descend the supervised losses over the rollout just used; return their means.
 
         `PPO.update` has rewound the storage's cursor; its contents stay until the next rollout overwrites them.
         """
@@ -160,7 +150,7 @@ class AdaptationPPO(PPO):
         return total
 
     def save(self) -> dict:
-        """Return every network, optimizer and counter."""
+        """Return what a checkpoint holds: every network, optimizer and counter."""
         return super().save() | {
             "adaptation_optimizer_state_dict": self.adaptation_optimizer.state_dict(),
             "algorithm_iteration": self.iteration,

@@ -1,9 +1,9 @@
-"""Makes an update of the networks cheaper without another result: mini-batches gathered once, and a quicker ELU.
+"""Makes an update of the networks cheaper: mini-batches gathered once, and a quicker ELU.
 
-PPO passes over the same mini-batches in every epoch, and torch's indexing gathers them number by number each time, a
-quarter of the update. Here each is gathered once, row by row: the same numbers, bit for bit.
+PPO passes over the same mini-batches in every epoch, and torch's indexing gathers them number by number each time. Here
+each is gathered once, row by row: the same numbers, bit for bit.
 
-torch's ELU takes `expm1` from one library and `exp` from another, which on the fast path (`formats.gemm`) is many times
+torch's ELU takes `expm1` from one library and `exp` from another, which on the fast path (`core.gemm`) is many times
 faster. ELU(x) = max(x, exp(min(x, 0)) - 1) is off by 6e-8 at most.
 """
 
@@ -37,14 +37,14 @@ def gathered_batches(storage: RolloutStorage, batches: int, epochs: int = 8) -> 
     observations = storage.observations.flatten(0, 1)
     stored = (storage.actions, storage.values, storage.advantages, storage.returns, storage.actions_log_prob)
     distribution = storage.distribution_params or ()
-    kept: list[tuple[TensorDict, list[torch.Tensor]]] = []
+    gathered: list[tuple[TensorDict, list[torch.Tensor]]] = []
     for epoch in range(epochs):
         for number in range(batches):
             if not epoch:
                 rows = ids[number * size : (number + 1) * size]
                 tensors = [tensor.flatten(0, 1).index_select(0, rows) for tensor in (*stored, *distribution)]
-                kept.append((take_rows(observations, rows), tensors))
-            seen, (actions, values, advantages, returns, log_prob, *parameters) = kept[number]
+                gathered.append((take_rows(observations, rows), tensors))
+            seen, (actions, values, advantages, returns, log_prob, *parameters) = gathered[number]
             yield RolloutStorage.Batch(seen, actions, values, advantages, returns, log_prob, tuple(parameters))
 
 

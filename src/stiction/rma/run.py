@@ -37,11 +37,8 @@ def _split(tree: Any, name: str, tensors: dict[str, torch.Tensor]) -> Any:
         return {_TENSOR: name}
     if isinstance(tree, dict):
         # JSON keys are strings; optimizers number their parameters.
-        return {
-            "__dict__": [
-                [key, _split(value, f"{name}.{key}" if name else str(key), tensors)] for key, value in tree.items()
-            ]
-        }
+        names = {key: f"{name}.{key}" if name else str(key) for key in tree}
+        return {"__dict__": [[key, _split(value, names[key], tensors)] for key, value in tree.items()]}
     if isinstance(tree, list | tuple):
         return [_split(value, f"{name}.{index}", tensors) for index, value in enumerate(tree)]
     return tree
@@ -114,11 +111,16 @@ def _complete(folder: Path, phase: str) -> list[Path]:
 
 def keep_newest(folder: Path, phase: str, keep: int = 2) -> None:
     """Delete all but the newest complete checkpoints of a phase, and what a kill left incomplete."""
-    kept = _complete(folder, phase)[-keep:]
+    newest = _complete(folder, phase)[-keep:]
     for path in folder.glob(f"{phase}_*.safetensors"):
-        if path not in kept:
+        if path not in newest:
             path.with_suffix(".json").unlink(missing_ok=True)
             path.unlink()
+
+
+def _sha256(file: Path) -> str:
+    """Return the SHA-256 of a file."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 class RunDirectory:
@@ -146,11 +148,11 @@ class RunDirectory:
             cfg.task.check_net(read_actuator(Path(cfg.actuator)), find_robot(cfg.task.robot))
             file = actuator_file(Path(cfg.actuator))
             name = file.resolve().parent.name if file.name == FILE else file.name
-            header["actuator"] = {"name": name, "sha256": hashlib.sha256(file.read_bytes()).hexdigest()}
+            header["actuator"] = {"name": name, "sha256": _sha256(file)}
         try:
             run.checkpoints.mkdir(parents=True, exist_ok=True)
             if cfg.actuator is not None:
-                (path / FILE).write_bytes(actuator_file(Path(cfg.actuator)).read_bytes())
+                (path / FILE).write_bytes(file.read_bytes())
             write_json(path / "config.json", header | {"config": to_plain(cfg)})
         except OSError as error:
             raise FileError(f"the run's folder {path} cannot be made: {error.strerror}; name another --out") from error
@@ -165,7 +167,7 @@ class RunDirectory:
         if recorded is None:
             return None
         net = read_actuator(self.path / FILE)
-        if hashlib.sha256((self.path / FILE).read_bytes()).hexdigest() != recorded["sha256"]:
+        if _sha256(self.path / FILE) != recorded["sha256"]:
             raise TrainingError(f"{self.path / FILE} is not the net that the run was started with; put that one back")
         return net
 
@@ -191,11 +193,9 @@ class RunDirectory:
 
     def summary(self) -> dict[str, Any]:
         """Return summary.json; empty where the run is not finished. Raises `StictionError` where it cannot be read."""
-        if not self.finished:
-            return {}
         file = self.path / "summary.json"
         try:
-            return dict(json.loads(file.read_text()))
+            return dict(json.loads(file.read_text())) if self.finished else {}
         except (OSError, ValueError, TypeError) as error:
             raise FileError(f"{file} cannot be read: {error}; remove it and finish the run again") from error
 
@@ -205,13 +205,13 @@ class RunDirectory:
         The last one is the configuration's, or the one in which the phase reached its target. A half-trained policy
         walks badly and looks like a result.
         """
-        newest, cfg = latest_checkpoint(self.checkpoints, phase), self.config()
-        iterations = {"teacher": cfg.teacher.iterations, "student": cfg.student.iterations}[phase]
+        newest = latest_checkpoint(self.checkpoints, phase)
+        iterations = getattr(self.config(), phase).iterations
         iterations = self.summary().get("stopped", {}).get(phase, {}).get("iteration", iterations)
-        stands = int(newest.stem.rpartition("_")[2]) if newest else 0
-        if newest is None or stands != iterations:
+        done = int(newest.stem.rpartition("_")[2]) if newest else 0
+        if newest is None or done != iterations:
             raise TrainingError(
-                f"{self.path} is not finished, its {phase} stands at iteration {stands} of {iterations}; "
+                f"{self.path} is not finished, its {phase} stands at iteration {done} of {iterations}; "
                 f"finish it with `stiction train --resume {self.path}`"
             )
 
@@ -236,7 +236,7 @@ class RunDirectory:
         newest = latest_checkpoint(self.checkpoints, "student")
         if newest is None:
             raise TrainingError(f"{self.path} has no student yet; finish it with `stiction train --resume {self.path}`")
-        return hashlib.sha256(newest.read_bytes()).hexdigest()
+        return _sha256(newest)
 
     def log(self, row: dict[str, Any]) -> None:
         """Append one iteration's figures."""
@@ -256,9 +256,9 @@ class RunDirectory:
     def forget_after(self, phase: str, iteration: int) -> None:
         """Drop the figures of iterations that will be run again, and a last line that a kill cut off."""
         order = {"teacher": 0, "student": 1}
-        kept = [row for row in self.rows() if (order[row["phase"]], row["iteration"]) <= (order[phase], iteration)]
+        rows = [row for row in self.rows() if (order[row["phase"]], row["iteration"]) <= (order[phase], iteration)]
         with publish(self.metrics) as partial:
-            partial.write_text("".join(json.dumps(row) + "\n" for row in kept))
+            partial.write_text("".join(json.dumps(row) + "\n" for row in rows))
 
     def finish(self, figures: dict[str, Any]) -> None:
         """Write summary.json: the last figures, what made them, and where."""
@@ -267,9 +267,6 @@ class RunDirectory:
 
 
 def identified_values(header: dict[str, Any]) -> dict[str, np.ndarray] | None:
-    """Return the joints that a run took from an identification, for `nominal_joints`; None where it took none.
-
-    header: as from `RunDirectory.header`.
-    """
+    """Return the joints that a run, by its `RunDirectory.header`, took from an identification, None where none."""
     identified = header["identified"]
     return {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -24,8 +23,7 @@ from stiction.rma.phase import Film, PhaseRunner, Progress
 from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
 
 QUIET_FROM = 0.75
-"""Share of the first phase after which the noise has fallen to `TeacherCfg.final_std`: the rest of it learns to walk as
-what is deployed walks."""
+"""Share of the first phase after which the noise has fallen to `TeacherCfg.final_std`."""
 
 
 def groups(cfg: TrainCfg) -> list[str]:
@@ -33,50 +31,31 @@ def groups(cfg: TrainCfg) -> list[str]:
     return [*GROUPS, ELEVATION] if cfg.task.terrain.kind != "flat" else GROUPS
 
 
-def _models(cfg: TrainCfg, *names: str, loudest: float = STD_RANGE[1]) -> dict[str, Any]:
-    """Return rsl_rl's configuration of the named actors; `loudest`: bound of their actions' standard deviation."""
-    net = cfg.network
-    actor: dict[str, Any] = {
-        "class_name": "stiction.rma.models:RMAActor",
-        "hidden_dims": net.actor,
-        "latent": net.latent,
-        "terrain": net.terrain,
-        "terrain_latent": net.terrain_latent,
-        "privileged": net.privileged,
-        "history_frame": net.history_frame,
-        "history": net.history,
-        "estimator_frame": net.estimator_frame,
-        "estimator": net.estimator,
-        "recurrent": net.recurrent,
-        "distribution_cfg": {
-            "class_name": "GaussianDistribution",
-            "init_std": net.initial_std,
-            "std_range": (STD_RANGE[0], loudest),
-        },
-    }
-    return {name: copy.deepcopy(actor) for name in names}  # rsl_rl takes its configuration apart while it reads it
+def _distribution(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str, Any]:
+    """Return rsl_rl's configuration of the actions' distribution."""
+    bounds = (STD_RANGE[0], largest_std)
+    return {"class_name": "GaussianDistribution", "init_std": cfg.network.initial_std, "std_range": bounds}
+
+
+def _actor(cfg: TrainCfg, largest_std: float = STD_RANGE[1]) -> dict[str, Any]:
+    """Return rsl_rl's configuration of an actor; a new one for each, for rsl_rl takes it apart while it reads it."""
+    distribution = _distribution(cfg, largest_std)
+    return {"class_name": "stiction.rma.models:RMAActor", "network": cfg.network, "distribution_cfg": distribution}
 
 
 def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
-    """Return rsl_rl's configuration of PPO in a phase: the first one, or that of a student that walks on its own z*."""
-    teacher, net = cfg.teacher, cfg.network
-    first = phase == "teacher"
-    noise = None
-    if teacher.final_std is not None:
-        end = teacher.final_std
-        noise = (net.initial_std, end, round(QUIET_FROM * teacher.iterations)) if first else (end, end, 0)
+    """Return rsl_rl's configuration of PPO in the first phase, or (`student`) of a student that walks on its own z*."""
+    teacher, first, noise = cfg.teacher, phase == "teacher", None
+    if (end := teacher.final_std) is not None:
+        falling = (cfg.network.initial_std, end, round(QUIET_FROM * teacher.iterations))
+        noise = falling if first else (end, end, 0)
     fewer = 2 if cfg.symmetry == "half" else 1
     return {
         "symmetry": cfg.symmetry,
         "num_steps_per_env": teacher.steps if first else cfg.student.steps,
         "obs_groups": {"actor": groups(cfg), "critic": groups(cfg)},
-        **_models(cfg, "actor"),
-        "critic": {
-            "class_name": "stiction.rma.models:RMACritic",
-            "hidden_dims": net.critic,
-            "history_frame": net.history_frame,
-            "history": net.history,
-        },
+        "actor": _actor(cfg),
+        "critic": {"class_name": "stiction.rma.models:RMACritic", "network": cfg.network},
         "algorithm": {
             "class_name": "stiction.rma.ppo:AdaptationPPO",
             "settings": teacher if first else replace(teacher, latent="history", both_ways=False),
@@ -94,12 +73,13 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
 
 def distillation_cfg(cfg: TrainCfg) -> dict[str, Any]:
     """Return rsl_rl's configuration of the distillation."""
-    student = cfg.student
+    student, largest_std = cfg.student, cfg.teacher.final_std or STD_RANGE[1]
     return {
         "symmetry": cfg.symmetry,
         "num_steps_per_env": student.steps,
         "obs_groups": {"student": groups(cfg), "teacher": groups(cfg)},
-        **_models(cfg, "student", "teacher", loudest=cfg.teacher.final_std or STD_RANGE[1]),
+        "student": _actor(cfg, largest_std),
+        "teacher": _actor(cfg, largest_std),
         "algorithm": {
             "class_name": "stiction.rma.distillation:StudentDistillation",
             "settings": student,
@@ -126,18 +106,9 @@ def train(
 ) -> dict[str, Any]:
     """Train teacher and student in the run directory, from its newest checkpoint if it has any; return the summary.
 
-    Args:
-        cfg: the whole configuration.
-        run: where everything is written.
-        identified: nominal joints, see `nominal_joints`.
-        progress: called after every iteration.
-        interrupted: asked after every iteration whether to stop.
-        film: called with the checkpoints that are due to be filmed.
-
-    Raises:
-        StictionError: training has diverged, or the run's folder cannot be written.
-        Interrupted: it was asked to stop, and has written a checkpoint.
-
+    `identified`: nominal joints, see `nominal_joints`; `progress`, `film`: see their types; `interrupted`: asked after
+    every iteration whether to stop. Raises `StictionError` where training has diverged or the run's folder cannot be
+    written, and `Interrupted`, after a checkpoint, where it was asked to stop.
     """
     threads = num_threads()
     torch.set_num_threads(threads)
@@ -232,8 +203,8 @@ def load_actor(run: RunDirectory, phase: str, checkpoint: Path | None = None) ->
     state = load_checkpoint(path)["algorithm"]
     state = state["actor_state_dict" if "actor_state_dict" in state else "student_state_dict"]
     env = LocomotionEnv(cfg.task, 1, 0)
-    model = {key: value for key, value in _models(cfg, phase)[phase].items() if key != "class_name"}
-    actor = RMAActor(env.get_observations(), {phase: groups(cfg)}, phase, env.num_actions, **model)
+    observations, seen = env.get_observations(), {phase: groups(cfg)}
+    actor = RMAActor(observations, seen, phase, env.num_actions, cfg.network, _distribution(cfg))
     if cfg.symmetry == "network":
         make_equivariant(actor, task_mirror(env))
     actor.load_state_dict(state)

@@ -1,13 +1,9 @@
 """Left-right symmetry in training: mirrored samples in every mini-batch of teacher and student, or symmetric networks.
 
-A mirrored transition is one of the mirrored robot: the task's rules (`stiction.locomotion.symmetry`) say what it
-observed and did, and its reward, return and advantage are those of the original. Latents and estimates are computed
-from the mirrored observations like any other. The old log-probability is the original's, as in rsl_rl: the mirrored
-action was drawn with that density, by the mirrored policy (Mittal et al., "Symmetry Considerations for Learning Task
-Symmetric Robot Policies", ICRA 2024). So is the KL divergence, over the originals alone: while a policy is not
-symmetric, that to its own mirror image would say nothing about the size of a step.
-
-Two shares of samples are mirrored:
+A mirrored transition is one of the mirrored robot (`stiction.locomotion.symmetry`): reward, return, advantage and old
+log-probability are those of the original (Mittal et al., "Symmetry Considerations for Learning Task Symmetric Robot
+Policies", ICRA 2024). The KL divergence is over the originals alone: while a policy is not symmetric, that to its own
+mirror image would say nothing about the size of a step.
 
     batches  every sample, beside itself: twice the samples in every gradient step, twice its cost
     half     as many samples as without: PPO makes half as many passes of twice as many steps, each over half as many
@@ -44,9 +40,9 @@ class MirroredBatches(Symmetry):
     def with_images(
         self, env: LocomotionEnv, obs: TensorDict, actions: torch.Tensor
     ) -> tuple[TensorDict, torch.Tensor]:
-        """Return samples followed by their images, as rsl_rl wants them; `env` is what `__init__` got.
+        """Return samples followed by their images, as rsl_rl wants them.
 
-        What the algorithm stored beside the observations is of the original; `remembered` finds that of the image.
+        What the algorithm stored beside the observations is of the original; `remembered` computes that of the image.
         """
         seen = self.mirror(obs.select(*self.observed))
         image = obs.clone(recurse=False).update(seen).update(self.remembered(seen))
@@ -76,7 +72,7 @@ class MirroredBatches(Symmetry):
 
 
 def make_symmetric(algorithm: Any, symmetry: SymmetryName, env: LocomotionEnv) -> None:
-    """Give an algorithm, PPO's or the student's, its mirrored samples or its symmetric networks, as it was configured.
+    """Give an algorithm its mirrored samples or its symmetric networks.
 
     Raises `StictionError` where robot or task has no mirror image.
     """

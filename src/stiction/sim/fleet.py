@@ -1,7 +1,6 @@
 """A fleet: many copies of one robot on one clock, with named views and per-robot joint physics. NumPy only.
 
-The task (batched, in torch) and the evaluation (from a bundle, without torch) drive robots through this one class, so
-that a policy meets the same joints in both.
+Training and evaluation drive robots through this one class, so that a policy meets the same joints in both.
 """
 
 from __future__ import annotations
@@ -15,11 +14,10 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.rotation import about, into_frames, yaws
 from stiction.robots.box_legs import build_model
 from stiction.robots.model import DELAY_SAMPLES, RobotSpec, leans_too_far, too_low
-from stiction.robots.physics import EXACT, PhysicsCfg
+from stiction.robots.physics import EXACT, SMALLEST_YIELD, PhysicsCfg
 from stiction.robots.terrain import Terrain
 from stiction.sim.native import NativeSimulation
 from stiction.sim.protocol import Simulation
-from stiction.sim.slider import Slider
 
 BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
@@ -30,12 +28,11 @@ class Fleet:
 
     All arrays are float64 and live: `base_*`, `joint_*` and `torque` are what the simulation holds now; `friction`,
     `damping`, `armature` are written by the caller and act from the next step (armature, masses and centres of mass
-    after `set_const`). What must act at every physics step (friction that depends on load or speed, a motor that is
-    not the PD law) is a function in `before_step`, called with the fleet; what it remembers of a robot it forgets in a
-    function in `after_reset`, called with the ids. `ground` is the height of the ground under each robot [m], written
-    by whoever walks on other than flat ground: a robot's height counts from it. `torque`, `foot_force` and `joint_load`
-    lag one physics step, as sensors do; right after a reset they are those of the standing pose, whatever joint angles
-    the robot was given.
+    after `set_const`). Functions in `before_step` are called with the fleet before every physics step (friction that
+    depends on load or speed, another motor than the PD law), those in `after_reset` with the ids of robots that were
+    reset. `ground` is the height of the ground under each robot [m], written by the caller on other than flat ground.
+    `torque`, `foot_force` and `joint_load` lag one physics step; right after a reset they are those of the standing
+    pose.
     """
 
     def __init__(
@@ -52,9 +49,9 @@ class Fleet:
     ) -> None:
         """Build the robots in their standing pose, without dry friction.
 
-        `timestep`: physics step [s]; `decimation`: physics steps in one control period; `threads`: of the simulator;
-        `backend`: makes the batched simulation from model, number and threads; `terrain`: courses of the robots, flat
-        ground without; `joint_sensors`: measure `joint_load`; `physics`: how dry friction is simulated.
+        `timestep`: physics step [s]; `decimation`: physics steps in one control period; `backend`: makes the batched
+        simulation from model, number and threads; `terrain`: courses of the robots, flat ground without;
+        `joint_sensors`: measure `joint_load`; `physics`: how dry friction is simulated.
         """
         if num_envs < 1 or decimation < 1 or not 0 < timestep <= 0.02:
             raise ConfigurationError(
@@ -76,8 +73,14 @@ class Fleet:
         self.torque = simulation.bind("actuator_force")
         sensors, feet = simulation.bind("sensordata"), len(spec.legs)
         self.foot_force, self._joint_wrench = sensors[:, :feet], sensors[:, feet:]
-        self._slider = Slider(simulation, physics.stiffness) if physics.plastic else None
-        self.friction = simulation.expand("dof_frictionloss")[:, joints] if self._slider is None else self._slider.bound
+        self._stiffness = physics.stiffness if physics.plastic else None
+        if self._stiffness is None:
+            self.friction = simulation.expand("dof_frictionloss")[:, joints]
+        else:
+            # Each joint has a yielding spring, see `robots.physics`; `plastic` is the angle at which it is slack.
+            self._slack = simulation.bind("plastic")
+            self._yield = simulation.expand("jnt_springyield")[:, -self._slack.shape[1] :]
+            self.friction = np.zeros_like(self._slack)
         self.damping = simulation.expand("dof_damping")[:, joints]
         self.armature = simulation.expand("dof_armature")[:, joints]
         self._gain = simulation.expand("actuator_gainprm")
@@ -155,8 +158,8 @@ class Fleet:
     def drive_by_torque(self) -> np.ndarray:
         """Make the actuators motors, without gains and delay; return their torques [N m], (N, joints), to be written.
 
-        They act from the next physics step, clipped to the limits. `targets` are then no more than what was asked for:
-        a function in `before_step` turns them into torques.
+        They act from the next physics step, clipped to the limits. `targets` then do nothing by themselves: a function
+        in `before_step` turns them into torques.
         """
         command = self.targets
         self.targets = command.copy()
@@ -179,40 +182,34 @@ class Fleet:
         self.qvel[ids, :2] += velocity
 
     def step(self) -> np.ndarray:
-        """Advance one control period; return the ids of robots that blew up (already reset to standing, and counted).
+        """Advance one control period; return the ids of robots that blew up, ascending, reset to standing and counted.
 
         The caller ends their episode. The reset here keeps NaN from reaching any observation.
         """
-        blown_up = self._advance()
+        if self.before_step:
+            unstable = np.zeros(self.num_envs, bool)
+            for _ in range(self.decimation):
+                unstable[self.substep()] = True
+            blown_up = np.flatnonzero(unstable)
+        else:
+            self._write_friction()
+            blown_up = self.simulation.step(self.decimation)
         if len(blown_up):
             self.blown_up[blown_up] += 1
             self.reset(blown_up)
         return blown_up
 
-    def _advance(self) -> np.ndarray:
-        """Take the physics steps of one control period; return the ids of robots that blew up, ascending."""
-        if not self.before_step:
-            self._write_friction()
-            return self.simulation.step(self.decimation)
-        blown_up = np.zeros(self.num_envs, bool)
-        for _ in range(self.decimation):
-            blown_up[self.substep()] = True
-        return np.flatnonzero(blown_up)
-
     def substep(self) -> np.ndarray:
-        """Take one physics step, whatever acts before it included; return the ids of robots that blew up.
-
-        The caller resets them.
-        """
+        """Take one physics step; return the ids of robots that blew up, for the caller to reset."""
         for act in self.before_step:
             act(self)
         self._write_friction()
         return self.simulation.step(1)
 
     def _write_friction(self) -> None:
-        """Give the simulation the bounds of `friction`, where they are not its own array."""
-        if self._slider is not None:
-            self._slider.write()
+        """Make `friction` the bounds of the yielding springs, where there are any."""
+        if self._stiffness is not None:
+            np.maximum(self.friction / self._stiffness, SMALLEST_YIELD, out=self._yield)
 
     def place_terrain(self, ids: np.ndarray, difficulty: np.ndarray, uniform: np.ndarray) -> None:
         """Lay the courses of the robots `ids` out anew; see `Terrain.place`."""
@@ -262,8 +259,8 @@ class Fleet:
             self.base_quaternion[ids] = about(2, heading)
         if velocity is not None:
             self.qvel[ids, :6] = velocity
-        if self._slider is not None:
-            self._slider.release(ids, self.joint_position)
+        if self._stiffness is not None:
+            self._slack[ids] = self.joint_position[ids]
         for forget in self.after_reset:
             forget(ids)
 
@@ -277,11 +274,8 @@ class Fleet:
         self.simulation.expand("opt.gravity")[:] = gravity
 
     def clamp(self, held: np.ndarray, base: bool) -> None:
-        """Hold the joints marked in `held`, (N, joints) bool, and the base if `base`, by a huge inertia.
-
-        The solver's tolerance is relative to the mean inertia, so it is set to zero: it would stop far from the
-        solution.
-        """
+        """Hold the joints marked in `held`, (N, joints) bool, and the base if `base`, by a huge inertia."""
+        # The tolerance is relative to the mean inertia: the solver would stop far from the solution.
         self.simulation.expand("opt.tolerance")[:] = 0.0
         self.armature[held] = 1e6
         if base:

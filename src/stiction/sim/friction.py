@@ -1,17 +1,13 @@
 """Dry friction in the batched simulator: each joint's bound, written from its state before each physics step.
 
 The solver's friction holds a joint with any torque up to a bound, and brakes it with the bound where it slides
-(`Fleet.friction` [N m]). What the bound is, a law says (`stiction.joints.friction.LAWS`): its level times a factor of
-what the law reads. All of it is NumPy over all robots at once. What depends on the motor's torque or on what a joint
-transmits acts one physics step late, as torque and sensors do.
+(`Fleet.friction` [N m]). The bound is the law's level times a factor of what the law reads
+(`stiction.joints.friction.LAWS`). What depends on the motor's torque or on what a joint transmits acts one physics step
+late, as torque and sensors do.
 
-`load` counts what the joint really transmits, contacts included: what a worn or preloaded bearing does. The joint
-friction of PhysX up to 5.3 is a coefficient too, but of the motion *without* contacts, drives and friction: what the
-ground bears does not count there, so that on a walking robot it is nearly `effort`. tests/sim/test_physx_friction.py
-measures it.
-
-The solver's rows live in an arena that a batch does not show. `FrictionMeter` computes them once more, robot by robot,
-from the same state by the same code: the result is the same to the last bit, and slow, so it is for logs and tests.
+`load` counts what the joint really transmits, contacts included. The joint friction of PhysX up to 5.3 is a coefficient
+too, but of the motion *without* contacts, drives and friction: on a walking robot it is nearly `effort`, see
+tests/sim/test_physx_friction.py.
 """
 
 from __future__ import annotations
@@ -62,14 +58,14 @@ class JointFriction:
             fleet.after_reset.append(self.forget)
 
     def set_level(self, level: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
-        """Give the robots `ids` their level, shape (len(ids), joints), and forget their past."""
+        """Give the robots `ids` their level, shape (len(ids), joints), and forget their old bounds."""
         self.level[ids] = level
         self._fresh[ids] = True
         if self.law.spec.unit == "share":
             self.fleet.friction[ids] = level
 
     def forget(self, ids: np.ndarray) -> None:
-        """Let the robots `ids`, just reset, keep nothing of their old bounds."""
+        """Forget the old bounds of the robots `ids`, which were just reset."""
         self._fresh[ids] = True
 
     def act(self, fleet: Fleet) -> None:
@@ -80,8 +76,8 @@ class JointFriction:
         bound = self.level * (self.factor() if self._stored is None else self._stored)
         self._stored = None
         if self.law.spec.kept:
-            kept = np.where(self._fresh, 0.0, self.law.spec.kept)[:, None]
-            bound = kept * fleet.friction + (1.0 - kept) * bound
+            smoothing = np.where(self._fresh, 0.0, self.law.spec.kept)[:, None]
+            bound = smoothing * fleet.friction + (1.0 - smoothing) * bound
         np.copyto(fleet.friction, bound, where=np.isfinite(bound))
         self._fresh[:] = False
 
@@ -92,8 +88,7 @@ class JointFriction:
     def state(self) -> dict[str, np.ndarray]:
         """Return a copy of what the next step depends on beside the simulation's state and `level`.
 
-        Of a law that reads sensors, which a checkpoint of the simulation does not have: the last bounds, the factor,
-        and which robots are fresh. Of others nothing.
+        Only a law that reads sensors, which are not in the simulation's state, has any.
         """
         if set(self.law.spec.reads) <= {"velocity"}:
             return {}
@@ -107,10 +102,14 @@ class JointFriction:
 
 
 class FrictionMeter:
-    """Measures the dry friction of the physics step about to be taken. Append it to `before_step`, after all others."""
+    """Measures the dry friction of the physics step about to be taken. Append it to `before_step`, after all others.
+
+    The batch does not show the rows of its solver: they are computed once more, robot by robot, from the same state by
+    the same code, which is exact and slow.
+    """
 
     def __init__(self, fleet: Fleet) -> None:
-        """Copy each robot's model as it is now; dry friction may change later, the rest may not."""
+        """Copy each robot's model as it is now; of it only dry friction may change later."""
         self._copies = [fleet.simulation.materialize(env) for env in range(fleet.num_envs)]
         self.torque = np.zeros((fleet.num_envs, fleet.spec.num_joints))
         """Torque of dry friction on each joint, against its motion [N m], shape (N, J)."""

@@ -8,14 +8,10 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from stiction.sim.protocol import Simulation
+
 # MuJoCo would write every instability to a file in the current folder and to the terminal. `step` reports them instead.
 mujoco.set_mju_user_warning(lambda message: None)
-
-STATE = (
-    *("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied"),
-    "plastic",
-)
-"""Everything in MuJoCo's integration state that this house uses: what a checkpoint must hold."""
 
 
 def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
@@ -23,16 +19,15 @@ def out_of_bounds(fields: Iterable[np.ndarray]) -> np.ndarray:
 
     `fields`: each (num, ...) with the same `num`.
     """
-    # A sum is finite exactly where all entries are (or overflows, which is a blow-up too): one pass, no mask. The sum
-    # over all simulations bounds that of each and is several times as fast: who blew up is asked only where somebody
-    # may have.
+    # A sum is finite exactly where all entries are (or overflows, which is a blow-up too). The sum over all simulations
+    # bounds that of each and is several times as fast.
     sizes = [np.abs(field) for field in fields]
     if all(size.sum() < mujoco.mjMAXVAL for size in sizes):
         return np.zeros(0, np.intp)
     return np.flatnonzero(np.any([~(size.sum(axis=1) < mujoco.mjMAXVAL) for size in sizes], axis=0))
 
 
-class NativeSimulation:
+class NativeSimulation(Simulation):
     """`Simulation` on `mujoco.batch.Batch`; bit-identical to a serial loop at any thread count."""
 
     def __init__(self, model: mujoco.MjModel, num: int, threads: int) -> None:
@@ -74,12 +69,3 @@ class NativeSimulation:
     def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return one simulation's model, with its own parameters, and its state; nothing derived is computed yet."""
         return self.batch.get_model(env), self.batch.get_data(env)
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return a copy of everything the next step depends on, for a checkpoint."""
-        return {name: self.bind(name).copy() for name in STATE if self.bind(name).size}
-
-    def load_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restore what `state` returned; the next step is then bit-identical."""
-        for name, value in state.items():
-            self.bind(name)[...] = value

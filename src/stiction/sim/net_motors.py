@@ -1,13 +1,9 @@
 """An Actuator Net in place of the PD law, for a whole fleet, at every physics step. NumPy: neither torch nor a GPU.
 
-What changes with it, beside the law itself:
-
-* Gains are the net's: it was fitted to a controller, and a factor on kp has no meaning for it. A motor strength has
-  one, torque delivered over torque asked for, and multiplies what the net gives.
-* Delays are the net's, as far as its window of H samples shows them: the simulator's own delay is off.
+* Gains and delays are the net's; the simulator's own delay is off. A motor strength multiplies what the net gives.
 * Damping is explicit: the net's torque is held over a step, while MuJoCo takes kd of a PD law implicitly.
-* Friction. A net of motor-side torque does not contain the joint's friction: the simulation keeps its own. A net of
-  output-side torque contains dry and viscous friction: the simulation's are zero. Rotor inertia is in neither.
+* Friction: a net of motor-side torque does not contain the joint's friction, the simulation keeps its own. A net of
+  output-side torque contains dry and viscous friction, the simulation's are zero. Rotor inertia is in neither.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What every backend of the simulation can do: many robots, one clock. No mujoco."""
+"""The interface of the simulation's backends: many robots, one clock. No mujoco."""
 
 from __future__ import annotations
 
@@ -10,6 +10,13 @@ DeviceName = Literal["cpu", "cuda", "warp-cpu"]
 """What computes: MuJoCo on the processor; MuJoCo Warp on a GPU, with torch there too; MuJoCo Warp on the processor."""
 
 
+STATE = (
+    *("time", "qpos", "qvel", "act", "history", "qacc_warmstart", "ctrl", "qfrc_applied", "xfrc_applied"),
+    "plastic",
+)
+"""The part of MuJoCo's integration state that is used here: what a checkpoint must hold."""
+
+
 class Simulation(Protocol):
     """Many simulations of one model, stepped together."""
 
@@ -17,10 +24,7 @@ class Simulation(Protocol):
     """Number of simulations."""
 
     def bind(self, name: str) -> np.ndarray:
-        """Return a live (num, ...) array over a state or derived field (`qpos`, `qvel`, `ctrl`, `sensordata`, ...).
-
-        State fields are writable; derived fields are read-only and refreshed by every call.
-        """
+        """Return a live (num, ...) array over a state field, or over a derived field, which is read-only."""
         ...
 
     def expand(self, name: str) -> np.ndarray:
@@ -44,11 +48,12 @@ class Simulation(Protocol):
 
     def state(self) -> dict[str, np.ndarray]:
         """Return a copy of everything the next step depends on, for a checkpoint."""
-        ...
+        return {name: self.bind(name).copy() for name in STATE if self.bind(name).size}
 
     def load_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restore what `state` returned."""
-        ...
+        """Restore what `state` returned; on the processor the next step is then bit-identical."""
+        for name, value in state.items():
+            self.bind(name)[...] = value
 
     def materialize(self, env: int) -> tuple[Any, Any]:
         """Return one simulation as a MuJoCo model and data of its own, to render or to inspect."""

@@ -1,12 +1,9 @@
 """The GPU backend: MuJoCo Warp, one world a robot, float32, without a loop over worlds.
 
-It also runs on Warp's own processor device, six to ten times slower than `native`, which is how it is tested against
-it where there is no GPU. What differs from `native`: the numbers are float32; the solver's tolerance is 1e-6 at best;
-the reset robots' derived fields are those of the *nominal* robot in the standing pose; and on a GPU sums are taken in
-any order, so that runs are not reproducible bit by bit.
-
-The task reads and writes NumPy; the physics runs in float32 elsewhere. A control step of a robot moves two or three
-kilobytes each way, half of them its delay lines.
+It also runs on Warp's own processor device, slower than `native`, which is how it is tested where there is no GPU. What
+differs from `native`: the numbers are float32; the solver's tolerance is 1e-6 at best; the reset robots' derived fields
+are those of the *nominal* robot in the standing pose; and on a GPU sums are taken in any order, so that runs are not
+reproducible bit by bit.
 """
 
 from __future__ import annotations
@@ -20,7 +17,8 @@ import numpy as np
 import warp as wp
 
 from stiction.core.errors import EngineError
-from stiction.sim.native import STATE, out_of_bounds
+from stiction.sim.native import out_of_bounds
+from stiction.sim.protocol import STATE, Simulation
 
 
 class Mirror:
@@ -39,7 +37,7 @@ class Mirror:
 
     @property
     def view(self) -> np.ndarray:
-        """The host twin for who may only read it."""
+        """The host twin, read only."""
         view = self.host.view()
         view.flags.writeable = False
         return view
@@ -81,16 +79,16 @@ def place_still(
     still: wp.array[int],
     position: wp.array2d[wp.vec3],
     quaternion: wp.array2d[wp.quat],
-    place: wp.array2d[wp.vec3],
-    turn: wp.array2d[wp.mat33],
+    world_position: wp.array2d[wp.vec3],
+    world_rotation: wp.array2d[wp.mat33],
 ):
     """Put the geoms of the world itself where the model has them; Warp does so only once, before the first step."""
     world, k = wp.tid()
     geom = still[k]
     q = quaternion[world % quaternion.shape[0], geom]
     # MuJoCo's order is w, x, y, z, Warp's own is x, y, z, w.
-    turn[world, geom] = wp.quat_to_matrix(wp.quat(q[1], q[2], q[3], q[0]))
-    place[world, geom] = position[world % position.shape[0], geom]
+    world_rotation[world, geom] = wp.quat_to_matrix(wp.quat(q[1], q[2], q[3], q[0]))
+    world_position[world, geom] = position[world % position.shape[0], geom]
 
 
 def rows_of(array: wp.array) -> wp.array:
@@ -126,14 +124,14 @@ def cuda_device() -> str:
 wp.config.log_level = wp.LOG_WARNING
 
 CONTACTS = 32
-"""Contacts for which a robot has room; they share it. Thrown onto rough ground, 64 robots had up to 14 each."""
+"""Contacts for which there is room, a robot; the robots share it."""
 
 FIELDS = (
     *("dof_armature", "dof_damping", "dof_frictionloss", "actuator_gainprm", "actuator_biasprm", "actuator_delay"),
     *("body_mass", "body_ipos", "geom_friction", "geom_pos", "geom_quat", "opt.gravity", "opt.tolerance"),
 )
-"""Model fields that may differ by simulation. Warp takes others too, and some of them would have no effect, so a field
-is added here together with its test against `native`."""
+"""Model fields that may differ by simulation. Some others would silently have no effect: add one with its test against
+`native`."""
 
 DERIVED = ("body_subtreemass", "dof_invweight0", "body_invweight0", "actuator_acc0")
 """What `set_const` recomputes and the physics uses."""
@@ -143,25 +141,23 @@ ITERATED = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS
 
 
 FOREIGN = int(mujoco.mjtDisableBit.mjDSBL_AUTORESET) | int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
-"""Flags for which Warp has no name because it has no such thing: it neither resets a world that blew up, nor sorts the
-geoms of a body into a tree."""
+"""Flags that Warp refuses because it has neither: the reset of a world that blew up, and trees of geoms."""
 
 
-class WarpSimulation:
+class WarpSimulation(Simulation):
     """`Simulation` on MuJoCo Warp. Fields are float64 on the host; `step` uploads what changed and downloads the rest.
 
     Warp tells the samples of a delay line apart by time stamps, to a microsecond; after 16 s a float32 clock is coarser
-    than that, and a delay would be a step too long. So the device counts from the end of the last `step`, the stamps
-    with it; `time` is kept on the host.
+    than that, and a delay would be a step too long. So the device's clock and stamps count from the end of the last
+    `step`; `time` is on the host.
     """
 
     def __init__(
         self, model: mujoco.MjModel, num: int, threads: int = 1, device: str = "cpu", contacts: int = CONTACTS
     ) -> None:
-        """Make `num` simulations of `model`, all in keyframe 0.
+        """Make `num` simulations of `model`, all in keyframe 0; `threads` is not used.
 
-        `threads`: not used, the device has its own; `device`: of Warp, `cpu` or `cuda:0`; `contacts`: room for them, a
-        simulation.
+        `device`: of Warp, `cpu` or `cuda:0`; `contacts`: room for them, a simulation.
         """
         self.num, self.model, self.contacts = num, model, contacts
         self._device = wp.get_device(device)
@@ -291,8 +287,7 @@ class WarpSimulation:
     def step(self, nstep: int) -> np.ndarray:
         """Advance by `nstep` physics steps; return the ids whose state is not finite or out of MuJoCo's bounds.
 
-        Raises `StictionError` where a robot had more contacts than there was room for: what then came out means
-        nothing.
+        Raises `StictionError` where a robot had more contacts than there was room for.
         """
         self._upload()
         self._launch(nstep, lambda: self._advance(nstep))
@@ -341,12 +336,3 @@ class WarpSimulation:
         data.time = self.time[env]
         data.history[self._stamps.numpy()] += data.time
         return model, data
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Return a copy of everything the next step depends on, for a checkpoint."""
-        return {name: self.bind(name).copy() for name in STATE if self.bind(name).size}
-
-    def load_state(self, state: dict[str, np.ndarray]) -> None:
-        """Restore what `state` returned; on the processor the next step is then bit-identical."""
-        for name, value in state.items():
-            self.bind(name)[...] = value

@@ -1,24 +1,23 @@
-"""Whose latent walks, what trains it, and how loudly it explores: each way to a student, by what it must not mix up."""
+"""Each design of a student: where its latent comes from, what trains it, and how much noise it explores with."""
 
 from dataclasses import replace
 
 import pytest
 import torch
 
-from rollouts import rollout
+from rollouts import check_ratio, phase_runner, rollout
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.arguments import parse
-from stiction.rma.config import StopCfg, StudentCfg, TeacherCfg, TrainCfg
-from stiction.rma.figures import Board
+from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
 from stiction.rma.models import VELOCITY, StudentPolicy
 from stiction.rma.phase import PhaseRunner
 from stiction.rma.ppo import evenly_spread
 from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
-from stiction.rma.runner import load_actor, load_student, ppo_cfg, student_cfg, train
+from stiction.rma.runner import load_actor, load_student, train
 
 TASK = TaskCfg(friction=FrictionCfg(method="deception", level=0.2))
 ONE_PHASE = TrainCfg(
@@ -38,11 +37,8 @@ def env() -> LocomotionEnv:
 
 
 def runner_of(cfg: TrainCfg, env: LocomotionEnv, tmp_path, name: str = "teacher") -> PhaseRunner:
-    """One phase of a configuration, built as a run builds it."""
-    torch.manual_seed(1)
-    settings = ppo_cfg(cfg) if name == "teacher" else student_cfg(cfg)
-    board, run = Board(tmp_path / "board"), RunDirectory(tmp_path)
-    return PhaseRunner(name, env, run, settings, 4, (10, 0), StopCfg(), board)
+    """A runner of one phase."""
+    return phase_runner(cfg, tmp_path, name, env)
 
 
 @pytest.mark.parametrize("cfg", [ONE_PHASE, GROUPS, IN_TURN], ids=["history", "groups", "alternate"])
@@ -51,10 +47,7 @@ def test_the_ratio_is_one_before_the_first_step(cfg: TrainCfg, env: LocomotionEn
     runner = runner_of(cfg, env, tmp_path)
     for _ in range(2):
         rollout(runner)
-        storage = runner.alg.storage
-        runner.alg.actor(storage.observations.flatten(0, 1), stochastic_output=True)
-        again = runner.alg.actor.get_output_log_prob(storage.actions.flatten(0, 1))
-        torch.testing.assert_close(again, storage.actions_log_prob.flatten(), atol=1e-5, rtol=0)
+        check_ratio(runner)
         runner.alg.update()
 
 
@@ -70,7 +63,7 @@ def test_what_is_remembered_changes_no_action(cfg: TrainCfg, env: LocomotionEnv,
 def test_in_groups_only_the_marked_robots_walk_blind(env: LocomotionEnv, tmp_path) -> None:
     """A changed privileged observation changes what the teachers do, and nothing that a student does."""
     runner, obs = runner_of(GROUPS, env, tmp_path), env.get_observations()
-    obs = obs.clone().update(runner.alg.room)
+    obs = obs.clone().update(runner.alg.fixed)
     blind = obs["walks_blind"].flatten() > 0
     other = obs.clone()
     other["privileged"] = other["privileged"] + 1.0
@@ -127,7 +120,7 @@ def test_velocity_weighs_more_by_hand(env: LocomotionEnv, tmp_path) -> None:
     actor, obs = runner_of(ONE_PHASE, env, tmp_path).alg.actor, env.get_observations()
     error = (actor.estimator(obs["history"]) - obs["explicit"]).square()
     expected = (10.0 * error[:, :VELOCITY].sum() + error[:, VELOCITY:].sum()) / error.numel()
-    torch.testing.assert_close(actor.estimator_loss(obs, 10.0), expected)
+    torch.testing.assert_close(actor.supervised_losses(obs, 10.0)["estimator"], expected)
 
 
 def test_the_noise_falls_on_a_straight_line(env: LocomotionEnv, tmp_path) -> None:
