@@ -20,7 +20,7 @@ import torch
 from stiction.locomotion.audit_robots import FrictionBench, Stand
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
-from stiction.robots.model import GRAVITY, RobotSpec
+from stiction.robots.model import GRAVITY, TRUNK_LENGTH, Robot
 
 TOLERANCE = 0.1
 """Largest deviation of a share from 1; the errors of physics step and soft contacts are well under it."""
@@ -126,7 +126,7 @@ def _center_of_mass(stand: Stand, axis: int) -> AuditRow:
     """Check the shift of the trunk's centre of mass along one axis; upward, under tilted gravity."""
     tilt, spec = 0.1, stand.spec
     gravity = (tilt * GRAVITY, 0.0, -GRAVITY) if axis == 2 else (0.0, 0.0, -GRAVITY)
-    ends = np.array(stand.cfg.randomization.center_of_mass) * spec.base.size[axis] / spec.base.size[0]
+    ends = np.array(stand.cfg.randomization.center_of_mass) * spec.base.size[axis] / TRUNK_LENGTH
     low, high = (stand.standing_feet(gravity, center_of_mass=np.eye(3)[axis] * end)[1] for end in ends)
     expected = (ends[1] - ends[0]) * spec.base.mass / spec.mass * (tilt if axis == 2 else 1.0)
     measured = (high - low)[1 if axis == 1 else 0]
@@ -185,9 +185,7 @@ def _range_rows(env: LocomotionEnv) -> list[AuditRow]:
     return rows
 
 
-def check_randomization(
-    cfg: TaskCfg, spec: RobotSpec, report: Callable[[str], None] = lambda _: None
-) -> list[AuditRow]:
+def check_randomization(cfg: TaskCfg, spec: Robot, report: Callable[[str], None] = lambda _: None) -> list[AuditRow]:
     """Return the audit of every randomised parameter of a task; `report` is called with what is measured next.
 
     Without a friction level, friction is audited at `AUDIT_LEVEL`: that of a good motor moves a joint less than the

@@ -20,7 +20,7 @@ from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.randomization import Randomizer, nominal_joints
-from stiction.robots.model import GRAVITY, RobotSpec
+from stiction.robots.model import GRAVITY, Robot
 from stiction.sim.fleet import BASE_DOFS, Fleet
 
 STEP = 0.15
@@ -33,7 +33,7 @@ BENCH_SECONDS = 0.3
 class Stand:
     """One robot of a task on a stand, at the task's own physics step."""
 
-    def __init__(self, spec: RobotSpec, cfg: TaskCfg) -> None:
+    def __init__(self, spec: Robot, cfg: TaskCfg) -> None:
         """`cfg`: the task; friction is nominally that of its level."""
         self.spec, self.cfg = spec, cfg
 

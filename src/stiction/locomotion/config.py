@@ -15,7 +15,7 @@ from stiction.joints.net import ActuatorNet
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.rewards import RewardCfg
 from stiction.locomotion.terrain import TerrainCfg
-from stiction.robots.model import DELAY_SAMPLES, RobotSpec
+from stiction.robots.model import DELAY_SAMPLES, Robot
 from stiction.robots.physics import PhysicsCfg
 
 LONGEST_HISTORY = 200
@@ -59,8 +59,8 @@ class RandomizationCfg:
     payload: tuple[float, float] = (-2.0, 3.0)
     """Mass added to the trunk [kg], at its centre of mass."""
     center_of_mass: tuple[float, float] = (-0.25, 0.25)
-    """Shift of the trunk's centre of mass along its length [m]. Sideways and up it shrinks in proportion to the
-    trunk's own width and height: the table names one range, and 0.25 m sideways would lie outside the trunk."""
+    """Shift of the trunk's centre of mass along the length of the paper's robot, `TRUNK_LENGTH` [m]. Sideways, up, and
+    on other trunks it is as much in proportion: 0.25 m sideways, or on a small robot, would lie outside the trunk."""
     push_interval: float = 8.0
     """Time between pushes [s]; 0 for none."""
     push_velocity: float = 1.0
@@ -83,7 +83,7 @@ class RandomizationCfg:
                 f"push every {self.push_interval} s with {self.push_velocity} m/s: expected at least 0"
             )
 
-    def check_robot(self, robot: RobotSpec) -> None:
+    def check_robot(self, robot: Robot) -> None:
         """Raise `StictionError` where the payload takes away more than the robot's trunk."""
         if robot.base.mass + self.payload[0] <= 0:
             raise ConfigurationError(
@@ -151,7 +151,7 @@ class TaskCfg:
     """Velocity tracking."""
 
     robot: Annotated[str, arg(aliases=("--robot",))] = "saturn_lite"
-    """A shipped robot, or `package.module:VARIABLE`."""
+    """A shipped robot, the path of a robot.yaml, MuJoCo or URDF file, or package.module:ROBOT."""
     timestep: float = 0.005
     """Physics step [s]."""
     decimation: int = 4
@@ -206,7 +206,7 @@ class TaskCfg:
                 f"model holds delays up to {longest:g} s; use a longer step or a shorter delay"
             )
 
-    def check_net(self, net: ActuatorNet, robot: RobotSpec) -> None:
+    def check_net(self, net: ActuatorNet, robot: Robot) -> None:
         """Raise `StictionError` where an Actuator Net does not fit the robot, the physics step or the friction."""
         net.check_use(robot.name, robot.joint_names, robot.joint_values("torque_limit"), self.timestep)
         if net.torque_source == "output_side" and self.friction.method != "none":
@@ -215,7 +215,7 @@ class TaskCfg:
                 f"{self.friction.method!r} would add it again; use --method none, or a net of motor-side torque"
             )
 
-    def layout(self, robot: RobotSpec) -> ObservationLayout:
+    def layout(self, robot: Robot) -> ObservationLayout:
         """Return what a policy for a robot observes."""
         kinds = len(joint_kinds(robot.joint_names)) if self.known_friction else 0
         decay = None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)

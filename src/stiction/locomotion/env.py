@@ -114,21 +114,25 @@ class LocomotionEnv(VecEnv):
         self.commands = CommandSampler(cfg.commands, num_envs)
         self.layout = cfg.layout(self.spec)
         self.standing = torch.from_numpy(self.fleet.standing).float()
+        scale = self.spec.action_scale
+        self.action_scale = scale if isinstance(scale, float) else torch.from_numpy(scale).float()
         self.torque_limit = torch.from_numpy(self.fleet.torque_limit).float()
-        self.group = torch.from_numpy(self.spec.groups())
+        groups = self.spec.groups()
+        self.group = None if groups is None else torch.from_numpy(groups)
+        self.sideways = torch.tensor(self.spec.sideways_joints)
         self.frames = FrameBuilder(self.layout, self.standing)
         self.history = History(num_envs, self.layout)
         decay = self.layout.slow_kept
         self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay)
-        self.unsync = UnsyncWindow(num_envs, len(self.spec.legs))
-        self.terms = cfg.rewards.terms
+        self.unsync = UnsyncWindow(num_envs, len(self.spec.feet))
+        self.terms = cfg.rewards.terms_for(self.spec)
         self.max_episode_length = round(cfg.episode / cfg.control_period)
         self.push_interval = round(cfg.randomization.push_interval / cfg.control_period)
         self.command_interval = round(cfg.commands.interval / cfg.control_period)
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long)
         self.last_action = torch.zeros(num_envs, self.num_actions)
         self.last_velocity = torch.zeros(num_envs, self.num_actions)
-        self.air_time = torch.zeros(num_envs, len(self.spec.legs))
+        self.air_time = torch.zeros(num_envs, len(self.spec.feet))
         self.kind_average = torch.from_numpy(kind_average(self.spec.joint_names)).float()
         self.bench_error = torch.ones(num_envs, self.kind_average.shape[1])
         self._reset(torch.arange(num_envs))
@@ -141,7 +145,7 @@ class LocomotionEnv(VecEnv):
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Apply actions, (N, joints), for one control period; reset robots that fell, blew up or timed out."""
         actions = actions.cpu().clamp(-self.cfg.action_clip, self.cfg.action_clip)
-        targets = self.standing + self.spec.action_scale * actions
+        targets = self.standing + self.action_scale * actions
         if self.compensation is not None:
             targets = compensated(targets, self.measured_position, self.compensation)
         self.fleet.set_targets((targets - self.randomizer.draws.encoder_offset).numpy())
@@ -192,8 +196,14 @@ class LocomotionEnv(VecEnv):
         self.air_time = torch.where(contact, 0.0, self.air_time + self.cfg.control_period)
         self.linear_velocity = to_tensor(fleet.base_linear_velocity)
         self.contact = contact
+        deviation = to_tensor(fleet.joint_position) - self.standing
         quaternion = to_tensor(fleet.base_quaternion)
         w, x, y, z = quaternion.unbind(-1)
+        if self.group is None:
+            one_group, unsync = torch.zeros(self.num_envs, dtype=torch.bool), torch.zeros(self.num_envs)
+        else:
+            one_group = exactly_one_group(contact, self.group)
+            unsync = self.unsync.push(group_imbalance(contact, self.group))
         return Snapshot(
             command=self.commands.value,
             moving=self.commands.moving,
@@ -202,11 +212,13 @@ class LocomotionEnv(VecEnv):
             up=torch.stack((2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)), -1),
             height_error=to_tensor(fleet.base_position[:, 2] - fleet.ground) - self.spec.standing_height,
             torque_share=to_tensor(fleet.torque) / self.torque_limit,
-            joint_deviation=to_tensor(fleet.joint_position) - self.standing,
+            joint_deviation=deviation,
+            sideways_deviation=deviation[:, self.sideways],
             joint_acceleration=acceleration,
             action_change=actions - self.last_action,
-            one_group=exactly_one_group(contact, self.group),
-            unsync=self.unsync.push(group_imbalance(contact, self.group)),
+            contact=contact,
+            one_group=one_group,
+            unsync=unsync,
             landed_air_time=landed,
             fallen=torch.from_numpy(fleet.fallen()) & ~blown_up,
         )
@@ -283,7 +295,7 @@ class LocomotionEnv(VecEnv):
         if self.cfg.known_friction:
             raw["known_friction"] = self.randomizer.friction_share() @ self.kind_average * self.bench_error
         if self.slow is not None:
-            error = self.standing + self.spec.action_scale * self.last_action - self.measured_position
+            error = self.standing + self.action_scale * self.last_action - self.measured_position
             raw |= self.slow.push(error, raw["joint_velocity"], fresh)
         frame = self.frames(raw)
         velocity = to_tensor(fleet.base_linear_velocity)

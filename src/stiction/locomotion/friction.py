@@ -15,7 +15,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 FrictionMethod = Literal["none", "direct", "compensation", "finetune", "iterative", "deception"]
 Mixture = tuple[tuple[float, float, float], ...]
@@ -178,7 +178,7 @@ class FrictionCfg:
         return max(k for k, stage in enumerate(self.schedule) if iteration >= round(stage.begin * iterations))
 
 
-def friction_share(law: str, friction: np.ndarray, spec: RobotSpec) -> np.ndarray:
+def friction_share(law: str, friction: np.ndarray, spec: Robot) -> np.ndarray:
     """Return dry friction as a fraction of each joint's torque limit, shape (..., joints).
 
     `friction`: torque [N m], or coefficient, of each joint, shape (..., joints). A coefficient counts at the full
@@ -187,4 +187,4 @@ def friction_share(law: str, friction: np.ndarray, spec: RobotSpec) -> np.ndarra
     limit = spec.joint_values("torque_limit")
     if not has_coefficient(law):
         return friction / limit
-    return friction / limit * Law(law).factor(velocity=0.0, load=spec.weight / len(spec.legs), torque=limit)
+    return friction / limit * Law(law).factor(velocity=0.0, load=spec.weight / len(spec.feet), torque=limit)

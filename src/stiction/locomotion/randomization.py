@@ -15,7 +15,7 @@ from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.joints.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture, friction_share
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import TRUNK_LENGTH, Robot
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import JointFriction
 from stiction.sim.net_motors import NetMotors
@@ -89,11 +89,11 @@ def nominal_joints(
     return NominalJoints(**values)
 
 
-def friction_angle(cfg: FrictionCfg, nominal: NominalJoints, robot: RobotSpec) -> tuple[float, ...] | None:
+def friction_angle(cfg: FrictionCfg, nominal: NominalJoints, robot: Robot) -> tuple[float, ...] | None:
     """Return f/kp [rad] of each joint's nominal friction, which `compensation` adds to the command; None otherwise."""
     if cfg.method != "compensation":
         return None
-    return tuple((nominal.frictionloss / robot.joint_values("stiffness")).tolist())
+    return tuple((nominal.frictionloss / robot.joint_values("kp")).tolist())
 
 
 @dataclass
@@ -142,8 +142,7 @@ class Randomizer:
         self.nominal_share = torch.from_numpy(share).float()
         self.base_mass = fleet.spec.base.mass
         cfg.check_robot(fleet.spec)
-        size = np.array(fleet.spec.base.size)
-        self.com_axes = torch.from_numpy(size / size[0]).float()
+        self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float()
         num, joints = fleet.num_envs, fleet.spec.num_joints
         widths = {"ground_friction": 1, "payload": 1, "center_of_mass": 3, "action_delay": 1}
         names = Draws.__dataclass_fields__

@@ -7,11 +7,12 @@ file of the package.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.plugins import find_named
+from stiction.robots.model import Robot
 
 if TYPE_CHECKING:
     import torch
@@ -46,10 +47,14 @@ class Snapshot:
     """Motor torque over its limit, (N, J)."""
     joint_deviation: torch.Tensor
     """Joint angles minus the standing pose [rad], (N, J)."""
+    sideways_deviation: torch.Tensor
+    """Those of the joints that move a leg sideways or turn it [rad], (N, S)."""
     joint_acceleration: torch.Tensor
     """Change of joint velocity over the control period [rad/s²], (N, J)."""
     action_change: torch.Tensor
     """Action minus the one before, (N, J)."""
+    contact: torch.Tensor
+    """Whether each foot carries load, (N, feet) bool."""
     one_group: torch.Tensor
     """r_trot, (N,) bool."""
     unsync: torch.Tensor
@@ -80,6 +85,8 @@ class RewardCfg:
     unsync: float = -0.6
     """r_unsync of the paper, as a share of its largest value, over the last 100 steps (2 s, as in the public code
     that the paper builds on; the paper does not state its H)."""
+    single_stance: float = 0.0
+    """Exactly one foot stands, while moving is commanded: what a biped has in place of r_trot and r_unsync."""
     air_time: float = 1.0
     """Swing time above 0.15 s, capped at 0.35 s, credited at touch-down, while moving is commanded."""
     vertical_velocity: float = -1.0
@@ -97,7 +104,7 @@ class RewardCfg:
     action_rate: float = -0.01
     """Squares of the change of action."""
     hip_deviation: float = -0.3
-    """Squares of the hips' deviation from the standing pose."""
+    """Squares of the deviation from the standing pose of joints that move a leg sideways or turn it: the hips."""
     stand_still: float = -0.3
     """Distance of all joints from the standing pose, while standing is commanded."""
     fall: float = -20.0
@@ -106,12 +113,26 @@ class RewardCfg:
     """Terms of your own and their weights: `package.module:FUNCTION 0.5`, functions of a `Snapshot` like those of
     `stiction.locomotion.rewards`."""
 
-    @property
-    def terms(self) -> dict[str, tuple[Term, float]]:
-        """Function and weight of every term whose weight is not zero, by the function's name.
+    def for_robot(self, robot: Robot) -> RewardCfg:
+        """Return the weights as they are, or where nobody changed them, what a robot without contact groups walks by.
 
-        Raises `StictionError` where a term of your own cannot be found, or has the name of another one.
+        It is paid for standing on one foot where another is paid for a tripod or a trot.
         """
+        if robot.groups() is not None or self != RewardCfg():
+            return self
+        return replace(self, trot=0.0, unsync=0.0, single_stance=self.trot)
+
+    def terms_for(self, robot: Robot) -> dict[str, tuple[Term, float]]:
+        """Return function and weight of every term whose weight is not zero, by the function's name.
+
+        Raises `StictionError` where a term of your own cannot be found, or has the name of another one, and where the
+        paper's gait is asked of a robot without contact groups.
+        """
+        if robot.groups() is None and (self.trot or self.unsync):
+            raise ConfigurationError(
+                f"robot {robot.name!r} has no two contact groups, which trot and unsync pay for; give its robot.yaml "
+                "groups, or use --task.rewards.trot 0 --task.rewards.unsync 0 --task.rewards.single-stance 1"
+            )
         names = [field.name for field in fields(self) if field.name != "own"]
         found = {name: (globals()[name], float(getattr(self, name))) for name in names}
         for place, weight in self.own:
@@ -138,6 +159,11 @@ def track_angular(s: Snapshot) -> torch.Tensor:
 def trot(s: Snapshot) -> torch.Tensor:
     """r_trot while moving."""
     return (s.one_group & s.moving).float()
+
+
+def single_stance(s: Snapshot) -> torch.Tensor:
+    """1 while exactly one foot carries load and moving is commanded."""
+    return ((s.contact.sum(-1) == 1) & s.moving).float()
 
 
 def unsync(s: Snapshot) -> torch.Tensor:
@@ -188,8 +214,8 @@ def action_rate(s: Snapshot) -> torch.Tensor:
 
 
 def hip_deviation(s: Snapshot) -> torch.Tensor:
-    """Sum of squares over the hips, every third joint."""
-    return s.joint_deviation[:, ::3].square().sum(-1)
+    """Sum of squares over the joints that move a leg sideways or turn it."""
+    return s.sideways_deviation.square().sum(-1)
 
 
 def stand_still(s: Snapshot) -> torch.Tensor:

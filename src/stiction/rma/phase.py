@@ -150,7 +150,7 @@ class PhaseRunner(OnPolicyRunner):
             figures["kl"] = self.alg.kl
         if not all(bool(parameter.isfinite().all()) for parameter in policy.parameters()):
             figures["parameters"] = math.nan
-        return figures | adaptation_figures(policy, self.env.get_observations(), len(self.env.spec.legs))
+        return figures | adaptation_figures(policy, self.env.get_observations(), len(self.env.spec.feet))
 
     def _report(self, figures: dict[str, float]) -> None:
         """Write one iteration's figures everywhere; stop a run that has diverged."""

@@ -23,6 +23,9 @@ from stiction.robots.shapes import Shape, Vector
 GRAVITY = 9.81
 """Acceleration of fall [m/s²], in every engine and wherever a weight is known."""
 
+TRUNK_LENGTH = 0.70
+"""Length of the trunk of the paper's robot, to which its table of randomisation refers [m]."""
+
 DELAY_SAMPLES = 8
 """Room for delayed controls in every robot's model, in physics steps."""
 
@@ -227,6 +230,17 @@ class Robot:
         if not len(found):
             raise RobotError(f"robot {self.name!r} has no joint of kind {kind!r}; it has {', '.join(self.joint_kinds)}")
         return found
+
+    @property
+    def sideways_joints(self) -> tuple[int, ...]:
+        """Numbers of the joints that move a leg sideways or turn it: their axes do not lie across the base."""
+        return tuple(number for number, link in enumerate(self.links) if abs(link.axis[1]) < 0.7)
+
+    @property
+    def action_scale(self) -> float | np.ndarray:
+        """Joint angle per unit of action [rad]: one number, or one of each joint, shape (num_joints,)."""
+        scales = self.joint_values("action_scale")
+        return float(scales[0]) if (scales == scales[0]).all() else scales
 
     def groups(self) -> np.ndarray | None:
         """Return the contact group of each foot, shape (num_feet,); None where there are none."""

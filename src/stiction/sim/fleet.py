@@ -12,8 +12,8 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.rotation import about, into_frames, yaws
-from stiction.robots.box_legs import build_model
-from stiction.robots.model import DELAY_SAMPLES, RobotSpec, leans_too_far, too_low
+from stiction.robots.mjcf import build_model, foot_geometries
+from stiction.robots.model import DELAY_SAMPLES, Robot, leans_too_far, too_low
 from stiction.robots.physics import EXACT, SMALLEST_YIELD, PhysicsCfg
 from stiction.robots.terrain import Terrain
 from stiction.sim.native import NativeSimulation
@@ -37,7 +37,7 @@ class Fleet:
 
     def __init__(
         self,
-        spec: RobotSpec,
+        spec: Robot,
         num_envs: int,
         timestep: float = 0.005,
         decimation: int = 4,
@@ -71,7 +71,7 @@ class Fleet:
         self.joint_velocity = self.qvel[:, joints]
         self.joint_acceleration = simulation.bind("qacc")[:, joints]
         self.torque = simulation.bind("actuator_force")
-        sensors, feet = simulation.bind("sensordata"), len(spec.legs)
+        sensors, feet = simulation.bind("sensordata"), len(spec.feet)
         self.foot_force, self._joint_wrench = sensors[:, :feet], sensors[:, feet:]
         self._stiffness = physics.stiffness if physics.plastic else None
         if self._stiffness is None:
@@ -88,9 +88,9 @@ class Fleet:
         self.delay = simulation.expand("actuator_delay")
         self._delayed_targets = simulation.bind("history").reshape(num_envs, spec.num_joints, -1)[..., -DELAY_SAMPLES:]
         self._bind_base_and_feet()
-        self.nominal_kp = spec.joint_values("stiffness")
-        self.nominal_kd = spec.joint_values("derivative")
-        self.standing = spec.joint_values("standing")
+        self.nominal_kp = spec.joint_values("kp")
+        self.nominal_kd = spec.joint_values("kd")
+        self.standing = spec.joint_values("default_position")
         self.torque_limit = spec.joint_values("torque_limit")
         self.targets = simulation.bind("ctrl")
         self.friction[:] = 0.0
@@ -104,7 +104,7 @@ class Fleet:
     def _bind_base_and_feet(self) -> None:
         """Expand the base's mass and centre of mass, and the feet's friction on the ground."""
         base = self.model.body("base").id
-        self._feet = np.array([self.model.geom(name).id for name in self.spec.foot_names])
+        self._feet = np.array([self.model.geom(name).id for name in foot_geometries(self.spec)])
         self.base_mass = self.simulation.expand("body_mass")[:, base]
         self.base_com = self.simulation.expand("body_ipos")[:, base]
         self._geom_friction = self.simulation.expand("geom_friction")
@@ -302,7 +302,7 @@ class Fleet:
     def foot_position(self, env: int) -> np.ndarray:
         """Return the positions of one robot's feet in the world [m], shape (legs, 3)."""
         _, data = self.data(env)
-        return np.array([data.geom(name).xpos for name in self.spec.foot_names])
+        return np.array([data.site(name).xpos for name in self.spec.foot_names])
 
     def data(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return one robot as a model and data of its own, positions computed, to render or inspect."""
