@@ -14,11 +14,12 @@ CONFIDENCE = 0.95
 """Of every interval."""
 
 
-def wilson(successes: float, trials: int, quantile: float = 1.959964) -> Interval:
+def wilson(successes: float, trials: int) -> Interval:
     """Return Wilson's 95 % interval of a share (Wilson 1927): it holds near 0 and 1, where the usual one fails.
 
     successes: may be a fraction, a mean of clusters, which `scipy.stats.binomtest` refuses; trials: at least one.
     """
+    quantile = 1.959964
     share, square = successes / trials, quantile**2
     centre = (share + square / (2 * trials)) / (1 + square / trials)
     half = quantile / (1 + square / trials) * sqrt(share * (1 - share) / trials + square / (4 * trials**2))
