@@ -101,7 +101,7 @@ def test_a_wrong_observation_term_is_refused_by_name(contract: Contract, entry: 
         (b"\xff", "not JSON"),
         (b"{", "not JSON"),
         (b"[1]", "list"),
-        (b"{}", "lacks"),
+        (b"{}", "missing"),
         (b'{"seed": NaN}', "NaN"),
         (b'{"seed": ' + b"9" * 5000 + b"}", "not JSON"),
         (b"[" * 100_000, "not JSON"),

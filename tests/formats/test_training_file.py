@@ -26,7 +26,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
         (b"{", "not JSON"),
         (b"\xff", "not JSON"),
         (b"[" * 100_000, "not JSON"),
-        (b"[]", "version None"),
+        (b"[]", "holds a list"),
         (b'{"schema_version": 1, "joints": {}}', "'friction'"),
         (b'{"schema_version": 2, "friction": {}}', "version 2"),
         (b'{"schema_version": 1, "friction": null, "text": "no\\nratio"}', "no ratio"),

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import shlex
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import FileError
-from stiction.formats.tables import read_npz_arrays
+from stiction.formats.plain import build, read_object, take_version
+from stiction.formats.tables import read_arrays, write_arrays
 
 SCHEMA_VERSION = 1
 """Raised when a reader of the older form would misunderstand the newer one."""
@@ -163,23 +163,10 @@ def two_digits(value: float) -> str:
     return f"{float(f'{value:.2g}'):g}"
 
 
-ROWS = {"predicted": Predicted, "sines": OneSine, "trials": GainTrial, "sweep": GainPoint}
-"""Fields that are rows of a record of their own."""
-
-
 def load_design(path: Path) -> ExcitationDesign:
     """Read `design.json`; raise `StictionError` for a file that is not one."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        if data.pop("schema_version") != SCHEMA_VERSION:
-            raise FileError(f"{path.name}: another schema version than {SCHEMA_VERSION}; run `stiction excite` again")
-        for name, kind in ROWS.items():
-            data[name] = tuple(kind(**row) for row in data[name])
-        return ExcitationDesign(**data)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise FileError(
-            f"{path.name}: not readable as a design of `stiction excite` ({str(error)[:120]}); run it again"
-        ) from error
+    data = take_version(read_object(path, "a design of `stiction excite`"), SCHEMA_VERSION, path.name)
+    return build(ExcitationDesign, data, path.name)
 
 
 @dataclass(frozen=True)
@@ -212,15 +199,12 @@ class DesignSignals:
 
 def write_signals(path: Path, signals: DesignSignals) -> None:
     """Write `design.npz`."""
-    arrays = {item.name: getattr(signals, item.name).astype(np.float32) for item in fields(DesignSignals)}
-    np.savez_compressed(path, allow_pickle=False, **arrays)
+    write_arrays(path, signals)
 
 
 def read_signals(path: Path) -> DesignSignals:
     """Read `design.npz`; raise `StictionError` if a signal is missing or lengths differ."""
-    arrays = read_npz_arrays(path)
-    names = [item.name for item in fields(DesignSignals)]
-    missing = [name for name in names if name not in arrays]
-    if missing or len({len(arrays[name]) for name in names}) != 1:
-        raise FileError(f"{path.name}: {', '.join(missing) or 'lengths'} wrong; run `stiction excite` again")
-    return DesignSignals(**{name: arrays[name] for name in names})
+    signals = read_arrays(path, DesignSignals, "run `stiction excite` again")
+    if len({values.shape for values in vars(signals).values()}) != 1:
+        raise FileError(f"{path.name}: its signals differ in length; run `stiction excite` again")
+    return signals

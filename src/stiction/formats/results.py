@@ -8,9 +8,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from stiction.core.errors import FileError
+from stiction.formats.plain import read_object, take_version
 
 SCHEMA_VERSION = 1
 """Version of summary.json."""
@@ -68,11 +69,8 @@ class ResultRow:
 COLUMNS = tuple(field.name for field in fields(ResultRow))
 """Header of results.csv."""
 
-OPTIONAL = ("speed_ratio", "steps_climbed", "cost_of_transport", "tripod_share", "flight_share")
-"""Columns that may be empty."""
-
-TEXTS = ("policy", "method", "engine", "friction_law", "terrain", "command")
-INTEGERS = ("seed", "episodes")
+KINDS = get_type_hints(ResultRow)
+"""Column -> the type of its cells; those that may be None may be empty."""
 
 
 def write_results(path: Path, rows: Iterable[ResultRow]) -> None:
@@ -106,20 +104,21 @@ def _parse(path: Path, number: int, cells: list[str]) -> ResultRow:
     """Turn one line into a row."""
     if len(cells) != len(COLUMNS):
         raise FileError(f"{path}, line {number}: {len(cells)} cells; expected {len(COLUMNS)}")
-    values: dict[str, Any] = {}
-    for name, cell in zip(COLUMNS, cells, strict=True):
-        try:
-            if name in TEXTS:
-                values[name] = cell
-            elif name in INTEGERS:
-                values[name] = int(cell)
-            else:
-                values[name] = None if cell == "" and name in OPTIONAL else float(cell)
-        except ValueError as error:
-            raise FileError(f"{path}, line {number}: {name} is {cell!r}; expected a number") from error
-        if isinstance(values[name], float) and not math.isfinite(values[name]):
-            raise FileError(f"{path}, line {number}: {name} is {cell!r}; expected a finite number")
-    return ResultRow(**values)
+    return ResultRow(**{name: _value(f"{path}, line {number}", name, cell) for name, cell in zip(COLUMNS, cells)})
+
+
+def _value(where: str, name: str, cell: str) -> Any:
+    """Return what a cell says."""
+    kinds = get_args(KINDS[name])
+    if cell == "" and kinds:
+        return None
+    try:
+        value = (kinds[0] if kinds else KINDS[name])(cell)
+    except ValueError as error:
+        raise FileError(f"{where}: {name} is {cell!r}; expected a number") from error
+    if isinstance(value, float) and not math.isfinite(value):
+        raise FileError(f"{where}: {name} is {cell!r}; expected a finite number")
+    return value
 
 
 def write_summary(path: Path, summary: dict[str, Any]) -> None:
@@ -134,13 +133,9 @@ def read_summary(path: Path) -> dict[str, Any]:
         StictionError: it cannot be read, or is none of this version.
 
     """
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path} cannot be read as a summary: {error}") from error
-    if not isinstance(found, dict) or found.get("schema_version") != SCHEMA_VERSION:
-        raise FileError(f"{path} is no summary.json of schema version {SCHEMA_VERSION}")
-    return found
+    return {"schema_version": SCHEMA_VERSION} | take_version(
+        read_object(path, "a summary.json"), SCHEMA_VERSION, path.name
+    )
 
 
 def summary_text(summary: dict[str, Any]) -> str:
