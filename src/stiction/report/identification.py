@@ -205,15 +205,9 @@ def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
     drawn: the sections of each joint that was identified.
     """
     found = {name: joints.joints[name] for name in drawn}
-    rows = []
-    for name, record in joints.joints.items():
-        ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
-        band = "" if record.dead_band is None else number(record.dead_band.value)
-        law = (record.friction_law or {}).get("law", "")
-        rows.append([name, *(cells(dry_friction(record))[::2]), ratio, band, law])
+    rows = [[name, *joint_row(record)] for name, record in joints.joints.items()]
     over = all(record.coulomb_friction is None for record in found.values())
-    heading = "f/k, in units of the motor strength" if over else "dry friction f"
-    header = ["", heading, "95 % interval", "f/τ_max", "f/kp [rad]", "law"]
+    caption = "In units of the motor strength k" if over else ""
     blocks = []
     shared = gather_warnings(joints)
     for name, record in found.items():
@@ -222,9 +216,24 @@ def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
         own = [text for text in record.warnings if len(shared[text]) == 1]
         blocks.append(fold(name, [verdict, *([bullets(own)] if own else []), *parts]))
     return [
-        Section("All joints", (table(header, rows), overview(found))),
+        Section("All joints", (table(["", *JOINT_COLUMNS], rows, caption), overview(found))),
         Section("Joint by joint", tuple(blocks)),
     ]
+
+
+JOINT_COLUMNS = ("dry friction", "95 % interval", "viscous", "inertia", "f/τ_max", "f/kp [rad]", "law")
+
+
+def joint_row(record: JointRecord) -> list[str]:
+    """Return one joint among several, in `JOINT_COLUMNS`: what is known over the motor strength k in its place."""
+    damping = "(B + k·kd)/k" if record.torque_source is None else "B/k"
+    viscous = record.viscous_friction or record.combinations.get(damping)
+    inertia = record.inertia or record.combinations.get("I/k")
+    friction, _, interval = cells(dry_friction(record))
+    ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
+    numbers = ("" if each is None else number(each.value) for each in (viscous, inertia))
+    band = "" if record.dead_band is None else number(record.dead_band.value)
+    return [friction, interval, *numbers, ratio, band, (record.friction_law or {}).get("law", "")]
 
 
 def _lead(found: dict[str, JointRecord]) -> str:

@@ -33,7 +33,7 @@ def write_walking_page(folder: Path) -> Path:
     joints = load_joints(folder / "joints.json")
     fit = read_walk_fit(folder / "fit.npz")
     sections = [
-        Section("What was found", (_values(joints), _condition(joints))),
+        Section("What was found", (table(["", *VALUE_COLUMNS], value_rows(joints), VALUE_CAPTION), _condition(joints))),
         Section("Friction against speed, legs in swing", (_clouds(joints, fit),)),
         Section("Friction under load, robot in stance", _load(joints, fit)),
         Section("Can it be trusted?", (_gait(fit), _diagnostics(joints))),
@@ -75,17 +75,13 @@ def span(estimate: Estimate | None, factor: float = 1.0) -> str:
     return f"{factor * estimate.value:.3g} ± {factor * (high - low) / 2:.2g}"
 
 
-def _values(joints: JointsFile) -> Markup:
-    """Tabulate what was found."""
-    header = [
-        "",
-        "dry friction [N m]",
-        "over torque limit [%]",
-        "viscous [N m s/rad]",
-        "per torque of load [1]",
-        "swings",
-    ]
-    rows = [
+VALUE_COLUMNS = ("dry friction [N m]", "of limit [%]", "viscous [N m s/rad]", "per load [1]", "swings")
+VALUE_CAPTION = "Friction of the unloaded leg, and what load adds to it; ± is the half-width of the 95 % interval"
+
+
+def value_rows(joints: JointsFile) -> list[list[str]]:
+    """Return what was found, a row a joint: its name, then `VALUE_COLUMNS`."""
+    return [
         [
             name,
             span(record.coulomb_friction),
@@ -96,9 +92,6 @@ def _values(joints: JointsFile) -> Markup:
         ]
         for name, record in joints.joints.items()
     ]
-    return table(
-        header, rows, "Friction of the unloaded leg, and what load adds to it; ± is the half-width of the 95 % interval"
-    )
 
 
 def _condition(joints: JointsFile) -> Markup:
