@@ -6,11 +6,12 @@ import csv
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from stiction.core.errors import FileError
+from stiction.core.records import column
 from stiction.formats.plain import read_object, take_version
 
 SCHEMA_VERSION = 1
@@ -25,7 +26,10 @@ FOLLOWS = (0.8, 1.2)
 
 @dataclass(frozen=True)
 class ResultRow:
-    """One row of results.csv; its fields are the columns, in their order. None is an empty cell."""
+    """One row of results.csv; its fields are the columns, in their order. None is an empty cell.
+
+    Tables for people show the measured columns, see `core.records.column`.
+    """
 
     policy: str
     """Name of the bundle."""
@@ -43,30 +47,30 @@ class ResultRow:
     """Terrain: `flat`."""
     command: str
     """Commanded velocity: `vx=0.5`."""
-    speed_ratio: float | None
+    speed_ratio: float | None = field(metadata=column("speed ratio", form=".2f"))
     """Speed reached along the command over the commanded speed [-]; None where none is commanded."""
-    tracking_error: float
+    tracking_error: float = field(metadata=column("error", form=".3f"))
     """Mean error of the velocity, averaged over windows of 1 s [m/s], of the yaw rate [rad/s] for a pure turn."""
-    fall_rate: float
+    fall_rate: float = field(metadata=column("falls", form=".0%"))
     """Share of episodes with a fall [-]."""
     distance: float
     """Mean displacement of the base in the measured part [m]."""
-    steps_climbed: float | None
+    steps_climbed: float | None = field(metadata=column("steps passed", form=".1f"))
     """Mean number of stairs climbed; None on flat ground."""
-    cost_of_transport: float | None
+    cost_of_transport: float | None = field(metadata=column("cost of transport", form=".2f"))
     """Mechanical energy over weight times displacement [-]; None where the robot does not get away."""
-    joint_jitter: float
+    joint_jitter: float = field(metadata=column("jitter", form=".0f"))
     """Root mean square, over joints and steps, of the change of joint velocity over one control period, divided by that
     period [rad/s²]. Motion faster than half the control rate aliases: a joint that swings once a period shows none."""
-    tripod_share: float | None
+    tripod_share: float | None = field(metadata=column("tripod", form=".0%"))
     """Share of moving steps in which the feet on the ground are exactly one contact group [-]; None without any."""
-    flight_share: float | None
+    flight_share: float | None = field(metadata=column("flight", form=".0%"))
     """Share of moving steps with no foot on the ground [-]; None without any."""
-    episodes: int
+    episodes: int = field(metadata=column("episodes"))
     """Number of episodes behind the row."""
 
 
-COLUMNS = tuple(field.name for field in fields(ResultRow))
+COLUMNS = tuple(item.name for item in fields(ResultRow))
 """Header of results.csv."""
 
 KINDS = get_type_hints(ResultRow)
