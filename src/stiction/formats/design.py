@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import FileError
+from stiction.core.records import column
 from stiction.formats.plain import build, read_object, take_version
 from stiction.formats.tables import read_arrays, write_arrays
 
@@ -17,19 +18,35 @@ SCHEMA_VERSION = 1
 """Raised when a reader of the older form would misunderstand the newer one."""
 
 
+def percent(share: float) -> str:
+    """Return a share in per cent with two digits."""
+    return f"{two_digits(100 * share)} %"
+
+
+def two_digits(value: float) -> str:
+    """Return a number rounded to two digits, without an exponent where people would not write one: 120, not 1.2e+02."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def _with_unit(name: str) -> str:
+    """Return a parameter, or its combination with the motor strength, with its unit."""
+    unit = "kg m²" if "inertia" in name else "N m s/rad" if "viscous_friction" in name else "N m"
+    return f"{name} [{unit}]"
+
+
 @dataclass(frozen=True)
 class Predicted:
     """What the log will tell of one parameter."""
 
-    name: str
+    name: str = field(metadata=column("", form=_with_unit))
     """As in `joints.json`, or a combination with the motor strength k."""
-    value: float
+    value: float = field(metadata=column("guess", form=".4g"))
     """The guess that the prediction rests on."""
-    std: float
+    std: float = field(metadata=column("predicted std", form=".2g"))
     """Predicted standard deviation (Cramér–Rao) at the guess."""
-    relative: float | None
+    relative: float | None = field(metadata=column("of the guess", form=percent))
     """`std` over `value`; None where the guess is zero [1]."""
-    worst_relative: float | None
+    worst_relative: float | None = field(metadata=column("at worst", form=percent))
     """The largest over the range of guesses [1]."""
 
 
@@ -69,16 +86,16 @@ class GainPoint:
 class GainTrial:
     """What gains promised before the search."""
 
-    kp: float
+    kp: float = field(metadata=column("kp", "N m/rad", "g"))
     """[N m/rad]."""
-    kd: float
+    kd: float = field(metadata=column("kd", "N m s/rad", "g"))
     """[N m s/rad]."""
-    worst: float | None
+    worst: float | None = field(metadata=column("worst deviation", form=percent))
     """Largest relative standard deviation over the range of guesses, best of a few motions; None: none fits the
     limits."""
-    reach: float
+    reach: float = field(metadata=column("reach", form=".0%"))
     """Range of that motion over that of its target, for the joint that follows worst [1]."""
-    tracks: bool
+    tracks: bool = field(metadata=column("tracks"))
     """Whether a log can be made at these gains."""
 
 
@@ -151,16 +168,6 @@ class ExcitationDesign:
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         return {"schema_version": SCHEMA_VERSION, **asdict(self)}
-
-
-def percent(share: float | None) -> str:
-    """Return a share in per cent with two digits, nothing for None."""
-    return "" if share is None else f"{two_digits(100 * share)} %"
-
-
-def two_digits(value: float) -> str:
-    """Return a number rounded to two digits, without an exponent where people would not write one: 120, not 1.2e+02."""
-    return f"{float(f'{value:.2g}'):g}"
 
 
 def load_design(path: Path) -> ExcitationDesign:
