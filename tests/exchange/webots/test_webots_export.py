@@ -72,7 +72,6 @@ def test_the_readme_has_the_torques_of_the_robot_and_no_gaps(project: Path) -> N
     text = (project / "README.md").read_text()
     assert "| `shankFriction` | 45 | 4.5 | 4.5 | 9 | 13.5 |" in text
     assert "{" not in text.replace("`{", "")
-    assert "Stops are the robot's." in text
 
 
 def test_an_altered_bundle_is_not_exported(bundle: Path, tmp_path: Path) -> None:
