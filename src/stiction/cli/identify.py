@@ -174,7 +174,7 @@ def _print_results(
 
 def show(console: Console, joints: JointsFile) -> None:
     """Print what was found, what it means, and the warnings, for a person."""
-    from stiction.report.identification import gather_warnings
+    from stiction.report.identification import gather_warnings, shared_warnings
 
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
     if len(found) == 1:
@@ -186,15 +186,10 @@ def show(console: Console, joints: JointsFile) -> None:
             console.print(record.friction_law["text"] if record.friction_law else "", highlight=False, soft_wrap=True)
     elif found:
         console.print(_several(found))
-    own = 0
-    for text, names in gather_warnings(joints).items():
-        refused = any(not joints.joints[name].diagnostics for name in names)
-        if len(names) == 1 and len(joints.joints) > 1 and not refused:
-            own += 1
-            continue
-        whose = "" if len(joints.joints) == 1 else f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: "
-        console.print(f"warning: {whose}{text}", highlight=False, markup=False, soft_wrap=True)
-    if own:
+    shared = shared_warnings(joints)
+    for text in shared:
+        console.print(f"warning: {text}", highlight=False, markup=False, soft_wrap=True)
+    if own := len(gather_warnings(joints)) - len(shared):
         console.print(f"warning: {own} more about single joints: see the page, joint by joint", soft_wrap=True)
 
 

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from itertools import repeat
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
+from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
 from stiction.formats.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, load_joints, read_fit
 from stiction.identify.consistency import COMPARED
-from stiction.report.joint_figures import against_angle, cloud, dry_friction, overview, residuals, signals
+from stiction.report.joint_figures import against_angle, cloud, friction_of, overview, residuals, signals
 from stiction.report.page import (
     CONDITIONS,
     LABELS,
@@ -161,13 +157,14 @@ def write_identification_page(folder: Path) -> Path:
         sections = [section for name in found for section in _sections(folder, name)]
         lead = " ".join(record.diagnostics.get("verdict", {}).get("text", "") for record in found.values())
     else:
-        with _drawing(len(found)) as draw:
-            drawn = dict(zip(found, draw(_sections, repeat(folder), found)))
-        sections, lead = _many(joints, drawn), _lead(found)
+        tasks = [(folder, name) for name in found]
+        drawn = dict(spread(_sections, tasks, num_threads() if len(tasks) >= MANY else 1))
+        sections = _many(joints, {name: drawn[number] for number, name in enumerate(found)})
+        lead = _lead(found)
     page = folder / "report.html"
     named = ", ".join(joints.joints) if len(joints.joints) <= MOST_NAMES else f"{len(joints.joints)} joints"
     title = f"Joint identification: {named}"
-    page.write_text(render_page(title, sections, lead, _gathered(joints)), encoding="utf-8")
+    page.write_text(render_page(title, sections, lead, shared_warnings(joints)), encoding="utf-8")
     return page
 
 
@@ -186,17 +183,6 @@ def _sections(folder: Path, name: str) -> list[Section]:
     """Return the sections of one joint of `folder`."""
     record = load_joints(folder / "joints.json").joints[name]
     return joint_sections(name, record, read_fit(folder / "fit.npz", name))
-
-
-@contextmanager
-def _drawing(joints: int) -> Iterator[Callable[..., Iterable[list[Section]]]]:
-    """Give a `map` that draws the joints side by side where there are enough of them to be worth other processes."""
-    workers = min(joints, num_threads())
-    if joints < MANY or workers == 1:
-        yield map
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield pool.map
 
 
 def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
@@ -229,7 +215,7 @@ def joint_row(record: JointRecord) -> list[str]:
     damping = "(B + k·kd)/k" if record.torque_source is None else "B/k"
     viscous = record.viscous_friction or record.combinations.get(damping)
     inertia = record.inertia or record.combinations.get("I/k")
-    friction, _, interval = cells(dry_friction(record))
+    friction, _, interval = cells(friction_of(record))
     ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
     numbers = ("" if each is None else number(each.value) for each in (viscous, inertia))
     band = "" if record.dead_band is None else number(record.dead_band.value)
@@ -248,11 +234,8 @@ def _lead(found: dict[str, JointRecord]) -> str:
     )
 
 
-def _gathered(joints: JointsFile) -> list[str]:
-    """Return the warnings for the top of the page: those of a single joint, else those that several share.
-
-    With a refused joint's reason; what concerns one joint alone stands with that joint.
-    """
+def shared_warnings(joints: JointsFile) -> list[str]:
+    """Return the warnings of a single joint; else those that several share, and why joints were refused."""
     said = gather_warnings(joints)
     if len(joints.joints) == 1:
         return list(said)

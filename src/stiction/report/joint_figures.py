@@ -54,10 +54,10 @@ def against_angle(record: JointRecord, fit: FitSignals) -> tuple[Markup, ...]:
     used = _used(fit)
     sign = np.sign(fit.velocity[used])
     slope = law["drawn"]["viscous_friction"]
-    dry = sign * (fit.torque - fit.rigid_torque)[used] - slope * np.abs(fit.velocity[used])
+    measured = sign * (fit.torque - fit.rigid_torque)[used] - slope * np.abs(fit.velocity[used])
     drawn = sign * (fit.law_torque - fit.rigid_torque)[used] - slope * np.abs(fit.velocity[used])
     order = np.argsort(fit.position[used])
-    axis.plot(fit.position[used], dry, ".", markersize=2.5, alpha=0.35, label="measured")
+    axis.plot(fit.position[used], measured, ".", markersize=2.5, alpha=0.35, label="measured")
     axis.plot(fit.position[used][order], drawn[order], ".", markersize=2, color=COLORS[1], label=f"{_name(record)} law")
     axis.axhline(law["drawn"]["symmetric"], linestyle=":", color=COLORS[2], label="one value for all angles")
     axis.set_xlabel(f"angle [{position}]")
@@ -121,7 +121,7 @@ def overview(records: dict[str, JointRecord]) -> Markup:
     figure, axes = new_figure(1, 2, (8.0, 0.6 + 0.28 * len(records)))
     names = list(records)
     panels = (
-        ("dry friction f, or f/k", dry_friction, 1.0),
+        ("dry friction f, or f/k", friction_of, 1.0),
         ("f/τ_max [%]", lambda record: record.friction_ratio, 100.0),
     )
     for axis, (label, pick, factor) in zip(axes, panels, strict=True):
@@ -138,7 +138,7 @@ def overview(records: dict[str, JointRecord]) -> Markup:
     return picture(figure_uri(figure), "Dry friction of each joint with its 95 % interval.")
 
 
-def dry_friction(record: JointRecord) -> Estimate | None:
+def friction_of(record: JointRecord) -> Estimate | None:
     """Return dry friction, over k where newton metres are not known; None where it is not known."""
     return record.coulomb_friction or record.combinations.get("f/k")
 
