@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +14,7 @@ from rich.table import Table
 from stiction.core.errors import ConfigurationError, FileError, RobotError
 from stiction.core.records import part_of
 from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile, write_fit
+from stiction.formats.plain import object_text
 from stiction.formats.walk import is_walk
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.walking.setup import WalkSetup
@@ -165,7 +165,7 @@ def _print_results(
 ) -> None:
     """Print what was found: as JSON, or as `show` does for a person."""
     if options.json:
-        print(json.dumps(joints.to_dict(), indent=2, allow_nan=False, ensure_ascii=False))
+        print(object_text(joints.to_dict()), end="")
         return
     terminal = Console()
     show(terminal if terminal.is_terminal else Console(width=PLAIN_WIDTH), joints)

@@ -26,12 +26,11 @@ from stiction.report.page import (
     Section,
     Spread,
     draw_seeds,
-    figure_uri,
+    figure_block,
     legend,
     line_look,
     new_figure,
     paragraph,
-    picture,
     render_page,
     table,
 )
@@ -303,7 +302,7 @@ def budget_picture(figure: Figure, samples: Sequence[Sample] = ()) -> Markup:
     """Return the friction budget as a block; figure: as `draw_budget` drew it with these samples."""
     seeds = any(sample.low is not None for sample in samples)
     caption = f"{OVER_SEEDS if seeds else 'Mean over episodes.'} {GREEN}"
-    return picture(figure_uri(figure), caption)
+    return figure_block(figure, caption)
 
 
 def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] = ()) -> Markup:

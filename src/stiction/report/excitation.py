@@ -13,11 +13,10 @@ from stiction.report.page import (
     COLORS,
     INK,
     Section,
-    figure_uri,
+    figure_block,
     legend,
     new_figure,
     paragraph,
-    picture,
     render_page,
     row_table,
     table,
@@ -56,8 +55,8 @@ def draw_motion(design: ExcitationDesign, signals: DesignSignals) -> Markup:
         axis.set_ylabel(label)
     axes[-1].set_xlabel("time [s]")
     legend(axes[0])
-    return picture(
-        figure_uri(figure),
+    return figure_block(
+        figure,
         f"One of {design.repeats} equal patterns: a slow swing, whose torque is nearly all dry friction, and a fast "
         "part, which brings speed and acceleration. Dashed: the limits, a torque limit that is far outside left out.",
     )
@@ -73,21 +72,18 @@ def draw_sines(design: ExcitationDesign) -> Markup:
         frequency, [100 * sine.worst for sine in design.sines], color=INK, marker="o", ms=3, label="worst in the range"
     )
     left.axhline(100 * design.worst, color=INK, linestyle="--", linewidth=1.2, label="the design, worst in the range")
-    left.set_xlabel("frequency of the one sine [Hz]")
-    left.set_ylabel("standard deviation [% of the value]")
+    left.set(xlabel="frequency of the one sine [Hz]", ylabel="standard deviation [% of the value]")
     left.set_ylim(top=20 * left.get_ylim()[1])  # Room for the legend.
     legend(left)
     _plain(left, SINES)
     right.semilogx(frequency, [sine.correlation for sine in design.sines], marker="o", ms=3, label="one sine")
     right.axhline(design.correlation, color=INK, linestyle="--", linewidth=1.2, label="the design")
     right.set_ylim(-1.02, 0.02)
-    right.set_xlabel("frequency of the one sine [Hz]")
-    right.set_ylabel("correlation of B and f")
+    right.set(xlabel="frequency of the one sine [Hz]", ylabel="correlation of B and f")
     legend(right)
     _plain(right, SINES)
-    return picture(
-        figure_uri(figure),
-        "One sine of the same duration within the same limits, at each frequency, against the design.",
+    return figure_block(
+        figure, "One sine of the same duration within the same limits, at each frequency, against the design."
     )
 
 
@@ -101,11 +97,10 @@ def draw_sweep(design: ExcitationDesign) -> Markup:
     axis.axvline(design.gains["kp"], color=INK, linestyle="--", linewidth=1.0, label="kp to run at")
     if design.setup["kp"] != design.gains["kp"]:
         axis.axvline(design.setup["kp"], color=INK, linestyle=":", linewidth=1.0, label="kp given")
-    axis.set_xlabel("kp [N m/rad], kd with its root")
-    axis.set_ylabel("std of f [% of the value]")
+    axis.set(xlabel="kp [N m/rad], kd with its root", ylabel="std of f [% of the value]")
     legend(axis)
     _plain(axis, [point.kp for point in design.sweep])
-    return picture(figure_uri(figure), "What the same trajectory tells of Coulomb friction at other gains.")
+    return figure_block(figure, "What the same trajectory tells of Coulomb friction at other gains.")
 
 
 def _plain(axis, marks: Sequence[float]) -> None:

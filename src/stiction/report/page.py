@@ -170,6 +170,11 @@ def figure_uri(figure: Figure) -> str:
     return data_uri(buffer.getvalue(), "image/png")
 
 
+def figure_block(figure: Figure, caption: str) -> Markup:
+    """Return a figure as a block of a page."""
+    return picture(figure_uri(figure), caption)
+
+
 def render_page(title: str, sections: Sequence[Section], lead: str = "", warnings: Sequence[str] = ()) -> str:
     """Return the page as one HTML text; `lead` is the answer in a sentence or two, shown under the title."""
     return (

@@ -14,11 +14,10 @@ from stiction.report.page import (
     COLORS,
     INK,
     Section,
-    figure_uri,
+    figure_block,
     legend,
     new_figure,
     paragraph,
-    picture,
     render_page,
     table,
 )
@@ -123,8 +122,8 @@ def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
         else:
             axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color=INK)
     axes[0].set_ylabel("friction [N m]")
-    return picture(
-        figure_uri(figure),
+    return figure_block(
+        figure,
         "Each dot is a sample of a leg in swing, the torque of links and rotor taken off. The step at zero speed is "
         "twice the dry friction, the slope is the viscous friction.",
     )
@@ -185,7 +184,7 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
         "The body's force and moment balance in stance, everything but the friction that grows with torque taken off: "
         "the slope is the load coefficient, dotted its interval. Dots that do not follow the line are noise."
     )
-    return (*blocks, picture(figure_uri(figure), caption))
+    return (*blocks, figure_block(figure, caption))
 
 
 def _of(reasons: dict[str, str], text: str) -> str:
@@ -204,9 +203,7 @@ def _gait(fit: WalkFit) -> Markup:
     axis.set_yticks(range(len(feet)), [foot.removesuffix("_foot") for foot in feet])
     axis.invert_yaxis()
     axis.set_xlabel("time [s]")
-    return picture(
-        figure_uri(figure), "Bars: the foot bears load. The gaps between them are the swings that were used."
-    )
+    return figure_block(figure, "Bars: the foot bears load. The gaps between them are the swings that were used.")
 
 
 def _diagnostics(joints: JointsFile) -> Markup:
