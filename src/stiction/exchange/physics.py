@@ -107,10 +107,7 @@ def _of_law(record: JointRecord, name: str) -> Estimate:
 
 
 def notes_of(
-    joints: list[JointPhysics],
-    *general: str,
-    represented: frozenset[str] = frozenset(),
-    rotor: str | None = None,
+    joints: list[JointPhysics], *general: str, represented: frozenset[str] = frozenset(), rotor: str | None = None
 ) -> list[str]:
     """Return who wrote a file, what holds for all its joints, and what is left out of each record, once.
 

@@ -122,10 +122,7 @@ class ObservationLayout:
 
 
 def proprioception(
-    num_joints: int,
-    history_length: int = HISTORY_LENGTH,
-    known_kinds: int = 0,
-    slow_kept: float | None = None,
+    num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0, slow_kept: float | None = None
 ) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
 

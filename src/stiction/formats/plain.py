@@ -64,11 +64,7 @@ def take_version(data: dict[str, Any], version: int, where: str, error: type[Fil
 
 
 def build(
-    kind: type[Record],
-    data: Any,
-    where: str,
-    error: type[FileError] = FileError,
-    required: Collection[str] = (),
+    kind: type[Record], data: Any, where: str, error: type[FileError] = FileError, required: Collection[str] = ()
 ) -> Record:
     """Return the dataclass `kind` of a JSON object: objects become dataclasses and lists tuples where its fields are.
 

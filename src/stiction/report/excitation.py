@@ -211,12 +211,7 @@ def _sines(design: ExcitationDesign) -> Markup:
     if not design.sines:
         return paragraph("No single sine fits the limits and moves the joint.")
     rows = [
-        [
-            f"{sine.frequency:.2g}",
-            percent(sine.worst),
-            two_digits(sine.worst / design.worst),
-            f"{sine.correlation:.3f}",
-        ]
+        [f"{sine.frequency:.2g}", percent(sine.worst), two_digits(sine.worst / design.worst), f"{sine.correlation:.3f}"]
         for sine in design.sines
     ]
     header = ["frequency [Hz]", "worst deviation", "over the design's", "correlation of B and f"]

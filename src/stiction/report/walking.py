@@ -10,17 +10,7 @@ from markupsafe import Markup
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.formats.walk import WalkFit, read_walk_fit
 from stiction.report.identification import gather_warnings
-from stiction.report.page import (
-    COLORS,
-    INK,
-    Section,
-    figure_block,
-    legend,
-    new_figure,
-    paragraph,
-    render_page,
-    table,
-)
+from stiction.report.page import COLORS, INK, Section, figure_block, legend, new_figure, paragraph, render_page, table
 from stiction.robots.model import JOINT_KINDS
 
 MOST_POINTS = 1500
