@@ -136,7 +136,7 @@ def proprioception(
         slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
 
     """
-    terms = (
+    terms: tuple[Term, ...] = (
         Term("angular_velocity", 3, 0.25, 5.0, "base"),
         Term("roll_pitch", 2, 1.0, 3.2, "base"),
         Term("placeholder_terrain", 1, 1.0, 1.0, "none"),

@@ -95,7 +95,8 @@ def _value(hint: Any, value: Any, where: str, error: type[FileError]) -> Any:
         return tuple(_value(inner[0], item, where, error) for item in value)
     if get_origin(hint) is Mapping and isinstance(value, dict):
         return {name: _value(inner[1], item, f"{where}.{name}", error) for name, item in value.items()}
-    return build(hint, value, where, error) if dataclasses.is_dataclass(hint) else value
+    nested = isinstance(hint, type) and dataclasses.is_dataclass(hint)
+    return build(hint, value, where, error) if nested else value
 
 
 def write_object(path: Path, data: dict[str, Any]) -> None:

@@ -183,8 +183,10 @@ def _followed(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> Mark
     commands = list(dict.fromkeys(r.command for r in rows if r.speed_ratio is not None))
     cells = []
     for policy in policies:
-        own = [r for r in moving if r.policy == policy.bundle.name]
-        paces = {c: [(f"{r.friction_level:.0%}", {row_pace(r) or ""}) for r in own if r.command == c] for c in commands}
+        paces: dict[str, list[tuple[str, set[str]]]] = {command: [] for command in commands}
+        for r in moving:
+            if r.policy == policy.bundle.name:
+                paces[r.command].append((f"{r.friction_level:.0%}", {row_pace(r) or ""}))
         cells.append([policy.bundle.contract.method, *map(paces_text, paces.values())])
     return table(["method", *commands], cells)
 

@@ -278,8 +278,7 @@ def methods_table(samples: Sequence[Sample]) -> Markup:
     for one in samples:
         if one.command != BOTH:
             level = _level(one.friction_law, one.friction_level)
-            cell = one.method, one.engine, one.terrain, level, one.command
-            cells.setdefault(cell, {})[one.column] = one
+            cells.setdefault((one.method, one.engine, one.terrain, level, one.command), {})[one.column] = one
     rows = []
     look = {item.name: item.metadata for item in fields(ResultRow)}
     for cell, own in cells.items():

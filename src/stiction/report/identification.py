@@ -20,11 +20,11 @@ from stiction.report.page import (
     bullets,
     cells,
     fold,
+    label,
     number,
     paragraph,
     render_page,
     table,
-    unit,
 )
 
 
@@ -34,15 +34,14 @@ def agreement(record: JointRecord) -> tuple[Markup, ...]:
     how = "by torque regression" if record.diagnostics.get("closed_loop") else "by output error"
     for comparison in record.diagnostics.get("comparisons", ()):
         one, two = comparison["parts"]
-        rows = []
-        for name in COMPARED:
-            a, b = (Estimate.from_dict(data, name) for data in comparison["values"][name])
-            gap = f"{comparison['sigmas'][name]:.1f}"
-            rows.append([LABELS[name][0], _plus_minus(a), _plus_minus(b), gap])
-        a, b = (Estimate.from_dict(data, "friction") for data in comparison["friction"])
-        gap = abs(a.value - b.value) / max((a.std**2 + b.std**2) ** 0.5, 1e-300)
-        label = f"Friction at a speed of {number(comparison['speed'])}"
-        rows.append([label, _plus_minus(a), _plus_minus(b), f"{gap:.1f}"])
+        rows = [
+            [LABELS[name][0], *map(_plus_minus, comparison["values"][name]), f"{comparison['sigmas'][name]:.1f}"]
+            for name in COMPARED
+        ]
+        a, b = comparison["friction"]
+        gap = abs(a["value"] - b["value"]) / max((a["std"] ** 2 + b["std"] ** 2) ** 0.5, 1e-300)
+        speed = f"Friction at a speed of {number(comparison['speed'])}"
+        rows.append([speed, _plus_minus(a), _plus_minus(b), f"{gap:.1f}"])
         blocks.append(table(["", one, two, "apart, in combined std"], rows, _caption(comparison, how)))
     tried = [
         [entry["source"], f"{entry['torque_error']:.2%}", _errors(entry["simulation_errors"] or {}) or "not done"]
@@ -78,15 +77,14 @@ def estimators(record: JointRecord) -> tuple[Markup, ...]:
         reason = record.diagnostics.get("closed_loop") or "gains and target are not known"
         return (paragraph(f"Only the torque regression was done: {reason}."),)
     seen = record.diagnostics["seen"]
-    rows = []
-    for name in (name for name in (*COMPARED, "offset") if name in seen):
-        cells = [_plus_minus(Estimate.from_dict(seen[name], name))]
-        for data in others.values():
-            if name not in data:
-                cells.append("")
-                continue
-            cells.append(_plus_minus(Estimate.from_dict(data[name], name)))
-        rows.append([f"{LABELS[name][0]} [{unit(record, name)}]", *cells])
+    rows = [
+        [
+            label(record, name),
+            *("" if name not in data else _plus_minus(data[name]) for data in (seen, *others.values())),
+        ]
+        for name in (*COMPARED, "offset")
+        if name in seen
+    ]
     caption = "Estimators that fail in different ways: where they agree, the number can be trusted"
     if not record.torque_source:
         caption += "; in units of k"
@@ -104,9 +102,9 @@ def _errors(errors: dict[str, float]) -> str:
     return ", ".join(f"{name} {value:.3%}" for name, value in errors.items() if value is not None)
 
 
-def _plus_minus(estimate: Estimate) -> str:
-    """Return value ± deviation."""
-    return f"{number(estimate.value)} ± {number(estimate.std)}"
+def _plus_minus(estimate: dict[str, Any]) -> str:
+    """Return value ± deviation of an estimate as plain data."""
+    return f"{number(estimate['value'])} ± {number(estimate['std'])}"
 
 
 def diagnostics(record: JointRecord) -> Markup:
@@ -259,7 +257,7 @@ def gather_warnings(joints: JointsFile) -> dict[str, list[str]]:
 def _values(record: JointRecord) -> Markup:
     """Tabulate the parameters."""
     shown = (*PARAMETERS, *(name for name in EXTRA if getattr(record, name) is not None), "friction_ratio", "dead_band")
-    rows = [[f"{LABELS[name][0]} [{unit(record, name)}]", *cells(getattr(record, name))] for name in shown]
+    rows = [[label(record, name), *cells(getattr(record, name))] for name in shown]
     return table(
         ["", "value", "std", "95 % interval"], rows, "Viscous and Coulomb friction, the same in both directions"
     )
@@ -306,20 +304,14 @@ def _law(record: JointRecord) -> tuple[Markup, ...]:
     header = ["law", "parameters", "torque not explained, unseen blocks", "squared error lower by", "evidence", ""]
     blocks = [paragraph(law["text"]), table(header, rows, "Laws that were tried; evidence is the drop of the BIC")]
     if law["law"] != "coulomb":
-        over = " / k" if law["over_strength"] else ""
+        rows = [
+            [label(record, name, " / k" if law["over_strength"] else ""), *cells(Estimate.from_dict(data, name))]
+            for name, data in law["parameters"].items()
+        ]
         how = {"output_error": "by output error", "torque_regression": "by torque regression"}
         caption = f"The law that was chosen, {how.get(law['method'], 'by regression')}"
-        blocks.append(table(["", "value", "std", "95 % interval"], _law_rows(record, law, over), caption))
+        blocks.append(table(["", "value", "std", "95 % interval"], rows, caption))
     return tuple(blocks)
-
-
-def _law_rows(record: JointRecord, law: dict[str, Any], over: str) -> list[list[str]]:
-    """Return the rows of the chosen law's parameters."""
-    rows = []
-    for name, data in law["parameters"].items():
-        label = f"{LABELS[name][0]}{over} [{unit(record, name)}]"
-        rows.append([label, *cells(Estimate.from_dict(data, name))])
-    return rows
 
 
 def _meaning(name: str, record: JointRecord) -> list[Section]:

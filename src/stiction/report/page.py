@@ -222,6 +222,11 @@ def unit(record: JointRecord, quantity: str) -> str:
     return LABELS[quantity][2 if record.axis == "linear" else 1]
 
 
+def label(record: JointRecord, quantity: str, over: str = "") -> str:
+    """Return a quantity as people read it, with its unit; over: what it is divided by, ` / k`."""
+    return f"{LABELS[quantity][0]}{over} [{unit(record, quantity)}]"
+
+
 def axis_units(record: JointRecord) -> tuple[str, str]:
     """Return the units of position and torque; torque of unknown strength is in units of the command."""
     if record.axis == "linear":
@@ -260,7 +265,7 @@ class Spread(NamedTuple):
     """Every seed's, separated by blanks."""
 
 
-def line_look(name: str, names: Sequence[str]) -> dict[str, str]:
+def line_look(name: str, names: Sequence[str]) -> dict[str, Any]:
     """Return colour and style of a line, the same in every figure with these names; the second round is dashed."""
     number = list(names).index(name)
     return {"color": COLORS[number % len(COLORS)], "linestyle": "-" if number < len(COLORS) else "--"}
