@@ -125,37 +125,28 @@ def _draw_law(axis, record: JointRecord, speed: np.ndarray, color: str, name: st
     if level is None or slope is None:
         return
     constant = offset.value if offset is not None else 0.0
-    label: str | None = name
-    for side in (speed[speed > 0], speed[speed < 0]):
-        if len(side):
-            ends = np.array([side.min(), side.max()])
-            law = slope.value * ends + level.value * np.sign(ends) + constant
-            axis.plot(ends, law, color=color, linewidth=2, label=label)
-            label = None
+    sides = [side for side in (speed[speed > 0], speed[speed < 0]) if len(side)]
+    for label, side in zip((name, None), sides, strict=False):
+        ends = np.array([side.min(), side.max()])
+        law = slope.value * ends + level.value * np.sign(ends) + constant
+        axis.plot(ends, law, color=color, linewidth=2, label=label)
 
 
 def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
-    """Draw friction against load for each kind that tells, and say why for the others."""
-    reasons = {
-        _kind(name): text
-        for name, record in joints.joints.items()
-        if (text := record.diagnostics.get("load", {}).get("refusal", ""))
-    }
-    carried = {
-        _kind(name): (values["carried_torque"], Estimate.from_dict(values["carried_friction"], name), record)
-        for name, record in joints.joints.items()
-        if (values := record.diagnostics.get("load", {})).get("carried_torque") is not None
-    }
-    blocks = [paragraph(f"Not known{_of(reasons, text)}: {text}.") for text in dict.fromkeys(reasons.values())]
+    """Tabulate friction under load, or why it is not known, for each kind of joint; draw it for those that tell."""
+    rows: dict[str, list[str]] = {}
+    for name, record in joints.joints.items():
+        data = record.diagnostics.get("load", {})
+        carried, refusal = data.get("carried_torque"), data.get("refusal", "")
+        if carried is not None or refusal:
+            under_load = None if carried is None else Estimate.from_dict(data["carried_friction"], name)
+            torque = "not known" if carried is None else f"{carried:.3g}"
+            share = span(under_load, 100 / (record.torque_limit or 1))
+            rows[_kind(name)] = [_kind(name), torque, span(under_load), share, refusal]
+    header = ["", "torque, foot down [N m]", "dry friction then [N m]", "of limit [%]", "not known, because"]
+    blocks = (table(header, rows.values()),) if rows else ()
     if not fit.load:
-        return tuple(blocks)
-    blocks += [
-        paragraph(
-            f"While its foot is down a {kind} gives {torque:.3g} N m on average; dry friction is then "
-            f"{span(friction)} N m, {span(friction, 100 / (record.torque_limit or 1))} % of the torque limit."
-        )
-        for kind, (torque, friction, record) in carried.items()
-    ]
+        return blocks
     figure, axes = new_figure(1, len(fit.load), (9.0, 3.6))
     for axis, (kind, (load, friction)) in zip(axes, fit.load.items(), strict=True):
         thin = slice(None, None, max(1, len(load) // MOST_POINTS))
@@ -175,12 +166,6 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
         "the slope is the load coefficient, dotted its interval. Dots that do not follow the line are noise."
     )
     return (*blocks, figure_block(figure, caption))
-
-
-def _of(reasons: dict[str, str], text: str) -> str:
-    """Return the kinds that a reason is about, nothing where it is about all."""
-    kinds = [kind for kind, reason in reasons.items() if reason == text]
-    return "" if len(kinds) == len(JOINT_KINDS) else f" for {', '.join(kinds)}s"
 
 
 def _gait(fit: WalkFit) -> Markup:
