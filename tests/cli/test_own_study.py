@@ -106,7 +106,7 @@ def test_wrong_calls_of_it_are_told_as_of_any_study(tmp_path: Path, capsys: pyte
         assert main(["study", NAME, *arguments]) == status
         error = capsys.readouterr().err
         assert said in error and error.count("\n") == 1
-    for name, said in (("nowhere.at.all:STUDY", "cannot be imported"), (f"{__name__}:MADE", "is no Study")):
+    for name, said in (("nowhere.at.all:STUDY", "cannot be imported"), (f"{__name__}:MADE", "expected a Study")):
         assert main(["study", name]) == 1
         error = capsys.readouterr().err
         assert said in error and error.count("\n") == 1

@@ -6,16 +6,14 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import walks
-from stiction.cli import evaluate, walking
+from stiction.cli import evaluate
+from stiction.cli.identify import RESULTS
 from stiction.cli.main import main
-from stiction.core.errors import StictionError
 from stiction.formats.joints import load_joints, read_training
 from stiction.formats.walk import read_walk, write_walk
-from stiction.identify.walking.setup import WalkSetup
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +33,8 @@ def test_evaluate_writes_logs_that_identify_reads(tmp_path: Path, capsys: pytest
     names = [f"saturn_lite-flat-deception-0.2--{level}--vx=0.5--0.npz" for level in ("0", "0.1")]
     assert sorted(path.name for path in (tmp_path / "logs").iterdir()) == names
     assert json.loads(capsys.readouterr().out)["logs"] == names
-    assert walking.asks_for_walk(["--robot", "saturn_lite", str(tmp_path / "logs" / names[1])])
     assert read_walk(tmp_path / "logs" / names[1]).header.command == "vx=0.5"
-    assert walking.from_arguments([str(tmp_path / "logs" / names[1]), "--out", str(tmp_path / "found")]) == 0
+    assert main(["identify", str(tmp_path / "logs" / names[1]), "--out", str(tmp_path / "found")]) == 0
     ratio = load_joints(tmp_path / "found" / "joints.json").record("ML_shank").friction_ratio
     assert ratio is not None
     assert ratio.value == pytest.approx(0.1, abs=0.02)
@@ -45,17 +42,17 @@ def test_evaluate_writes_logs_that_identify_reads(tmp_path: Path, capsys: pytest
 
 def test_results_and_table(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Four files, a table, and each warning once."""
-    assert walking.from_arguments([str(log), "--robot", "saturn_lite", "--out", str(tmp_path)]) == 0
+    assert main(["identify", "--robot", "saturn_lite", str(log), "--out", str(tmp_path)]) == 0
     out = capsys.readouterr().out
     assert "FL_shank" in out
     assert out.count("--mass-known") == 1
-    assert {path.name for path in tmp_path.iterdir()} == set(walking.RESULTS)
+    assert {path.name for path in tmp_path.iterdir()} == set(RESULTS)
     assert read_training(tmp_path / "training.json")["friction"]["level"] > 0.1
 
 
 def test_json_is_all_of_the_output(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Scripts read standard output."""
-    assert walking.run(log, tmp_path, None, WalkSetup(), as_json=True) == 0
+    assert main(["identify", str(log), "--out", str(tmp_path), "--json"]) == 0
     joints = json.loads(capsys.readouterr().out)["joints"]
     assert joints["FR_shank"]["friction_ratio"]["value"] == pytest.approx(0.1, abs=0.02)
 
@@ -90,28 +87,23 @@ def test_the_base_install_says_which_extra_a_walk_needs(log: Path, tmp_path: Pat
     assert "FL_shank" in json.loads(enough.stdout)["joints"]
 
 
-def test_other_logs_are_left_to_identify(tmp_path: Path) -> None:
-    """A bench log in NPZ is not a walk, and a missing file is for identify to complain about."""
-    np.savez(tmp_path / "bench.npz", time=np.zeros(3))
-    assert not walking.asks_for_walk([str(tmp_path / "bench.npz"), "--kp", "20"])
-    assert not walking.asks_for_walk([str(tmp_path / "absent.npz")])
-
-
-def test_bad_input_is_one_line(log: Path, tmp_path: Path) -> None:
+def test_bad_input_is_one_line(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """The robot that walked, its masses, and a folder of its own."""
-    with pytest.raises(StictionError, match="go1"):
-        walking.run(log, tmp_path, "go1", WalkSetup())
-    own = tmp_path / "fit.npz"
+    own, other = tmp_path / "fit.npz", tmp_path / "other.npz"
     own.write_bytes(log.read_bytes())
-    with pytest.raises(StictionError, match="would overwrite the log"):
-        walking.run(own, tmp_path, None, WalkSetup())
     walk = read_walk(log)
-    write_walk(tmp_path / "other.npz", replace(walk, header=replace(walk.header, robot="mine.robots:ROBOT")))
-    with pytest.raises(StictionError, match="name it: --robot"):
-        walking.run(tmp_path / "other.npz", tmp_path / "out", None, WalkSetup())
+    write_walk(other, replace(walk, header=replace(walk.header, robot="mine.robots:ROBOT")))
     (tmp_path / "file").write_text("")
-    with pytest.raises(StictionError, match="choose another --out"):
-        walking.run(log, tmp_path / "file", None, WalkSetup())
+    for path, options, said in (
+        (log, ["--robot", "go1"], "go1"),
+        (own, ["--out", str(tmp_path)], "choose another --out"),
+        (other, [], "name it: --robot"),
+        (log, ["--out", str(tmp_path / "file")], "choose another --out"),
+    ):
+        assert main(["identify", str(path), "--out", str(tmp_path / "out"), *options]) == 1
+        error = capsys.readouterr().err.splitlines()
+        assert [said in line for line in error if line.startswith("stiction identify: ")] == [True]
+    assert own.read_bytes() == log.read_bytes()
 
 
 def test_evaluate_refuses_logs_that_cannot_be(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:

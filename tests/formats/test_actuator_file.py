@@ -102,10 +102,10 @@ def rewritten(path: Path, header: object, arrays: dict) -> Path:
     ("header", "arrays", "message"),
     [
         ("{", {}, "not JSON"),
-        ("[]", {}, "does not say 'stiction-actuator'"),
+        ("[]", {}, "one of the schema 'stiction-actuator'"),
         ({"schema_version": 9}, {}, "version 9; this program reads version 1"),
         ({"kp": 1.0}, {}, "'kp' is missing or unknown"),
-        ({"groups": [1, 2, 3]}, {}, "lists of joints"),
+        ({"groups": [1, 2, 3]}, {}, "header.groups is 1; expected a list"),
         ({"joint_names": "abc"}, {}, "expected a list"),
         (None, {"header": None}, "no header"),
         (None, {"bias.1.0": None}, "no array 'bias.1.0'"),

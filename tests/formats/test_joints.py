@@ -74,7 +74,7 @@ def test_nominal_names_what_is_missing() -> None:
         ({"inertia": {"value": 1, "std": -1, "interval95": [0, 2]}}, "std >= 0"),
         ({"inertia": {"value": 3, "std": 1, "interval95": [0, 2]}}, "value within"),
         ({"inertia": {"value": True, "std": 1, "interval95": [0, 2]}}, "finite numbers"),
-        ({"inertia": {"value": 1e999, "std": 1, "interval95": [0, 2]}}, "finite numbers"),
+        ({"inertia": {"value": 1e999, "std": 1, "interval95": [0, 2]}}, "no number of JSON"),
         ({"innertia": None}, "expected an object with some of"),
         ({"axis": "bent"}, "rotary, linear"),
         ({"test_condition": "wet"}, "bare_motor"),

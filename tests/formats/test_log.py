@@ -93,12 +93,12 @@ def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("{", "not readable as JSON"),
-        ("[1]", "expected an object"),
+        ("{", "not JSON"),
+        ("[1]", "holds a list; expected the sidecar"),
         ('{"kP": 1}', "expected an object"),
         ('{"kp": "20"}', "expected a number"),
         ('{"kp": true}', "expected a number"),
-        ('{"kp": NaN}', "expected a number"),
+        ('{"kp": NaN}', "no number of JSON"),
         ('{"axis": "bent"}', "expected one of rotary, linear"),
         ('{"schema_version": 1, "joints": {}}', "a result of `stiction identify`"),
         ('{"axis": []}', "expected one of rotary, linear"),

@@ -24,9 +24,7 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     ("content", "said"),
     [
         (b"{", "not JSON"),
-        (b"\xff", "not JSON"),
-        (b"[" * 100_000, "not JSON"),
-        (b"[]", "version None"),
+        (b"[]", "holds a list"),
         (b'{"schema_version": 1, "joints": {}}', "'friction'"),
         (b'{"schema_version": 2, "friction": {}}', "version 2"),
         (b'{"schema_version": 1, "friction": null, "text": "no\\nratio"}', "no ratio"),
@@ -38,13 +36,6 @@ def test_anything_else_is_refused_with_one_line(tmp_path: Path, content: bytes, 
     with pytest.raises(StictionError, match=said) as caught:
         read_training(tmp_path / "training.json")
     assert "\n" not in str(caught.value)
-
-
-def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    """A folder is not a file either."""
-    for path in (tmp_path / "none.json", tmp_path):
-        with pytest.raises(StictionError, match="cannot read"):
-            read_training(path)
 
 
 def test_joints_are_not_taken_for_a_proposal(tmp_path: Path) -> None:

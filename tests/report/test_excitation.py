@@ -73,9 +73,9 @@ def test_the_page_says_how_to_run_it_what_comes_out_and_why(tmp_path: Path) -> N
     results(tmp_path)
     page = write_excitation_page(tmp_path).read_text(encoding="utf-8")
     assert page.count("data:image/png;base64,") == 3
-    for said in ("kp 7 and kd 0.3", "8.75", "4.321", "0.4 %", "-0.987", "10 times the design", "mind the step"):
+    for said in ("kp 7 and kd 0.3", "8.75", "4.321", "0.4 %", "-0.987", ">10<", "mind the step", "bare_motor"):
         assert said in page, said
-    assert "100 times as long" in page and "stiction identify LOG.csv" in page and "bare_motor" in page
+    assert "stiction identify LOG.csv" in page and "<td>N m" not in page and "coulomb_friction [N m]" in page
 
 
 def test_the_page_needs_no_network_and_escapes_names(tmp_path: Path) -> None:
@@ -116,4 +116,4 @@ def test_a_file_that_is_no_design_is_refused_in_one_line(tmp_path: Path, text: s
 
 def test_shares_are_written_with_two_digits() -> None:
     """A deviation of a thousandth of a per cent is not 0.00 %."""
-    assert (percent(1.234e-5), percent(1.234), percent(None)) == ("0.0012 %", "120 %", "")
+    assert (percent(1.234e-5), percent(1.234)) == ("0.0012 %", "120 %")

@@ -51,10 +51,9 @@ def write(folder: Path, joints: JointsFile, fit: WalkFit) -> str:
 def test_the_page_has_what_a_reader_needs(tmp_path: Path) -> None:
     """Numbers with intervals, clouds, gait, load, refusals and warnings, and nothing from the network."""
     text = write(tmp_path, make_records(), make_fit())
-    for part in ("FL_shank. Train at 0.11.", "1.25 ± 0.2", "5 ± 0.4", "0.15 ± 0.02", "3 ± 0.2 N m, 12 ± 0.8 %"):
+    for part in ("FL_shank. Train at 0.11.", "1.25 ± 0.2", "5 ± 0.4", "0.15 ± 0.02", ">3 ± 0.2<", ">12 ± 0.8<"):
         assert part in text, part
-    assert "Not known for hips: the interval of the hips" in text
-    assert "&lt;to tell&gt;" in text
+    assert "the interval of the hips" in text and "&lt;to tell&gt;" in text
     assert text.count("data:image/png") == 3
     assert "http" not in text.replace("http://www.w3.org", "")
     assert text.count("the robot was tired") == 1

@@ -6,11 +6,13 @@ import json
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import tyro
 
 from stiction.core.errors import ConfigurationError, FileError
+from stiction.exchange.targets import ConvertOptions, convert
+from stiction.formats.joints import load_joints
 
 DESCRIPTION = """Write identified friction, damping and rotor inertia as a simulator reads them.
 
@@ -20,25 +22,14 @@ all else, comments included, as it was. What the simulator cannot hold, or nobod
 Example: stiction convert joints.json --to mujoco --model robot.xml --joint-map shank='*_calf_joint' --out new.xml"""
 
 
-@dataclass(frozen=True)
-class Convert:
+@dataclass(frozen=True, kw_only=True)
+class Convert(ConvertOptions):
     """Options of the verb."""
 
     joints: Annotated[Path, tyro.conf.Positional]
     """The `joints.json` of `stiction identify`."""
-    to: Literal["mujoco", "urdf", "isaaclab", "webots"]
-    """The simulator, or format."""
-    model: Path | None = None
-    """A MJCF, URDF, PROTO or world to put the values into; it is not changed itself."""
-    joint_map: tuple[str, ...] = ()
-    """RECORDED=MODEL pairs, where names differ; MODEL may have wildcards if --model is given. For isaaclab it is a
-    regular expression."""
     out: Path | None = None
     """File to write; by default standard output."""
-    timestep: float | None = None
-    """Physics step [s] that MuJoCo's solver settings are for, where it is not the model's own."""
-    assumed_load: float | None = None
-    """|F| + |T| on the joint [N + N m]: also write the coefficient of PhysX before 5.6, which is right at this load."""
     json: bool = False
     """Print the summary (and the text, without --out) as JSON on standard output, and nothing else."""
 
@@ -46,12 +37,8 @@ class Convert:
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = tyro.cli(Convert, args=arguments, prog="stiction convert", description=DESCRIPTION)
-    from stiction.exchange.targets import ConvertOptions, convert
-    from stiction.formats.joints import load_joints
-
     _keep_inputs(cfg)
-    options = ConvertOptions(cfg.model, cfg.joint_map, cfg.timestep, cfg.assumed_load)
-    done = convert(load_joints(cfg.joints), cfg.to, options)
+    done = convert(load_joints(cfg.joints), cfg)
     if cfg.out is not None:
         try:
             cfg.out.write_bytes(done.text.encode())

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
 import tyro
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
-from stiction.core.records import part_of
-from stiction.formats.design import ExcitationDesign, percent, two_digits, write_signals
+from stiction.core.records import header, part_of, texts
+from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits, write_signals
 from stiction.formats.log import write_log
+from stiction.formats.plain import object_text
 from stiction.identify.excite.setup import ExciteSetup
 from stiction.robots.model import JointSpec
 
@@ -47,18 +48,19 @@ def main(arguments: list[str]) -> int:
     check_name(config.joint)
     setup = given.filled(robot_joint(config.robot, config.joint) if config.robot else None)
     from stiction.identify.excite.plan import design_excitation
+    from stiction.report.excitation import write_excitation_page
     from stiction.report.terminal import work_progress
 
     command = shlex.join(["stiction", "excite", *arguments])
     with work_progress() as progress:
         made = design_excitation(setup, config.joint, command, progress)
-    text = json.dumps(made.record.to_dict(), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+    text = object_text(made.record.to_dict())
     try:
         config.out.mkdir(parents=True, exist_ok=True)
         write_log(config.out / "trajectory.csv", made.trajectory)
         write_signals(config.out / "design.npz", made.signals)
         (config.out / "design.json").write_text(text, encoding="utf-8")
-        write_page(config.out)
+        write_excitation_page(config.out)
     except OSError as error:
         raise FileError(f"cannot write to {config.out}: {error.strerror or error}; choose another --out") from error
     if config.json:
@@ -66,13 +68,6 @@ def main(arguments: list[str]) -> int:
     else:
         show(Console(), made.record, config.out)
     return 0
-
-
-def write_page(folder: Path) -> None:
-    """Write `report.html` from the files beside it."""
-    from stiction.report.excitation import write_excitation_page
-
-    write_excitation_page(folder)
 
 
 def check_name(joint: str) -> None:
@@ -95,10 +90,9 @@ def robot_joint(robot: str, joint: str) -> JointSpec:
 
 def show(console: Console, design: ExcitationDesign, out: Path) -> None:
     """Print how to run the log, what it will tell and what to type next, for a person."""
-    table = Table("", "guess", "predicted std", "of the guess", "at worst", title=design.joint)
+    table = Table(*header(Predicted), title=design.joint)
     for row in design.predicted:
-        numbers = percent(row.relative), percent(row.worst_relative)
-        table.add_row(row.name, f"{row.value:.4g}", f"{row.std:.2g}", *numbers)
+        table.add_row(*map(escape, texts(row)))
     console.print(table)
     lines = [design.advice, *run_lines(design, out)]
     lines += [f"warning: {text}" for text in design.warnings]
@@ -107,18 +101,13 @@ def show(console: Console, design: ExcitationDesign, out: Path) -> None:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
 
 
-def times(count: int) -> str:
-    """Return how often in words."""
-    return {1: "once", 2: "twice"}.get(count, f"{count} times")
-
-
 def run_lines(design: ExcitationDesign, out: Path) -> list[str]:
     """Say how long to run what."""
     reached, limits, wanted = design.reached, design.limits, design.wanted
     best = min((sine.worst for sine in design.sines), default=None)
     lines = [
         f"Play {out / 'trajectory.csv'} back once at {design.setup['rate']:g} Hz: {design.duration:g} s, the motion of "
-        f"{design.pattern_duration:g} s {times(design.repeats)}; log angle{design.torque_too} at the same rate.",
+        f"{design.pattern_duration:g} s {design.repeats} times; log angle{design.torque_too} at the same rate.",
         f"Over the range of guesses it goes from {reached['low']:.3g} to {reached['high']:.3g} rad, to "
         f"{reached['speed']:.3g} rad/s and {reached['torque']:.3g} N m (limits {limits['low']:g} to "
         f"{limits['high']:g}, {limits['speed']:g}, {limits['torque']:g}).",

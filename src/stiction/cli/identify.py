@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
 from rich.table import Table
 
-from stiction.cli.walking import asks_for_walk, from_arguments
-from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.errors import ConfigurationError, FileError, RobotError
 from stiction.core.records import part_of
-from stiction.formats.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, write_fit
+from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile, write_fit
+from stiction.formats.plain import object_text
+from stiction.formats.walk import is_walk
 from stiction.identify.setup import IdentifySetup
+from stiction.identify.walking.setup import WalkSetup
 
 DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals; say if it matters, and
 write joints.json, fit.npz, training.json and report.html.
@@ -27,6 +29,9 @@ the motor's strength. Gains, torque limit and so on come from flags or from LOG.
 may have its own. A walking log (stiction evaluate --log) has options of its own,
 --robot, --mass-known and more: `stiction identify WALK.npz --help` lists them."""
 
+WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log (of evaluate --log, or of deploy):
+unloaded friction from legs in swing, and what load adds to it from the body in stance, where the robot's masses are
+declared known. Writes joints.json, fit.npz, training.json and report.html."""
 
 PLAIN_WIDTH = 120
 """Columns of a table where nobody says how wide the terminal is."""
@@ -62,17 +67,32 @@ class IdentifyConfig(IdentifySetup):
     """Print the machine-readable summary, and nothing else, on standard output."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class WalkOptions(WalkSetup):
+    """Options for a walking log."""
+
+    log: Annotated[Path, tyro.conf.Positional]
+    """The log, NPZ."""
+    robot: str | None = None
+    """The robot, with its masses and link lengths; by default the shipped one that the log names."""
+    out: Path = Path("identified")
+    """Folder for joints.json, fit.npz, training.json and report.html."""
+    json: bool = False
+    """Print the machine-readable summary, and nothing else, on standard output."""
+
+
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
-    if asks_for_walk(arguments):
-        return from_arguments(arguments)
+    if any(text.endswith(".npz") and is_walk(Path(text)) for text in arguments):
+        return _identify_walk(arguments)
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
     from stiction.identify.logs import open_log, parse_columns
     from stiction.identify.pipeline import identify_log
+    from stiction.report.identification import write_identification_page
     from stiction.report.terminal import work_progress
 
     for log in (config.log, *config.repeat):
-        keep_inputs(log, config.out)
+        _keep_inputs(log, config.out)
     setup = part_of(IdentifySetup, config)
     columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
     more = columns | parse_columns(config.repeat_columns)
@@ -88,17 +108,32 @@ def main(arguments: list[str]) -> int:
             lambda joint: progress(f"identifying {joint}", 1.0) if several else None,
         )
     joints = JointsFile({name: result.record for name, result in found.items()} | refused)
-    write_results(config.out, joints, {name: result.fit for name, result in found.items()})
-    if config.json:
-        print(json.dumps(joints.to_dict(), indent=2, allow_nan=False, ensure_ascii=False))
-    else:
-        terminal = Console()
-        show(terminal if terminal.is_terminal else Console(width=PLAIN_WIDTH), joints)
-        Console(stderr=True).print(f"page: {config.out / 'report.html'}", highlight=False, soft_wrap=True)
+    fits = {name: result.fit for name, result in found.items()}
+    _write_results(config.out, joints, lambda path: write_fit(path, fits), write_identification_page)
+    _print_results(config, joints, show)
     return 0
 
 
-def keep_inputs(log: Path, out: Path) -> None:
+def _identify_walk(arguments: list[str]) -> int:
+    """Identify a walking log; return the exit status."""
+    options = tyro.cli(WalkOptions, args=arguments, prog="stiction identify", description=WALK_DESCRIPTION)
+    from stiction.formats.walk import read_walk, write_walk_fit
+    from stiction.identify.walking.pipeline import identify_walk
+    from stiction.report.walking import write_walking_page
+    from stiction.robots.catalog import find_robot
+
+    _keep_inputs(options.log, options.out)
+    with Console(stderr=True).status("reading, fitting"):
+        walk = read_walk(options.log)
+        if options.robot is None and not walk.header.robot.isidentifier():
+            raise RobotError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
+        found = identify_walk(walk, find_robot(options.robot or walk.header.robot), part_of(WalkSetup, options))
+        _write_results(options.out, found.joints, lambda path: write_walk_fit(path, found.fit), write_walking_page)
+    _print_results(options, found.joints, _show_walk)
+    return 0
+
+
+def _keep_inputs(log: Path, out: Path) -> None:
     """Refuse a folder in which a result would overwrite the log, or be taken for its sidecar by the next run."""
     inputs = (log.resolve(), log.resolve().with_suffix(".json"))
     for name in RESULTS:
@@ -108,25 +143,38 @@ def keep_inputs(log: Path, out: Path) -> None:
             )
 
 
-def write_results(folder: Path, joints: JointsFile, fits: dict[str, FitSignals]) -> None:
-    """Write what there is to write; raise `StictionError` if the folder cannot be written."""
+def _write_results(
+    folder: Path, joints: JointsFile, write_signals: Callable[[Path], None], write_page: Callable[[Path], Any]
+) -> None:
+    """Write the four files, of which `write_signals` writes fit.npz; raise `StictionError` where that cannot be."""
     from stiction.formats.joints import write_training
     from stiction.identify.verdict import propose
-    from stiction.report.identification import write_identification_page
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         joints.write(folder / "joints.json")
         write_training(folder / "training.json", propose(joints))
-        write_fit(folder / "fit.npz", fits)
-        write_identification_page(folder)
+        write_signals(folder / "fit.npz")
+        write_page(folder)
     except OSError as error:
         raise FileError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
 
 
+def _print_results(
+    options: IdentifyConfig | WalkOptions, joints: JointsFile, show: Callable[[Console, JointsFile], None]
+) -> None:
+    """Print what was found: as JSON, or as `show` does for a person."""
+    if options.json:
+        print(object_text(joints.to_dict()), end="")
+        return
+    terminal = Console()
+    show(terminal if terminal.is_terminal else Console(width=PLAIN_WIDTH), joints)
+    Console(stderr=True).print(f"page: {options.out / 'report.html'}", highlight=False, soft_wrap=True)
+
+
 def show(console: Console, joints: JointsFile) -> None:
     """Print what was found, what it means, and the warnings, for a person."""
-    from stiction.report.identification import gather_warnings
+    from stiction.report.identification import gather_warnings, shared_warnings
 
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
     if len(found) == 1:
@@ -138,15 +186,10 @@ def show(console: Console, joints: JointsFile) -> None:
             console.print(record.friction_law["text"] if record.friction_law else "", highlight=False, soft_wrap=True)
     elif found:
         console.print(_several(found))
-    own = 0
-    for text, names in gather_warnings(joints).items():
-        refused = any(not joints.joints[name].diagnostics for name in names)
-        if len(names) == 1 and len(joints.joints) > 1 and not refused:
-            own += 1
-            continue
-        whose = "" if len(joints.joints) == 1 else f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: "
-        console.print(f"warning: {whose}{text}", highlight=False, markup=False, soft_wrap=True)
-    if own:
+    shared = shared_warnings(joints)
+    for text in shared:
+        console.print(f"warning: {text}", highlight=False, markup=False, soft_wrap=True)
+    if own := len(gather_warnings(joints)) - len(shared):
         console.print(f"warning: {own} more about single joints: see the page, joint by joint", soft_wrap=True)
 
 
@@ -186,26 +229,24 @@ def _law(record: JointRecord) -> Table:
 
 def _several(found: dict[str, JointRecord]) -> Table:
     """Tabulate several joints, a row each; what is known over k only carries it in its heading."""
-    table = Table("joint", "dry friction", "95 % interval", "viscous", "inertia", "f/τ_max", "f/kp [rad]", "law")
+    from stiction.report.identification import JOINT_COLUMNS, joint_row
+
+    table = Table("joint", *JOINT_COLUMNS)
     for name, record in found.items():
-        over = record.coulomb_friction is None
-        picked = [
-            (record.coulomb_friction, "f/k"),
-            (record.viscous_friction, "(B + k·kd)/k" if record.torque_source is None else "B/k"),
-            (record.inertia, "I/k"),
-        ]
-        dry, viscous, inertia = (known or record.combinations.get(label) for known, label in picked)
-        law = (record.friction_law or {}).get("law", "")
-        interval = "" if dry is None else "{:.4g} to {:.4g}".format(*dry.interval95)
-        cells = [_number(dry), interval, _number(viscous), _number(inertia)]
-        ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
-        table.add_row(name, *cells, ratio, _number(record.dead_band), law)
-        if over:
+        table.add_row(name, *joint_row(record))
+        if record.coulomb_friction is None:
             damped = "; viscous includes the controller's kd: (B + k·kd)/k" if record.torque_source is None else ""
             table.caption = f"in units of the motor strength k{damped}"
     return table
 
 
-def _number(estimate: Estimate | None) -> str:
-    """Return a value with four digits, or nothing."""
-    return "" if estimate is None else f"{estimate.value:.4g}"
+def _show_walk(console: Console, joints: JointsFile) -> None:
+    """Print what a walk told of its joints, and the warnings, for a person."""
+    from stiction.report.walking import VALUE_CAPTION, VALUE_COLUMNS, grouped_warnings, value_rows
+
+    table = Table("", *VALUE_COLUMNS, caption=VALUE_CAPTION)
+    for row in value_rows(joints):
+        table.add_row(*row)
+    console.print(table)
+    for text in grouped_warnings(joints):
+        console.print(f"warning: {text}", highlight=False, markup=False, soft_wrap=True)

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import importlib
 import pkgutil
 import sys
 
 import stiction.studies
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.plugins import find_named
 from stiction.studies.study import Study
 
 USAGE = "usage: stiction study NAME [--help] [options]\n\nstudies:\n"
@@ -26,16 +26,9 @@ def find_study(name: str) -> Study:
         ConfigurationError: there is no such module, or it holds no study.
 
     """
-    module, _, variable = name.partition(":") if ":" in name else (f"stiction.studies.{name}.study", "", "STUDY")
-    try:
-        found = getattr(importlib.import_module(module), variable, None)
-    except (ImportError, ValueError, TypeError) as error:
-        raise ConfigurationError(
-            f"study {name!r}: the module {module!r} cannot be imported: {error}; install it, or name its folder in "
-            "PYTHONPATH"
-        ) from error
+    found = find_named("study", name if ":" in name else f"stiction.studies.{name}.study:STUDY")
     if not isinstance(found, Study):
-        raise ConfigurationError(f"study {name!r}: {module}:{variable} is no Study")
+        raise ConfigurationError(f"study {name!r} is a {type(found).__name__}; expected a Study")
     return found
 
 

@@ -7,7 +7,7 @@ torque that the joint transmits, so that no number in N m can be converted witho
 
 from __future__ import annotations
 
-from stiction.exchange.physics import Conversion, JointPhysics, notes_of, number
+from stiction.exchange.physics import Conversion, JointPhysics, known, notes_of, number
 
 
 def isaaclab_snippet(joints: list[JointPhysics], assumed_load: float | None = None) -> Conversion:
@@ -36,17 +36,14 @@ def _group(joint: JointPhysics) -> list[str]:
     """Return the lines of one actuator group."""
     static = joint.record.static_friction
     rest = joint.friction if static is None or joint.friction is None else max(static.value, joint.friction)
-    values = {
-        "friction": rest,
-        "dynamic_friction": joint.friction,
-        "viscous_friction": joint.damping,
-        "armature": joint.armature,
-    }
+    values = known(
+        friction=rest, dynamic_friction=joint.friction, viscous_friction=joint.damping, armature=joint.armature
+    )
     gains = {"stiffness": joint.record.kp, "damping": joint.record.kd}
     lines = [f"    {joint.name!r}: IdealPDActuatorCfg(", f"        joint_names_expr=[{joint.name!r}],"]
     for name, gain in gains.items():
         lines.append(f"        {name}={'None' if gain is None else number(gain)},  # of the test; put the policy's own")
-    lines += [f"        {name}={number(value)}," for name, value in values.items() if value is not None]
+    lines += [f"        {name}={value}," for name, value in values.items()]
     return [*lines, "    ),"]
 
 

@@ -7,7 +7,7 @@ v = (τ/J) (1 - d0)/d0 · timeconst/2. With MuJoCo's defaults that is a visible 
 from __future__ import annotations
 
 from stiction.core.errors import ConfigurationError, FileError
-from stiction.exchange.physics import Conversion, JointPhysics, notes_of, number, one_line
+from stiction.exchange.physics import Conversion, JointPhysics, check_axis, known, notes_of, number, one_line
 from stiction.exchange.urdf import Edit, Markup, Tag, set_attributes, xml_comment
 
 FRICTION_D0 = 0.999
@@ -28,8 +28,7 @@ Defaults = dict[str, tuple[dict[str, str], str | None]]
 
 def joint_attributes(joint: JointPhysics, timestep: float) -> dict[str, str]:
     """Return the MJCF attributes of one joint; `timestep` [s] sets how stiff dry friction may be."""
-    known = {"damping": joint.damping, "frictionloss": joint.friction, "armature": joint.armature}
-    values = {name: number(value) for name, value in known.items() if value is not None}
+    values = known(damping=joint.damping, frictionloss=joint.friction, armature=joint.armature)
     if joint.friction is not None:
         values["solreffriction"] = f"{number(2 * timestep)} 1"
         values["solimpfriction"] = f"{FRICTION_D0} {FRICTION_D0} 0.001 0.5 2"
@@ -42,8 +41,8 @@ def mujoco_snippet(joints: list[JointPhysics], timestep: float | None) -> Conver
     notes = _notes(joints, step)
     lines = []
     for joint in joints:
-        attributes = "".join(f' {name}="{value}"' for name, value in joint_attributes(joint, step).items())
-        lines.append(f'  <default class="{_class_name(joint.name)}">\n    <joint{attributes}/>\n  </default>')
+        tag = set_attributes(b"<joint/>", joint_attributes(joint, step)).decode()
+        lines.append(f'  <default class="{_class_name(joint.name)}">\n    {tag}\n  </default>')
     text = xml_comment(notes) + "<default>\n" + "\n".join(lines) + "\n</default>\n"
     return Conversion.of(text, joints, notes)
 
@@ -73,21 +72,14 @@ def patch_mujoco(markup: Markup, joints: list[JointPhysics], timestep: float | N
     for joint in joints:
         tag = tree[joint.name]
         kind = _inherited(markup, tag, "type", defaults) or "hinge"
-        expected = "slide" if joint.record.axis == "linear" else "hinge"
-        if kind != expected:
-            raise FileError(
-                f"joint {joint.name!r} is of type {kind}, and the record {joint.recorded!r} of a {joint.record.axis} "
-                f"axis; expected {expected}"
-            )
+        check_axis(joint, kind, ("slide",) if joint.record.axis == "linear" else ("hinge",))
         before = _inherited(markup, tag, "damping", defaults)
         if joint.damping is not None and before is not None and _float(before) > LARGE_DAMPING * joint.damping:
             notes.append(
                 f"{joint.name}: the model's damping was {before}, now {number(joint.damping)}: if it stood for the "
                 "controller's kd, give that to the actuator (kv)"
             )
-        edits.append(
-            (tag.start, tag.end, set_attributes(markup.data[tag.start : tag.end], joint_attributes(joint, step)))
-        )
+        edits.append(markup.set_attributes(tag, joint_attributes(joint, step)))
     notes = [one_line(note) for note in notes]
     return Conversion.of(markup.edited(edits, notes), joints, notes)
 

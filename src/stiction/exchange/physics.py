@@ -107,10 +107,7 @@ def _of_law(record: JointRecord, name: str) -> Estimate:
 
 
 def notes_of(
-    joints: list[JointPhysics],
-    *general: str,
-    represented: frozenset[str] = frozenset(),
-    rotor: str | None = None,
+    joints: list[JointPhysics], *general: str, represented: frozenset[str] = frozenset(), rotor: str | None = None
 ) -> list[str]:
     """Return who wrote a file, what holds for all its joints, and what is left out of each record, once.
 
@@ -126,9 +123,23 @@ def notes_of(
     return list(notes)
 
 
+def check_axis(joint: JointPhysics, kind: str, allowed: tuple[str, ...]) -> None:
+    """Raise `StictionError` unless the `kind` of a model's joint is one of those `allowed` for the record's axis."""
+    if kind not in allowed:
+        raise FileError(
+            f"joint {joint.name!r} is of type {kind or 'none'}, and the record {joint.recorded!r} of a "
+            f"{joint.record.axis} axis; expected {' or '.join(allowed)}"
+        )
+
+
 def number(value: float) -> str:
     """Return a number as a simulator's file has it, six digits."""
     return f"{value:.6g}"
+
+
+def known(**values: float | None) -> dict[str, str]:
+    """Return name -> number as text, of the values that are not None."""
+    return {name: number(value) for name, value in values.items() if value is not None}
 
 
 def one_line(text: str) -> str:

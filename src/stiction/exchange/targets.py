@@ -82,20 +82,23 @@ def _some(names: Iterable[str]) -> str:
 Target = Literal["mujoco", "urdf", "isaaclab", "webots"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class ConvertOptions:
-    """How to convert."""
+    """What to convert to, and how."""
 
+    to: Target
+    """The simulator, or format."""
     model: Path | None = None
-    """A model to put the values into; None for a snippet to paste."""
+    """A MJCF, URDF, PROTO or world to put the values into; it is not changed itself."""
     joint_map: tuple[str, ...] = ()
-    """RECORDED=MODEL pairs."""
+    """RECORDED=MODEL pairs, where names differ; MODEL may have wildcards if --model is given. For isaaclab it is a
+    regular expression."""
     timestep: float | None = None
-    """Physics step [s], for MuJoCo's solver settings; None for the model's own."""
+    """Physics step [s] that MuJoCo's solver settings are for, where it is not the model's own."""
     assumed_load: float | None = None
-    """|F| + |T| on the joint [N + N m], for coefficients of the older PhysX."""
+    """|F| + |T| on the joint [N + N m]: also write the coefficient of PhysX before 5.6, which is right at this load."""
 
-    def check(self, to: Target) -> None:
+    def check(self) -> None:
         """Raise `StictionError` for numbers without meaning, and for options that the target would ignore."""
         for name in ("timestep", "assumed_load"):
             value = getattr(self, name)
@@ -103,21 +106,20 @@ class ConvertOptions:
                 raise ConfigurationError(f"{name} {value}: expected a positive number")
         needed = {"timestep": ("mujoco",), "assumed_load": ("isaaclab",), "model": ("mujoco", "urdf", "webots")}
         for name, targets in needed.items():
-            if getattr(self, name) is not None and to not in targets:
+            if getattr(self, name) is not None and self.to not in targets:
                 raise ConfigurationError(f"--{name.replace('_', '-')} is for --to {', '.join(targets)}; leave it out")
         wild = [pair for pair in self.joint_map if set("*?[") & set(pair)]
-        if wild and self.model is None and to != "isaaclab":
+        if wild and self.model is None and self.to != "isaaclab":
             raise ConfigurationError(f"--joint-map {wild[0]!r}: wildcards need a --model whose joints they can match")
 
 
-def convert(file: JointsFile, to: Target, options: ConvertOptions | None = None) -> Conversion:
+def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
     """Return a `joints.json` in the form that a simulator reads.
 
     Raises `StictionError` for a model that cannot be read or does not fit, and for records that hold nothing.
     """
-    options = options or ConvertOptions()
-    options.check(to)
-    pairs = parse_joint_map(options.joint_map)
+    options.check()
+    to, pairs = options.to, parse_joint_map(options.joint_map)
     if options.model is not None:
         data, where = read_model(options.model), options.model.name
         if to == "webots":

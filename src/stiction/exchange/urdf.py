@@ -14,7 +14,7 @@ from typing import Any
 from xml.parsers import expat
 
 from stiction.core.errors import FileError
-from stiction.exchange.physics import Conversion, JointPhysics, notes_of, number, one_line
+from stiction.exchange.physics import Conversion, JointPhysics, check_axis, known, notes_of, one_line
 
 LARGEST = 16_000_000
 """Bytes of a model; meshes are files of their own."""
@@ -62,6 +62,10 @@ class Markup:
             tag = self.tags[tag.parent]
             found.append(tag)
         return found
+
+    def set_attributes(self, tag: Tag, values: dict[str, str]) -> Edit:
+        """Return the edit that sets attributes of a tag, see `set_attributes`."""
+        return tag.start, tag.end, set_attributes(self.data[tag.start : tag.end], values)
 
     def edited(self, edits: list[Edit], notes: list[str]) -> str:
         """Return the document with `edits` made, and `notes` in a comment after the root's start tag."""
@@ -179,7 +183,7 @@ TYPES = {"rotary": ("revolute", "continuous"), "linear": ("prismatic",)}
 def urdf_snippet(joints: list[JointPhysics]) -> Conversion:
     """Return a `<dynamics>` element for each joint."""
     notes = _notes(joints)
-    lines = [f"<!-- {_safe(joint.name)} -->\n<dynamics{_joined(joint)}/>" for joint in joints if _values(joint)]
+    lines = [f"<!-- {_safe(joint.name)} -->\n{_dynamics(joint).decode()}" for joint in joints if _values(joint)]
     return Conversion.of(xml_comment(notes) + "\n".join(lines) + "\n", joints, notes)
 
 
@@ -204,12 +208,7 @@ def patch_urdf(markup: Markup, joints: list[JointPhysics]) -> Conversion:
     edits: list[Edit] = []
     for joint in joints:
         tag = tree[joint.name]
-        kind = tag.attributes.get("type", "")
-        if kind not in TYPES[joint.record.axis]:
-            raise FileError(
-                f"joint {joint.name!r} is of type {kind or 'none'}, and the record {joint.recorded!r} of a "
-                f"{joint.record.axis} axis; expected {' or '.join(TYPES[joint.record.axis])}"
-            )
+        check_axis(joint, tag.attributes.get("type", ""), TYPES[joint.record.axis])
         if _values(joint):
             edits.append(_edit(markup, tag, joint))
     return Conversion.of(markup.edited(edits, notes), joints, notes)
@@ -220,24 +219,23 @@ def _edit(markup: Markup, tag: Tag, joint: JointPhysics) -> Edit:
     index = markup.tags.index(tag)
     there = next((item for item in markup.tags if item.name == "dynamics" and item.parent == index), None)
     if there is not None:
-        return there.start, there.end, set_attributes(markup.data[there.start : there.end], _values(joint))
+        return markup.set_attributes(there, _values(joint))
     close = markup.closes.get(index)
     if close is None:
         raise FileError(f"joint {joint.name!r} is empty: it has neither parent nor child; expected a whole URDF")
     line = markup.data[markup.data.rfind(b"\n", 0, close) + 1 : close]
     indent = line if not line.strip() else b""
-    return close, close, b"  <dynamics" + _joined(joint).encode() + b"/>\n" + indent
+    return close, close, b"  " + _dynamics(joint) + b"\n" + indent
 
 
 def _values(joint: JointPhysics) -> dict[str, str]:
     """Return the attributes of `<dynamics>`."""
-    known = {"damping": joint.damping, "friction": joint.friction}
-    return {name: number(value) for name, value in known.items() if value is not None}
+    return known(damping=joint.damping, friction=joint.friction)
 
 
-def _joined(joint: JointPhysics) -> str:
-    """Return the attributes as text."""
-    return "".join(f' {name}="{value}"' for name, value in _values(joint).items())
+def _dynamics(joint: JointPhysics) -> bytes:
+    """Return a new `<dynamics>`."""
+    return set_attributes(b"<dynamics/>", _values(joint))
 
 
 def _notes(joints: list[JointPhysics]) -> list[str]:

@@ -13,7 +13,7 @@ import re
 from dataclasses import dataclass, field
 
 from stiction.core.errors import FileError
-from stiction.exchange.physics import Conversion, JointPhysics, notes_of, number, one_line
+from stiction.exchange.physics import Conversion, JointPhysics, known, notes_of, one_line
 from stiction.exchange.urdf import Edit, edited
 
 _TOKEN = re.compile(rb'#[^\n]*|"(?:\\.|[^"\\])*"|%<|[{}\[\]]|"|[^\s,{}\[\]"#%]+|%', re.DOTALL)
@@ -135,8 +135,7 @@ def _fields(joint: JointPhysics) -> dict[str, str]:
     """Return what is known of a joint as Webots calls it; refuse a linear axis."""
     if joint.record.axis == "linear":
         raise FileError(f"record {joint.recorded!r} is of a linear axis; HingeJointParameters are for rotary ones")
-    known = {"staticFriction": joint.friction, "dampingConstant": joint.damping}
-    return {name: number(value) for name, value in known.items() if value is not None}
+    return known(staticFriction=joint.friction, dampingConstant=joint.damping)
 
 
 def _notes(joints: list[JointPhysics]) -> list[str]:

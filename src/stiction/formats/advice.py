@@ -9,10 +9,10 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from stiction.core.errors import FileError
 from stiction.formats.following import Following
+from stiction.formats.plain import build, read_object, take_version
 
 SCHEMA_VERSION = 1
 """Version of the file."""
@@ -85,21 +85,11 @@ def read_advice(path: Path) -> dict[str, Source]:
         StictionError: the file cannot be read, or is none of this version.
 
     """
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        if data["schema_version"] != SCHEMA_VERSION:
-            raise ValueError(f"schema version {data['schema_version']}; expected {SCHEMA_VERSION}")
-        return {name: _source(one) for name, one in data["sources"].items()}
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        raise FileError(f"{path} is not what `stiction identify` advises by: {error!r}") from error
-
-
-def _source(data: dict[str, Any]) -> Source:
-    """Return one part."""
-    methods = {name: TrainedWith(**method) for name, method in data["methods"].items()}
-    cells = tuple(Following(**cell) for cell in data["cells"])
-    effects = tuple(FrictionEffect(**effect) for effect in data.get("effects", ()))
-    return Source(data["command"], data["revision"], tuple(data["policies"]), methods, cells, effects)
+    data = take_version(read_object(path, "what `stiction identify` advises by"), SCHEMA_VERSION, path.name)
+    sources = data.get("sources")
+    if not isinstance(sources, dict):
+        raise FileError(f"{path.name}: field 'sources' is {str(sources)[:80]}; expected an object")
+    return {name: build(Source, source, f"{path.name}: {name}") for name, source in sources.items()}
 
 
 def write_source(path: Path, name: str, source: Source) -> None:

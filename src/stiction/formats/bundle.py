@@ -14,9 +14,6 @@ from __future__ import annotations
 import hashlib
 import io
 import stat
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from importlib import resources
@@ -25,15 +22,16 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.cache import publish
-from stiction.core.errors import BundleError, unknown_name
+from stiction.core.errors import BundleError, LogError, unknown_name
 from stiction.formats.contract import Contract, read_contract
+from stiction.formats.tables import parse_npz
 from stiction.formats.wear import WearModel, read_wear
 
 MIN_STEPS = 500
 """Steps that golden vectors must have: ten seconds at 50 Hz."""
 
 MAX_BYTES = 64 * 2**20
-"""Largest size of the arrays together, unpacked [B]: a small archive may not fill the memory."""
+"""Largest size of a file, and of the golden vectors unpacked [B]: a small archive may not fill the memory."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +66,6 @@ class Golden:
         return len(self.time)
 
 
-DAMAGED = (
-    *(OSError, ValueError, EOFError, KeyError, NotImplementedError, RuntimeError, MemoryError, OverflowError),
-    *(SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
-)
-"""What zipfile and numpy raise for a damaged archive."""
-
 BOUND = "sha256:"
 """Prefix of the arrays that hold the SHA-256 of the bundle's other files."""
 
@@ -95,7 +87,10 @@ def read_golden(data: bytes, observation_size: int, joint_names: tuple[str, ...]
             fewer than `MIN_STEPS` steps, fewer than two resets, or no reset at the first step.
 
     """
-    arrays = _unpack(data)
+    try:
+        arrays = parse_npz("golden.npz", data, MAX_BYTES)
+    except LogError as error:
+        raise BundleError(f"{error}; export the bundle again") from error
     digests = {name.removeprefix(BOUND): str(arrays.pop(name)) for name in list(arrays) if name.startswith(BOUND)}
     expected = {field.name for field in fields(Golden)}
     if arrays.keys() != expected:
@@ -104,22 +99,6 @@ def read_golden(data: bytes, observation_size: int, joint_names: tuple[str, ...]
     golden = Golden(**arrays)
     _check(golden, observation_size, joint_names)
     return golden, digests
-
-
-def _unpack(data: bytes) -> dict[str, np.ndarray]:
-    """Read every array without executing anything, bounded in size."""
-    try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            total = sum(entry.file_size for entry in archive.infolist())
-        if total > MAX_BYTES:
-            raise BundleError(f"golden.npz unpacks to {total} bytes; at most {MAX_BYTES} are read")
-        with np.load(io.BytesIO(data), allow_pickle=False) as loaded:
-            arrays = {name: loaded[name] for name in loaded.files}
-    except DAMAGED as error:
-        raise BundleError(f"golden.npz cannot be read: {error}; export the bundle again") from error
-    if other := [name for name, array in arrays.items() if not isinstance(array, np.ndarray)]:
-        raise BundleError(f"golden.npz: {other[0]!r} is not an array; export the bundle again")
-    return arrays
 
 
 def _check(golden: Golden, observation_size: int, joint_names: tuple[str, ...]) -> None:
@@ -154,9 +133,6 @@ FILES = (CARD, CONTRACT, GOLDEN, POLICY)
 WEAR = "wear.json"
 """The map of the wear monitor, a file that a bundle may have."""
 
-MAX_FILE_BYTES = 64 * 2**20
-"""Largest file that is read [B]."""
-
 
 @dataclass(frozen=True)
 class Bundle:
@@ -184,14 +160,13 @@ def read_bundle(path: Path | str) -> Bundle:
     """Read a bundle; check the set of files, sizes, checksums, contract, and what the golden vectors bind.
 
     Raises:
-        BundleError: a file missing, too many, a link, too large, or not what SHA256SUMS or golden.npz say it is.
-        BundleError: the contract is malformed.
-        BundleError: the golden vectors are malformed.
+        BundleError: a file missing, too many, a link, too large, malformed, or not what SHA256SUMS or golden.npz say
+            it is.
 
     """
     folder = Path(path)
     contents = _read_files(folder)
-    digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in listed(contents)}
+    digests = {name: _sha256(contents[name]) for name in listed(contents)}
     sums = contents[SUMS]
     if sums != _sums(digests):
         _explain_sums(folder, sums, digests)
@@ -210,8 +185,7 @@ def read_bundle(path: Path | str) -> Bundle:
     if wear is not None and wear.joint_names != contract.joint_names:
         raise BundleError(f"{folder}: {WEAR} is for other joints than the contract; export it again")
     size = sum(map(len, contents.values()))
-    digest = hashlib.sha256(sums).hexdigest()
-    return Bundle(folder.resolve().name, contract, contents[POLICY], golden, card, digest, size, wear)
+    return Bundle(folder.resolve().name, contract, contents[POLICY], golden, card, _sha256(sums), size, wear)
 
 
 def listed(names: Collection[str]) -> tuple[str, ...]:
@@ -232,18 +206,20 @@ def write_bundle(
     if folder.exists():
         raise BundleError(f"{folder} exists already; choose another --out or remove it")
     contents = {POLICY: policy, CONTRACT: contract.to_json().encode(), CARD: card.encode()}
-    digests = {name: hashlib.sha256(data).hexdigest() for name, data in contents.items()}
-    contents[GOLDEN] = write_golden(golden, digests)
-    digests[GOLDEN] = hashlib.sha256(contents[GOLDEN]).hexdigest()
+    contents[GOLDEN] = write_golden(golden, {name: _sha256(data) for name, data in contents.items()})
     if wear is not None:
         contents[WEAR] = wear.to_json().encode()
-        digests[WEAR] = hashlib.sha256(contents[WEAR]).hexdigest()
-    contents[SUMS] = _sums(digests)
+    contents[SUMS] = _sums({name: _sha256(data) for name, data in contents.items()})
     with publish(folder) as partial:
         partial.mkdir()
         for name, data in contents.items():
             (partial / name).write_bytes(data)
     return folder
+
+
+def _sha256(data: bytes) -> str:
+    """Return a digest in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
 
 
 def _sums(digests: dict[str, str]) -> bytes:
@@ -268,8 +244,8 @@ def _read_files(folder: Path) -> dict[str, bytes]:
     for name, status in found.items():
         if not stat.S_ISREG(status.st_mode):
             raise BundleError(f"{folder}: {name} is not a plain file; links and directories are refused")
-        if status.st_size > MAX_FILE_BYTES:
-            raise BundleError(f"{folder}: {name} has {status.st_size} bytes; at most {MAX_FILE_BYTES} are read")
+        if status.st_size > MAX_BYTES:
+            raise BundleError(f"{folder}: {name} has {status.st_size} bytes; at most {MAX_BYTES} are read")
     try:
         return {name: (folder / name).read_bytes() for name in found}
     except OSError as error:

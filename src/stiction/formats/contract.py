@@ -11,14 +11,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import BundleError, unknown_name
 from stiction.formats.known_friction import TERM, joint_kinds
+from stiction.formats.plain import build, is_integer, is_number, is_text, parse_object
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 
 HISTORY_LENGTH = 11
@@ -93,12 +94,12 @@ class ObservationLayout:
         for term in self.terms:
             if term.name not in TERM_NAMES:
                 raise BundleError(unknown_name("observation term", term.name, TERM_NAMES))
-        if self.direction != "oldest_first" or self.layout != "frame_major" or self.history_length < 1:
+        counted = is_integer(self.history_length) and self.history_length >= 1
+        if self.direction != "oldest_first" or self.layout != "frame_major" or not counted:
             raise BundleError(
-                f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length}: "
+                f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length!r}: "
                 "expected 'oldest_first', 'frame_major' and a length of at least 1"
             )
-
         slow, kept = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_kept
         if slow and not (isinstance(kept, float) and 0 < kept < 1):
             raise BundleError(f"observation terms {', '.join(slow)} with slow_kept {kept!r}: expected one in (0, 1)")
@@ -119,26 +120,9 @@ class ObservationLayout:
         """Entries of the policy's input."""
         return self.frame_size * self.history_length
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> ObservationLayout:
-        """Build from plain data; raise `StictionError` where a field is missing or unknown."""
-        try:
-            rest = dict(data)
-            terms = tuple(Term(**term) for term in rest.pop("terms"))
-            return cls(terms=terms, **rest)
-        except (KeyError, TypeError) as error:
-            raise BundleError(f"the observation layout in the contract is malformed: {error}") from error
-
 
 def proprioception(
-    num_joints: int,
-    history_length: int = HISTORY_LENGTH,
-    known_kinds: int = 0,
-    slow_kept: float | None = None,
+    num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0, slow_kept: float | None = None
 ) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
 
@@ -152,50 +136,32 @@ def proprioception(
         slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
 
     """
-    layout = ObservationLayout(
-        (
-            Term("angular_velocity", 3, 0.25, 5.0, "base"),
-            Term("roll_pitch", 2, 1.0, 3.2, "base"),
-            Term("placeholder_terrain", 1, 1.0, 1.0, "none"),
-            Term("command", 3, 1.0, 5.0, "command"),
-            Term("placeholder_gait", 1, 1.0, 1.0, "none"),
-            Term("joint_position", num_joints, 1.0, 5.0, "joint", "standing"),
-            Term("joint_velocity", num_joints, 0.05, 5.0, "joint"),
-            Term("last_action", num_joints, 1.0, 10.0, "joint"),
-            Term("placeholder_contact", 1, 1.0, 1.0, "none"),
-        ),
-        history_length,
+    terms: tuple[Term, ...] = (
+        Term("angular_velocity", 3, 0.25, 5.0, "base"),
+        Term("roll_pitch", 2, 1.0, 3.2, "base"),
+        Term("placeholder_terrain", 1, 1.0, 1.0, "none"),
+        Term("command", 3, 1.0, 5.0, "command"),
+        Term("placeholder_gait", 1, 1.0, 1.0, "none"),
+        Term("joint_position", num_joints, 1.0, 5.0, "joint", "standing"),
+        Term("joint_velocity", num_joints, 0.05, 5.0, "joint"),
+        Term("last_action", num_joints, 1.0, 10.0, "joint"),
+        Term("placeholder_contact", 1, 1.0, 1.0, "none"),
     )
-    terms = layout.terms
     if known_kinds:
-        terms += (Term("known_friction", known_kinds, 5.0, 5.0, "kind"),)
+        terms += (Term(TERM, known_kinds, 5.0, 5.0, "kind"),)
     if slow_kept is not None:
-        terms += tuple(
-            Term(name, num_joints, scale, 5.0, "joint_size")
-            for name, scale in zip(SLOW_TERMS, (4.0, 0.5, 2.0), strict=True)
-        )
-    return replace(layout, terms=terms, slow_kept=slow_kept)
+        scales = zip(SLOW_TERMS, (4.0, 0.5, 2.0), strict=True)
+        terms += tuple(Term(name, num_joints, scale, 5.0, "joint_size") for name, scale in scales)
+    return ObservationLayout(terms, history_length, slow_kept=slow_kept)
 
 
 SCHEMA_VERSION = 2
 """Version of contract.json. Version 1 is read as well; any other is refused."""
 
-LATER: dict[str, tuple[int, float | None]] = {
-    "compensation": (1, None),
-    "compensation_width": (1, 0.05),
-    "stribeck": (2, None),
-    "actuator": (2, None),
-    "known_friction": (2, None),
-    "known_friction_file": (2, None),
-    "phases": (2, None),
-}
-"""Field that came later -> the last version in which it may be missing, and what it is then."""
-
-LARGEST = 1e9
-"""Bound of every number: JSON allows 1e999 and integers of any length."""
-
-PER_JOINT = ("kp", "kd", "standing", "lower", "upper", "torque_limit", "armature", "damping", "friction")
-"""Fields with one number per joint, in the order of `joint_names`."""
+LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(
+    ("stribeck", "actuator", "known_friction", "known_friction_file", "phases"), 2
+)
+"""Field that came later -> the last version in which it may be missing; it is then its default."""
 
 METHODS = {
     "none": "conventional domain randomisation, without dry friction in the joints",
@@ -206,12 +172,6 @@ METHODS = {
     "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
 }
 """Training method with friction -> what it means, in words for people."""
-
-TERM_SIZES = {"angular_velocity": 3, "roll_pitch": 2, "command": 3}
-"""Sizes that do not depend on the robot."""
-
-JOINT_TERMS = ("joint_position", "joint_velocity", "last_action", *SLOW_TERMS)
-"""Terms with one entry per joint."""
 
 
 @dataclass(frozen=True)
@@ -300,8 +260,13 @@ class Contract:
 
     def __post_init__(self) -> None:
         """Refuse what no runtime could obey."""
-        _check_scalars(self)
+        for name, (allowed, expected) in RULES.items():
+            _expect(allowed(getattr(self, name)), name, getattr(self, name), expected)
+        period = self.decimation * self.physics_timestep
+        right = math.isclose(period, self.control_period, rel_tol=1e-9)
+        _expect(right, "control_period", self.control_period, f"{period}, 'decimation' times 'physics_timestep'")
         _check_joints(self)
+        _check_friction(self)
         _check_observation(self.observation, self.joint_names)
         _check_known_friction(self)
 
@@ -332,9 +297,7 @@ class Contract:
 
     def to_json(self) -> str:
         """Return the text of contract.json, keys in the order of the fields."""
-        data = asdict(self)
-        data["observation"] = self.observation.to_dict()
-        return json.dumps(data, indent=2) + "\n"
+        return json.dumps(asdict(self), indent=2) + "\n"
 
 
 def read_contract(text: bytes) -> Contract:
@@ -344,42 +307,78 @@ def read_contract(text: bytes) -> Contract:
         BundleError: not JSON, a field missing, unknown, of the wrong type or size, or not finite.
 
     """
-    try:
-        data = json.loads(text.decode("utf-8"), parse_constant=_refuse_constant)
-    except (ValueError, RecursionError) as error:  # not UTF-8, not JSON, or an endless integer
-        raise BundleError(f"contract.json is not JSON: {error}; export the bundle again") from error
-    if not isinstance(data, dict):
-        raise BundleError(f"contract.json holds a {type(data).__name__}; expected an object")
+    data = parse_object(text, "contract.json", "the contract of a policy; export the bundle again", BundleError)
     version = data.get("schema_version")
-    data = {name: value for name, (last, value) in LATER.items() if version in range(1, last + 1)} | data
+    later = {name for name, last in LATER.items() if version in range(1, last + 1)}
     if version == 1:
         data["schema_version"] = SCHEMA_VERSION
-    known = {field.name for field in fields(Contract)}
-    if missing := sorted(known - data.keys()):
-        raise BundleError(f"contract.json lacks the field {missing[0]!r}; export the bundle again")
-    if unknown := sorted(data.keys() - known):
-        raise BundleError(f"contract.json has the field {unknown[0]!r}, which schema {SCHEMA_VERSION} does not know")
-    if not isinstance(data["observation"], dict):
-        raise BundleError("contract field 'observation' must be an object with 'terms'")
-    data["observation"] = ObservationLayout.from_dict(data["observation"])
-    for name in ("joint_names", "friction_range", *PER_JOINT):
-        if not isinstance(data[name], list):
-            raise BundleError(f"contract field {name!r} must be a list, not {data[name]!r}")
-        data[name] = tuple(data[name])
-    for name in ("compensation", "stribeck"):
-        if isinstance(data[name], list):
-            data[name] = tuple(data[name])
-    return Contract(**data)
+    return build(Contract, data, "contract.json", BundleError, {field.name for field in fields(Contract)} - later)
 
 
-def _refuse_constant(text: str) -> float:
-    """Refuse NaN and Infinity, which JSON does not have."""
-    raise BundleError(f"contract.json contains {text}; every number must be finite")
+LARGEST = 1e9
+"""Bound of every number: JSON allows 1e999 and integers of any length."""
+
+Rule = tuple[Callable[[Any], bool], str]
+"""Whether a value is allowed, and what is expected in words."""
 
 
-def _is_number(value: object) -> bool:
-    """Say whether `value` is a number of a size that something physical can have (and not a bool)."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and -LARGEST < value < LARGEST
+def _positive(value: Any) -> bool:
+    """Return whether a value is a number above zero, of a size that something physical can have."""
+    return is_number(value, LARGEST) and value > 0
+
+
+def _not_negative(value: Any) -> bool:
+    """Return whether a value is zero or such a number."""
+    return is_number(value, LARGEST) and value >= 0
+
+
+def _is_range(value: Any) -> bool:
+    """Return whether a value is the two ends of a range that does not begin below zero."""
+    return len(value) == 2 and all(map(_not_negative, value)) and value[0] <= value[1]
+
+
+def _is_file(value: Any) -> bool:
+    """Return whether a value names a file, or is None."""
+    named = isinstance(value, Mapping) and set(value) == {"name", "sha256"}
+    return value is None or (named and all(isinstance(text, str) for text in value.values()))
+
+
+def _one_of(*values: Any) -> Rule:
+    """Return the rule of a field that knows some values alone."""
+    words = " or ".join("null" if value is None else repr(value) for value in values)
+    return lambda value: value in values and not isinstance(value, bool), words
+
+
+NUMBER: Rule = lambda value: is_number(value, LARGEST), "a finite number"
+POSITIVE: Rule = _positive, "a positive number"
+NOT_NEGATIVE: Rule = _not_negative, "a number >= 0"
+COUNT: Rule = lambda value: is_integer(value) and value >= 0, "an integer >= 0"
+TEXT: Rule = is_text, "a text that is not empty"
+FILE: Rule = _is_file, "null, or an object with the texts 'name' and 'sha256'"
+
+RULES: dict[str, Rule] = {
+    "schema_version": _one_of(SCHEMA_VERSION),
+    **dict.fromkeys(("robot", "terrain", "method", "revision", "command"), TEXT),
+    "friction_law": _one_of(*simulated_laws()),
+    **dict.fromkeys(("seed", "decimation"), COUNT),
+    "phases": _one_of(1, 2, None),
+    **dict.fromkeys(
+        ("control_period", "physics_timestep", "action_scale", "action_clip", "compensation_width"), POSITIVE
+    ),
+    "friction_level": NOT_NEGATIVE,
+    "friction_range": (_is_range, "two numbers, 0 <= low <= high"),
+    "action_offset": _one_of("standing"),
+    "quaternion_order": _one_of("wxyz"),
+    **dict.fromkeys(("joints_file", "actuator", "known_friction_file"), FILE),
+}
+"""Field -> what it may be, of those that do not depend on the number of joints."""
+
+PER_JOINT: dict[str, Rule] = {
+    **dict.fromkeys(("standing", "lower", "upper"), NUMBER),
+    **dict.fromkeys(("kp", "torque_limit", "armature"), POSITIVE),
+    **dict.fromkeys(("kd", "damping", "friction"), NOT_NEGATIVE),
+}
+"""Field with one number per joint, in the order of `joint_names` -> what each may be."""
 
 
 def _expect(condition: bool, field: str, value: object, expected: str) -> None:
@@ -388,59 +387,20 @@ def _expect(condition: bool, field: str, value: object, expected: str) -> None:
         raise BundleError(f"contract field {field!r} is {value!r}; expected {expected}")
 
 
-def _check_scalars(contract: Contract) -> None:
-    """Check every field that does not depend on the number of joints."""
-    c = contract
-    _expect(c.schema_version == SCHEMA_VERSION, "schema_version", c.schema_version, f"{SCHEMA_VERSION}")
-    for name in ("robot", "terrain", "method", "friction_law", "revision", "command"):
-        value = getattr(c, name)
-        _expect(isinstance(value, str) and bool(value.strip()), name, value, "a text that is not empty")
-    laws = simulated_laws()
-    _expect(c.friction_law in laws, "friction_law", c.friction_law, " or ".join(map(repr, laws)))
-    for name in ("seed", "decimation"):
-        value = getattr(c, name)
-        _expect(isinstance(value, int) and not isinstance(value, bool) and value >= 0, name, value, "an integer >= 0")
-    _expect(c.phases in (None, 1, 2) and c.phases is not True, "phases", c.phases, "1, 2 or null")
-    for name in ("control_period", "physics_timestep", "action_scale", "action_clip", "compensation_width"):
-        value = getattr(c, name)
-        _expect(_is_number(value) and value > 0, name, value, "a positive number")
-    _expect(_is_number(c.friction_level) and c.friction_level >= 0, "friction_level", c.friction_level, "a number >= 0")
-    span = c.friction_range
-    ordered = len(span) == 2 and all(map(_is_number, span)) and 0 <= span[0] <= span[1]
-    _expect(ordered, "friction_range", span, "two numbers, 0 <= low <= high")
-    period = c.decimation * c.physics_timestep
-    _expect(math.isclose(period, c.control_period, rel_tol=1e-9), "control_period", c.control_period, f"{period}")
-    _expect(c.action_offset == "standing", "action_offset", c.action_offset, "'standing'")
-    _expect(c.quaternion_order == "wxyz", "quaternion_order", c.quaternion_order, "'wxyz'")
-    for name in ("joints_file", "actuator", "known_friction_file"):
-        file = getattr(c, name)
-        if file is not None:
-            named = isinstance(file, Mapping) and set(file) == {"name", "sha256"}
-            texts = named and all(isinstance(value, str) for value in file.values())
-            _expect(texts, name, file, "null, or an object with the texts 'name' and 'sha256'")
-
-
 def _check_joints(contract: Contract) -> None:
     """Check names, sizes and ranges of the fields with one entry per joint."""
     names = contract.joint_names
     valid = len(names) > 0 and all(isinstance(name, str) and name for name in names)
     _expect(valid and len(set(names)) == len(names), "joint_names", names, "different names, at least one")
-    for field in PER_JOINT:
+    for field, (allowed, expected) in PER_JOINT.items():
         values = getattr(contract, field)
-        _expect(len(values) == len(names), field, f"{len(values)} entries", f"{len(names)}, one per joint")
-        _expect(all(map(_is_number, values)), field, values, "finite numbers")
+        right = len(values) == len(names) and all(map(allowed, values))
+        _expect(right, field, values, f"{expected} for each of the {len(names)} joints")
     for name, lower, standing, upper in zip(names, contract.lower, contract.standing, contract.upper, strict=True):
         _expect(lower < standing < upper, "standing", f"{standing} at {name}", f"an angle within ({lower}, {upper})")
-    for field in ("kp", "torque_limit", "armature"):
-        _expect(min(getattr(contract, field)) > 0, field, getattr(contract, field), "positive numbers")
-    for field in ("kd", "damping", "friction"):
-        _expect(min(getattr(contract, field)) >= 0, field, getattr(contract, field), "numbers >= 0")
-    extra = contract.compensation
-    fits = extra is None or (
-        isinstance(extra, tuple) and len(extra) == len(names) and all(_is_number(x) and x >= 0 for x in extra)
-    )
-    _expect(fits, "compensation", extra, f"null, or {len(names)} numbers >= 0, one per joint")
-    _check_friction(contract)
+    added = contract.compensation
+    right = added is None or (len(added) == len(names) and all(map(_not_negative, added)))
+    _expect(right, "compensation", added, f"null, or a number >= 0 for each of the {len(names)} joints")
 
 
 def _check_friction(contract: Contract) -> None:
@@ -449,16 +409,33 @@ def _check_friction(contract: Contract) -> None:
     Of torques it is the mean share of the limit, of coefficients their mean.
     """
     law, shape = contract.friction_law, contract.stribeck
-    pair = isinstance(shape, tuple) and len(shape) == 2 and all(map(_is_number, shape))
     shaped = bool(LAWS[law].numbers)
-    right = pair and shape is not None and 1 <= shape[0] <= 10 and shape[1] > 0 if shaped else shape is None
-    _expect(right, "stribeck", shape, "a ratio in [1, 10] and a positive speed" if shaped else "null")
+    pair = shape is not None and len(shape) == 2 and all(map(_positive, shape)) and 1 <= shape[0] <= 10
+    expected = "a ratio in [1, 10] and a positive speed" if shaped else "null"
+    _expect(pair if shaped else shape is None, "stribeck", shape, expected)
     coefficients = has_coefficient(law)
     units = [1.0] * contract.num_joints if coefficients else contract.torque_limit
     mean = sum(value / unit for value, unit in zip(contract.friction, units, strict=True)) / len(units)
     agrees = math.isclose(mean, contract.friction_level, rel_tol=1e-6, abs_tol=1e-9)
     what = "the mean of 'friction'" if coefficients else "the mean of 'friction' over 'torque_limit'"
     _expect(agrees, "friction_level", contract.friction_level, f"{mean:g}, {what}")
+
+
+def _check_observation(layout: ObservationLayout, joint_names: tuple[str, ...]) -> None:
+    """Check that every term has the size and the numbers that a runtime can build."""
+    of_joints = ("joint_position", "joint_velocity", "last_action", *SLOW_TERMS)
+    sizes = {"angular_velocity": 3, "roll_pitch": 2, "command": 3, TERM: len(joint_kinds(joint_names))}
+    sizes |= dict.fromkeys(of_joints, len(joint_names))
+    names = [term.name for term in layout.terms]
+    _expect(len(set(names)) == len(names) > 0, "observation.terms", names, "different terms, at least one")
+    for term in layout.terms:
+        where, size = f"observation.{term.name}", sizes.get(term.name, term.size)
+        right = is_integer(term.size) and term.size >= 1 and term.size == size
+        _expect(right, f"{where}.size", term.size, f"{size}")
+        for field in ("scale", "clip"):
+            _expect(_positive(getattr(term, field)), f"{where}.{field}", getattr(term, field), POSITIVE[1])
+        offset, expected = _one_of("none", "standing") if term.name == "joint_position" else _one_of("none")
+        _expect(offset(term.offset), f"{where}.offset", term.offset, expected)
 
 
 def _check_known_friction(contract: Contract) -> None:
@@ -469,25 +446,5 @@ def _check_known_friction(contract: Contract) -> None:
         file = contract.known_friction_file
         _expect(file is None, "known_friction_file", file, "null, as 'known_friction' is")
         return
-    fits = (
-        isinstance(told, Mapping) and set(told) == set(kinds) and all(_is_number(x) and x >= 0 for x in told.values())
-    )
-    _expect(fits, "known_friction", told, f"an object with a number >= 0 for each of {', '.join(kinds)}, or null")
-
-
-def _check_observation(layout: ObservationLayout, joint_names: tuple[str, ...]) -> None:
-    """Check that every term has the size and the numbers that a runtime can build."""
-    sizes = TERM_SIZES | dict.fromkeys(JOINT_TERMS, len(joint_names)) | {TERM: len(joint_kinds(joint_names))}
-    names = [term.name for term in layout.terms]
-    _expect(len(set(names)) == len(names) > 0, "observation.terms", names, "different terms, at least one")
-    _expect(isinstance(layout.history_length, int), "observation.history_length", layout.history_length, "an integer")
-    for term in layout.terms:
-        where = f"observation.{term.name}"
-        expected = sizes.get(term.name, term.size)
-        integer = isinstance(term.size, int) and not isinstance(term.size, bool) and term.size >= 1
-        _expect(integer and term.size == expected, f"{where}.size", term.size, f"{expected}")
-        for field in ("scale", "clip"):
-            value = getattr(term, field)
-            _expect(_is_number(value) and value > 0, f"{where}.{field}", value, "a positive number")
-        offsets = ("none", "standing") if term.name == "joint_position" else ("none",)
-        _expect(term.offset in offsets, f"{where}.offset", term.offset, " or ".join(map(repr, offsets)))
+    right = isinstance(told, Mapping) and set(told) == set(kinds) and all(map(_not_negative, told.values()))
+    _expect(right, "known_friction", told, f"an object with a number >= 0 for each of {', '.join(kinds)}, or null")

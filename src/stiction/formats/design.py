@@ -2,34 +2,51 @@
 
 from __future__ import annotations
 
-import json
 import shlex
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import FileError
-from stiction.formats.tables import read_npz_arrays
+from stiction.core.records import column
+from stiction.formats.plain import build, read_object, take_version
+from stiction.formats.tables import read_arrays, write_arrays
 
 SCHEMA_VERSION = 1
 """Raised when a reader of the older form would misunderstand the newer one."""
+
+
+def percent(share: float) -> str:
+    """Return a share in per cent with two digits."""
+    return f"{two_digits(100 * share)} %"
+
+
+def two_digits(value: float) -> str:
+    """Return a number rounded to two digits, without an exponent where people would not write one: 120, not 1.2e+02."""
+    return f"{float(f'{value:.2g}'):g}"
+
+
+def _with_unit(name: str) -> str:
+    """Return a parameter, or its combination with the motor strength, with its unit."""
+    unit = "kg m²" if "inertia" in name else "N m s/rad" if "viscous_friction" in name else "N m"
+    return f"{name} [{unit}]"
 
 
 @dataclass(frozen=True)
 class Predicted:
     """What the log will tell of one parameter."""
 
-    name: str
+    name: str = field(metadata=column("", form=_with_unit))
     """As in `joints.json`, or a combination with the motor strength k."""
-    value: float
+    value: float = field(metadata=column("guess", form=".4g"))
     """The guess that the prediction rests on."""
-    std: float
+    std: float = field(metadata=column("predicted std", form=".2g"))
     """Predicted standard deviation (Cramér–Rao) at the guess."""
-    relative: float | None
+    relative: float | None = field(metadata=column("of the guess", form=percent))
     """`std` over `value`; None where the guess is zero [1]."""
-    worst_relative: float | None
+    worst_relative: float | None = field(metadata=column("at worst", form=percent))
     """The largest over the range of guesses [1]."""
 
 
@@ -69,16 +86,16 @@ class GainPoint:
 class GainTrial:
     """What gains promised before the search."""
 
-    kp: float
+    kp: float = field(metadata=column("kp", "N m/rad", "g"))
     """[N m/rad]."""
-    kd: float
+    kd: float = field(metadata=column("kd", "N m s/rad", "g"))
     """[N m s/rad]."""
-    worst: float | None
+    worst: float | None = field(metadata=column("worst deviation", form=percent))
     """Largest relative standard deviation over the range of guesses, best of a few motions; None: none fits the
     limits."""
-    reach: float
+    reach: float = field(metadata=column("reach", form=".0%"))
     """Range of that motion over that of its target, for the joint that follows worst [1]."""
-    tracks: bool
+    tracks: bool = field(metadata=column("tracks"))
     """Whether a log can be made at these gains."""
 
 
@@ -153,33 +170,10 @@ class ExcitationDesign:
         return {"schema_version": SCHEMA_VERSION, **asdict(self)}
 
 
-def percent(share: float | None) -> str:
-    """Return a share in per cent with two digits, nothing for None."""
-    return "" if share is None else f"{two_digits(100 * share)} %"
-
-
-def two_digits(value: float) -> str:
-    """Return a number rounded to two digits, without an exponent where people would not write one: 120, not 1.2e+02."""
-    return f"{float(f'{value:.2g}'):g}"
-
-
-ROWS = {"predicted": Predicted, "sines": OneSine, "trials": GainTrial, "sweep": GainPoint}
-"""Fields that are rows of a record of their own."""
-
-
 def load_design(path: Path) -> ExcitationDesign:
     """Read `design.json`; raise `StictionError` for a file that is not one."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        if data.pop("schema_version") != SCHEMA_VERSION:
-            raise FileError(f"{path.name}: another schema version than {SCHEMA_VERSION}; run `stiction excite` again")
-        for name, kind in ROWS.items():
-            data[name] = tuple(kind(**row) for row in data[name])
-        return ExcitationDesign(**data)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-        raise FileError(
-            f"{path.name}: not readable as a design of `stiction excite` ({str(error)[:120]}); run it again"
-        ) from error
+    data = take_version(read_object(path, "a design of `stiction excite`"), SCHEMA_VERSION, path.name)
+    return build(ExcitationDesign, data, path.name)
 
 
 @dataclass(frozen=True)
@@ -212,15 +206,12 @@ class DesignSignals:
 
 def write_signals(path: Path, signals: DesignSignals) -> None:
     """Write `design.npz`."""
-    arrays = {item.name: getattr(signals, item.name).astype(np.float32) for item in fields(DesignSignals)}
-    np.savez_compressed(path, allow_pickle=False, **arrays)
+    write_arrays(path, signals)
 
 
 def read_signals(path: Path) -> DesignSignals:
     """Read `design.npz`; raise `StictionError` if a signal is missing or lengths differ."""
-    arrays = read_npz_arrays(path)
-    names = [item.name for item in fields(DesignSignals)]
-    missing = [name for name in names if name not in arrays]
-    if missing or len({len(arrays[name]) for name in names}) != 1:
-        raise FileError(f"{path.name}: {', '.join(missing) or 'lengths'} wrong; run `stiction excite` again")
-    return DesignSignals(**{name: arrays[name] for name in names})
+    signals = read_arrays(path, DesignSignals, "run `stiction excite` again")
+    if len({values.shape for values in vars(signals).values()}) != 1:
+        raise FileError(f"{path.name}: its signals differ in length; run `stiction excite` again")
+    return signals

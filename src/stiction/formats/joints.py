@@ -9,8 +9,6 @@ and a run can be compared line by line. The rest is for people: what the level r
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -20,6 +18,7 @@ import numpy as np
 
 from stiction.core.errors import FileError, unknown_name
 from stiction.formats.log import AXES, TEST_CONDITIONS
+from stiction.formats.plain import is_number, read_object, take_version, write_object
 from stiction.formats.tables import read_npz_arrays
 from stiction.joints.friction import SYMMETRIC
 from stiction.joints.net import TORQUE_SOURCES
@@ -68,7 +67,7 @@ class Estimate:
             raise FileError(
                 f"{where}: expected an object with value, std and interval95, got {str(data)[:80]}"
             ) from error
-        if any(isinstance(n, bool) or not isinstance(n, int | float) or not math.isfinite(n) for n in numbers):
+        if not all(map(is_number, numbers)):
             raise FileError(f"{where}: expected finite numbers, got {str(data)[:80]}")
         if data["std"] < 0 or not low <= data["value"] <= high:
             raise FileError(f"{where}: expected std >= 0 and the value within interval95, got {str(data)[:80]}")
@@ -131,13 +130,9 @@ class JointRecord:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        data: dict[str, Any] = {}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            data[item.name] = value.to_dict() if isinstance(value, Estimate) else value
+        data = vars(self) | {name: value.to_dict() for name, value in vars(self).items() if isinstance(value, Estimate)}
         data["combinations"] = {name: value.to_dict() for name, value in self.combinations.items()}
-        data["warnings"] = list(self.warnings)
-        return data
+        return data | {"warnings": list(self.warnings)}
 
     @classmethod
     def from_dict(cls, data: Any, where: str) -> JointRecord:
@@ -169,9 +164,7 @@ def _check_settings(values: dict[str, Any], where: str) -> None:
             raise FileError(f"{where}.{name}: {values[name]!r}; expected one of {', '.join(map(str, allowed))}")
     for name in ("kp", "kd", "torque_limit"):
         value = values.get(name)
-        if value is not None and (
-            isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf
-        ):
+        if value is not None and not (is_number(value) and value >= 0):
             raise FileError(f"{where}.{name}: {value!r}; expected a number that is not negative, or null")
     law = values.get("friction_law")
     if law is not None and not isinstance(law, dict):
@@ -228,24 +221,15 @@ class JointsFile:
 
     def write(self, path: Path) -> None:
         """Write the file."""
-        text = json.dumps(self.to_dict(), indent=2, allow_nan=False, ensure_ascii=False)
-        path.write_text(text + "\n", encoding="utf-8")
+        write_object(path, self.to_dict())
 
 
 def load_joints(path: Path) -> JointsFile:
     """Read and validate a `joints.json`; raise `FileError` that names the field that is wrong."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise FileError(f"{path.name}: not JSON ({str(error)[:120]}); expected the joints.json of identify") from error
-    if isinstance(data, dict) and "friction" in data:
+    data = read_object(path, "the joints.json of identify")
+    if "friction" in data:
         raise FileError(f"{path.name}: this proposes what to train; expected the joints.json that lies beside it")
-    if not isinstance(data, dict) or data.get("schema_version") != SCHEMA_VERSION:
-        found = data.get("schema_version") if isinstance(data, dict) else None
-        raise FileError(f"{path.name}: schema version {found!r}; this program reads version {SCHEMA_VERSION}")
-    joints = data.get("joints")
+    joints = take_version(data, SCHEMA_VERSION, path.name).get("joints")
     if not isinstance(joints, dict) or not joints:
         raise FileError(f"{path.name}: field 'joints' must be an object with at least one joint")
     return JointsFile({name: JointRecord.from_dict(entry, f"{path.name}: {name}") for name, entry in joints.items()})
@@ -309,37 +293,21 @@ def read_fit(path: Path, joint: str) -> FitSignals:
     return FitSignals(**{name: values.astype(float) for name, values in found.items()})
 
 
-TRAINING_SCHEMA_VERSION = 1
-"""Raised when a reader of the older form would misunderstand the newer one."""
-
-
 def write_training(path: Path, proposal: dict[str, Any]) -> None:
     """Write a proposal: `friction`, null where none can be proposed, `text`, and whatever else explains it."""
-    text = json.dumps(
-        {"schema_version": TRAINING_SCHEMA_VERSION, **proposal}, indent=2, allow_nan=False, ensure_ascii=False
-    )
-    path.write_text(text + "\n", encoding="utf-8")
+    write_object(path, {"schema_version": SCHEMA_VERSION, **proposal})
 
 
 def read_training(path: Path) -> dict[str, Any]:
     """Return the whole proposal; raise `StictionError` for a file that is none, or proposes no friction."""
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise FileError(f"cannot read {path}: {error.strerror or error}") from error
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise FileError(f"{path.name}: not JSON ({str(error)[:120]}); expected a training.json") from error
-    if isinstance(data, dict) and {"joints", "warnings"} <= data.keys() and "friction" not in data:
+    data = read_object(path, "the training.json of `stiction identify`")
+    if {"joints", "warnings"} <= data.keys() and "friction" not in data:
         raise FileError(f"{path.name}: these are identified joints; expected the training.json that lies beside them")
-    if not isinstance(data, dict) or "friction" not in data or data.get("schema_version") != TRAINING_SCHEMA_VERSION:
-        found = data.get("schema_version") if isinstance(data, dict) else None
-        raise FileError(
-            f"{path.name}: schema version {found!r}; expected the training.json of `stiction identify`, with "
-            f"'friction' and version {TRAINING_SCHEMA_VERSION}"
-        )
-    if data["friction"] is None:
+    take_version(data, SCHEMA_VERSION, path.name)
+    friction = data.get("friction", {})
+    if friction is None:
         reason = " ".join(str(data.get("text", "it does not say why")).split())[:400]
         raise FileError(f"{path.name} proposes no joint friction to train with: {reason}")
-    if not isinstance(data["friction"], dict) or not {"method", "level"} <= data["friction"].keys():
-        raise FileError(f"{path.name}: 'friction' is {data['friction']!r}; expected at least 'method' and 'level'")
+    if not isinstance(friction, dict) or not {"method", "level"} <= friction.keys():
+        raise FileError(f"{path.name}: 'friction' is {friction!r}; expected at least 'method' and 'level'")
     return data

@@ -8,7 +8,6 @@ name. The sidecar of `swing.csv` is `swing.json` (`stiction.formats.log`). Nothi
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError, unknown_name
+from stiction.formats.plain import is_number, read_object
 from stiction.formats.tables import Columns, read_csv, read_npz, read_parquet, write_csv, write_npz, write_parquet
 from stiction.joints.net import TORQUE_SOURCES
 
@@ -31,6 +31,9 @@ WHOLE_LOG = ("rate", "names", "joints")
 
 LARGEST_SIDECAR = 2**20
 """Nobody writes more by hand [B]."""
+
+LARGEST_NUMBER = 1e12
+"""Nothing physical has more, in its unit."""
 
 
 @dataclass(frozen=True)
@@ -97,14 +100,7 @@ def read_setup(path: Path) -> LogSetup:
 
 def read_sidecar(sidecar: Path) -> LogSetup:
     """Read a sidecar; raise `LogError` for a file that is none."""
-    try:
-        if sidecar.stat().st_size > LARGEST_SIDECAR:
-            raise LogError(f"{sidecar.name}: over {LARGEST_SIDECAR} bytes; expected the fields of a log's sidecar")
-        data = json.loads(sidecar.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise LogError(f"cannot read {sidecar}: {error.strerror or error}; expected the sidecar of a log") from error
-    except (UnicodeDecodeError, ValueError, RecursionError) as error:
-        raise LogError(f"{sidecar.name}: not readable as JSON ({str(error)[:120]})") from error
+    data = read_object(sidecar, "the sidecar of a log", LogError, LARGEST_SIDECAR)
     return setup_from_dict(data, sidecar.name)
 
 
@@ -144,10 +140,8 @@ def _check_field(name: str, value: Any, source: str) -> None:
     elif name == "torque_calibrated":
         if not isinstance(value, bool):
             raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected true or false")
-    elif isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < math.inf:
-        raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected a number")
-    elif abs(value) > 1e12:
-        raise LogError(f"{source}: {name} is {str(value)[:80]}; expected a number of a physical size")
+    elif not is_number(value, LARGEST_NUMBER):
+        raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected a number of a physical size")
 
 
 def _names(value: Any, source: str) -> tuple[str, ...]:

@@ -6,11 +6,13 @@ import csv
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from stiction.core.errors import FileError
+from stiction.core.records import column
+from stiction.formats.plain import read_object, take_version
 
 SCHEMA_VERSION = 1
 """Version of summary.json."""
@@ -24,7 +26,10 @@ FOLLOWS = (0.8, 1.2)
 
 @dataclass(frozen=True)
 class ResultRow:
-    """One row of results.csv; its fields are the columns, in their order. None is an empty cell."""
+    """One row of results.csv; its fields are the columns, in their order. None is an empty cell.
+
+    Tables for people show the measured columns, see `core.records.column`.
+    """
 
     policy: str
     """Name of the bundle."""
@@ -42,37 +47,34 @@ class ResultRow:
     """Terrain: `flat`."""
     command: str
     """Commanded velocity: `vx=0.5`."""
-    speed_ratio: float | None
+    speed_ratio: float | None = field(metadata=column("speed ratio", form=".2f"))
     """Speed reached along the command over the commanded speed [-]; None where none is commanded."""
-    tracking_error: float
+    tracking_error: float = field(metadata=column("error", form=".3f"))
     """Mean error of the velocity, averaged over windows of 1 s [m/s], of the yaw rate [rad/s] for a pure turn."""
-    fall_rate: float
+    fall_rate: float = field(metadata=column("falls", form=".0%"))
     """Share of episodes with a fall [-]."""
     distance: float
     """Mean displacement of the base in the measured part [m]."""
-    steps_climbed: float | None
+    steps_climbed: float | None = field(metadata=column("steps passed", form=".1f"))
     """Mean number of stairs climbed; None on flat ground."""
-    cost_of_transport: float | None
+    cost_of_transport: float | None = field(metadata=column("cost of transport", form=".2f"))
     """Mechanical energy over weight times displacement [-]; None where the robot does not get away."""
-    joint_jitter: float
+    joint_jitter: float = field(metadata=column("jitter", form=".0f"))
     """Root mean square, over joints and steps, of the change of joint velocity over one control period, divided by that
     period [rad/s²]. Motion faster than half the control rate aliases: a joint that swings once a period shows none."""
-    tripod_share: float | None
+    tripod_share: float | None = field(metadata=column("tripod", form=".0%"))
     """Share of moving steps in which the feet on the ground are exactly one contact group [-]; None without any."""
-    flight_share: float | None
+    flight_share: float | None = field(metadata=column("flight", form=".0%"))
     """Share of moving steps with no foot on the ground [-]; None without any."""
-    episodes: int
+    episodes: int = field(metadata=column("episodes"))
     """Number of episodes behind the row."""
 
 
-COLUMNS = tuple(field.name for field in fields(ResultRow))
+COLUMNS = tuple(item.name for item in fields(ResultRow))
 """Header of results.csv."""
 
-OPTIONAL = ("speed_ratio", "steps_climbed", "cost_of_transport", "tripod_share", "flight_share")
-"""Columns that may be empty."""
-
-TEXTS = ("policy", "method", "engine", "friction_law", "terrain", "command")
-INTEGERS = ("seed", "episodes")
+KINDS = get_type_hints(ResultRow)
+"""Column -> the type of its cells; those that may be None may be empty."""
 
 
 def write_results(path: Path, rows: Iterable[ResultRow]) -> None:
@@ -106,20 +108,21 @@ def _parse(path: Path, number: int, cells: list[str]) -> ResultRow:
     """Turn one line into a row."""
     if len(cells) != len(COLUMNS):
         raise FileError(f"{path}, line {number}: {len(cells)} cells; expected {len(COLUMNS)}")
-    values: dict[str, Any] = {}
-    for name, cell in zip(COLUMNS, cells, strict=True):
-        try:
-            if name in TEXTS:
-                values[name] = cell
-            elif name in INTEGERS:
-                values[name] = int(cell)
-            else:
-                values[name] = None if cell == "" and name in OPTIONAL else float(cell)
-        except ValueError as error:
-            raise FileError(f"{path}, line {number}: {name} is {cell!r}; expected a number") from error
-        if isinstance(values[name], float) and not math.isfinite(values[name]):
-            raise FileError(f"{path}, line {number}: {name} is {cell!r}; expected a finite number")
-    return ResultRow(**values)
+    return ResultRow(**{name: _value(f"{path}, line {number}", name, cell) for name, cell in zip(COLUMNS, cells)})
+
+
+def _value(where: str, name: str, cell: str) -> Any:
+    """Return what a cell says."""
+    kinds = get_args(KINDS[name])
+    if cell == "" and kinds:
+        return None
+    try:
+        value = (kinds[0] if kinds else KINDS[name])(cell)
+    except ValueError as error:
+        raise FileError(f"{where}: {name} is {cell!r}; expected a number") from error
+    if isinstance(value, float) and not math.isfinite(value):
+        raise FileError(f"{where}: {name} is {cell!r}; expected a finite number")
+    return value
 
 
 def write_summary(path: Path, summary: dict[str, Any]) -> None:
@@ -134,13 +137,9 @@ def read_summary(path: Path) -> dict[str, Any]:
         StictionError: it cannot be read, or is none of this version.
 
     """
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path} cannot be read as a summary: {error}") from error
-    if not isinstance(found, dict) or found.get("schema_version") != SCHEMA_VERSION:
-        raise FileError(f"{path} is no summary.json of schema version {SCHEMA_VERSION}")
-    return found
+    return {"schema_version": SCHEMA_VERSION} | take_version(
+        read_object(path, "a summary.json"), SCHEMA_VERSION, path.name
+    )
 
 
 def summary_text(summary: dict[str, Any]) -> str:

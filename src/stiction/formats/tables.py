@@ -1,25 +1,28 @@
-"""Tables of numbers with named columns, as CSV or NPZ: read whole or not at all, and nothing that executes code.
+"""Arrays of numbers with names, as CSV, NPZ or Parquet: read whole or not at all, and nothing that executes code.
 
 A matrix in an NPZ file, shape (num_samples, num_joints), becomes the columns `name_0`, `name_1`, ...
-
-The one module of this room that leans on a library beyond NumPy, and only when a Parquet file is read or written.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 import math
 import tokenize
 import warnings
 import zipfile
 import zlib
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
+from typing import Any, TypeVar
 
 import numpy as np
 
-from stiction.core.errors import LogError
+from stiction.core.cache import publish
+from stiction.core.errors import FileError, LogError
+from stiction.formats.plain import parse_object, take_version
 
 Columns = dict[str, np.ndarray]
 """Column name -> values, shape (num_samples,)."""
@@ -147,22 +150,29 @@ def read_npz_arrays(path: Path) -> Columns:
 
     Every member is inflated whole, so that its checksum is compared, and only after the sizes that it declares.
     """
-    content = read_bytes(path)
+    return parse_npz(path.name, read_bytes(path))
+
+
+def parse_npz(source: str, content: bytes, most: int = LARGEST_TABLE) -> Columns:
+    """Return the arrays of an NPZ file of that content, as `read_npz_arrays` does.
+
+    source: the file's name, for messages; most: bytes that it may inflate to.
+    """
     if not zipfile.is_zipfile(io.BytesIO(content)):
-        raise LogError(f"{path.name}: not an NPZ file, which is a ZIP archive of arrays; write it with numpy.savez")
+        raise LogError(f"{source}: not an NPZ file, which is a ZIP archive of arrays; write it with numpy.savez")
     arrays = {}
-    for member, data in read_archive(path.name, content).items():
+    for member, data in read_archive(source, content, most).items():
         try:
             arrays[member.removesuffix(".npy")] = _parse_array(data)
         except BROKEN_ARRAY as error:
             raise LogError(
-                f"{path.name}: not a readable NPZ file of plain arrays ({member}: {str(error)[:120]})"
+                f"{source}: not a readable NPZ file of plain arrays ({member}: {str(error)[:120]})"
             ) from error
     return arrays
 
 
-def read_archive(source: str, content: bytes) -> dict[str, bytes]:
-    """Return the members of a ZIP archive, name -> bytes; refuse one that would inflate to too much.
+def read_archive(source: str, content: bytes, most: int = LARGEST_TABLE) -> dict[str, bytes]:
+    """Return the members of a ZIP archive, name -> bytes; refuse one that would inflate to more than `most` bytes.
 
     source: the file's name, for messages.
     """
@@ -170,8 +180,8 @@ def read_archive(source: str, content: bytes) -> dict[str, bytes]:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             entries = archive.infolist()
             total = sum(entry.file_size for entry in entries)
-            if total > LARGEST_TABLE:
-                raise LogError(f"{source}: would inflate to {total} bytes; at most {LARGEST_TABLE} are read")
+            if total > most:
+                raise LogError(f"{source}: would inflate to {total} bytes; at most {most} are read")
             names = [entry.filename for entry in entries]
             if len(set(names)) != len(names):
                 raise LogError(f"{source}: the archive has a member twice; write it again")
@@ -216,6 +226,52 @@ BROKEN_ARRAY = (
     *(tokenize.TokenError, IndexError, AttributeError),
 )
 """What NumPy's reader of array headers lets through."""
+
+
+def read_header(arrays: Columns, schema: str, version: int, where: str) -> dict[str, Any]:
+    """Take the text `header` out of an NPZ file's arrays; return its JSON object without `schema` and version.
+
+    Raises `LogError` where it is no such text, or of another schema or version; `where` is named in messages.
+    """
+    text = arrays.pop("header", None)
+    if text is None or text.dtype.kind != "U" or text.ndim != 0:
+        raise LogError(f"{where}: no header; expected a file of the schema {schema!r}")
+    data = parse_object(str(text), f"{where}: header", f"one of the schema {schema!r}", LogError)
+    if data.pop("schema", None) != schema:
+        raise LogError(f"{where}: the header does not say {schema!r}; expected a file of that schema")
+    return take_version(data, version, where, LogError)
+
+
+def write_header(schema: str, version: int, header: dict[str, Any]) -> np.ndarray:
+    """Return what `read_header` reads, a text as an array of no dimension."""
+    return np.array(json.dumps({"schema": schema, "schema_version": version} | header, allow_nan=False))
+
+
+def publish_npz(path: Path, arrays: Columns, compressed: bool = False) -> None:
+    """Write arrays, whole or not at all; raise `FileError` where that cannot be done."""
+    save = np.savez_compressed if compressed else np.savez
+    try:
+        with publish(path) as partial, partial.open("wb") as file:
+            save(file, allow_pickle=False, **arrays)
+    except OSError as error:
+        raise FileError(f"cannot write {path}: {error.strerror or error}; choose another folder") from error
+
+
+Record = TypeVar("Record")
+
+
+def write_arrays(path: Path, record: Any) -> None:
+    """Write the fields of a dataclass, all arrays, in single precision."""
+    arrays = {item.name: np.asarray(getattr(record, item.name), np.float32) for item in fields(record)}
+    np.savez_compressed(path, allow_pickle=False, **arrays)
+
+
+def read_arrays(path: Path, kind: type[Record], remedy: str) -> Record:
+    """Return the dataclass that `write_arrays` wrote; raise `FileError`, with a `remedy`, where an array is odd."""
+    arrays = read_npz_arrays(path)
+    if odd := sorted(arrays.keys() ^ {item.name for item in fields(kind)}):  # type: ignore[arg-type]
+        raise FileError(f"{path.name}: the array {odd[0]!r} is missing or unknown; {remedy}")
+    return kind(**arrays)
 
 
 def write_csv(path: Path, table: Columns) -> None:

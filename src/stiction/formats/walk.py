@@ -10,8 +10,6 @@ object with `schema`, `schema_version`, and every field of `WalkHeader`.
 
 from __future__ import annotations
 
-import json
-import math
 import zipfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -20,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.cache import publish
 from stiction.core.errors import FileError, LogError
-from stiction.formats.tables import BROKEN_ARCHIVE, read_npz_arrays
+from stiction.formats.plain import build, is_number, is_text
+from stiction.formats.tables import BROKEN_ARCHIVE, publish_npz, read_header, read_npz_arrays, write_header
 from stiction.joints.net import TORQUE_SOURCES
 
 
@@ -113,20 +111,25 @@ class WalkHeader:
 
     def __post_init__(self) -> None:
         """Refuse what no log has."""
-        _expect(_texts((self.robot, self.recorded_in)), "robot, recorded_in", (self.robot, self.recorded_in), "texts")
+        _expect(
+            all(map(is_text, (self.robot, self.recorded_in))),
+            "robot, recorded_in",
+            (self.robot, self.recorded_in),
+            "texts",
+        )
         for name in ("joint_names", "foot_names"):
             value = getattr(self, name)
-            unique = len(set(value)) == len(value) and (len(value) > 0 or name == "foot_names")
-            _expect(_texts(value) and unique, name, value, "different names")
-        _expect(_number(self.period) and 1e-5 <= self.period <= 0.1, "period", self.period, "1e-5 to 0.1 s")
+            different = all(map(is_text, value)) and len(set(value)) == len(value)
+            _expect(different and (len(value) > 0 or name == "foot_names"), name, value, "different names")
+        _expect(is_number(self.period) and 1e-5 <= self.period <= 0.1, "period", self.period, "1e-5 to 0.1 s")
         for name, least in (("kp", 0.0), ("kd", 0.0), ("torque_limit", 1e-9)):
             value = getattr(self, name)
-            right = len(value) == len(self.joint_names) and all(_number(n) and n >= least for n in value)
+            right = len(value) == len(self.joint_names) and all(is_number(n) and n >= least for n in value)
             _expect(right, name, value, f"{len(self.joint_names)} numbers of at least {least:g}, one per joint")
         sources = (*TORQUE_SOURCES, None)
         _expect(self.torque_source in sources, "torque_source", self.torque_source, " or ".join(TORQUE_SOURCES))
         _expect(all(isinstance(t, str) for t in (self.policy, self.command)), "policy, command", self.policy, "texts")
-        named = isinstance(self.noise, dict) and all(map(_number, self.noise.values()))
+        named = isinstance(self.noise, dict) and all(map(is_number, self.noise.values()))
         _expect(named, "noise", self.noise, "an object of numbers")
 
 
@@ -195,16 +198,6 @@ OPTIONAL = ("joint_torque", "specific_force", "linear_velocity", "foot_contact",
 """Arrays that a log may lack."""
 
 
-def _number(value: object) -> bool:
-    """Return whether a value is a finite number and not a bool."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _texts(values: Any) -> bool:
-    """Return whether all values are texts that are not empty."""
-    return all(isinstance(value, str) and value.strip() for value in values)
-
-
 def _expect(condition: bool, name: str, value: object, expected: str) -> None:
     """Raise `LogError` naming the field unless the condition holds."""
     if not condition:
@@ -218,13 +211,8 @@ def write_walk(path: Path, log: WalkLog) -> None:
         array = getattr(log, name)
         if array is not None:
             arrays[name] = array if array.dtype == bool or name == "time" else array.astype(np.float32)
-    header = {"schema": SCHEMA, "schema_version": SCHEMA_VERSION} | asdict(log.header)
-    arrays["header"] = np.array(json.dumps(header, allow_nan=False))
-    try:
-        with publish(path) as partial, partial.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-    except OSError as error:
-        raise LogError(f"cannot write {path}: {error.strerror or error}; choose another folder") from error
+    arrays["header"] = write_header(SCHEMA, SCHEMA_VERSION, asdict(log.header))
+    publish_npz(path, arrays, compressed=True)
 
 
 def is_walk(path: Path) -> bool:
@@ -244,41 +232,18 @@ def read_walk(path: Path) -> WalkLog:
 
     """
     arrays = read_npz_arrays(path)
-    text = arrays.pop("header", np.array(0))
-    if text.dtype.kind != "U" or text.ndim != 0:
-        raise LogError(f"{path.name}: no header; expected a walking log of evaluate --log or of deploy")
+    data = read_header(arrays, SCHEMA, SCHEMA_VERSION, path.name)
     if unknown := sorted(set(arrays) - set(SIGNALS)):
         raise LogError(f"{path.name}: unknown array {unknown[0]!r}; expected some of {', '.join(SIGNALS)}")
     if missing := [name for name in SIGNALS if name not in arrays and name not in OPTIONAL]:
         raise LogError(f"{path.name}: no array {missing[0]!r}; log it")
+    complete = {item.name for item in fields(WalkHeader)} - {"torque_source"}
     try:
-        header = _read_header(str(text))
+        header = build(WalkHeader, data, "header", LogError, complete)
         doubles = {name: a if a.dtype.kind != "f" else a.astype(np.float64) for name, a in arrays.items()}
         return WalkLog(header, **doubles)
     except LogError as error:
         raise LogError(f"{path.name}: {error}") from error
-
-
-def _read_header(text: str) -> WalkHeader:
-    """Parse and check the header."""
-    try:
-        data = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise LogError(f"the header is not JSON ({str(error)[:80]})") from error
-    if not isinstance(data, dict) or data.pop("schema", None) != SCHEMA:
-        raise LogError(f"the header does not say {SCHEMA!r}; expected a log of evaluate --log or of deploy")
-    version = data.pop("schema_version", None)
-    if version != SCHEMA_VERSION:
-        raise LogError(f"schema version {version!r}; this program reads version {SCHEMA_VERSION}")
-    data.setdefault("torque_source", None)
-    known = {item.name for item in fields(WalkHeader)}
-    if odd := sorted(known ^ data.keys()):
-        raise LogError(f"header field {odd[0]!r} is missing or unknown")
-    for name in ("joint_names", "foot_names", "kp", "kd", "torque_limit"):
-        if not isinstance(data[name], list):
-            raise LogError(f"header field {name!r} is {str(data[name])[:80]}; expected a list")
-        data[name] = tuple(data[name])
-    return WalkHeader(**data)
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from stiction.core.errors import BundleError
+from stiction.formats.plain import build, parse_object, take_version
 
 SCHEMA_VERSION = 1
 """Version of wear.json; any other is refused."""
@@ -88,17 +89,13 @@ def read_wear(text: bytes) -> WearModel:
         StictionError: not JSON, another version, or a field missing, unknown, or of the wrong kind or size.
 
     """
+    data = take_version(
+        parse_object(text, "wear.json", "a map of the wear monitor", BundleError),
+        SCHEMA_VERSION,
+        "wear.json",
+        BundleError,
+    )
     try:
-        data = json.loads(text.decode("utf-8"))
-        if not isinstance(data, dict) or data.pop("schema_version", None) != SCHEMA_VERSION:
-            raise BundleError(f"wear.json is not of schema version {SCHEMA_VERSION}; make it again")
-        if odd := sorted(data.keys() ^ {field.name for field in fields(WearModel)}):
-            raise BundleError(f"wear.json: the field {odd[0]!r} is missing or unknown; make it again")
-        data["weights"] = tuple(tuple(float(value) for value in row) for row in data["weights"])
-        for name in ("center", "scale", "intercept", "reach", "determination", "coverage"):
-            data[name] = tuple(float(value) for value in data[name])
-        for name in ("joint_names", "told"):
-            data[name] = tuple(data[name])
-        return WearModel(**data)
-    except (ValueError, TypeError, RecursionError) as error:
+        return build(WearModel, data, "wear.json", BundleError)
+    except (ValueError, TypeError) as error:
         raise BundleError(f"wear.json is malformed: {error}; make it again") from error

@@ -69,35 +69,43 @@ def render_demo(
 ) -> str:
     """Return the page as one HTML text.
 
-    Args:
-        joints: what was identified.
-        policies: the policies, in the order of the page; may be empty.
-        rows: results of all policies.
-        summary: what was run, as in summary.json; `policies` is empty where none was evaluated.
-        clips: command and level of the clips.
-        warnings: what was left out, and why.
-
+    policies: in the order of the page; may be empty. summary: what was run, as in summary.json; `policies` is empty
+    where none was evaluated. warnings: what was left out, and why.
     """
-    sections = [_introduction(), *(_joint_section(joint) for joint in joints)]
+    sections = [Section("What is this about?", tuple(map(paragraph, INTRODUCTION))), *map(_joint_section, joints)]
+    lead = NO_POLICY
     if policies:
+        lead = LEAD.format(level=clips.level)
+        heading = "Three ways to train, one robot" if len(policies) == 3 else "The policies"
+        budget = budget_picture(draw_budget(rows)), paragraph(BUDGET_TEXT), _followed(rows, policies)
         sections += [
+            Section(heading, _policy_blocks(policies)),
             Section(
-                "Three ways to train, one robot" if len(policies) == 3 else "The policies", _policy_blocks(policies)
+                f"How they walk with {clips.level:.0%} friction in every joint", (_clip_row(policies, rows, clips),)
             ),
-            Section(
-                f"How they walk with {clips.level:.0%} friction in every joint", _clip_blocks(policies, rows, clips)
-            ),
-            Section(
-                "How much friction each of them bears",
-                (budget_picture(draw_budget(rows)), *_budget_text(rows, policies)),
-            ),
+            Section("How much friction each of them bears", budget),
             Section("Are these files what they claim to be?", _check_blocks(policies)),
             Section("Every number", (results_table(rows), definitions_table())),
             Section("What was run", run_blocks(summary)),
         ]
-    sections.append(_next_steps())
-    return render_page("Dry friction in robot joints, from a log to a policy", sections, _lead(rows, clips), warnings)
+    sections.append(Section("Go on from here", (table(["you want to", "command"], NEXT_STEPS),)))
+    return render_page("Dry friction in robot joints, from a log to a policy", sections, lead, warnings)
 
+
+NO_POLICY = "A joint was identified. No policy was evaluated."
+
+LEAD = (
+    "Dry friction was identified from a log, and policies that were trained without it and with it walked side by side "
+    "with friction of {level:.0%} of each joint's torque limit, and of less and more."
+)
+
+NEXT_STEPS = (
+    ("identify a joint of your own", "stiction identify LOG.csv --kp 20 --kd 0.5 --torque-limit 25"),
+    ("train a policy that copes with 20 %", "stiction train --method deception --friction-level 0.2"),
+    ("make a bundle of it", "stiction export runs/train"),
+    ("check a bundle", "stiction verify BUNDLE"),
+    ("see what it bears", "stiction evaluate BUNDLE --friction-levels 0 0.1 0.2 0.3"),
+)
 
 INTRODUCTION = (
     "A joint with dry friction does not move until the motor pushes harder than the friction. The simulators in which "
@@ -127,30 +135,6 @@ CHECK_TEXT = (
 )
 
 
-def _introduction() -> Section:
-    """Return what this is about."""
-    return Section("What is this about?", tuple(paragraph(text) for text in INTRODUCTION))
-
-
-def _lead(rows: Sequence[ResultRow], clips: DemoClips) -> str:
-    """Return what the policies reached at the nominal level, in a sentence each."""
-    sentences = []
-    for policy in dict.fromkeys(r.policy for r in rows):
-        found = [
-            r for r in rows if r.policy == policy and r.friction_level == clips.level and r.speed_ratio is not None
-        ]
-        reached = " and ".join(f"{_ratio_text(r)} of {r.command}" for r in found)
-        if found:
-            sentences.append(f"trained with “{found[0].method}”, it reached {reached}")
-    if not sentences:
-        return "A joint was identified. No policy was evaluated."
-    return (
-        f"With dry friction at {clips.level:.0%} of each joint's torque limit, a walking robot: "
-        + "; ".join(sentences)
-        + "."
-    )
-
-
 def _joint_section(joint: DemoJoint) -> Section:
     """Return one identification."""
     notes = (paragraph(f"Warning: {warning}") for warning in joint.record.warnings)
@@ -178,51 +162,33 @@ def _policy_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
     )
 
 
-def _clip_blocks(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], clips: DemoClips) -> tuple[Markup, ...]:
+def _clip_row(policies: Sequence[DemoPolicy], rows: Sequence[ResultRow], clips: DemoClips) -> Markup:
     """Return the clips side by side, or what is known without them."""
+    ratios = {
+        r.policy: f"{r.speed_ratio:.0%} of it ({row_pace(r)})"
+        for r in rows
+        if (r.friction_level, r.command) == (clips.level, clips.command) and r.speed_ratio is not None
+    }
     shown = []
     for policy in policies:
-        reached = _reached(rows, policy.bundle.name, clips)
-        caption = f"{policy.bundle.contract.method}: commanded {clips.command}, reached {reached} of it"
+        reached = ratios.get(policy.bundle.name, "an unknown share of it")
+        caption = f"{policy.bundle.contract.method}: commanded {clips.command}, reached {reached}"
         shown.append(paragraph(caption) if policy.clip is None else picture(file_uri(policy.clip), caption))
-    return (row(*shown),)
+    return row(*shown)
 
 
-def _reached(rows: Sequence[ResultRow], policy: str, clips: DemoClips) -> str:
-    """Return the speed ratio of a policy at the clips' level and command, as text."""
-    for r in rows:
-        if (r.policy, r.friction_level, r.command) == (
-            policy,
-            clips.level,
-            clips.command,
-        ) and r.speed_ratio is not None:
-            return _ratio_text(r)
-    return "an unknown share"
-
-
-def _ratio_text(r: ResultRow) -> str:
-    """Return a row's speed ratio, and what is wrong with it: `43% (too slow)`."""
-    return f"{r.speed_ratio:.0%}" + (f" ({wrong})" if (wrong := row_pace(r)) != "follows" else "")
-
-
-def _budget_text(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
-    """Return how to read the figure, and for each policy the levels at which it follows, and what it does at others."""
+def _followed(rows: Sequence[ResultRow], policies: Sequence[DemoPolicy]) -> Markup:
+    """Tabulate at which tested levels each policy follows each command, and what it does at others."""
+    moving = sorted((r for r in rows if r.speed_ratio is not None), key=lambda r: r.friction_level)
+    commands = list(dict.fromkeys(r.command for r in rows if r.speed_ratio is not None))
     cells = []
     for policy in policies:
-        own = [r for r in rows if r.policy == policy.bundle.name and r.speed_ratio is not None]
-        commands = dict.fromkeys(r.command for r in own)
-        cells.append([policy.bundle.contract.method, *(_where(own, command) for command in commands)])
-    header = ["method", *dict.fromkeys(r.command for r in rows if r.speed_ratio is not None)]
-    return (
-        paragraph(BUDGET_TEXT),
-        table(header, cells),
-    )
-
-
-def _where(rows: Sequence[ResultRow], command: str) -> str:
-    """Return at which tested levels a command was followed, and at which the robot was too fast or too slow."""
-    own = sorted((r for r in rows if r.command == command), key=lambda r: r.friction_level)
-    return paces_text([(f"{r.friction_level:.0%}", {row_pace(r) or ""}) for r in own])
+        paces: dict[str, list[tuple[str, set[str]]]] = {command: [] for command in commands}
+        for r in moving:
+            if r.policy == policy.bundle.name:
+                paces[r.command].append((f"{r.friction_level:.0%}", {row_pace(r) or ""}))
+        cells.append([policy.bundle.contract.method, *map(paces_text, paces.values())])
+    return table(["method", *commands], cells)
 
 
 def _check_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
@@ -240,23 +206,4 @@ def _check_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
         paragraph(CHECK_TEXT),
         table(["bundle", "size", "replay, largest difference", "digest"], cells),
         paragraph("The digests guard against damage and mix-ups. They are not a signature."),
-    )
-
-
-def _next_steps() -> Section:
-    """Return the commands to go on with."""
-    return Section(
-        "Go on from here",
-        (
-            table(
-                ["you want to", "command"],
-                (
-                    ("identify a joint of your own", "stiction identify LOG.csv --kp 20 --kd 0.5 --torque-limit 25"),
-                    ("train a policy that copes with 20 %", "stiction train --method deception --friction-level 0.2"),
-                    ("make a bundle of it", "stiction export runs/train"),
-                    ("check a bundle", "stiction verify BUNDLE"),
-                    ("see what it bears", "stiction evaluate BUNDLE --friction-levels 0 0.1 0.2 0.3"),
-                ),
-            ),
-        ),
     )

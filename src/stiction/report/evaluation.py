@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,20 +25,18 @@ from stiction.report.page import (
     INK,
     Section,
     Spread,
-    color_of,
     draw_seeds,
-    figure_uri,
+    figure_block,
     legend,
+    line_look,
     new_figure,
     paragraph,
-    picture,
     render_page,
-    style_of,
     table,
 )
+from stiction.report.terminal import result_cells
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -53,38 +52,38 @@ def sample_text(sample: Sample | None, form: str) -> str:
     return text
 
 
-Place = tuple[str, str]
+Scene = tuple[str, str]
 """Engine and ground of a row."""
 
-DEFAULT: Place = ("mujoco", "flat")
+DEFAULT: Scene = ("mujoco", "flat")
 """Where policies walk unless something else is asked for."""
 
 
-def place_of(row: ResultRow | Sample) -> Place:
+def _scene(row: ResultRow | Sample) -> Scene:
     """Return where a row was walked."""
     return row.engine, row.terrain
 
 
-def places(rows: Sequence[ResultRow]) -> list[Place]:
-    """Return every place once."""
-    return list(dict.fromkeys(map(place_of, rows)))
+def _scenes(rows: Sequence[ResultRow]) -> list[Scene]:
+    """Return every scene once."""
+    return list(dict.fromkeys(map(_scene, rows)))
 
 
-def place_text(place: Place) -> str:
-    """Return a place as people read it: `physx`, `physx on stairs=0.1`."""
-    engine, terrain = place
+def _scene_text(scene: Scene) -> str:
+    """Return a scene as people read it: `physx`, `physx on stairs=0.1`."""
+    engine, terrain = scene
     return engine if terrain == "flat" else f"{engine} on {terrain}"
 
 
 def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), methods: Mapping[str, str] = {}) -> Figure:
     """Return the friction budget: speed ratio over friction level, a line for each policy or training method.
 
-    A column of panels for each command; a row for each place, and for each law there: their levels have other units.
+    A column of panels for each command; a row for each scene, and for each law there: their levels have other units.
     samples: the training methods over their seeds; methods: policy -> its method. Of one with several seeds there is
-    their mean with its interval and every seed, see `draw_seeds`; of any other a line for each policy.
+    their mean with its interval and every seed; of any other a line for each policy.
     """
     moving = [row for row in rows if row.speed_ratio is not None]
-    lines = list(dict.fromkeys((place_of(row), row.friction_law) for row in moving))
+    lines = list(dict.fromkeys((_scene(row), row.friction_law) for row in moving))
     columns = list(dict.fromkeys(row.command for row in moving))
     width, height = max(1, len(columns)), max(1, len(lines))
     figure, axes = new_figure(height, width, size=(4.6 * width, 3.4 * height))
@@ -92,19 +91,22 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
     several = {sample.method for sample in speeds if sample.low is not None}
     drawn = {row.policy: methods[row.policy] if methods.get(row.policy) in several else row.policy for row in rows}
     names = list(dict.fromkeys(drawn.values()))
-    for number, axis in enumerate(axes[: len(lines) * len(columns)]):
-        (place, law), command = lines[number // width], columns[number % width]
-        shown = [row for row in moving if (place_of(row), row.friction_law, row.command) == (place, law, command)]
+    panels = [(scene, law, command) for scene, law in lines for command in columns]
+    for axis, panel in zip(axes, panels, strict=False):
+        scene, law, command = panel
+        shown = [row for row in moving if (_scene(row), row.friction_law, row.command) == panel]
+        own = [one for one in speeds if (_scene(one), one.friction_law, one.command) == panel]
         axis.set_visible(bool(shown))
         axis.axhspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
         axis.axhline(0.0, color=INK, linewidth=0.8)
-        own = [one for one in speeds if (place_of(one), one.friction_law, one.command) == (place, law, command)]
         for name in names:
             if name in several:
                 draw_seeds(axis, _spreads([one for one in own if one.method == name]), name, names)
-            else:
-                _draw_policy(axis, [row for row in shown if row.policy == name], name, names)
-        where = f"{place_text(place)}, " if places(moving) != [DEFAULT] else ""
+                continue
+            points = sorted((level_number(law, r.friction_level), r.speed_ratio) for r in shown if r.policy == name)
+            levels, ratios = ([point[k] for point in points] for k in (0, 1))
+            axis.plot(levels, ratios, marker="o", markersize=4, label=name, **line_look(name, names))
+        where = f"{_scene_text(scene)}, " if _scenes(moving) != [DEFAULT] else ""
         axis.set(title=f"{where}commanded {command}", xlabel=level_axis(law))
     if moving:
         for axis in axes[::width]:
@@ -114,17 +116,9 @@ def draw_budget(rows: Sequence[ResultRow], samples: Sequence[Sample] = (), metho
 
 
 def _spreads(samples: Sequence[Sample]) -> list[Spread]:
-    """Return the samples of one way in one panel, by their level."""
+    """Return the samples of one training method in one panel, by their level."""
     own = sorted(samples, key=lambda one: one.friction_level)
     return [Spread(level_number(s.friction_law, s.friction_level), s.mean, s.low, s.high, s.each) for s in own]
-
-
-def _draw_policy(axis: Axes, rows: Sequence[ResultRow], name: str, names: Sequence[str]) -> None:
-    """Draw the rows of one policy in one panel; each has a speed ratio."""
-    points = sorted((level_number(row.friction_law, row.friction_level), row.speed_ratio or 0.0) for row in rows)
-    levels, ratios = [level for level, _ in points], [ratio for _, ratio in points]
-    color, style = color_of(name, names), style_of(name, names)
-    axis.plot(levels, ratios, marker="o", markersize=4, label=name, color=color, linestyle=style)
 
 
 TITLE = "Speed over joint friction"
@@ -181,8 +175,8 @@ FED_FORWARD = (
 INTERVALS = "In brackets: Wilson's 95 % intervals, over episodes; over robots where those are virtual."
 """What stands behind a rate."""
 
-MEASURES = {"speed_ratio": ".2f", "tracking_error": ".3f", "fall_rate": ".0%", "joint_jitter": ".0f"}
-"""Columns of the table of training methods -> how their numbers are written."""
+MEASURES = ("speed_ratio", "tracking_error", "fall_rate", "joint_jitter")
+"""Columns of results.csv that the table of training methods shows."""
 
 SAMPLES = (
     "Mean ± 95 % t-interval over training seeds: a seed is one sample, however many episodes it walked; one seed has "
@@ -241,18 +235,18 @@ def write_evaluation(
 def lead(rows: Sequence[ResultRow]) -> str:
     """Return the answer in a sentence for each policy: at which levels it follows all commands with a speed."""
     sentences = []
-    several = len(places(rows)) > 1
+    scenes = _scenes(rows)
     for policy in dict.fromkeys(row.policy for row in rows):
-        for place in places(rows):
-            own = [row for row in rows if row.policy == policy and place_of(row) == place]
+        for scene in scenes:
+            own = [row for row in rows if row.policy == policy and _scene(row) == scene]
             if own:
-                where = f", {place_text(place)}," if several else ""
+                where = f", {_scene_text(scene)}," if len(scenes) > 1 else ""
                 sentences.append(f"{policy}{where} {_follows_where(own)}")
     return " ".join((*sentences, f"A policy is one training seed. {DEFINITION}"))
 
 
 def _follows_where(rows: Sequence[ResultRow]) -> str:
-    """Return at which levels one policy follows in one place, as the end of a sentence."""
+    """Return at which levels one policy follows in one scene, as the end of a sentence."""
     levels: dict[tuple[str, float], set[str]] = {}
     for row in rows:
         if (seen := row_pace(row)) is not None:
@@ -284,21 +278,17 @@ def methods_table(samples: Sequence[Sample]) -> Markup:
     for one in samples:
         if one.command != BOTH:
             level = _level(one.friction_law, one.friction_level)
-            cell = one.method, one.engine, one.terrain, level, one.command
-            cells.setdefault(cell, {})[one.column] = one
+            cells.setdefault((one.method, one.engine, one.terrain, level, one.command), {})[one.column] = one
     rows = []
-    for place, own in cells.items():
+    look = {item.name: item.metadata for item in fields(ResultRow)}
+    for cell, own in cells.items():
         speed = own.get("speed_ratio")
         points = [] if speed is None else [float(point) for point in speed.each.split()]
         each = ", ".join(f"{point:.2f}" for point in points) or "–"
-        numbers = (sample_text(own.get(column), form) for column, form in MEASURES.items())
-        rows.append([*place, *numbers, _paces(points), each])
-    header = ["method", "engine", "ground", "friction", "command"]
-    return table(
-        [*header, "speed ratio", "error", "falls", "jitter", "pace of the seeds", "speed ratio of each seed"],
-        rows,
-        SAMPLES,
-    )
+        numbers = (sample_text(own.get(name), look[name]["form"]) for name in MEASURES)
+        rows.append([*cell, *numbers, _paces(points), each])
+    header = ["method", "engine", "ground", "friction", "command", *(look[name]["label"] for name in MEASURES)]
+    return table([*header, "pace of the seeds", "speed ratio of each seed"], rows, SAMPLES)
 
 
 def _paces(points: Sequence[float]) -> str:
@@ -311,7 +301,7 @@ def budget_picture(figure: Figure, samples: Sequence[Sample] = ()) -> Markup:
     """Return the friction budget as a block; figure: as `draw_budget` drew it with these samples."""
     seeds = any(sample.low is not None for sample in samples)
     caption = f"{OVER_SEEDS if seeds else 'Mean over episodes.'} {GREEN}"
-    return picture(figure_uri(figure), caption)
+    return figure_block(figure, caption)
 
 
 def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] = ()) -> Markup:
@@ -320,25 +310,21 @@ def results_table(rows: Sequence[ResultRow], details: Sequence[dict[str, Any]] =
     `details`: the same rows as in summary.json, for the share of moving steps and for the friction that a coefficient
     came to; without them that column and those torques are left out.
     """
-    names = [name for name, _ in DEFINITIONS if details or name != MOVING]
-    cells = [_cells(row) for row in rows]
-    for line, row, detail in zip(cells, rows, details, strict=bool(details)):
-        line.insert(-1, _number(detail["moving_share"], ".0%"))
-        line[6] += _interval(detail.get("fall_interval"))
+    lines = []
+    for row, detail in zip(rows, details or [{}] * len(rows), strict=True):
+        line = result_cells(row) | {"policy": row.policy, "engine": row.engine, "ground": row.terrain}
+        line["friction"] = _level(row.friction_law, row.friction_level)
         if has_coefficient(row.friction_law) and detail.get("mean_friction") is not None:
-            line[1] += f", {detail['mean_friction']:.2f} N m"
-    header = ["policy", "friction", "command", *names, "episodes"]
-    if places(rows) != [DEFAULT]:
-        header[1:1] = ["engine", "ground"]
-        over = any(row.terrain != "flat" for row in rows)
-        for line, row, detail in zip(cells, rows, details or [{}] * len(rows), strict=True):
-            line[1:1] = [row.engine, row.terrain]
-            if over:
-                line.insert(-1, _number(row.steps_climbed, ".1f"))
-                line.insert(-1, _number(detail.get("crossed"), ".0%") + _interval(detail.get("crossed_interval")))
-        if over:
-            header[-1:-1] = ["steps passed", "crossed"]
-    return table(header, cells, INTERVALS if details else "")
+            line["friction"] += f", {detail['mean_friction']:.2f} N m"
+        line["falls"] += _interval(detail.get("fall_interval"))
+        line[MOVING] = _share(detail.get("moving_share"))
+        line["crossed"] = _share(detail.get("crossed")) + _interval(detail.get("crossed_interval"))
+        lines.append(line)
+    where = ["engine", "ground"] if _scenes(rows) != [DEFAULT] else []
+    course = ["steps passed", "crossed"] if any(row.terrain != "flat" for row in rows) else []
+    measured = [name for name, _ in DEFINITIONS if details or name != MOVING]
+    header = ["policy", *where, "friction", "command", *measured, *course, "episodes"]
+    return table(header, [[line[name] for name in header] for line in lines], INTERVALS if details else "")
 
 
 def definitions_table() -> Markup:
@@ -371,27 +357,9 @@ def run_blocks(summary: dict[str, Any]) -> tuple[Markup, ...]:
     )
 
 
-def _cells(row: ResultRow) -> list[str]:
-    """Return one row as text."""
-    return [
-        row.policy,
-        _level(row.friction_law, row.friction_level),
-        row.command,
-        _number(row.speed_ratio, ".2f"),
-        row_pace(row) or "–",
-        _number(row.tracking_error, ".3f"),
-        _number(row.fall_rate, ".0%"),
-        _number(row.joint_jitter, ".0f"),
-        _number(row.cost_of_transport, ".2f"),
-        _number(row.tripod_share, ".0%"),
-        _number(row.flight_share, ".0%"),
-        str(row.episodes),
-    ]
-
-
-def _number(value: float | None, form: str) -> str:
-    """Return a number as text, a dash where there is none."""
-    return "–" if value is None else format(value, form)
+def _share(value: float | None) -> str:
+    """Return a share as text, a dash where there is none."""
+    return "–" if value is None else f"{value:.0%}"
 
 
 def _level(law: str, level: float) -> str:

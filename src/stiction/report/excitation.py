@@ -13,12 +13,12 @@ from stiction.report.page import (
     COLORS,
     INK,
     Section,
-    figure_uri,
+    figure_block,
     legend,
     new_figure,
     paragraph,
-    picture,
     render_page,
+    row_table,
     table,
 )
 
@@ -49,18 +49,16 @@ def draw_motion(design: ExcitationDesign, signals: DesignSignals) -> Markup:
             axis.plot(time, signals.target[shown], color=COLORS[2], linewidth=1.0, linestyle=":", label="target")
         span = max(float(np.abs(low).max()), float(np.abs(high).max()))
         for bound in bounds:
-            near = name != "torque" or abs(bound) < 4 * span
-            if near:
+            # A torque limit far outside would press the curves into a line.
+            if name != "torque" or abs(bound) < 4 * span:
                 axis.axhline(bound, color=COLORS[1], linewidth=1.0, linestyle="--")
         axis.set_ylabel(label)
     axes[-1].set_xlabel("time [s]")
     legend(axes[0])
-    far = limits["torque"] >= 4 * float(max(-signals.torque_low.min(), signals.torque_high.max()))
-    note = f" The torque limit, {limits['torque']:g} N m, is far outside the picture." if far else ""
-    return picture(
-        figure_uri(figure),
+    return figure_block(
+        figure,
         f"One of {design.repeats} equal patterns: a slow swing, whose torque is nearly all dry friction, and a fast "
-        f"part, which brings speed and acceleration. Dashed: the limits.{note}",
+        "part, which brings speed and acceleration. Dashed: the limits, a torque limit that is far outside left out.",
     )
 
 
@@ -74,21 +72,18 @@ def draw_sines(design: ExcitationDesign) -> Markup:
         frequency, [100 * sine.worst for sine in design.sines], color=INK, marker="o", ms=3, label="worst in the range"
     )
     left.axhline(100 * design.worst, color=INK, linestyle="--", linewidth=1.2, label="the design, worst in the range")
-    left.set_xlabel("frequency of the one sine [Hz]")
-    left.set_ylabel("standard deviation [% of the value]")
+    left.set(xlabel="frequency of the one sine [Hz]", ylabel="standard deviation [% of the value]")
     left.set_ylim(top=20 * left.get_ylim()[1])  # Room for the legend.
     legend(left)
     _plain(left, SINES)
     right.semilogx(frequency, [sine.correlation for sine in design.sines], marker="o", ms=3, label="one sine")
     right.axhline(design.correlation, color=INK, linestyle="--", linewidth=1.2, label="the design")
     right.set_ylim(-1.02, 0.02)
-    right.set_xlabel("frequency of the one sine [Hz]")
-    right.set_ylabel("correlation of B and f")
+    right.set(xlabel="frequency of the one sine [Hz]", ylabel="correlation of B and f")
     legend(right)
     _plain(right, SINES)
-    return picture(
-        figure_uri(figure),
-        "One sine of the same duration within the same limits, at each frequency, against the design.",
+    return figure_block(
+        figure, "One sine of the same duration within the same limits, at each frequency, against the design."
     )
 
 
@@ -102,11 +97,10 @@ def draw_sweep(design: ExcitationDesign) -> Markup:
     axis.axvline(design.gains["kp"], color=INK, linestyle="--", linewidth=1.0, label="kp to run at")
     if design.setup["kp"] != design.gains["kp"]:
         axis.axvline(design.setup["kp"], color=INK, linestyle=":", linewidth=1.0, label="kp given")
-    axis.set_xlabel("kp [N m/rad], kd with its root")
-    axis.set_ylabel("std of f [% of the value]")
+    axis.set(xlabel="kp [N m/rad], kd with its root", ylabel="std of f [% of the value]")
     legend(axis)
     _plain(axis, [point.kp for point in design.sweep])
-    return picture(figure_uri(figure), "What the same trajectory tells of Coulomb friction at other gains.")
+    return figure_block(figure, "What the same trajectory tells of Coulomb friction at other gains.")
 
 
 def _plain(axis, marks: Sequence[float]) -> None:
@@ -117,14 +111,6 @@ def _plain(axis, marks: Sequence[float]) -> None:
     axis.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
 
 
-UNITS = {
-    "inertia": "kg m²",
-    "viscous_friction": "N m s/rad",
-    "(viscous_friction+k*kd)": "N m s/rad",
-}
-"""Quantity -> unit; every other parameter is a torque [N m]."""
-
-
 def write_excitation_page(folder: Path) -> Path:
     """Write `report.html` beside the `design.json` and `design.npz` of `folder`; return its path."""
     design = load_design(folder / "design.json")
@@ -132,9 +118,11 @@ def write_excitation_page(folder: Path) -> Path:
     sections = [
         Section("How to run it", run_blocks(design)),
         Section("The motion, and its limits", (draw_motion(design, signals),)),
-        Section("What the log will tell", (_predicted(design), *_meaning(design))),
-        Section("Why one sine is not enough", (draw_sines(design), _sine_text(design))),
-        Section("Why these gains", (draw_sweep(design), *_gain_blocks(design))),
+        Section(
+            "What the log will tell", (row_table(design.predicted, PREDICTED), _assumptions(design), paragraph(WHITE))
+        ),
+        Section("Why one sine is not enough", (draw_sines(design), _sines(design), paragraph(ONE_SINE))),
+        Section("Why these gains", (draw_sweep(design), paragraph(GAINS), row_table(design.trials, TRIALS))),
     ]
     page = folder / "report.html"
     title = f"Excitation of joint {design.joint}"
@@ -143,146 +131,88 @@ def write_excitation_page(folder: Path) -> Path:
 
 
 def lead(design: ExcitationDesign) -> str:
-    """Return the answer in three sentences."""
-    friction = next(row for row in design.predicted if row.name.startswith("coulomb_friction"))
+    """Return how to run the log and what it tells."""
     return (
-        f"{design.advice} Play the trajectory back for {design.duration:g} s. White noise of the stated size alone "
-        f"would leave the Coulomb friction uncertain by {percent(friction.relative)}, and the worst of inertia, "
-        f"viscous and Coulomb friction by {percent(design.worst)}, whatever the joint is within a factor "
-        f"of {design.setup['spread']:g} of the guesses."
+        f"{design.advice} Play the trajectory back for {design.duration:g} s. White noise alone would leave the worst "
+        f"of inertia, viscous and Coulomb friction uncertain by {percent(design.worst)}, whatever the joint is within "
+        f"a factor of {design.setup['spread']:g} of the guesses."
     )
+
+
+PREDICTED = "Smallest standard deviation that an estimator can reach (Cramér–Rao), for the whole log"
+
+WHITE = (
+    "The prediction is for white noise, gains and target that are known exactly, and Coulomb's friction. Noise that "
+    "the controller feeds back into the joint, jitter of the clock, cogging and friction of another law are not in it: "
+    "the intervals of the real log will be wider, and stiction identify measures them."
+)
+
+ONE_SINE = (
+    "A slow sine shows dry friction and hardly any inertia or viscous friction. A fast one shows inertia; dry and "
+    "viscous friction merge, a correlation of ±1 means that the log cannot tell them apart. At nearly one speed, no "
+    "single sine shows that friction changes with speed. The time that a log takes grows with the square of the ratio."
+)
+
+GAINS = (
+    "Friction makes the angle lag by f/kp: the stiffer the loop, the less of it an encoder sees. A logged torque is "
+    "worth having once kp times the noise of the angle exceeds the noise of the torque: from there on high gains cost "
+    "nothing more. Gains that are not known exactly, or a motor that is not its command, move that to lower kp."
+)
+
+TRIALS = (
+    "Gains compared before the search, by the best of six motions; reach is the range of the motion over that of its "
+    "target, for the joint that follows worst"
+)
 
 
 def run_blocks(design: ExcitationDesign) -> tuple[Markup, ...]:
     """Say how to run the log safely."""
-    gains, limits = design.gains, design.limits
-    start = design.setup["start"]
-    steps = [
-        [
-            "1",
-            f"Clear the range from {limits['low']:.3g} to {limits['high']:.3g} rad, and keep a hand on the stop. "
-            "Fasten the base.",
-        ],
-        ["2", f"Set kp {gains['kp']:g} and kd {gains['kd']:g}, and let the driver cut off at the limits below."],
-        [
-            "3",
-            f"Bring the joint to {start:.4g} rad slowly, and hold it there: the motion starts and ends there, at rest.",
-        ],
-        [
-            "4",
-            f"Send trajectory.csv at {design.setup['rate']:g} Hz, one row a sample. First play it at half the "
-            "amplitude about the start pose, and listen.",
-        ],
-        [
-            "5",
-            f"Log time, angle{design.torque_too} and target at the same rate, with the time of the sample and not of "
-            "the writing. Keep the sidecar trajectory.json beside the log, under the log's name.",
-        ],
-        ["6", f"Then: {design.next_command}"],
-    ]
-    reached = design.reached
-    rows = [
-        ["lowest angle [rad]", f"{limits['low']:.4g}", f"{reached['low']:.4g}"],
-        ["highest angle [rad]", f"{limits['high']:.4g}", f"{reached['high']:.4g}"],
-        ["speed [rad/s]", f"{limits['speed']:.4g}", f"{reached['speed']:.4g}"],
-        ["torque [N m]", f"{limits['torque']:.4g}", f"{reached['torque']:.4g}"],
-    ]
+    gains, limits, reached = design.gains, design.limits, design.reached
+    steps = (
+        f"Clear the range from {limits['low']:.3g} to {limits['high']:.3g} rad, and keep a hand on the stop. Fasten "
+        "the base.",
+        f"Set kp {gains['kp']:g} and kd {gains['kd']:g}, and let the driver cut off at the limits below.",
+        f"Bring the joint to {design.setup['start']:.4g} rad slowly, and hold it there: the motion starts and ends "
+        "there, at rest.",
+        f"Send trajectory.csv at {design.setup['rate']:g} Hz, one row a sample. First play it at half the amplitude "
+        "about the start pose, and listen.",
+        f"Log time, angle{design.torque_too} and target at the same rate, with the time of the sample and not of the "
+        "writing. Keep the sidecar trajectory.json beside the log, under the log's name.",
+        f"Then: {design.next_command}",
+    )
+    names = {"low": "lowest angle [rad]", "high": "highest angle [rad]", "speed": "speed [rad/s]"}
+    names |= {"torque": "torque [N m]"}
+    rows = [[label, f"{limits[name]:.4g}", f"{reached[name]:.4g}"] for name, label in names.items()]
     caption = (
         "The furthest that any joint within the range of guesses goes, in simulation; the target counts as an angle"
     )
-    return (table(["", "what to do"], steps), table(["", "limit", "reached"], rows, caption))
+    numbered = ([str(number), step] for number, step in enumerate(steps, 1))
+    return table(["", "what to do"], numbered), table(["", "limit", "reached"], rows, caption)
 
 
-def _unit(name: str) -> str:
-    """Return the unit of a parameter or of its combination with the motor strength, which has none."""
-    return UNITS.get(name.removesuffix("/k"), "N m")
-
-
-def _predicted(design: ExcitationDesign) -> Markup:
-    """Tabulate the predicted deviations."""
-    rows = [
-        [
-            f"{row.name} [{_unit(row.name)}]",
-            f"{row.value:.4g}",
-            f"{row.std:.2g}",
-            percent(row.relative),
-            percent(row.worst_relative),
-        ]
-        for row in design.predicted
-    ]
-    caption = "Smallest standard deviation that an estimator can reach (Cramér–Rao), for the whole log"
-    return table(["", "guess", "std", "of the guess", "at worst in the range"], rows, caption)
-
-
-def _meaning(design: ExcitationDesign) -> tuple[Markup, ...]:
-    """Say what the prediction rests on, and how long a log must be."""
+def _assumptions(design: ExcitationDesign) -> Markup:
+    """Tabulate what the prediction rests on, and how long a log must be."""
     setup, wanted = design.setup, design.wanted
-    torque = "no torque" if setup["position_only"] else f"{setup['noise_torque']:g} N m of torque"
-    return (
-        paragraph(
-            f"The correlation between viscous and Coulomb friction is {design.correlation:.2f}; ±1 would mean that the "
-            f"log cannot tell them apart. For Coulomb friction to {percent(wanted['relative'])}, a log of "
-            f"{wanted['duration']:g} s in whole patterns is enough even at worst, as far as white noise goes; the "
-            "variance falls as one over the time."
-        ),
-        paragraph(
-            f"This rests on white noise of {setup['noise_position']:g} rad of angle and {torque}, an encoder step of "
-            f"{setup['resolution']:g} rad, gains and target that are known exactly, and friction that is Coulomb's. "
-            "Noise that the controller feeds back into the joint, jitter of the clock, cogging and friction of another "
-            "law are not in it: the intervals of the real log will be wider, 10 to 25 times in simulated logs with "
-            "correlated noise in the loop, and stiction identify measures them."
-        ),
-    )
+    torque = "not logged" if setup["position_only"] else f"{setup['noise_torque']:g} N m"
+    crossing = (setup["noise_torque"] or 0.0) / np.hypot(setup["noise_position"], setup["resolution"] / 12**0.5)
+    rows = [
+        ["white noise of the angle", f"{setup['noise_position']:g} rad"],
+        ["white noise of the torque", torque],
+        ["step of the encoder", f"{setup['resolution']:g} rad"],
+        ["kp from which on a logged torque is worth having", f"{crossing:.3g} N m/rad"],
+        ["correlation of viscous and Coulomb friction", f"{design.correlation:.2f}"],
+        [f"log for Coulomb friction to {percent(wanted['relative'])}, at worst", f"{wanted['duration']:g} s"],
+    ]
+    return table(["", "value"], rows)
 
 
-def _sine_text(design: ExcitationDesign) -> Markup:
-    """Say what the figure shows, in the numbers of this joint."""
+def _sines(design: ExcitationDesign) -> Markup:
+    """Tabulate what single sines leave, against the design."""
     if not design.sines:
         return paragraph("No single sine fits the limits and moves the joint.")
-    best = min(design.sines, key=lambda sine: sine.worst)
-    worst = max(design.sines, key=lambda sine: sine.worst)
-    closest = min(design.sines, key=lambda sine: sine.correlation)
-    ratio = best.worst / design.worst
-    verdict = f"{two_digits(ratio)} times the design's worst deviation"
-    if ratio > 1:
-        verdict += f", so it takes {two_digits(ratio**2)} times as long to know as much"
-    return paragraph(
-        f"A slow sine shows dry friction and hardly any inertia or viscous friction; a fast one shows inertia, and dry "
-        f"and viscous friction merge: at {closest.frequency:.2g} Hz their estimates have a correlation of "
-        f"{closest.correlation:.3f}. Even the best frequency tried, {best.frequency:.2g} Hz, leaves {verdict}; "
-        f"{worst.frequency:.2g} Hz leaves {two_digits(worst.worst / design.worst)} times. And a single sine, at nearly "
-        "one speed, cannot show that friction changes with speed."
-    )
-
-
-def _gain_blocks(design: ExcitationDesign) -> tuple[Markup, ...]:
-    """Say what gains do, and tabulate those that were compared."""
-    crossing = (design.setup["noise_torque"] or 0.0) / np.hypot(
-        design.setup["noise_position"], design.setup["resolution"] / 12**0.5
-    )
     rows = [
-        [
-            f"{trial.kp:g}",
-            f"{trial.kd:g}",
-            percent(trial.worst) or "not known",
-            f"{trial.reach:.0%}",
-            "yes" if trial.tracks else "no",
-        ]
-        for trial in design.trials
+        [f"{sine.frequency:.2g}", percent(sine.worst), two_digits(sine.worst / design.worst), f"{sine.correlation:.3f}"]
+        for sine in design.sines
     ]
-    return (
-        paragraph(
-            "Friction makes the angle lag by f/kp: the stiffer the loop, the less of it an encoder sees, so with "
-            "angles alone the deviation grows in proportion to kp. A logged torque is worth having once kp times the "
-            f"noise of the angle exceeds the noise of the torque, here above kp {crossing:.3g}: from there on high "
-            "gains cost nothing more. Under that, the angle and a loop whose gains are known exactly tell more of the "
-            "torque than its sensor does. Gains that are not known exactly, or a motor that is not its command, move "
-            "the crossing to lower kp."
-        ),
-        table(
-            ["kp", "kd", "worst deviation", "reach", "tracks"],
-            rows,
-            "Gains compared before the search, by the best of six motions; reach is the range of the motion over "
-            "that of its target, for the joint that follows worst",
-        ),
-    )
+    header = ["frequency [Hz]", "worst deviation", "over the design's", "correlation of B and f"]
+    return table(header, rows, "One sine instead")

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
-from itertools import repeat
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
+from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
 from stiction.formats.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, load_joints, read_fit
 from stiction.identify.consistency import COMPARED
-from stiction.report.joint_figures import against_angle, cloud, dry_friction, overview, residuals, signals
+from stiction.report.joint_figures import against_angle, cloud, friction_of, overview, residuals, signals
 from stiction.report.page import (
     CONDITIONS,
     LABELS,
@@ -24,11 +20,11 @@ from stiction.report.page import (
     bullets,
     cells,
     fold,
+    label,
     number,
     paragraph,
     render_page,
     table,
-    unit,
 )
 
 
@@ -38,15 +34,14 @@ def agreement(record: JointRecord) -> tuple[Markup, ...]:
     how = "by torque regression" if record.diagnostics.get("closed_loop") else "by output error"
     for comparison in record.diagnostics.get("comparisons", ()):
         one, two = comparison["parts"]
-        rows = []
-        for name in COMPARED:
-            a, b = (Estimate.from_dict(data, name) for data in comparison["values"][name])
-            gap = f"{comparison['sigmas'][name]:.1f}"
-            rows.append([LABELS[name][0], _plus_minus(a), _plus_minus(b), gap])
-        a, b = (Estimate.from_dict(data, "friction") for data in comparison["friction"])
-        gap = abs(a.value - b.value) / max((a.std**2 + b.std**2) ** 0.5, 1e-300)
-        label = f"Friction at a speed of {number(comparison['speed'])}"
-        rows.append([label, _plus_minus(a), _plus_minus(b), f"{gap:.1f}"])
+        rows = [
+            [LABELS[name][0], *map(_plus_minus, comparison["values"][name]), f"{comparison['sigmas'][name]:.1f}"]
+            for name in COMPARED
+        ]
+        a, b = comparison["friction"]
+        gap = abs(a["value"] - b["value"]) / max((a["std"] ** 2 + b["std"] ** 2) ** 0.5, 1e-300)
+        speed = f"Friction at a speed of {number(comparison['speed'])}"
+        rows.append([speed, _plus_minus(a), _plus_minus(b), f"{gap:.1f}"])
         blocks.append(table(["", one, two, "apart, in combined std"], rows, _caption(comparison, how)))
     tried = [
         [entry["source"], f"{entry['torque_error']:.2%}", _errors(entry["simulation_errors"] or {}) or "not done"]
@@ -82,15 +77,14 @@ def estimators(record: JointRecord) -> tuple[Markup, ...]:
         reason = record.diagnostics.get("closed_loop") or "gains and target are not known"
         return (paragraph(f"Only the torque regression was done: {reason}."),)
     seen = record.diagnostics["seen"]
-    rows = []
-    for name in (name for name in (*COMPARED, "offset") if name in seen):
-        cells = [_plus_minus(Estimate.from_dict(seen[name], name))]
-        for data in others.values():
-            if name not in data:
-                cells.append("")
-                continue
-            cells.append(_plus_minus(Estimate.from_dict(data[name], name)))
-        rows.append([f"{LABELS[name][0]} [{unit(record, name)}]", *cells])
+    rows = [
+        [
+            label(record, name),
+            *("" if name not in data else _plus_minus(data[name]) for data in (seen, *others.values())),
+        ]
+        for name in (*COMPARED, "offset")
+        if name in seen
+    ]
     caption = "Estimators that fail in different ways: where they agree, the number can be trusted"
     if not record.torque_source:
         caption += "; in units of k"
@@ -108,9 +102,9 @@ def _errors(errors: dict[str, float]) -> str:
     return ", ".join(f"{name} {value:.3%}" for name, value in errors.items() if value is not None)
 
 
-def _plus_minus(estimate: Estimate) -> str:
-    """Return value ± deviation."""
-    return f"{number(estimate.value)} ± {number(estimate.std)}"
+def _plus_minus(estimate: dict[str, Any]) -> str:
+    """Return value ± deviation of an estimate as plain data."""
+    return f"{number(estimate['value'])} ± {number(estimate['std'])}"
 
 
 def diagnostics(record: JointRecord) -> Markup:
@@ -161,13 +155,14 @@ def write_identification_page(folder: Path) -> Path:
         sections = [section for name in found for section in _sections(folder, name)]
         lead = " ".join(record.diagnostics.get("verdict", {}).get("text", "") for record in found.values())
     else:
-        with _drawing(len(found)) as draw:
-            drawn = dict(zip(found, draw(_sections, repeat(folder), found)))
-        sections, lead = _many(joints, drawn), _lead(found)
+        tasks = [(folder, name) for name in found]
+        drawn = dict(spread(_sections, tasks, num_threads() if len(tasks) >= MANY else 1))
+        sections = _many(joints, {name: drawn[number] for number, name in enumerate(found)})
+        lead = _lead(found)
     page = folder / "report.html"
     named = ", ".join(joints.joints) if len(joints.joints) <= MOST_NAMES else f"{len(joints.joints)} joints"
     title = f"Joint identification: {named}"
-    page.write_text(render_page(title, sections, lead, _gathered(joints)), encoding="utf-8")
+    page.write_text(render_page(title, sections, lead, shared_warnings(joints)), encoding="utf-8")
     return page
 
 
@@ -188,32 +183,15 @@ def _sections(folder: Path, name: str) -> list[Section]:
     return joint_sections(name, record, read_fit(folder / "fit.npz", name))
 
 
-@contextmanager
-def _drawing(joints: int) -> Iterator[Callable[..., Iterable[list[Section]]]]:
-    """Give a `map` that draws the joints side by side where there are enough of them to be worth other processes."""
-    workers = min(joints, num_threads())
-    if joints < MANY or workers == 1:
-        yield map
-        return
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield pool.map
-
-
 def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
     """Return the sections of a page with several joints: all side by side first, then each behind its name.
 
     drawn: the sections of each joint that was identified.
     """
     found = {name: joints.joints[name] for name in drawn}
-    rows = []
-    for name, record in joints.joints.items():
-        ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
-        band = "" if record.dead_band is None else number(record.dead_band.value)
-        law = (record.friction_law or {}).get("law", "")
-        rows.append([name, *(cells(dry_friction(record))[::2]), ratio, band, law])
+    rows = [[name, *joint_row(record)] for name, record in joints.joints.items()]
     over = all(record.coulomb_friction is None for record in found.values())
-    heading = "f/k, in units of the motor strength" if over else "dry friction f"
-    header = ["", heading, "95 % interval", "f/τ_max", "f/kp [rad]", "law"]
+    caption = "In units of the motor strength k" if over else ""
     blocks = []
     shared = gather_warnings(joints)
     for name, record in found.items():
@@ -222,9 +200,24 @@ def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
         own = [text for text in record.warnings if len(shared[text]) == 1]
         blocks.append(fold(name, [verdict, *([bullets(own)] if own else []), *parts]))
     return [
-        Section("All joints", (table(header, rows), overview(found))),
+        Section("All joints", (table(["", *JOINT_COLUMNS], rows, caption), overview(found))),
         Section("Joint by joint", tuple(blocks)),
     ]
+
+
+JOINT_COLUMNS = ("dry friction", "95 % interval", "viscous", "inertia", "f/τ_max", "f/kp [rad]", "law")
+
+
+def joint_row(record: JointRecord) -> list[str]:
+    """Return one joint among several, in `JOINT_COLUMNS`: what is known over the motor strength k in its place."""
+    damping = "(B + k·kd)/k" if record.torque_source is None else "B/k"
+    viscous = record.viscous_friction or record.combinations.get(damping)
+    inertia = record.inertia or record.combinations.get("I/k")
+    friction, _, interval = cells(friction_of(record))
+    ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
+    numbers = ("" if each is None else number(each.value) for each in (viscous, inertia))
+    band = "" if record.dead_band is None else number(record.dead_band.value)
+    return [friction, interval, *numbers, ratio, band, (record.friction_law or {}).get("law", "")]
 
 
 def _lead(found: dict[str, JointRecord]) -> str:
@@ -239,11 +232,8 @@ def _lead(found: dict[str, JointRecord]) -> str:
     )
 
 
-def _gathered(joints: JointsFile) -> list[str]:
-    """Return the warnings for the top of the page: those of a single joint, else those that several share.
-
-    With a refused joint's reason; what concerns one joint alone stands with that joint.
-    """
+def shared_warnings(joints: JointsFile) -> list[str]:
+    """Return the warnings of a single joint; else those that several share, and why joints were refused."""
     said = gather_warnings(joints)
     if len(joints.joints) == 1:
         return list(said)
@@ -267,7 +257,7 @@ def gather_warnings(joints: JointsFile) -> dict[str, list[str]]:
 def _values(record: JointRecord) -> Markup:
     """Tabulate the parameters."""
     shown = (*PARAMETERS, *(name for name in EXTRA if getattr(record, name) is not None), "friction_ratio", "dead_band")
-    rows = [[f"{LABELS[name][0]} [{unit(record, name)}]", *cells(getattr(record, name))] for name in shown]
+    rows = [[label(record, name), *cells(getattr(record, name))] for name in shown]
     return table(
         ["", "value", "std", "95 % interval"], rows, "Viscous and Coulomb friction, the same in both directions"
     )
@@ -314,20 +304,14 @@ def _law(record: JointRecord) -> tuple[Markup, ...]:
     header = ["law", "parameters", "torque not explained, unseen blocks", "squared error lower by", "evidence", ""]
     blocks = [paragraph(law["text"]), table(header, rows, "Laws that were tried; evidence is the drop of the BIC")]
     if law["law"] != "coulomb":
-        over = " / k" if law["over_strength"] else ""
+        rows = [
+            [label(record, name, " / k" if law["over_strength"] else ""), *cells(Estimate.from_dict(data, name))]
+            for name, data in law["parameters"].items()
+        ]
         how = {"output_error": "by output error", "torque_regression": "by torque regression"}
         caption = f"The law that was chosen, {how.get(law['method'], 'by regression')}"
-        blocks.append(table(["", "value", "std", "95 % interval"], _law_rows(record, law, over), caption))
+        blocks.append(table(["", "value", "std", "95 % interval"], rows, caption))
     return tuple(blocks)
-
-
-def _law_rows(record: JointRecord, law: dict[str, Any], over: str) -> list[list[str]]:
-    """Return the rows of the chosen law's parameters."""
-    rows = []
-    for name, data in law["parameters"].items():
-        label = f"{LABELS[name][0]}{over} [{unit(record, name)}]"
-        rows.append([label, *cells(Estimate.from_dict(data, name))])
-    return rows
 
 
 def _meaning(name: str, record: JointRecord) -> list[Section]:

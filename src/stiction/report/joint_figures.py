@@ -6,7 +6,7 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.formats.joints import Estimate, FitSignals, JointRecord
-from stiction.report.page import COLORS, axis_units, figure_uri, legend, new_figure, picture
+from stiction.report.page import COLORS, axis_units, figure_block, legend, new_figure
 
 MOST_POINTS = 3000
 """Points drawn per curve; more makes the page heavy and nothing clearer."""
@@ -34,11 +34,10 @@ def cloud(record: JointRecord, fit: FitSignals) -> Markup:
         style = "." if _name(record) in ("position", "load") else "-"
         label = f"{_name(record)} law" if last else None
         axis.plot(fit.velocity[side], law, style, color=COLORS[1], linewidth=2, markersize=2, label=label)
-    axis.set_xlabel(f"speed [{position}/s]")
-    axis.set_ylabel(f"friction [{torque}]")
+    axis.set(xlabel=f"speed [{position}/s]", ylabel=f"friction [{torque}]")
     legend(axis)
-    return picture(
-        figure_uri(figure),
+    return figure_block(
+        figure,
         "Each dot is a sample that entered the fit. The step at zero speed is twice the dry friction, the slope is the "
         "viscous friction. Samples around reversals are left out: there friction may take any value.",
     )
@@ -54,18 +53,17 @@ def against_angle(record: JointRecord, fit: FitSignals) -> tuple[Markup, ...]:
     used = _used(fit)
     sign = np.sign(fit.velocity[used])
     slope = law["drawn"]["viscous_friction"]
-    dry = sign * (fit.torque - fit.rigid_torque)[used] - slope * np.abs(fit.velocity[used])
+    measured = sign * (fit.torque - fit.rigid_torque)[used] - slope * np.abs(fit.velocity[used])
     drawn = sign * (fit.law_torque - fit.rigid_torque)[used] - slope * np.abs(fit.velocity[used])
     order = np.argsort(fit.position[used])
-    axis.plot(fit.position[used], dry, ".", markersize=2.5, alpha=0.35, label="measured")
+    axis.plot(fit.position[used], measured, ".", markersize=2.5, alpha=0.35, label="measured")
     axis.plot(fit.position[used][order], drawn[order], ".", markersize=2, color=COLORS[1], label=f"{_name(record)} law")
     axis.axhline(law["drawn"]["symmetric"], linestyle=":", color=COLORS[2], label="one value for all angles")
-    axis.set_xlabel(f"angle [{position}]")
-    axis.set_ylabel(f"dry friction [{torque}]")
+    axis.set(xlabel=f"angle [{position}]", ylabel=f"dry friction [{torque}]")
     legend(axis)
     return (
-        picture(
-            figure_uri(figure),
+        figure_block(
+            figure,
             "Dry friction against the angle of the joint: what is left of the friction once the viscous part is off.",
         ),
     )
@@ -93,9 +91,8 @@ def signals(record: JointRecord, fit: FitSignals) -> Markup:
     bottom.set_xlabel("time [s]")
     legend(top)
     legend(bottom)
-    return picture(
-        figure_uri(figure),
-        "A few seconds of the log. Simulated: the joint under its controller, from the target alone.",
+    return figure_block(
+        figure, "A few seconds of the log. Simulated: the joint under its controller, from the target alone."
     )
 
 
@@ -107,12 +104,10 @@ def residuals(record: JointRecord, fit: FitSignals) -> Markup:
         plain = (fit.torque - fit.fitted_torque)[used]
         axis.plot(fit.time[used], plain, ".", markersize=2, color=COLORS[2], alpha=0.5, label="viscous and Coulomb")
     axis.plot(fit.time[used], (fit.torque - fit.law_torque)[used], ".", markersize=2, label=f"{_name(record)} law")
-    axis.set_xlabel("time [s]")
-    axis.set_ylabel(f"residual [{axis_units(record)[1]}]")
+    axis.set(xlabel="time [s]", ylabel=f"residual [{axis_units(record)[1]}]")
     legend(axis)
-    return picture(
-        figure_uri(figure),
-        "Measured minus fitted torque, at the samples used. A pattern here is physics that the law lacks.",
+    return figure_block(
+        figure, "Measured minus fitted torque, at the samples used. A pattern here is physics that the law lacks."
     )
 
 
@@ -121,7 +116,7 @@ def overview(records: dict[str, JointRecord]) -> Markup:
     figure, axes = new_figure(1, 2, (8.0, 0.6 + 0.28 * len(records)))
     names = list(records)
     panels = (
-        ("dry friction f, or f/k", dry_friction, 1.0),
+        ("dry friction f, or f/k", friction_of, 1.0),
         ("f/τ_max [%]", lambda record: record.friction_ratio, 100.0),
     )
     for axis, (label, pick, factor) in zip(axes, panels, strict=True):
@@ -135,10 +130,10 @@ def overview(records: dict[str, JointRecord]) -> Markup:
         axis.set_ylim(len(names) - 0.5, -0.5)
         axis.set_xlim(left=0)
         axis.set_xlabel(label)
-    return picture(figure_uri(figure), "Dry friction of each joint with its 95 % interval.")
+    return figure_block(figure, "Dry friction of each joint with its 95 % interval.")
 
 
-def dry_friction(record: JointRecord) -> Estimate | None:
+def friction_of(record: JointRecord) -> Estimate | None:
     """Return dry friction, over k where newton metres are not known; None where it is not known."""
     return record.coulomb_friction or record.combinations.get("f/k")
 

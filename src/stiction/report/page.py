@@ -1,6 +1,6 @@
 """The look that every page shares: one self-contained HTML file, readable in light and in dark, no network.
 
-A page is a title, a lead, warnings, and sections made of blocks (`paragraph`, `table`, `picture`, `video`). Everything
+A page is a title, a lead, warnings, and sections made of blocks (`paragraph`, `table`, `picture`). Everything
 is escaped by jinja2 except blocks made here, which come as `Markup`.
 """
 
@@ -96,11 +96,6 @@ def picture(uri: str, caption: str = "") -> Markup:
     return _block("picture", uri, caption)
 
 
-def video(uri: str, caption: str = "") -> Markup:
-    """Return a looping, muted clip (mp4, webm) from a data URI; an animated WebP or GIF goes into `picture`."""
-    return _block("video", uri, caption)
-
-
 def row(*blocks: Markup) -> Markup:
     """Return blocks side by side where the window is wide enough."""
     return _block("row", blocks)
@@ -175,6 +170,11 @@ def figure_uri(figure: Figure) -> str:
     return data_uri(buffer.getvalue(), "image/png")
 
 
+def figure_block(figure: Figure, caption: str) -> Markup:
+    """Return a figure as a block of a page."""
+    return picture(figure_uri(figure), caption)
+
+
 def render_page(title: str, sections: Sequence[Section], lead: str = "", warnings: Sequence[str] = ()) -> str:
     """Return the page as one HTML text; `lead` is the answer in a sentence or two, shown under the title."""
     return (
@@ -222,6 +222,11 @@ def unit(record: JointRecord, quantity: str) -> str:
     return LABELS[quantity][2 if record.axis == "linear" else 1]
 
 
+def label(record: JointRecord, quantity: str, over: str = "") -> str:
+    """Return a quantity as people read it, with its unit; over: what it is divided by, ` / k`."""
+    return f"{LABELS[quantity][0]}{over} [{unit(record, quantity)}]"
+
+
 def axis_units(record: JointRecord) -> tuple[str, str]:
     """Return the units of position and torque; torque of unknown strength is in units of the command."""
     if record.axis == "linear":
@@ -260,30 +265,23 @@ class Spread(NamedTuple):
     """Every seed's, separated by blanks."""
 
 
-def color_of(method: str, methods: Sequence[str]) -> str:
-    """Return the colour of a training method, the same in every figure."""
-    return COLORS[list(methods).index(method) % len(COLORS)]
-
-
-def style_of(method: str, methods: Sequence[str]) -> str:
-    """Return the line style: the second round of colours is dashed."""
-    return "-" if list(methods).index(method) < len(COLORS) else "--"
+def line_look(name: str, names: Sequence[str]) -> dict[str, Any]:
+    """Return colour and style of a line, the same in every figure with these names; the second round is dashed."""
+    number = list(names).index(name)
+    return {"color": COLORS[number % len(COLORS)], "linestyle": "-" if number < len(COLORS) else "--"}
 
 
 def draw_seeds(axis: Axes, points: Sequence[Spread], method: str, methods: Sequence[str]) -> None:
     """Draw one training method: the mean as a line, its interval as a band, every seed as a point."""
-    color = color_of(method, methods)
-    mean = [point.mean for point in points]
-    axis.plot(
-        [p.place for p in points], mean, color=color, linestyle=style_of(method, methods), linewidth=1.8, label=method
-    )
+    look = line_look(method, methods)
+    axis.plot([p.place for p in points], [p.mean for p in points], linewidth=1.8, label=method, **look)
     for point in points:
         each = [float(one) for one in point.each.split()]
-        axis.plot([point.place] * len(each), each, linestyle="", marker=".", markersize=3, color=color)
+        axis.plot([point.place] * len(each), each, linestyle="", marker=".", markersize=3, color=look["color"])
     known = [(point.place, point.low, point.high) for point in points if point.low is not None]
     if known:
         middle, low, high = zip(*known, strict=True)
-        axis.fill_between(middle, low, high, color=color, alpha=0.13, linewidth=0)
+        axis.fill_between(middle, low, high, color=look["color"], alpha=0.13, linewidth=0)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import num_threads
+from stiction.core.records import header, texts
 from stiction.formats.following import row_pace
 from stiction.formats.results import ResultRow
 from stiction.joints.friction import level_text
@@ -54,7 +55,7 @@ COLUMNS = ("friction", "command", "speed ratio", "pace", "error", "falls", "jitt
 
 def print_rows(rows: Sequence[ResultRow]) -> None:
     """Print the main columns of results on standard output, a heading and a table for each policy."""
-    console = Console()
+    console, lines = Console(), [result_cells(row) for row in rows]
     for policy in dict.fromkeys(row.policy for row in rows):
         console.print(policy, style="bold", soft_wrap=True, highlight=False, markup=False)
         table = Table(collapse_padding=True)
@@ -62,29 +63,22 @@ def print_rows(rows: Sequence[ResultRow]) -> None:
         where = [name for name, values in named.items() if len(set(values)) > 1]
         for name in where:
             table.add_column(name, overflow="fold")
-        for name, cells in zip(COLUMNS, zip(*map(_cells, rows), strict=True), strict=True):
+        for name in COLUMNS:
             # On a narrow terminal headings and words fold before commands and numbers do.
-            least = 1 if name == "pace" else max(map(len, cells))
+            least = 1 if name == "pace" else max(len(line[name]) for line in lines)
             left = name in ("command", "pace")
             table.add_column(name, justify="left" if left else "right", overflow="fold", min_width=least)
         for index, row in enumerate(rows):
             if row.policy == policy:
-                table.add_row(*(named[name][index] for name in where), *_cells(row))
+                table.add_row(*(named[name][index] for name in where), *(lines[index][name] for name in COLUMNS))
         console.print(table)
 
 
-def _cells(row: ResultRow) -> list[str]:
-    """Return a row's cells, a dash where there is no number."""
-    return [
-        level_text(row.friction_law, row.friction_level),
-        row.command,
-        "–" if row.speed_ratio is None else f"{row.speed_ratio:.2f}",
-        row_pace(row) or "–",
-        f"{row.tracking_error:.3f}",
-        f"{row.fall_rate:.0%}",
-        f"{row.joint_jitter:.0f}",
-        "–" if row.tripod_share is None else f"{row.tripod_share:.0%}",
-    ]
+def result_cells(row: ResultRow) -> dict[str, str]:
+    """Return column -> cell of a row of results, a dash where there is no number."""
+    measured = dict(zip(header(row), texts(row), strict=True))
+    friction = level_text(row.friction_law, row.friction_level)
+    return measured | {"friction": friction, "command": row.command, "pace": row_pace(row) or "–"}
 
 
 class StopRequest:

@@ -12,7 +12,7 @@ from stiction.core.errors import FileError
 from stiction.formats.actuator import FILE, ActuatorFit, read_actuator, read_actuator_fit
 from stiction.formats.results import read_metrics
 from stiction.joints.net import INPUT_SETS, ActuatorNet
-from stiction.report.page import INK, Section, figure_uri, legend, new_figure, paragraph, picture, render_page, table
+from stiction.report.page import INK, Section, figure_block, legend, new_figure, paragraph, render_page, table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -62,8 +62,7 @@ def draw_training(run: Path) -> Path:
                 range(1, len(rows) + 1), [row.get(name, float("nan")) for row in rows], label=short, linewidth=1.2
             )
         axis.axvline(teacher + 0.5, color=INK, linewidth=0.8, linestyle="--")
-        axis.set_xlabel("iteration (student right of the dashed line)")
-        axis.set_ylabel(label)
+        axis.set(xlabel="iteration (student right of the dashed line)", ylabel=label)
         axis.set_xlim(0.5, len(rows) + 0.5)
         if len(names) > 1:
             legend(axis)
@@ -98,10 +97,10 @@ def write_actuator_page(folder: Path) -> Path:
         raise FileError(f"{folder / 'summary.json'} cannot be read: {error}; run train-actuator again") from error
     page = folder / "report.html"
     sections = [
-        Section("Torque, predicted and measured", (picture(figure_uri(_torques(net, fit)), _caption(net)),)),
+        Section("Torque, predicted and measured", (figure_block(_torques(net, fit), _caption(net)),)),
         Section("Error by joint", (paragraph(BASELINE), joint_table(summary))),
         Section("Error by command", (command_table(summary),)),
-        Section("Training", (picture(figure_uri(_losses(net, fit)), "Mean squared error of torque over limit."),)),
+        Section("Training", (figure_block(_losses(net, fit), "Mean squared error of torque over limit."),)),
         Section("What was run", (run_table(net, summary), paragraph(f"Command: {net.command}"))),
     ]
     page.write_text(render_page("Actuator Net", sections, lead(summary)), encoding="utf-8")

@@ -10,18 +10,7 @@ from markupsafe import Markup
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.formats.walk import WalkFit, read_walk_fit
 from stiction.report.identification import gather_warnings
-from stiction.report.page import (
-    COLORS,
-    INK,
-    Section,
-    figure_uri,
-    legend,
-    new_figure,
-    paragraph,
-    picture,
-    render_page,
-    table,
-)
+from stiction.report.page import COLORS, INK, Section, figure_block, legend, new_figure, paragraph, render_page, table
 from stiction.robots.model import JOINT_KINDS
 
 MOST_POINTS = 1500
@@ -33,7 +22,7 @@ def write_walking_page(folder: Path) -> Path:
     joints = load_joints(folder / "joints.json")
     fit = read_walk_fit(folder / "fit.npz")
     sections = [
-        Section("What was found", (_values(joints), _condition(joints))),
+        Section("What was found", (table(["", *VALUE_COLUMNS], value_rows(joints), VALUE_CAPTION), _condition(joints))),
         Section("Friction against speed, legs in swing", (_clouds(joints, fit),)),
         Section("Friction under load, robot in stance", _load(joints, fit)),
         Section("Can it be trusted?", (_gait(fit), _diagnostics(joints))),
@@ -75,17 +64,13 @@ def span(estimate: Estimate | None, factor: float = 1.0) -> str:
     return f"{factor * estimate.value:.3g} ± {factor * (high - low) / 2:.2g}"
 
 
-def _values(joints: JointsFile) -> Markup:
-    """Tabulate what was found."""
-    header = [
-        "",
-        "dry friction [N m]",
-        "over torque limit [%]",
-        "viscous [N m s/rad]",
-        "per torque of load [1]",
-        "swings",
-    ]
-    rows = [
+VALUE_COLUMNS = ("dry friction [N m]", "of limit [%]", "viscous [N m s/rad]", "per load [1]", "swings")
+VALUE_CAPTION = "Friction of the unloaded leg, and what load adds to it; ± is the half-width of the 95 % interval"
+
+
+def value_rows(joints: JointsFile) -> list[list[str]]:
+    """Return what was found, a row a joint: its name, then `VALUE_COLUMNS`."""
+    return [
         [
             name,
             span(record.coulomb_friction),
@@ -96,9 +81,6 @@ def _values(joints: JointsFile) -> Markup:
         ]
         for name, record in joints.joints.items()
     ]
-    return table(
-        header, rows, "Friction of the unloaded leg, and what load adds to it; ± is the half-width of the 95 % interval"
-    )
 
 
 def _condition(joints: JointsFile) -> Markup:
@@ -130,8 +112,8 @@ def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
         else:
             axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color=INK)
     axes[0].set_ylabel("friction [N m]")
-    return picture(
-        figure_uri(figure),
+    return figure_block(
+        figure,
         "Each dot is a sample of a leg in swing, the torque of links and rotor taken off. The step at zero speed is "
         "twice the dry friction, the slope is the viscous friction.",
     )
@@ -143,37 +125,28 @@ def _draw_law(axis, record: JointRecord, speed: np.ndarray, color: str, name: st
     if level is None or slope is None:
         return
     constant = offset.value if offset is not None else 0.0
-    label: str | None = name
-    for side in (speed[speed > 0], speed[speed < 0]):
-        if len(side):
-            ends = np.array([side.min(), side.max()])
-            law = slope.value * ends + level.value * np.sign(ends) + constant
-            axis.plot(ends, law, color=color, linewidth=2, label=label)
-            label = None
+    sides = [side for side in (speed[speed > 0], speed[speed < 0]) if len(side)]
+    for label, side in zip((name, None), sides, strict=False):
+        ends = np.array([side.min(), side.max()])
+        law = slope.value * ends + level.value * np.sign(ends) + constant
+        axis.plot(ends, law, color=color, linewidth=2, label=label)
 
 
 def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
-    """Draw friction against load for each kind that tells, and say why for the others."""
-    reasons = {
-        _kind(name): text
-        for name, record in joints.joints.items()
-        if (text := record.diagnostics.get("load", {}).get("refusal", ""))
-    }
-    carried = {
-        _kind(name): (values["carried_torque"], Estimate.from_dict(values["carried_friction"], name), record)
-        for name, record in joints.joints.items()
-        if (values := record.diagnostics.get("load", {})).get("carried_torque") is not None
-    }
-    blocks = [paragraph(f"Not known{_of(reasons, text)}: {text}.") for text in dict.fromkeys(reasons.values())]
+    """Tabulate friction under load, or why it is not known, for each kind of joint; draw it for those that tell."""
+    rows: dict[str, list[str]] = {}
+    for name, record in joints.joints.items():
+        data = record.diagnostics.get("load", {})
+        carried, refusal = data.get("carried_torque"), data.get("refusal", "")
+        if carried is not None or refusal:
+            under_load = None if carried is None else Estimate.from_dict(data["carried_friction"], name)
+            torque = "not known" if carried is None else f"{carried:.3g}"
+            share = span(under_load, 100 / (record.torque_limit or 1))
+            rows[_kind(name)] = [_kind(name), torque, span(under_load), share, refusal]
+    header = ["", "torque, foot down [N m]", "dry friction then [N m]", "of limit [%]", "not known, because"]
+    blocks = (table(header, rows.values()),) if rows else ()
     if not fit.load:
-        return tuple(blocks)
-    blocks += [
-        paragraph(
-            f"While its foot is down a {kind} gives {torque:.3g} N m on average; dry friction is then "
-            f"{span(friction)} N m, {span(friction, 100 / (record.torque_limit or 1))} % of the torque limit."
-        )
-        for kind, (torque, friction, record) in carried.items()
-    ]
+        return blocks
     figure, axes = new_figure(1, len(fit.load), (9.0, 3.6))
     for axis, (kind, (load, friction)) in zip(axes, fit.load.items(), strict=True):
         thin = slice(None, None, max(1, len(load) // MOST_POINTS))
@@ -192,13 +165,7 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
         "The body's force and moment balance in stance, everything but the friction that grows with torque taken off: "
         "the slope is the load coefficient, dotted its interval. Dots that do not follow the line are noise."
     )
-    return (*blocks, picture(figure_uri(figure), caption))
-
-
-def _of(reasons: dict[str, str], text: str) -> str:
-    """Return the kinds that a reason is about, nothing where it is about all."""
-    kinds = [kind for kind, reason in reasons.items() if reason == text]
-    return "" if len(kinds) == len(JOINT_KINDS) else f" for {', '.join(kinds)}s"
+    return (*blocks, figure_block(figure, caption))
 
 
 def _gait(fit: WalkFit) -> Markup:
@@ -211,9 +178,7 @@ def _gait(fit: WalkFit) -> Markup:
     axis.set_yticks(range(len(feet)), [foot.removesuffix("_foot") for foot in feet])
     axis.invert_yaxis()
     axis.set_xlabel("time [s]")
-    return picture(
-        figure_uri(figure), "Bars: the foot bears load. The gaps between them are the swings that were used."
-    )
+    return figure_block(figure, "Bars: the foot bears load. The gaps between them are the swings that were used.")
 
 
 def _diagnostics(joints: JointsFile) -> Markup:

@@ -6,21 +6,8 @@ import ast
 
 import pytest
 
+from motors import joint, number
 from stiction.exchange.isaaclab import isaaclab_snippet
-from stiction.exchange.physics import JointPhysics, joint_physics
-from stiction.formats.joints import Estimate, JointRecord
-
-
-def number(value: float) -> Estimate:
-    """An estimate that is almost certain."""
-    return Estimate(value, 1e-9, (value, value))
-
-
-def joint(name: str, **changes) -> JointPhysics:
-    """A motor from the bench, for the joint `name`."""
-    values = {"inertia": number(0.03), "viscous_friction": number(0.07), "coulomb_friction": number(0.4)}
-    setting = {"test_condition": "bare_motor", "kp": 20.0, "kd": 0.5}
-    return joint_physics("motor", JointRecord(**(values | setting | changes)), name)
 
 
 def assigned(text: str) -> dict[str, ast.Dict]:

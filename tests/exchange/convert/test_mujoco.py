@@ -6,11 +6,10 @@ import re
 
 import pytest
 
+from motors import joint, number
 from stiction.core.errors import StictionError
 from stiction.exchange.mujoco import FRICTION_D0, model_joints, mujoco_snippet, patch_mujoco
-from stiction.exchange.physics import JointPhysics, joint_physics
 from stiction.exchange.urdf import parse_markup
-from stiction.formats.joints import Estimate, JointRecord
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -37,17 +36,6 @@ MODEL = """<mujoco model="leg">
   <equality><joint name="couple" joint1="hip" joint2="knee" active="false"/></equality>
 </mujoco>
 """.replace("comment -- no", "comment, no")
-
-
-def number(value: float) -> Estimate:
-    """An estimate that is almost certain."""
-    return Estimate(value, 1e-9, (value, value))
-
-
-def joint(name: str, **changes) -> JointPhysics:
-    """A motor from the bench, for the joint `name`."""
-    values = {"inertia": number(0.03), "viscous_friction": number(0.07), "coulomb_friction": number(0.4)}
-    return joint_physics("motor", JointRecord(**(values | {"test_condition": "bare_motor"} | changes)), name)
 
 
 def test_a_patched_model_compiles_to_the_identified_numbers() -> None:

@@ -4,29 +4,19 @@ from __future__ import annotations
 
 import pytest
 
+from motors import motor, number
 from stiction.core.errors import StictionError
 from stiction.exchange.physics import beyond_coulomb, joint_physics, notes_of, one_line
 from stiction.formats.joints import Estimate, JointRecord
 
 
-def number(value: float) -> Estimate:
-    """An estimate that is almost certain."""
-    return Estimate(value, 1e-9, (value, value))
-
-
-def shank(**changes) -> JointRecord:
-    """A shank's motor on the bench."""
-    values = {"inertia": number(0.03), "viscous_friction": number(0.07), "coulomb_friction": number(0.4)}
-    return JointRecord(**(values | {"test_condition": "bare_motor"} | changes))
-
-
 def test_a_bare_motor_gives_everything() -> None:
     """Its inertia is the rotor's; its friction is still a lower bound for the leg."""
-    found = joint_physics("shank", shank(), "FL_calf")
+    found = joint_physics("shank", motor(), "FL_calf")
     assert (found.name, found.recorded) == ("FL_calf", "shank")
     assert (found.friction, found.damping, found.armature) == (0.4, 0.07, 0.03)
     assert len(found.notes) == 1 and "lower bound" in found.notes[0]
-    assert joint_physics("shank", shank(test_condition="loaded", inertia=None)).notes[0].startswith("inertia not known")
+    assert joint_physics("shank", motor(test_condition="loaded", inertia=None)).notes[0].startswith("inertia not known")
 
 
 @pytest.mark.parametrize(
@@ -34,14 +24,14 @@ def test_a_bare_motor_gives_everything() -> None:
 )
 def test_inertia_with_links_in_it_is_no_armature(condition: str | None, said: str) -> None:
     """The simulator adds the links itself."""
-    found = joint_physics("shank", shank(test_condition=condition))
+    found = joint_physics("shank", motor(test_condition=condition))
     assert found.armature is None
     assert any(said in note and "0.03" in note and "armature left out" in note for note in found.notes)
 
 
 def test_what_is_null_is_named_with_what_is_known_instead() -> None:
     """A log without torque: combinations and ratios."""
-    record = shank(
+    record = motor(
         inertia=None,
         viscous_friction=None,
         combinations={"viscous_friction + k kd": number(0.6)},
@@ -57,15 +47,15 @@ def test_what_is_null_is_named_with_what_is_known_instead() -> None:
 
 def test_negative_friction_is_zero_and_said() -> None:
     """The interval reached below zero."""
-    found = joint_physics("shank", shank(viscous_friction=number(-0.01)))
+    found = joint_physics("shank", motor(viscous_friction=number(-0.01)))
     assert found.damping == 0.0 and any("-0.01" in note and "written as 0" in note for note in found.notes)
-    bad = joint_physics("shank", shank(inertia=number(-0.1)))
+    bad = joint_physics("shank", motor(inertia=number(-0.1)))
     assert bad.armature is None and any("no rotor" in note for note in bad.notes)
 
 
 def test_richer_laws_are_not_lost_without_a_word() -> None:
     """Static friction, Stribeck, load, an offset that is sure: each is named, unless the simulator holds it."""
-    record = shank(
+    record = motor(
         static_friction=number(0.5),
         stribeck_velocity=number(0.1),
         load_coefficient=number(0.02),
@@ -74,12 +64,12 @@ def test_richer_laws_are_not_lost_without_a_word() -> None:
     )
     assert len(beyond_coulomb(record)) == 5
     assert not any("static_friction" in note for note in beyond_coulomb(record, frozenset({"static_friction"})))
-    assert beyond_coulomb(shank(offset=Estimate(0.01, 0.1, (-0.2, 0.2)), friction_law={"law": "coulomb"})) == []
+    assert beyond_coulomb(motor(offset=Estimate(0.01, 0.1, (-0.2, 0.2)), friction_law={"law": "coulomb"})) == []
 
 
 def test_a_record_is_explained_once_for_all_its_joints() -> None:
     """Four legs do not say the same thing four times; a rotor without a place is named."""
-    joints = [joint_physics("shank", shank(), name) for name in ("FL", "FR")] + [joint_physics("hip", shank())]
+    joints = [joint_physics("shank", motor(), name) for name in ("FL", "FR")] + [joint_physics("hip", motor())]
     notes = notes_of(joints, "for all", rotor="no place")
     assert notes[1] == "for all" and [note.partition(":")[0] for note in notes[2:]] == ["shank", "shank", "hip", "hip"]
     assert notes[3] == "shank: no place: 0.03 is left out" and len(notes_of(joints)) == 1 + 2
@@ -94,7 +84,7 @@ def test_of_a_stribeck_joint_the_laws_own_friction_is_taken() -> None:
     """The best symmetric fit of such a joint may have negative viscous friction: a simulated joint would be wrong."""
     law = {"law": "stribeck", "parameters": {"coulomb_friction": number(0.44).to_dict()}}
     law["parameters"]["viscous_friction"] = number(0.07).to_dict()
-    record = shank(
+    record = motor(
         viscous_friction=number(-0.2), coulomb_friction=number(0.6), static_friction=number(0.7), friction_law=law
     )
     found = joint_physics("shank", record)

@@ -6,10 +6,9 @@ from xml.etree import ElementTree
 
 import pytest
 
+from motors import joint
 from stiction.core.errors import StictionError
-from stiction.exchange.physics import JointPhysics, joint_physics
 from stiction.exchange.urdf import parse_markup, patch_urdf, urdf_joints, urdf_snippet
-from stiction.formats.joints import Estimate, JointRecord
 
 LINK = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
 
@@ -34,17 +33,6 @@ MODEL = f"""<?xml version="1.0"?>
   <transmission name="t"><joint name="hip"/></transmission>
 </robot>
 """
-
-
-def number(value: float) -> Estimate:
-    """An estimate that is almost certain."""
-    return Estimate(value, 1e-9, (value, value))
-
-
-def joint(name: str, **changes) -> JointPhysics:
-    """A motor from the bench, for the joint `name`."""
-    values = {"inertia": number(0.03), "viscous_friction": number(0.07), "coulomb_friction": number(0.4)}
-    return joint_physics("motor", JointRecord(**(values | {"test_condition": "bare_motor"} | changes)), name)
 
 
 def test_a_parser_reads_back_what_was_written() -> None:

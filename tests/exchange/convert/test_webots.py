@@ -6,17 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from motors import joint
 from stiction.core.errors import StictionError
-from stiction.exchange.physics import JointPhysics, joint_physics
 from stiction.exchange.webots_joints import parse_nodes, patch_webots, webots_joints, webots_snippet
-from stiction.formats.joints import Estimate, JointRecord
-
-
-def joint(name: str, **changes) -> JointPhysics:
-    """A motor from the bench, for the joint `name`."""
-    numbers = {"inertia": 0.03, "viscous_friction": 0.07, "coulomb_friction": 0.4}
-    values = {key: Estimate(value, 1e-9, (value, value)) for key, value in numbers.items()}
-    return joint_physics("motor", JointRecord(**(values | {"test_condition": "bare_motor"} | changes)), name)
 
 
 def lines(text: str) -> list[str]:

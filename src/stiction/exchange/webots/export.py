@@ -23,7 +23,6 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -41,7 +40,7 @@ from stiction.exchange.webots.world import ROBOT, joint_friction, milliseconds, 
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.contract import Contract
 from stiction.joints.friction import MAX_LEVEL, level_text
-from stiction.robots.model import JOINT_KINDS, RobotSpec, box_inertia
+from stiction.robots.model import JOINT_KINDS, RobotSpec
 from stiction.robots.terrain import STEEPEST
 from stiction.robots.tree import links
 
@@ -115,8 +114,8 @@ and prints at the end which share of the commanded speed was reached.
 It is a field of the robot for each kind of joint, in N m, in `worlds/*.wbt` and in Webots' scene tree. It was exported
 at {exported:g} % of the torque limits.
 
-| | torque limit [N m] | exported | 10 % | 20 % | 30 % |
-|---|---|---|---|---|---|
+| | torque limit [N m] | exported | 10 % | 20 % | 30 % | stops, from standing [rad] |
+|---|---|---|---|---|---|---|
 {friction}
 
 Webots' `staticFriction` acts only while a controller sets torques, as this one does; under Webots' own position or
@@ -124,8 +123,8 @@ velocity control it does nothing (cyberbotics/webots#2483). A change acts from t
 
 ## What to look at first
 
-1. The console says `rotor_inertia: {joints} joints have rotor inertia`. Without it the controller refuses to walk: a
-   shank would have {knee:.0f} % of its inertia about the knee, and the joint controller may ring.
+1. The console says `rotor_inertia: {joints} joints have rotor inertia`. Without it the controller refuses to walk:
+   a light link without its rotor's inertia is stiff against its gains, and the joint controller may ring.
 2. The robot stands in its standing pose, feet on the ground, before the controller starts.
 3. `--command stand` stands still; after that `--command vx=0.5`.
 
@@ -135,20 +134,22 @@ velocity control it does nothing (cyberbotics/webots#2483). A change acts from t
 * kd acts explicitly, from the velocity at the start of each physics step; MuJoCo takes it implicitly.
 * The shank collides with everything, in training with obstacles alone; its lower end is within the foot. The robot's
   own parts do not collide with each other.
-* Angles in Webots count from the standing pose. {clipped}
+* Angles in Webots count from the standing pose, and stops are at most {farthest:g} rad from it: see the table.
 * No sensor noise, no delay. Laws of friction other than Coulomb's are not here.
 """
 
 
-def write_readme(spec: RobotSpec, bundle: Bundle, policy: str, level: float, step_height: float) -> str:
-    """Return the text of README.md.
-
-    policy: name of the bundle; level: dry friction in the worlds, a fraction of the torque limits [-]; step_height [m].
-    """
+def write_readme(spec: RobotSpec, bundle: Bundle, cfg: WebotsCfg) -> str:
+    """Return the text of README.md."""
     contract = bundle.contract
+    rows = []
+    for kind in JOINT_KINDS:
+        limit, (low, high) = getattr(spec, kind).torque_limit, stops(getattr(spec, kind))
+        torques = " | ".join(f"{level * limit:g}" for level in (1.0, cfg.friction_level, 0.1, 0.2, 0.3))
+        rows.append(f"| `{friction_field(kind)}` | {torques} | {low:g} to {high:g} |")
     return TEMPLATE.format(
         robot=proto_name(spec.name),
-        policy=policy,
+        policy=bundle.name,
         digest=bundle.digest,
         method=contract.method,
         law=contract.friction_law,
@@ -157,42 +158,12 @@ def write_readme(spec: RobotSpec, bundle: Bundle, policy: str, level: float, ste
         period=1000 * contract.control_period,
         version=__version__,
         plugin=PLUGIN,
-        step_height=step_height,
-        exported=100 * level,
-        friction=_friction_rows(spec, {"exported": level, "10": 0.1, "20": 0.2, "30": 0.3}),
+        step_height=cfg.step_height,
+        exported=100 * cfg.friction_level,
+        friction="\n".join(rows),
         joints=spec.num_joints,
-        knee=100 * _share_of_link(spec, contract.armature[spec.joint_names.index(f"{spec.legs[0].name}_shank")]),
-        clipped=_clipped(spec),
+        farthest=FARTHEST,
     )
-
-
-def _friction_rows(spec: RobotSpec, levels: Mapping[str, float]) -> str:
-    """Return the rows of the table of friction torques [N m]."""
-    rows = []
-    for kind in JOINT_KINDS:
-        limit = getattr(spec, kind).torque_limit
-        torques = " | ".join(f"{level * limit:g}" for level in levels.values())
-        rows.append(f"| `{friction_field(kind)}` | {limit:g} | {torques} |")
-    return "\n".join(rows)
-
-
-def _share_of_link(spec: RobotSpec, armature: float) -> float:
-    """Return the shank's share of the inertia about the knee, the rotor being the rest [-]; armature [kg m²]."""
-    link = spec.shank_link
-    inertia = box_inertia(link.mass, link.size)[1] + link.mass * (link.size[2] / 2) ** 2
-    return float(inertia / (inertia + armature))
-
-
-def _clipped(spec: RobotSpec) -> str:
-    """Say which stops are nearer than the robot's, since Webots sees angles modulo 2π."""
-    nearer = []
-    for kind in JOINT_KINDS:
-        joint = getattr(spec, kind)
-        if stops(joint) != (joint.lower - joint.standing, joint.upper - joint.standing):
-            nearer.append(kind)
-    if not nearer:
-        return "Stops are the robot's."
-    return f"Stops of {' and '.join(nearer)} are nearer than the robot's: {FARTHEST:g} rad from standing at most."
 
 
 CONTROLLER = "stiction_policy"
@@ -300,7 +271,7 @@ def _write(folder: Path, spec: RobotSpec, bundle: Bundle, source: Path, cfg: Web
     friction = joint_friction(spec, cfg.friction_level)
     program = resources.files(__package__).joinpath("controller.py").read_text("utf-8")
     texts = {
-        "README.md": write_readme(spec, bundle, bundle.name, cfg.friction_level, cfg.step_height),
+        "README.md": write_readme(spec, bundle, cfg),
         f"protos/{proto_name(spec.name)}.proto": write_proto(spec, contract),
         "worlds/flat.wbt": write_world(spec, contract.physics_timestep, friction),
         "worlds/stairs.wbt": write_world(spec, contract.physics_timestep, friction, cfg.step_height),

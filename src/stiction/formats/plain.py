@@ -1,0 +1,124 @@
+"""JSON of the files that pass between verbs: of a bounded size, and refused in one line that names file and field."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+from stiction.core.errors import FileError
+
+Record = TypeVar("Record")
+
+LARGEST_TEXT = 2**26
+"""Bytes of JSON that are read."""
+
+
+def read_object(
+    path: Path, expected: str, error: type[FileError] = FileError, most: int = LARGEST_TEXT
+) -> dict[str, Any]:
+    """Return the JSON object in a file.
+
+    Args:
+        path: the file.
+        expected: what should be there, for messages.
+        error: raised where the file cannot be read, is too large, or holds no JSON object.
+        most: its largest size [B].
+
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(most + 1)
+    except OSError as fault:
+        raise error(f"cannot read {path}: {fault.strerror or fault}; expected {expected}") from fault
+    if len(content) > most:
+        raise error(f"{path.name}: over {most} bytes; expected {expected}")
+    return parse_object(content, path.name, expected, error)
+
+
+def parse_object(content: bytes | str, where: str, expected: str, error: type[FileError] = FileError) -> dict[str, Any]:
+    """Return a JSON object from text; `where` is named in messages. Raises `error` as `read_object` does."""
+    try:
+        text = content.decode("utf-8") if isinstance(content, bytes) else content
+        data = json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as fault:  # not UTF-8, not JSON, an endless integer, or nested without end
+        raise error(f"{where}: not JSON ({str(fault)[:120]}); expected {expected}") from fault
+    if not isinstance(data, dict):
+        raise error(f"{where}: holds a {type(data).__name__}; expected {expected}")
+    return data
+
+
+def _refuse_constant(name: str) -> float:
+    """Refuse NaN and Infinity, which Python's reader takes and JSON does not have."""
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def take_version(data: dict[str, Any], version: int, where: str, error: type[FileError] = FileError) -> dict[str, Any]:
+    """Return a JSON object without its `schema_version`; raise `error` where that is not `version`."""
+    if (found := data.get("schema_version")) != version:
+        raise error(f"{where}: schema version {found!r}; this program reads version {version}")
+    return {name: value for name, value in data.items() if name != "schema_version"}
+
+
+def build(
+    kind: type[Record], data: Any, where: str, error: type[FileError] = FileError, required: Collection[str] = ()
+) -> Record:
+    """Return the dataclass `kind` of a JSON object: objects become dataclasses and lists tuples where its fields are.
+
+    required: fields that must be there although they have a default. Raises `error` for a field that is missing or
+    unknown, or holds no list or object where one belongs. Other values are taken as they are.
+    """
+    if not isinstance(data, dict):
+        raise error(f"{where} is {str(data)[:80]}; expected an object")
+    hints = get_type_hints(kind)
+    no_default = {
+        field.name
+        for field in dataclasses.fields(kind)  # type: ignore[arg-type]
+        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+    }
+    if odd := sorted(no_default.union(required) - data.keys()) or sorted(data.keys() - hints.keys()):
+        raise error(f"{where}: field {odd[0]!r} is missing or unknown; was it written by another version?")
+    return kind(**{name: _value(hints[name], value, f"{where}.{name}", error) for name, value in data.items()})
+
+
+def _value(hint: Any, value: Any, where: str, error: type[FileError]) -> Any:
+    """Return one value as its type says."""
+    inner = get_args(hint)
+    if type(None) in inner:
+        return None if value is None else _value(inner[0], value, where, error)
+    if get_origin(hint) is tuple:
+        if not isinstance(value, list):
+            raise error(f"{where} is {str(value)[:80]}; expected a list")
+        return tuple(_value(inner[0], item, where, error) for item in value)
+    if get_origin(hint) is Mapping and isinstance(value, dict):
+        return {name: _value(inner[1], item, f"{where}.{name}", error) for name, item in value.items()}
+    nested = isinstance(hint, type) and dataclasses.is_dataclass(hint)
+    return build(hint, value, where, error) if nested else value
+
+
+def write_object(path: Path, data: dict[str, Any]) -> None:
+    """Write a JSON object for people to read too; a number that is not finite is refused (`ValueError`)."""
+    path.write_text(object_text(data), encoding="utf-8")
+
+
+def object_text(data: dict[str, Any]) -> str:
+    """Return the text that `write_object` writes."""
+    return json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def is_number(value: object, largest: float = math.inf) -> bool:
+    """Return whether a value is a number between plus and minus `largest`, and not a bool."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and -largest < value < largest
+
+
+def is_integer(value: object) -> bool:
+    """Return whether a value is a whole number, and not a bool."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
+def is_text(value: object) -> bool:
+    """Return whether a value is a text that is not blank."""
+    return isinstance(value, str) and bool(value.strip())

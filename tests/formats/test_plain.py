@@ -1,0 +1,98 @@
+"""JSON objects: of a bounded size, and refused in one line that names file and field."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from stiction.core.errors import BundleError, FileError
+from stiction.formats.plain import build, is_number, object_text, read_object, take_version, write_object
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"{", "not JSON"),
+        (b"\xff", "not JSON"),
+        (b"[" * 100_000, "not JSON"),
+        (b'{"a": ' + b"9" * 5000 + b"}", "not JSON"),
+        (b'{"a": NaN}', "NaN is no number of JSON"),
+        (b"[]", "holds a list"),
+        (b" " * 101, "over 100 bytes"),
+    ],
+)
+def test_what_is_no_object_is_refused_in_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+    """A file that is damaged, too large or another one must not end in a traceback, or fill the memory."""
+    path = tmp_path / "x.json"
+    path.write_bytes(content)
+    most = 100 if content == b" " * 101 else 2**20
+    with pytest.raises(BundleError, match=said) as caught:
+        read_object(path, "the thing", BundleError, most)
+    assert str(caught.value).startswith("x.json: ") and str(caught.value).endswith("; expected the thing")
+    for missing in (tmp_path / "none.json", tmp_path):
+        with pytest.raises(FileError, match=r"cannot read .*; expected the thing"):
+            read_object(missing, "the thing")
+
+
+def test_what_is_written_is_read(tmp_path: Path) -> None:
+    """Letters of every language stay readable; a number that JSON does not have is refused."""
+    write_object(tmp_path / "x.json", {"schema_version": 1, "text": "μ"})
+    assert "μ" in (tmp_path / "x.json").read_text(encoding="utf-8")
+    assert take_version(read_object(tmp_path / "x.json", "it"), 1, "x.json") == {"text": "μ"}
+    with pytest.raises(FileError, match=r"x\.json: schema version 1; this program reads version 2"):
+        take_version(read_object(tmp_path / "x.json", "it"), 2, "x.json")
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        object_text({"x": float("nan")})
+
+
+@dataclass(frozen=True)
+class Leg:
+    """A record within another."""
+
+    joints: tuple[str, ...]
+    mass: float = 1.0
+
+
+@dataclass(frozen=True)
+class Body:
+    """A record with everything that `build` knows."""
+
+    legs: tuple[Leg, ...]
+    parts: Mapping[str, Leg]
+    range: tuple[float, float] | None = None
+
+
+def test_objects_become_records_and_lists_tuples() -> None:
+    """As deep as the types say; what has a default may be missing, unless it is required."""
+    leg = {"joints": ["hip", "knee"]}
+    made = build(Body, {"legs": [leg], "parts": {"tail": leg}, "range": [0.0, 1.0]}, "x.json")
+    assert made == Body((Leg(("hip", "knee")),), {"tail": Leg(("hip", "knee"))}, (0.0, 1.0))
+    with pytest.raises(BundleError, match=r"x.json: field 'range' is missing"):
+        build(Body, {"legs": [], "parts": {}}, "x.json", BundleError, {"range"})
+
+
+@pytest.mark.parametrize(
+    ("data", "said"),
+    [
+        ([], r"x.json is \[\]; expected an object"),
+        ({"legs": []}, "x.json: field 'parts' is missing or unknown"),
+        ({"legs": [], "parts": {}, "head": 1}, "x.json: field 'head' is missing or unknown"),
+        ({"legs": {}, "parts": {}}, "x.json.legs is {}; expected a list"),
+        ({"legs": [3], "parts": {}}, "x.json.legs is 3; expected an object"),
+        ({"legs": [{"joints": "abc"}], "parts": {}}, "x.json.legs.joints is abc; expected a list"),
+        ({"legs": [], "parts": {}, "range": 1}, "x.json.range is 1; expected a list"),
+    ],
+)
+def test_a_wrong_field_is_named(data: object, said: str) -> None:
+    """A record that is half built would fail somewhere else, as something else."""
+    with pytest.raises(FileError, match=said):
+        build(Body, data, "x.json")
+
+
+def test_what_counts_as_a_number() -> None:
+    """JSON allows 1e999 and integers of any length; a bool is none."""
+    assert is_number(0) and is_number(-1.5) and not is_number(10**400, 1e9)
+    assert not any(map(is_number, (True, "1", None, float("inf"), float("nan"))))
