@@ -22,7 +22,7 @@ torch = pytest.importorskip("torch", reason="the package torch, of the extra 'tr
 pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to train")
 
 from stiction.evaluate.export import TrainedPolicy, contract_of  # noqa: E402
-from stiction.evaluate.trained import LatentMean, LatentPolicy, evaluate_run, lenders, told_friction, walk_run  # noqa: E402
+from stiction.evaluate.trained import LatentMean, LatentPolicy, evaluate_run, lenders, observed_friction, walk_run  # noqa: E402
 from stiction.locomotion.env import LocomotionEnv  # noqa: E402  (needs torch)
 from stiction.locomotion.randomization import nominal_privileged, privileged_observation  # noqa: E402
 from stiction.rma.run import RunDirectory  # noqa: E402
@@ -110,10 +110,12 @@ def test_training_tells_what_the_pure_function_tells() -> None:
 def test_a_teacher_is_told_what_its_training_varied() -> None:
     """Where friction never varied the entry's weights are noise: it stays at 0 for `none`, at 0.1 for exactly 0.1."""
     present, nominal = np.array([[0.0, 0.0], [0.3, 0.3]]), np.array([0.1, 0.1])
-    assert told_friction(FrictionCfg("none", 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.0, 0.0]]
-    assert told_friction(FrictionCfg("direct", 0.1, range=(1.0, 1.0)), nominal, present).tolist() == [[0.1, 0.1]] * 2
+    assert observed_friction(FrictionCfg("none", 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert (
+        observed_friction(FrictionCfg("direct", 0.1, range=(1.0, 1.0)), nominal, present).tolist() == [[0.1, 0.1]] * 2
+    )
     for method in ("direct", "finetune"):
-        assert told_friction(FrictionCfg(method, 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.3, 0.3]]
+        assert observed_friction(FrictionCfg(method, 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.3, 0.3]]
 
 
 def test_rows_of_a_run_look_like_those_of_a_bundle(run: RunDirectory) -> None:

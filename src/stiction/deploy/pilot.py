@@ -1,9 +1,6 @@
-"""Drives a robot from a policy bundle: NumPy and onnxruntime on one side, a `Port` on the other, nothing else.
+"""The control loop: reads the sensors through a `Port`, runs the policy, sends joint targets back. No simulator.
 
-An observation goes one way, on a robot as in an evaluation: `Port.read` gives what the sensors measured; here and in
-`observation` and `policy` it becomes an action, joint targets and gains; `Port.exchange` takes them to the motors. What
-is behind the port this room does not know: a virtual robot in the same process has one (`virtual`, its handle), whose
-motors, gears and friction act on an engine (`engines`); a real robot, or one in another process, gets one from its
+What is behind the port is not known here: a virtual robot in the same process (`virtual`), or a real robot behind its
 transport.
 """
 
@@ -56,23 +53,16 @@ class Reading:
 class Port(Protocol):
     """A robot, as a computer on it sees it."""
 
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Order of every vector over joints."""
-        ...
-
-    @property
-    def period(self) -> float:
-        """Time between two readings [s]."""
-        ...
+    joint_names: tuple[str, ...]
+    """Order of every vector over joints."""
+    period: float
+    """Time between two readings [s]."""
 
     def read(self) -> Reading:
         """Return what came last; no time passes."""
-        ...
 
     def exchange(self, command: JointCommand) -> Reading:
         """Send a command, wait for one period, and return what has come by then."""
-        ...
 
 
 @dataclass(frozen=True)

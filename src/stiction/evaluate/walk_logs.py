@@ -21,18 +21,13 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import into_frames, tilted
 from stiction.deploy.check import robot_of
-from stiction.deploy.policy import load_policy
-from stiction.evaluate.evaluate import EvaluationCfg
-from stiction.evaluate.known_friction import parse_told, told_in_batch
+from stiction.evaluate.evaluate import ENGINE, EvaluationCfg, batch_policy
 from stiction.evaluate.rollout import Rollout, friction_at
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import WalkHeader, WalkLog, write_walk
 from stiction.joints.net import TORQUE_SOURCES
 from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.sim.friction import FrictionMeter
-
-ENGINE = "mujoco"
-"""Where the logs come from, as their header says."""
 
 SHORTEST = 1.0
 """Shortest walk before a fall that is still a log [s]."""
@@ -154,15 +149,13 @@ def record_walks(
 
     """
     contract, spec = bundle.contract, robot_of(bundle.contract, robot)
-    commands, number = evaluation.parsed_commands, cfg.robots
-    level = np.repeat(evaluation.friction_levels, len(commands) * number)
-    velocity = np.tile(np.repeat([c.velocity for c in commands], number, axis=0), (len(evaluation.friction_levels), 1))
-    streams = seed_streams(evaluation.seed, [f"episode {index}" for index in range(number)])
+    evaluation = replace(evaluation, episodes=cfg.robots, first_episode=0)
+    commands, number, level = evaluation.parsed_commands, cfg.robots, evaluation.robot_levels
+    streams = seed_streams(evaluation.seed, [f"episode {index}" for index in evaluation.numbers])
     friction = friction_at(contract, level, evaluation.law)
-    known = told_in_batch(contract, spec, parse_told(evaluation.known_friction), evaluation.law, friction)
     rollout = Rollout(
         contract,
-        load_policy(contract, bundle.policy, (len(level),), known_friction=known),
+        batch_policy(bundle, spec, evaluation, friction),
         spec,
         friction,
         list(streams.values()),
@@ -173,7 +166,7 @@ def record_walks(
     )
     steps = round(cfg.seconds / contract.control_period)
     meter = FrictionMeter(rollout.fleet) if cfg.torque == "output_side" else None
-    truths = record_motion(rollout, contract.array("kd"), velocity, steps, progress, meter)
+    truths = record_motion(rollout, contract.array("kd"), evaluation.robot_commands, steps, progress, meter)
     sensors = seed_streams(evaluation.seed, [f"log {index}" for index in range(len(level))])
     walks = []
     for index, (truth, generator) in enumerate(zip(truths, sensors.values(), strict=True)):
@@ -192,9 +185,7 @@ def record_walks(
             command=command,
             noise=asdict(cfg.noise),
         )
-        measured = None
-        if truth is not None:
-            measured = measure_walk(WalkLog(header, **truth), cfg.noise, generator)
+        measured = None if truth is None else measure_walk(WalkLog(header, **truth), cfg.noise, generator)
         walks.append(RecordedWalk(evaluation.friction_law, float(level[index]), command, index % number, measured))
     return walks
 

@@ -34,7 +34,7 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import ControlStep, JointCommand, Port, Reading
 from stiction.engines.catalog import binaries, make_engine
 from stiction.formats.bundle import Bundle
-from stiction.formats.joints import JointRecord, JointsFile, load_joints, write_training
+from stiction.formats.joints import JointRecord, JointsFile, write_training
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.formats.walk import WalkHeader, WalkLog
 from stiction.identify.excite.task import Pattern
@@ -211,23 +211,6 @@ def write_found(joints: JointsFile, folder: Path) -> None:
     """Write what was found on a bench, as `stiction identify` does. May raise `OSError`."""
     joints.write(folder / JOINTS)
     write_training(folder / TRAINING, propose(joints))
-
-
-def identified_friction(joints: JointsFile | Path, joint_names: tuple[str, ...]) -> np.ndarray:
-    """Return the Coulomb friction of every joint as it was identified [N m], shape (J,); below zero it is zero.
-
-    joints: a `joints.json`, read or not yet; joint_names: the robot's, in its order.
-
-    Raises:
-        FileError: the file cannot be read, or a joint is not in it or its friction is not known.
-
-    """
-    if not isinstance(joints, Path):
-        return np.array(joints.nominal(joint_names, "coulomb_friction"))
-    try:
-        return identified_friction(load_joints(joints), joint_names)
-    except FileError as error:
-        raise FileError(f"{joints}: {error}") from error
 
 
 def walk_log(
