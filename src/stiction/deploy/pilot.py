@@ -19,7 +19,7 @@ from stiction.joints.pd import fed_forward
 
 @dataclass(frozen=True)
 class JointCommand:
-    """What the motor controllers are to do until the next command arrives. Arrays have shape (J,)."""
+    """Input of the motor controllers until the next command arrives. Arrays have shape (J,)."""
 
     target: np.ndarray
     """a [rad]."""
@@ -38,14 +38,14 @@ class JointCommand:
 
 @dataclass(frozen=True)
 class Reading:
-    """What came from the robot last."""
+    """The last measurements that arrived from the robot."""
 
     time: float
-    """When it arrived, since the robot was put in place [s]; the robot measured somewhat earlier."""
+    """Time of arrival since the robot was put in place [s]; the robot measured somewhat earlier."""
     sensors: Sensors
     """IMU and encoders, shapes (4,), (3,), (J,), (J,)."""
     joint_torque: np.ndarray
-    """What the motors report: current times the data sheet's torque constant, at the joint [N m], shape (J,)."""
+    """Motor currents times the data sheet's torque constant, at the joint [N m], shape (J,)."""
     foot_contact: np.ndarray
     """Whether each foot bears load, bool, shape (L,)."""
 
@@ -70,13 +70,13 @@ class ControlStep:
     """What happened in one control period."""
 
     velocity: np.ndarray
-    """What was commanded: forward, sideways [m/s], turn [rad/s], shape (3,)."""
+    """Commanded: forward, sideways [m/s], turn [rad/s], shape (3,)."""
     before: Reading
-    """What the policy saw."""
+    """Input of the policy."""
     policy: PolicyStep
-    """What it made of it."""
+    """Its output."""
     readings: tuple[Reading, ...]
-    """What came while its targets were held, the last one at the end of the period."""
+    """Readings while its targets were held, the last one at the end of the period."""
 
 
 class Pilot:
