@@ -95,9 +95,9 @@ def record_clip(
     except subprocess.TimeoutExpired as error:
         raise ClipError(f"no clip: rendering took more than {TIMEOUT:.0f} s") from error
     if done.returncode != 0 or not out.is_file():
-        said = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
+        output = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
         raise ClipError(
-            f"no clip: OpenGL is not available here ({said}); on Debian and Ubuntu: apt install libegl1 libgl1"
+            f"no clip: OpenGL is not available here ({output}); on Debian and Ubuntu: apt install libegl1 libgl1"
         )
     return out
 

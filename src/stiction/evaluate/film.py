@@ -110,11 +110,11 @@ class Crew:
                 if time.monotonic() > deadline:
                     self._give_up(f"rendering took more than {TIMEOUT:.0f} s")
                 return
-            said = shot.log.read_text(errors="replace").strip().splitlines()
+            output = shot.log.read_text(errors="replace").strip().splitlines()
             shot.discard()
             self._filming = None
             if status != 0 or not shot.out.is_file():
-                self._give_up((said or [f"it ended with status {status}"])[-1])
+                self._give_up((output or [f"it ended with status {status}"])[-1])
         if self._waiting is not None:
             self._begin(self._waiting)
             self._waiting = None

@@ -107,7 +107,7 @@ def walk_once(
     bundle: Bundle,
     case: RobotCase,
     world: World,
-    asked: EvaluationCfg,
+    cfg: EvaluationCfg,
     episode: int,
     spec: RobotSpec,
     friction: np.ndarray | None = None,
@@ -116,15 +116,15 @@ def walk_once(
 ) -> Metrics:
     """Walk one episode with one robot, and return its metrics.
 
-    asked: the ground, as in `world`, one command, times; other arguments and errors as of `walk`.
+    cfg: the ground, as in `world`, one command, times; other arguments and errors as of `walk`.
     """
-    (command,), period = asked.parsed_commands, bundle.contract.control_period
-    steps = round(asked.duration / period)
+    (command,), period = cfg.parsed_commands, bundle.contract.control_period
+    steps = round(cfg.duration / period)
     trial = trials.walk(
-        bundle, case, world, command_source(command, asked.course), steps, episode, None, spec, friction, seed, known
+        bundle, case, world, command_source(command, cfg.course), steps, episode, None, spec, friction, seed, known
     )
-    part = trial.recording.lasting(steps).of(slice(0, 1), round(asked.settle / period))
-    return measure(part, command, spec.groups(), spec.mass * GRAVITY, asked.course)
+    part = trial.recording.lasting(steps).of(slice(0, 1), round(cfg.settle / period))
+    return measure(part, command, spec.groups(), spec.mass * GRAVITY, cfg.course)
 
 
 def command_source(command: Command, ground: Course) -> CommandSource:

@@ -143,10 +143,8 @@ class Evidence:
 
     def levels(self, method: str, engine: str, law: str = "coulomb") -> list[float]:
         """Return the levels at which a method was walked on flat ground, from low to high."""
-        asked = method, engine, law
-        return sorted(
-            {level for *first, level, terrain, _ in self.cells if tuple(first) == asked and terrain == "flat"}
-        )
+        first = method, engine, law
+        return sorted({level for *own, level, ground, _ in self.cells if (*own, ground) == (*first, "flat")})
 
     def frictions(self, method: str, engine: str) -> list[Condition]:
         """Return every friction of virtual robots at which a method was walked on flat ground."""

@@ -30,14 +30,14 @@ from stiction.rma.runner import load_actor
 
 Latent = Literal["own", "mean", "swapped", "peer"]
 """Where the latent comes from: the robot's own; frozen at its mean over robots and time; that of a robot with another
-friction level; that of another robot with the same level. The last is the control of the one before: it too breaks the
-tie to the robot's own gait and noise, but the friction it tells is right."""
+friction level; that of another robot with the same level. The last is the control of the one before: it is not of the
+robot's own gait and noise either, but of the right friction."""
 
 LATENTS: tuple[Latent, ...] = get_args(Latent)
 
 
-def lenders(latent: Latent, levels: int, commands: int, episodes: int) -> np.ndarray:
-    """Return whose latent each robot is given, shape (levels * commands * episodes,): a permutation.
+def latent_sources(latent: Latent, levels: int, commands: int, episodes: int) -> np.ndarray:
+    """Return the robot whose latent each robot is given, shape (levels * commands * episodes,): a permutation.
 
     Robots are ordered by level, then by command, then by episode. `swapped` moves on by half of the levels, `peer` by
     one episode. Raises `StictionError` where there are too few of them to leave no robot its own.
@@ -55,10 +55,10 @@ def lenders(latent: Latent, levels: int, commands: int, episodes: int) -> np.nda
 
 
 class LatentMean:
-    """The mean of latents over robots and time, in float64: a thousand robots for a minute are millions of numbers."""
+    """The mean of latents over robots and time, in float64."""
 
     def __init__(self, skip: int = 0) -> None:
-        """Start with nothing seen; the first `skip` steps will not count."""
+        """Start empty; the first `skip` steps will not count."""
         self.skip, self.count, self.total = skip, 0, torch.zeros((), dtype=torch.float64)
 
     def __call__(self, latent: torch.Tensor) -> None:
@@ -86,7 +86,7 @@ class LatentPolicy(nn.Module):
         self,
         actor: RMAActor,
         privileged: torch.Tensor | None = None,
-        lenders: torch.Tensor | None = None,
+        sources: torch.Tensor | None = None,
         frozen: torch.Tensor | None = None,
         watch: Callable[[torch.Tensor], None] = lambda latent: None,
     ) -> None:
@@ -95,13 +95,13 @@ class LatentPolicy(nn.Module):
         Args:
             actor: teacher or student.
             privileged: o_priv of each robot, (N, size): the latent is z. None: it is z*, from the history.
-            lenders: number of the robot whose latent each robot is given, (N,); None: its own.
+            sources: robot whose latent each robot is given, (N,); None: its own.
             frozen: one latent for all robots and all time, (latent,), in place of z or z*.
-            watch: called with z or z* of every robot at every step, (N, latent), before they are lent or frozen.
+            watch: called with z or z* of every robot at every step, (N, latent), before it is replaced.
 
         """
         super().__init__()
-        self.policy, self.lenders, self.frozen, self.watch = StudentPolicy(actor), lenders, frozen, watch
+        self.policy, self.sources, self.frozen, self.watch = StudentPolicy(actor), sources, frozen, watch
         self.constant = None if privileged is None else actor.privileged_encoder(privileged).detach()
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
@@ -114,8 +114,8 @@ class LatentPolicy(nn.Module):
         self.watch(latent)
         if self.frozen is not None:
             latent = self.frozen.expand_as(latent)
-        elif self.lenders is not None:
-            latent = latent[self.lenders]
+        elif self.sources is not None:
+            latent = latent[self.sources]
         return self.policy.act(observation, latent)
 
 
@@ -186,8 +186,8 @@ def walk_run(
         walk(LatentPolicy(actor, privileged, watch=mean), name, other, lambda share: progress(share / 2))
         frozen = LatentPolicy(actor, privileged, frozen=mean.value)
         return walk(frozen, name, cfg, lambda share: progress((1 + share) / 2))
-    lent = lenders(latent, len(cfg.friction_levels), len(cfg.commands), cfg.episodes)
-    return walk(LatentPolicy(actor, privileged, torch.from_numpy(lent)), name, cfg, progress)
+    sources = latent_sources(latent, len(cfg.friction_levels), len(cfg.commands), cfg.episodes)
+    return walk(LatentPolicy(actor, privileged, torch.from_numpy(sources)), name, cfg, progress)
 
 
 def observed_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.ndarray) -> np.ndarray:

@@ -43,7 +43,7 @@ class Motors:
         return cls(one, one, one, np.full(num_joints, np.inf), 0.5, 1.0, 0.0)
 
 
-def asked_torque(
+def commanded_torque(
     kp: np.ndarray, kd: np.ndarray, target: np.ndarray, forward: np.ndarray, angle: np.ndarray, velocity: np.ndarray
 ) -> np.ndarray:
     """Return τ = τ_ff + kp (a − θ) − kd θ' [N m], of measured angle and velocity; shape (J,)."""
@@ -82,13 +82,13 @@ class Drive:
         self.voltage = self._motors.charge
         """Of the battery, over its nominal one [1]."""
 
-    def torque(self, asked: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def torque(self, commanded: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return delivered and reported torques of one step [N m], shape (J,); the battery sags accordingly.
 
-        asked: commanded torque [N m]; speed: φ', of the rotors [rad/s].
+        commanded: by the controller [N m]; speed: φ', of the rotors [rad/s].
         """
         motors = self._motors
-        reported = within_limits(asked, speed, self._limit, motors.no_load_speed * self.voltage, motors.knee)
+        reported = within_limits(commanded, speed, self._limit, motors.no_load_speed * self.voltage, motors.knee)
         given = motors.strength * reported
         sagged = motors.charge - motors.resistance * drawn_power(given, speed, self._limit)
         self.voltage += min(1.0, self._timestep / SMOOTHING) * (max(sagged, LOWEST_VOLTAGE) - self.voltage)

@@ -31,7 +31,7 @@ from stiction.engines.engine import Engine, Motion
 from stiction.engines.friction import JointFriction
 from stiction.virtual.gears import Gears
 from stiction.virtual.hidden import Hidden
-from stiction.virtual.motor import Drive, asked_torque
+from stiction.virtual.motor import Drive, commanded_torque
 from stiction.virtual.sensors import Encoders, Imu
 
 Signal = TypeVar("Signal")
@@ -231,11 +231,11 @@ class VirtualRobot:
     def _advance(self, sent: JointCommand) -> None:
         """Take one physics step; the numbers are those of the module's docstring."""
         command, encoders = self._commands.push(sent), self._encoders  # 1
-        asked = asked_torque(
+        commanded = commanded_torque(
             command.kp, command.kd, command.target, command.forward, encoders.angle, encoders.velocity
         )  # 2
         last = self._given
-        self._given, reported = self._drive.torque(asked, self._gears.velocity)  # 3
+        self._given, reported = self._drive.torque(commanded, self._gears.velocity)  # 3
         wear = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)
         self._bound = self._friction.bound(self._motion, last, wear)
         self._engine.step(self._gears.transmit(self._given), self._bound)  # 4 and 5
