@@ -10,10 +10,13 @@ image = pytest.importorskip("PIL.Image", reason="the package pillow, of the extr
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
 
 
-def test_a_clip_shows_a_robot_that_moves(bundle: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("robot", [None, 1000])
+def test_a_clip_shows_a_robot_that_moves(bundle: Path, tmp_path: Path, robot: int | None) -> None:
     """Frames of the right size and number that are neither empty nor all the same."""
+    if robot is not None:
+        pytest.importorskip("sapien", reason="the package sapien, of the extra 'engines', is needed for PhysX")
     try:
-        path = record_clip(bundle, 0.0, "vx=0.5", tmp_path / "clip.webp", seconds=0.4)
+        path = record_clip(bundle, 0.0, "vx=0.5", tmp_path / "clip.webp", seconds=0.4, robot=robot)
     except ClipError as error:
         pytest.skip(f"this machine cannot render: {error}")
     with image.open(path) as clip:

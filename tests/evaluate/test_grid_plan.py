@@ -65,7 +65,7 @@ def test_single_robots_are_bounded_by_no_memory() -> None:
 def test_how_long_a_walk_lasts_is_its_own_commands_affair() -> None:
     """Beside a slower command a walk over stairs would last longer, and its row be another one."""
     cfg = GridCfg(EvaluationCfg((0.1,), ("vx=0.5", "vx=0.25")), terrains=("stairs=0.1",))
-    fast, slow = (cfg.asked("stairs=0.1", command).duration for command in ("vx=0.5", "vx=0.25"))
+    fast, slow = (cfg.cell("stairs=0.1", command).duration for command in ("vx=0.5", "vx=0.25"))
     assert slow == pytest.approx(2 * fast) and fast == pytest.approx(24.4)
 
 

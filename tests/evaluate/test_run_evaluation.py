@@ -22,7 +22,14 @@ torch = pytest.importorskip("torch", reason="the package torch, of the extra 'tr
 pytest.importorskip("rsl_rl", reason="the package rsl_rl, of the extra 'train', is needed to train")
 
 from stiction.evaluate.export import TrainedPolicy, contract_of  # noqa: E402
-from stiction.evaluate.trained import LatentMean, LatentPolicy, evaluate_run, lenders, told_friction, walk_run  # noqa: E402
+from stiction.evaluate.trained import (  # noqa: E402
+    LatentMean,
+    LatentPolicy,
+    evaluate_run,
+    latent_sources,
+    observed_friction,
+    walk_run,
+)
 from stiction.locomotion.env import LocomotionEnv  # noqa: E402  (needs torch)
 from stiction.locomotion.randomization import nominal_privileged, privileged_observation  # noqa: E402
 from stiction.rma.run import RunDirectory  # noqa: E402
@@ -110,10 +117,12 @@ def test_training_tells_what_the_pure_function_tells() -> None:
 def test_a_teacher_is_told_what_its_training_varied() -> None:
     """Where friction never varied the entry's weights are noise: it stays at 0 for `none`, at 0.1 for exactly 0.1."""
     present, nominal = np.array([[0.0, 0.0], [0.3, 0.3]]), np.array([0.1, 0.1])
-    assert told_friction(FrictionCfg("none", 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.0, 0.0]]
-    assert told_friction(FrictionCfg("direct", 0.1, range=(1.0, 1.0)), nominal, present).tolist() == [[0.1, 0.1]] * 2
+    assert observed_friction(FrictionCfg("none", 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert (
+        observed_friction(FrictionCfg("direct", 0.1, range=(1.0, 1.0)), nominal, present).tolist() == [[0.1, 0.1]] * 2
+    )
     for method in ("direct", "finetune"):
-        assert told_friction(FrictionCfg(method, 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.3, 0.3]]
+        assert observed_friction(FrictionCfg(method, 0.1), nominal, present).tolist() == [[0.0, 0.0], [0.3, 0.3]]
 
 
 def test_rows_of_a_run_look_like_those_of_a_bundle(run: RunDirectory) -> None:
@@ -143,25 +152,25 @@ def test_peers_share_the_teachers_latent_and_other_levels_do_not(run: RunDirecto
     assert jitter[2] != pytest.approx(jitter[0], rel=1e-3)
 
 
-def test_lenders_by_hand() -> None:
+def test_latent_sources_by_hand() -> None:
     """Levels a, b, c; commands +, -; episodes 0, 1: a+0 a+1 a-0 a-1 b+0 b+1 b-0 b-1 c+0 c+1 c-0 c-1."""
-    assert lenders("swapped", 3, 2, 2).tolist() == [4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3]
-    assert lenders("peer", 3, 2, 2).tolist() == [1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10]
-    assert lenders("swapped", 4, 1, 1).tolist() == [2, 3, 0, 1]
-    assert lenders("own", 2, 1, 2).tolist() == [0, 1, 2, 3]
+    assert latent_sources("swapped", 3, 2, 2).tolist() == [4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 3]
+    assert latent_sources("peer", 3, 2, 2).tolist() == [1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10]
+    assert latent_sources("swapped", 4, 1, 1).tolist() == [2, 3, 0, 1]
+    assert latent_sources("own", 2, 1, 2).tolist() == [0, 1, 2, 3]
     for latent, shape in (("swapped", (1, 2, 3)), ("peer", (3, 2, 1))):
         with pytest.raises(StictionError, match="two"):
-            lenders(latent, *shape)
+            latent_sources(latent, *shape)
 
 
 def test_latents_are_lent_and_frozen(run: RunDirectory) -> None:
-    """The actor acts on the lender's latent with its own observation."""
+    """The actor acts on another robot's latent with its own observation."""
     actor = load_actor(run, "student")
     observation = torch.randn(2, 11 * actor.adaptation.frame, generator=torch.Generator().manual_seed(0))
     seen: list[torch.Tensor] = []
     with torch.no_grad():
         latent = actor.adaptation(observation)
-        lent = LatentPolicy(actor, lenders=torch.tensor([1, 0]), watch=seen.append)(observation)
+        lent = LatentPolicy(actor, sources=torch.tensor([1, 0]), watch=seen.append)(observation)
         frozen = LatentPolicy(actor, frozen=latent[1])(observation)
         one, two = lent, LatentPolicy(actor).policy.act(observation, latent.flip(0))
     torch.testing.assert_close(one, two)

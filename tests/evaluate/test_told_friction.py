@@ -11,7 +11,7 @@ from bundles import linear_network, make_bundle, make_contract
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
 from stiction.evaluate.evaluate import EvaluationCfg, drive_bundle
-from stiction.evaluate.known_friction import Told, nominal_known, parse_told, told_at, told_in_batch
+from stiction.evaluate.known_friction import FrictionSource, known_to, nominal_known, parse_source
 from stiction.evaluate.methods import METHODS, method_of
 from stiction.evaluate.rollout import friction_at
 from stiction.evaluate.walk_logs import RecordCfg, record_walks
@@ -30,18 +30,18 @@ BASE = EvaluationCfg((0.0, 0.1), ("vx=0.5",), episodes=1, seconds=1.5, settle=0.
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "expected"),
     [
-        ("contract", Told("contract")),
-        ("true", Told("true")),
-        ("true*0.7", Told("true", 0.7)),
-        (" bench*1.3", Told("bench", 1.3)),
-        ("0.15", Told(0.15)),
+        ("contract", FrictionSource("contract")),
+        ("true", FrictionSource("true")),
+        ("true*0.7", FrictionSource("true", 0.7)),
+        (" bench*1.3", FrictionSource("bench", 1.3)),
+        ("0.15", FrictionSource(0.15)),
     ],
 )
-def test_what_is_told_is_named_by_a_text(text: str, told: Told) -> None:
+def test_what_is_told_is_named_by_a_text(text: str, expected: FrictionSource) -> None:
     """As it is typed behind --known-friction."""
-    assert parse_told(text) == told
+    assert parse_source(text) == expected
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_what_is_told_is_named_by_a_text(text: str, told: Told) -> None:
 def test_what_names_nothing_is_refused(text: str) -> None:
     """An error of a number, or of the contract, is another number: nobody would find out what was told."""
     with pytest.raises(StictionError, match=r"known friction .*expected contract, true, bench"):
-        parse_told(text)
+        parse_source(text)
     with pytest.raises(StictionError, match="known friction"):
         replace(BASE, known_friction=text)
 
@@ -59,7 +59,7 @@ def told_to(text: str, law: Law | None = None) -> np.ndarray | None:
     """What robots at 0 and 10 % are told."""
     law = law or Law()
     friction = friction_at(CONTRACT, np.array([0.0, 0.1]), law)
-    return told_in_batch(CONTRACT, SPEC, parse_told(text), law, friction)
+    return known_to(CONTRACT, SPEC, parse_source(text), law, friction)
 
 
 def test_robots_of_a_batch_are_told_their_own_level() -> None:
@@ -69,13 +69,15 @@ def test_robots_of_a_batch_are_told_their_own_level() -> None:
     np.testing.assert_allclose(told_to("0.15"), [[0.15] * 3] * 2)
     assert told_to("contract") is None
     other = make_contract()
-    assert told_in_batch(other, SPEC, Told("true"), Law(), friction_at(other, np.array([0.1]))) is None
+    assert known_to(other, SPEC, FrictionSource("true"), Law(), friction_at(other, np.array([0.1]))) is None
 
 
 def test_a_coefficient_is_told_as_in_training() -> None:
     """10 % of the load, a sixth of 31.8 kg x 9.81, over the torque limits."""
     expected = 0.1 * SPEC.mass * 9.81 / 6 / SPEC.joint_values("torque_limit")[:3]
-    told = told_at(CONTRACT, SPEC, Told("true"), Law("load"), friction_at(CONTRACT, np.array([0.1]), Law("load")))
+    told = known_to(
+        CONTRACT, SPEC, FrictionSource("true"), Law("load"), friction_at(CONTRACT, np.array([0.1]), Law("load"))
+    )
     np.testing.assert_allclose(told, [expected])
 
 

@@ -21,7 +21,7 @@ from stiction.robots.catalog import find_robot
 from stiction.studies.bench import robots as bench_study
 from stiction.studies.bench.robots import IdentifiedFriction, LoadMeter, referee, study_benches
 from stiction.virtual import bench as identification
-from stiction.virtual.bench import Bench, BenchCfg, identified_friction, make_bench
+from stiction.virtual.bench import Bench, BenchCfg, make_bench
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.hidden import draw
 
@@ -59,22 +59,6 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Identi
 def known(value: float) -> JointRecord:
     """Return a joint whose friction is known."""
     return JointRecord(coulomb_friction=Estimate(value, 0.1, (value - 0.2, value + 0.2)))
-
-
-def test_friction_comes_in_the_order_of_the_robot_and_is_never_negative() -> None:
-    """A controller that is fed another joint's friction, or one that drives, would be worse than none."""
-    file = JointsFile({"b": known(2.0), "a": known(1.0), "c": known(-0.1)})
-    np.testing.assert_array_equal(identified_friction(file, ("a", "b", "c")), [1.0, 2.0, 0.0])
-
-
-def test_a_joint_without_friction_is_refused_with_its_reason(tmp_path: Path) -> None:
-    """To feed nothing forward in one joint of many would be a silent other experiment."""
-    file = JointsFile({"a": known(1.0), "b": JointRecord(warnings=("not identified: it hardly moves",))})
-    file.write(tmp_path / "joints.json")
-    with pytest.raises(StictionError, match=r"'b' is null .* it hardly moves"):
-        identified_friction(tmp_path / "joints.json", ("a", "b"))
-    with pytest.raises(StictionError, match="unknown joint 'z'"):
-        identified_friction(file, ("z",))
 
 
 def test_a_study_holds_what_was_found_against_the_truth_and_keeps_the_truth_to_itself(studied) -> None:
@@ -141,7 +125,7 @@ def test_a_bench_that_tells_nothing_says_so_in_its_file(tmp_path: Path, monkeypa
     records = load_joints(tmp_path / "robot" / "joints.json").joints
     assert tuple(records) == SHANKS and {one.coulomb_friction for one in records.values()} == {None}
     with pytest.raises(StictionError, match=r"null .* it hardly moves"):
-        identified_friction(tmp_path / "robot" / "joints.json", SHANKS)
+        load_joints(tmp_path / "robot" / "joints.json").nominal(SHANKS, "coulomb_friction")
     (tmp_path / "file").write_text("")
     with pytest.raises(StictionError, match="cannot be written"):
         make_bench(BENCH, tmp_path / "file")

@@ -8,7 +8,7 @@ from stiction.virtual.motor import (
     LOWEST_VOLTAGE,
     Drive,
     Motors,
-    asked_torque,
+    commanded_torque,
     drawn_power,
     within_limits,
 )
@@ -23,7 +23,7 @@ def one(value: float) -> np.ndarray:
 
 def test_the_controller_pulls_towards_its_target_and_brakes() -> None:
     """A sign that is wrong, as in the paper's print, would let the joint run away."""
-    asked = asked_torque(one(100.0), one(2.5), one(0.3), one(1.5), one(0.1), one(2.0))
+    asked = commanded_torque(one(100.0), one(2.5), one(0.3), one(1.5), one(0.1), one(2.0))
     assert asked[0] == pytest.approx(1.5 + 100 * 0.2 - 2.5 * 2.0)
 
 

@@ -42,6 +42,9 @@ def robot_of(contract: Contract, robot: str | None = None) -> RobotSpec:
     return spec
 
 
+OF_CONTRACT = ("robot", "method", "friction_law", "friction_level", "known_friction")
+"""What the summary of a check says of the contract."""
+
 TOLERANCE = 1e-5
 """Largest difference between the recording and the replay, in units of observation and action and in rad."""
 
@@ -62,19 +65,15 @@ class BundleCheck:
     """Largest difference of the joint target [rad]."""
 
     def summary(self) -> dict:
-        """Return plain data for `--json`."""
-        contract = self.bundle.contract
+        """Return plain data for `--json`; `wear`: what the wear monitor estimates the friction of: joints, `level`."""
+        contract, wear = self.bundle.contract, self.bundle.wear
         return {
             "ok": True,
             "bundle": self.bundle.name,
             "digest": self.bundle.digest,
             "size": self.bundle.size,
-            "robot": contract.robot,
-            "method": contract.method,
-            "friction_law": contract.friction_law,
-            "friction_level": contract.friction_level,
-            "known_friction": contract.known_friction,
-            "wear": estimated_by_wear(self.bundle),
+            **{name: getattr(contract, name) for name in OF_CONTRACT},
+            "wear": [] if wear is None else [t for t, known in zip(wear.targets, wear.told, strict=True) if known],
             "steps": self.steps,
             "tolerance": TOLERANCE,
             "observation_error": self.observation_error,
@@ -106,12 +105,6 @@ def check_bundle(path: Path | str) -> BundleCheck:
                 "policy, contract and golden vectors do not belong together; get the bundle again"
             )
     return BundleCheck(bundle, len(bundle.golden), *errors.values())
-
-
-def estimated_by_wear(bundle: Bundle) -> list[str]:
-    """Return what the bundle's wear monitor tells the friction of: joints, `level`; nothing without one."""
-    wear = bundle.wear
-    return [] if wear is None else [name for name, estimated in zip(wear.targets, wear.told, strict=True) if estimated]
 
 
 def replay(policy: Policy, golden: Golden) -> PolicyStep:

@@ -1,6 +1,6 @@
 """The policy's input, built from raw sensors in NumPy: the deployed twin of the observation that training builds.
 
-One robot (shape (J,)) and a batch of N (shape (N, J)) run the same code. Golden vectors hold both twins together.
+One robot (shape (J,)) and a batch of N (shape (N, J)) run the same code. Golden vectors test that both twins agree.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from stiction.formats.known_friction import TERM
 
 @dataclass(frozen=True)
 class Sensors:
-    """What the robot measures, at one instant; leading axes are the batch, empty for one robot."""
+    """Measurements at one instant; leading axes are the batch, empty for one robot."""
 
     quaternion: np.ndarray
     """Orientation of the base, unit, w x y z, shape (..., 4)."""
@@ -46,8 +46,8 @@ class ObservationBuilder:
             layout: terms and history length.
             standing: standing pose [rad], shape (J,).
             batch: leading shape, `()` for one robot or `(N,)`.
-            known_friction: f/τ_max of each kind of joint [-], shape (kinds,), or of each robot, (*batch, kinds); for a
-                layout with that term, which builds no frame without.
+            known_friction: f/τ_max of each kind of joint [-], shape (kinds,), or of each robot, (*batch, kinds);
+                needed by a layout with that term.
             action_scale: joint angle per unit of action [rad], for a layout with slow means.
 
         Raises:
@@ -82,7 +82,7 @@ class ObservationBuilder:
             last_action: the network's output of the step before, after clipping, shape (*batch, J); zero at first.
 
         Raises:
-            StictionError: the layout has the joints' known friction and nobody said what it is.
+            StictionError: the layout has the joints' known friction, and none was given.
 
         """
         raw = {
@@ -127,23 +127,23 @@ class ObservationBuilder:
 
 
 class SlowMeans:
-    """Means of products of error and velocity that tell a joint's dry friction, see `SLOW_TERMS`."""
+    """Exponential means of products of error and velocity, which show a joint's dry friction, see `SLOW_TERMS`."""
 
     def __init__(self, shape: tuple[int, ...], kept: float) -> None:
         """Start with nothing; `shape`: (*batch, J); `kept`: see `ObservationLayout.slow_kept`."""
-        self._kept = kept
+        self._decay = kept
         self._sums = np.zeros((len(SLOW_TERMS), *shape))
         self._weight = np.ones((*shape[:-1], 1))
 
     def step(self, error: np.ndarray, velocity: np.ndarray, fresh: np.ndarray) -> None:
-        """Take in a frame.
+        """Add a frame.
 
-        error: of the last target [rad], velocity [rad/s], shape (*batch, J); fresh: whose past is forgotten, bool, the
+        error: of the last target [rad], velocity [rad/s], shape (*batch, J); fresh: robots that start anew, bool, the
         batch's shape.
         """
         products = np.stack([np.abs(error), np.abs(velocity), error * velocity])
-        self._sums = products + np.where(fresh[..., None], 0.0, self._kept * self._sums)
-        self._weight = 1.0 + np.where(fresh[..., None], 0.0, self._kept * self._weight)
+        self._sums = products + np.where(fresh[..., None], 0.0, self._decay * self._sums)
+        self._weight = 1.0 + np.where(fresh[..., None], 0.0, self._decay * self._weight)
 
     def terms(self) -> dict[str, np.ndarray]:
         """Return the means by term, each of shape (*batch, J)."""

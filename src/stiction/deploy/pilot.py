@@ -1,9 +1,6 @@
-"""Drives a robot from a policy bundle: NumPy and onnxruntime on one side, a `Port` on the other, nothing else.
+"""The control loop: reads the sensors through a `Port`, runs the policy, sends joint targets back. No simulator.
 
-An observation goes one way, on a robot as in an evaluation: `Port.read` gives what the sensors measured; here and in
-`observation` and `policy` it becomes an action, joint targets and gains; `Port.exchange` takes them to the motors. What
-is behind the port this room does not know: a virtual robot in the same process has one (`virtual`, its handle), whose
-motors, gears and friction act on an engine (`engines`); a real robot, or one in another process, gets one from its
+What is behind the port is not known here: a virtual robot in the same process (`virtual`), or a real robot behind its
 transport.
 """
 
@@ -22,7 +19,7 @@ from stiction.joints.pd import fed_forward
 
 @dataclass(frozen=True)
 class JointCommand:
-    """What the motor controllers are to do until the next command arrives. Arrays have shape (J,)."""
+    """Input of the motor controllers until the next command arrives. Arrays have shape (J,)."""
 
     target: np.ndarray
     """a [rad]."""
@@ -41,14 +38,14 @@ class JointCommand:
 
 @dataclass(frozen=True)
 class Reading:
-    """What came from the robot last."""
+    """The last measurements that arrived from the robot."""
 
     time: float
-    """When it arrived, since the robot was put in place [s]; the robot measured somewhat earlier."""
+    """Time of arrival since the robot was put in place [s]; the robot measured somewhat earlier."""
     sensors: Sensors
     """IMU and encoders, shapes (4,), (3,), (J,), (J,)."""
     joint_torque: np.ndarray
-    """What the motors report: current times the data sheet's torque constant, at the joint [N m], shape (J,)."""
+    """Motor currents times the data sheet's torque constant, at the joint [N m], shape (J,)."""
     foot_contact: np.ndarray
     """Whether each foot bears load, bool, shape (L,)."""
 
@@ -56,23 +53,16 @@ class Reading:
 class Port(Protocol):
     """A robot, as a computer on it sees it."""
 
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Order of every vector over joints."""
-        ...
-
-    @property
-    def period(self) -> float:
-        """Time between two readings [s]."""
-        ...
+    joint_names: tuple[str, ...]
+    """Order of every vector over joints."""
+    period: float
+    """Time between two readings [s]."""
 
     def read(self) -> Reading:
         """Return what came last; no time passes."""
-        ...
 
     def exchange(self, command: JointCommand) -> Reading:
         """Send a command, wait for one period, and return what has come by then."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -80,13 +70,13 @@ class ControlStep:
     """What happened in one control period."""
 
     velocity: np.ndarray
-    """What was commanded: forward, sideways [m/s], turn [rad/s], shape (3,)."""
+    """Commanded: forward, sideways [m/s], turn [rad/s], shape (3,)."""
     before: Reading
-    """What the policy saw."""
+    """Input of the policy."""
     policy: PolicyStep
-    """What it made of it."""
+    """Its output."""
     readings: tuple[Reading, ...]
-    """What came while its targets were held, the last one at the end of the period."""
+    """Readings while its targets were held, the last one at the end of the period."""
 
 
 class Pilot:

@@ -104,7 +104,7 @@ INPUT, OUTPUT = "observation", "action"
 class Network:
     """A network in ONNX, run by onnxruntime on one CPU thread: observation (N, size) -> action (N, J), float32."""
 
-    def __init__(self, model: bytes, observation_size: int, num_actions: int, threads: int = 1) -> None:
+    def __init__(self, model: bytes, observation_size: int, num_actions: int) -> None:
         """Load the network from its bytes and check its input and output.
 
         Raises:
@@ -116,8 +116,7 @@ class Network:
                 f"policy.onnx keeps {len(outside)} tensors in other files ({outside[0]!r}); expected none"
             )
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.inter_op_num_threads = 1
+        options.intra_op_num_threads = options.inter_op_num_threads = 1
         options.log_severity_level = 4
         try:
             self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
@@ -178,19 +177,13 @@ class Policy:
             contract: what the policy expects.
             network: what it computes.
             batch: `()` for one robot or `(N,)`.
-            known_friction: see `ObservationBuilder`; by default what the contract says.
-
-        Raises:
-            StictionError: as of `ObservationBuilder`.
+            known_friction: see `ObservationBuilder`, also for errors; by default what the contract says.
 
         """
-        self.contract = contract
-        self._network = network
-        self._batch = batch
+        self.contract, self._network, self._batch = contract, network, batch
         self._standing = contract.array("standing")
         known = contract.told_friction if known_friction is None else known_friction
-        scale = contract.action_scale
-        self._builder = ObservationBuilder(contract.observation, self._standing, batch, known, scale)
+        self._builder = ObservationBuilder(contract.observation, self._standing, batch, known, contract.action_scale)
         self._last_action = np.zeros((*batch, contract.num_joints), dtype=np.float32)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -234,9 +227,7 @@ def load_policy(
     contract: Contract,
     model: bytes,
     batch: tuple[int, ...] = (),
-    threads: int = 1,
     known_friction: np.ndarray | None = None,
 ) -> Policy:
     """Return the policy of a bundle's contract and network; see `Policy` and `Network` for shapes and errors."""
-    network = Network(model, contract.observation.size, contract.num_joints, threads)
-    return Policy(contract, network, batch, known_friction)
+    return Policy(contract, Network(model, contract.observation.size, contract.num_joints), batch, known_friction)

@@ -1,9 +1,8 @@
-"""The wear monitor: what a walk's own observations say about each joint's friction, in NumPy.
+"""The wear monitor: estimates each joint's friction from the observations of a walk, in NumPy.
 
-There is no torque in the observation. There is what makes it: the target of the step before (its action), the angle and
-the velocity reached. Dry friction takes τ_f = f sign(θ'), so a joint with more of it has a larger error e = target -
-angle while it moves, and the mean of e·sign(θ') over a stretch of walking grows with f. Load, gains, damping and delay
-act on the same mean; the other moments, and the other joints, are there so that a linear map can tell them apart.
+Dry friction takes τ_f = f sign(θ'), so a joint with more of it has a larger error e = target - angle while it moves,
+and the mean of e·sign(θ') over a window of walking grows with f. Load, gains, damping and delay act on the same mean;
+from the other moments, and the other joints, a linear map tells them apart.
 """
 
 from __future__ import annotations
@@ -27,7 +26,7 @@ BODY_MOMENTS = 13
 
 
 class Moments:
-    """Turns two neighbouring frames into features whose means over a window are what the monitor sees."""
+    """Turns two neighbouring frames into the features whose means over a window are the monitor's input."""
 
     def __init__(self, layout: ObservationLayout, action_scale: float) -> None:
         """Find the terms in a frame. `action_scale`: joint angle per unit of action [rad]."""
@@ -54,7 +53,7 @@ class Moments:
 
 @dataclass(frozen=True)
 class WearEstimate:
-    """Dry friction as fractions of the torque limits, from one window of walking; NaN where it is not told."""
+    """Dry friction as fractions of the torque limits, from one window of walking; NaN where it is not estimated."""
 
     friction: np.ndarray
     """f/τ_max of each joint [-], shape (J,)."""
@@ -65,12 +64,11 @@ class WearEstimate:
     level_interval95: tuple[float, float]
     """Lower and upper end of it."""
     unusual: bool
-    """Whether the window was unlike those the map was fitted on: standing still, another ground, more friction than it
-    knows. The numbers are then not to be trusted."""
+    """Whether the window was unlike those that the map was fitted on, and the numbers are not to be trusted."""
 
 
 class WearMonitor:
-    """Listens to the policy's input and, after every window, says how much friction the joints have."""
+    """Reads the policy's input and estimates the joints' friction after every window."""
 
     def __init__(self, contract: Contract, model: WearModel) -> None:
         """Start with an empty window.
@@ -91,12 +89,12 @@ class WearMonitor:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was seen: after a stop, a fall, or a pause of the loop."""
+        """Empty the window: after a stop, a fall, or a pause of the loop."""
         self._sum, self._count = np.zeros(len(self.model.center)), 0
         self._before: np.ndarray | None = None
 
     def step(self, observation: np.ndarray) -> WearEstimate | None:
-        """Take in one input of the network, shape (size,); return an estimate at the end of a window, else None."""
+        """Add one input of the network, shape (size,); return an estimate at the end of a window, else None."""
         frame = np.asarray(observation[-self._frame :], dtype=np.float64)
         if self._before is not None:
             self._sum += self._moments(self._before, frame)
@@ -110,7 +108,7 @@ class WearMonitor:
 
 
 def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
-    """Return what a window's mean features, shape (features,), say."""
+    """Return the estimate of a window's mean features, shape (features,)."""
     standard = np.clip((mean - np.array(model.center)) / np.array(model.scale), -model.limit, model.limit)
     told = np.array(model.told)
     value = np.where(told, np.array(model.intercept) + standard @ np.array(model.weights), np.nan)

@@ -1,9 +1,8 @@
-"""The registry of engines: all that the house knows of each, and how one is found by its name.
+"""The registry of engines, and how one is found by its name.
 
-One of your own touches no file here: an `EngineSpec` in a module of yours is found as `package.module:VARIABLE`, as a
-robot is. Looking it up runs that module, so such a name is typed by a person; none is ever taken from a file.
-
-No engine's package is imported before one is asked for.
+An engine of your own is an `EngineSpec` in a module of yours, found as `package.module:VARIABLE`. Looking it up runs
+that module, so such a name is typed by a person and never taken from a file. No engine's package is imported before the
+engine is made.
 """
 
 from __future__ import annotations
@@ -29,19 +28,19 @@ class EngineSpec:
     """One engine."""
 
     name: str
-    """By which it is found; one of your own is found, and stands in results, as `package.module:VARIABLE` instead."""
+    """In results, too; one of your own has `package.module:VARIABLE` instead."""
     make: Make
-    """Makes a robot in it, of body, ground and timestep. What it needs is imported in there, not before."""
+    """Makes a robot in it, of body, ground and timestep; imports what it needs."""
     cost: float = 5.0
-    """Time that a walk of one robot takes, MuJoCo's being 1: long walks go first, so that no core waits at the end."""
+    """Time that a walk of one robot takes over MuJoCo's: long walks go first, so that no core waits at the end."""
     batch_cost: float | None = None
-    """The same for a robot of a batch, in the training's simulator of that name; None: there is none."""
+    """The same for a robot of a batch in the training's simulator of that name; None: there is no such simulator."""
     timestep: float = TIMESTEP
     """Physics step of evaluations [s]; virtual robots have their own."""
     extra: str = ""
-    """What to install for it: an extra of this package."""
+    """Extra of this package to install for it."""
     binaries: Callable[[], dict[str, str | None]] = dict
-    """Returns what it loads that is part of no Python package: name -> SHA-256, None where it is not installed."""
+    """Returns the libraries that it loads from no Python package: name -> SHA-256, None where not installed."""
 
     @property
     def alone(self) -> str:
@@ -92,12 +91,7 @@ ENGINES = {
 
 
 def find_engine(name: str) -> EngineSpec:
-    """Return the engine called `name`: a shipped one, or `package.module:VARIABLE` anywhere on the Python path.
-
-    Raises:
-        StictionError: there is no such engine or module, or it holds no `EngineSpec`.
-
-    """
+    """Return the engine called `name`, a shipped one or `package.module:VARIABLE`; raise `StictionError` for none."""
     if name in ENGINES:
         return ENGINES[name]
     if ":" not in name:
@@ -131,14 +125,9 @@ def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engin
 
 
 def binaries(name: str) -> dict[str, str | None]:
-    """Return what an engine loads that no installed package's version tells: name -> SHA-256, None where it is absent.
+    """Return `EngineSpec.binaries` of an engine, with the module's file of one of one's own; for keys of a cache.
 
-    Of an engine of one's own that is its module's file, too. A cached walk is found again by it, beside the code here
-    and the versions of packages.
-
-    Raises:
-        StictionError: there is no such engine.
-
+    Raises `StictionError` where there is no such engine.
     """
     found = find_engine(name).binaries()
     module, colon, _ = name.partition(":")

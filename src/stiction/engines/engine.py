@@ -1,13 +1,13 @@
-"""What every engine gives: one robot, its joints moved by torques and held by dry friction.
+"""The interface of every engine: one robot, its joints moved by torques and held by dry friction.
 
-Torque and friction come from outside, at every physics step. An engine's own words for friction and control often mean
-something else (PhysX 5.3 multiplies by load, Webots ignores friction under position control), so nothing of theirs is
-used but one thing: a constraint that holds a joint with any torque up to a bound, and brakes it with the bound where it
-slides. That is dry friction. What the bound is, the law says (`friction.py`), and the same law in every engine.
+Torque and friction come from outside, at every physics step. Engines' own friction and control often mean something
+else (PhysX 5.3 multiplies by load, Webots ignores friction under position control), so only one thing of theirs is
+used: a constraint that holds a joint with any torque up to a bound, and brakes it with the bound where it slides. The
+bound is that of the law (`friction.py`), the same in every engine.
 
-What touches what is the same in every engine, too, and as in training: on the plane feet and trunk; on boxes and on a
-height field shanks as well; feet touch each other and the trunk; thighs and hips touch nothing. The suite in
-`conformance/` holds engines to all of this.
+What touches what is the same in every engine, and as in training: on the plane feet and trunk; on boxes and on a height
+field shanks as well; feet touch each other and the trunk; thighs and hips touch nothing. The suite in `conformance/`
+tests all of this.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ import numpy as np
 
 from stiction.core.errors import EngineError
 from stiction.engines.ground import Ground
-from stiction.robots.model import GRAVITY as GRAVITY
 from stiction.robots.model import RobotSpec
 
 FASTEST = 1e4
@@ -31,7 +30,7 @@ TOUCH = 1.0
 
 
 class BlownUp(EngineError):
-    """A robot whose numbers are no motion any more. To whoever drives it that is a fall; `reset` puts it right."""
+    """The simulation of the robot is unstable: a fall. `reset` starts anew."""
 
 
 def check_speed(engine: str, *speeds: np.ndarray) -> None:
@@ -47,7 +46,7 @@ def check_speed(engine: str, *speeds: np.ndarray) -> None:
 
 @dataclass(frozen=True)
 class Body:
-    """The robot as an engine builds it: its shape and masses, and what is in its joints beside friction."""
+    """The robot as an engine builds it: shape, masses, rotors and viscous friction."""
 
     spec: RobotSpec
     """Shape, masses, limits of the angles."""
@@ -58,22 +57,21 @@ class Body:
     ground_friction: float = 1.0
     """Coulomb coefficient between feet and ground [-], whatever the ground is made of; trunk and shanks have 1."""
     base_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Where the trunk's centre of mass is in the base's frame [m]: a payload, or a drawing that was wrong."""
+    """Centre of mass of the trunk in the base's frame [m]."""
     fixed: bool = False
-    """Whether the base is bolted to a stand, where `reset` put it: a robot whose joints are being measured."""
+    """Whether the base is bolted to a stand, where `reset` put it."""
 
     @classmethod
     def nominal(cls, spec: RobotSpec, fixed: bool = False) -> Body:
-        """Return the robot as its description has it."""
+        """Return the robot of the data sheet."""
         return cls(spec, spec.joint_values("armature"), spec.joint_values("damping"), fixed=fixed)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What a robot does at one instant. Joints in the order of `spec.joint_names`, legs in that of `spec.legs`.
+    """State of a robot. Joints in the order of `spec.joint_names`, legs in that of `spec.legs`.
 
-    Position and velocity are those of now; contact, force and torque those of the step that led here, as a sensor's
-    are, and zero right after a reset.
+    Contact, force and torque are those of the last step, as a sensor's are, and zero right after a reset.
     """
 
     base_position: np.ndarray
@@ -114,12 +112,12 @@ class Engine(Protocol):
         """Advance by one timestep under joint torques [N m] and bounds of dry friction [N m], both of shape (J,).
 
         Raises:
-            BlownUp: the robot's numbers are no motion any more.
+            BlownUp: the simulation has become unstable.
 
         """
 
     def motion(self, loads: bool = True) -> Motion:
-        """Return what the robot does now; without `loads`, |F| and |T| of its joints are zero: nobody asks for them."""
+        """Return the present motion; without `loads`, |F| and |T| of its joints are left zero, which is faster."""
 
 
 Make = Callable[[Body, Ground, float], Engine]

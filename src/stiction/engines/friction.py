@@ -4,9 +4,9 @@ It is a sum of laws (`stiction.joints.friction.LAWS`), each with a level and num
 
     bound_j = wear_j f_j (1 + (r_j − 1) exp(−(q'/v_j)²)) + c_j (|F_j| + |T_j|)
 
-for one with Stribeck friction and friction that grows with load. The delays are those of the training: motor torque
-and transmitted force are those of the step before, and as much of an old bound is kept over the same time. Wear acts on
-what a bench measures without load, as the paper's seals do, and not on coefficients.
+for one with Stribeck friction and friction that grows with load. As in training, motor torque and transmitted force are
+those of the step before, and the bound is low-pass filtered with the same time constant. Wear scales torques, as the
+paper's seals do, and not coefficients.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Term:
     """What the law takes beside its level, by name; see `Law`."""
 
     def bound(self, signals: Mapping[str, Values]) -> Values:
-        """Return its part of the bound [N m], nothing of an old one kept; `signals`: what laws may read, by name."""
+        """Return its part of the bound [N m], unfiltered; `signals`: what laws may read, by name."""
         spec = LAWS[self.law]
         assert spec.factor is not None
         return self.level * spec.factor(**{name: signals[name] for name in spec.reads}, **self.numbers)
@@ -42,9 +42,9 @@ class JointFriction:
     """Dry friction of one robot."""
 
     def __init__(self, timestep: float, *terms: Term) -> None:
-        """Begin without a past; `timestep`: of the physics [s], `terms`: laws whose bounds add up."""
+        """timestep: of the physics [s]; terms: laws whose bounds add up."""
         self._terms = [Term(term.law, np.array(term.level, float), term.numbers) for term in terms]
-        self._kept = [LAWS[term.law].kept ** (timestep / KEPT_OVER) for term in terms]
+        self._decay = [LAWS[term.law].kept ** (timestep / KEPT_OVER) for term in terms]
         self.reset()
 
     @classmethod
@@ -58,22 +58,21 @@ class JointFriction:
         return any(LAWS[term.law].loaded and np.any(term.level) for term in self._terms)
 
     def reset(self) -> None:
-        """Forget the load of the last step: the robot begins anew."""
+        """Forget the bounds of the last step."""
         self._last: list[Values | None] = [None] * len(self._terms)
 
     def bound(self, motion: Motion, torque: np.ndarray, wear: Values = 1.0) -> np.ndarray:
         """Return the bounds of the coming step [N m], shape (J,).
 
-        motion: what the robot does now; torque: what its motors gave in the last step [N m], shape (J,), zero where
-        there was none; wear: factor on what is no coefficient [1].
+        motion: of now; torque: of the motors in the last step [N m], shape (J,); wear: factor on torques [1].
         """
         load = motion.joint_force + motion.joint_torque
         signals = {"velocity": motion.joint_velocity, "load": load, "torque": torque}
         total = np.zeros_like(motion.joint_velocity)
-        for index, (term, kept, last) in enumerate(zip(self._terms, self._kept, self._last, strict=True)):
+        for index, (term, decay, last) in enumerate(zip(self._terms, self._decay, self._last, strict=True)):
             bound = term.bound(signals)
-            if kept and last is not None:
-                bound = kept * last + (1.0 - kept) * bound
+            if decay and last is not None:
+                bound = decay * last + (1.0 - decay) * bound
             self._last[index] = bound
             total = total + (bound if has_coefficient(term.law) else wear * bound)
         return total

@@ -1,8 +1,7 @@
-"""What one robot walks on, as data that every engine can build: a plane, boxes on it, a height field on it. NumPy only.
+"""The ground of one robot as data that every engine can build: a plane, boxes on it, a height field on it.
 
-The plane z = 0 is always there. Boxes are exact in every engine, and the courses of the training are made of them
-(`stiction.robots.terrain`). A height field is the other kind of ground: MuJoCo takes it as it is, PhysX and others take
-its triangles, which are the same surface.
+Boxes are exact in every engine, and the courses of the training are made of them (`stiction.robots.terrain`). MuJoCo
+takes a height field as it is, PhysX and ODE take its triangles, which are the same surface.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ class HeightField:
     cell: float
     """Side of a cell [m]."""
     corner: tuple[float, float]
-    """Where the first height is, x and y [m]."""
+    """Position of the first height, x and y [m]."""
 
     def __post_init__(self) -> None:
-        """Refuse a grid that is none."""
+        """Refuse a malformed grid."""
         heights = np.asarray(self.heights)
         grid = heights.ndim == 2 and min(heights.shape) >= 2 and np.isfinite(heights).all()
         if not (grid and 0 < self.cell < np.inf and np.shape(self.corner) == (2,) and np.isfinite(self.corner).all()):
@@ -44,8 +43,7 @@ class HeightField:
     def triangles(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the surface: vertices [m], shape (V, 3), and triangles, numbers of vertices, shape (F, 3).
 
-        Seen from above a triangle turns to the left. A cell is cut from its lower left to its upper right, where MuJoCo
-        cuts it for contacts.
+        Triangles are counterclockwise from above. A cell is cut from lower left to upper right, as MuJoCo does.
         """
         rows, columns = np.shape(self.heights)
         along, across = np.meshgrid(np.arange(columns), np.arange(rows))
@@ -72,7 +70,7 @@ class HeightField:
 
 @dataclass(frozen=True)
 class Ground:
-    """The plane z = 0 and what lies on it. Arrays of B boxes, of none by default."""
+    """The plane z = 0 with B boxes on it."""
 
     half_sizes: np.ndarray
     """Half the extent of the boxes along their own axes [m], shape (B, 3)."""
@@ -81,10 +79,10 @@ class Ground:
     quaternions: np.ndarray
     """Their orientations, w x y z, shape (B, 4)."""
     field: HeightField | None = None
-    """A height field beside them."""
+    """A height field."""
 
     def __post_init__(self) -> None:
-        """Refuse boxes without size, place or orientation, so that no engine needs to; a height field checks itself."""
+        """Refuse boxes without size, position or orientation, so that no engine needs to."""
         shapes = np.shape(self.half_sizes), np.shape(self.positions), np.shape(self.quaternions)
         count = shapes[0][0] if shapes[0] else 0
         if shapes != ((count, 3), (count, 3), (count, 4)):
@@ -136,10 +134,7 @@ def course(kind: str, size: float, seed: int = 0) -> Ground:
 
 
 def sampled(ground: Ground, half: tuple[float, float], cell: float) -> Ground:
-    """Return a ground as a height field alone: what it is at the corners of cells, over ±`half` along x and y [m].
-
-    Edges lean by up to one cell.
-    """
+    """Return a ground as a height field, sampled at the corners of cells over ±`half` along x and y [m]."""
     x, y = (np.arange(-round(extent / cell), round(extent / cell) + 1) * cell for extent in half)
     points = np.stack(np.meshgrid(x, y), -1)
     heights = ground.height(points.reshape(-1, 2)).reshape(points.shape[:2])
@@ -147,10 +142,8 @@ def sampled(ground: Ground, half: tuple[float, float], cell: float) -> Ground:
 
 
 def box_top(points: np.ndarray, half: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> np.ndarray:
-    """Return how high a box is over points (P, 2) [m], shape (P,); minus infinity beside it.
-
-    A vertical line is inside a box where it is between three pairs of planes.
-    """
+    """Return the height of a box's top over points (P, 2) [m], shape (P,); minus infinity beside it."""
+    # A vertical line is inside a box where it is between its three pairs of planes.
     axes = matrix(quaternion).T
     start = (np.column_stack((points, np.zeros(len(points)))) - position) @ axes.T
     slope = axes[:, 2]

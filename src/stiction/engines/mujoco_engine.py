@@ -1,12 +1,10 @@
 """One robot in MuJoCo: the model of the training, its joints moved by torques from outside.
 
-What is measured lags the state by one step, as in the fleet, and so do the feet's sensors, which also feel one foot on
-another. Dry friction is the solver's `frictionloss`, as stiff as in training (`robots.physics.FRICTION_D0`); its bound
-may change at every step.
+Sensors lag the state by one step, as in the fleet; a foot's sensor also feels the other feet. Dry friction is the
+solver's `frictionloss`, as stiff as in training (`robots.physics.FRICTION_D0`); its bound may change at every step.
 
-Two things make a policy walk otherwise here than in the other engines and in the fleet, and neither is in the joints:
-contacts are as soft as in training, 20 ms (`geom_solref`), and the controllers are outside, where the fleet has them
-inside and takes kd implicitly. `stiction study engines` measures both; see `results/engines`.
+Contacts are as soft as in training, 20 ms (`geom_solref`), softer than in the other engines; joint controllers are
+outside, where the fleet has them inside and takes kd implicitly. For what both change see `results/engines`.
 """
 
 from __future__ import annotations

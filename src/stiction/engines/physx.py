@@ -4,8 +4,8 @@ What PhysX 5.3 calls joint friction multiplies the joint's load without contacts
 to zero. Dry friction is a drive instead: it wants velocity zero and may use no more torque than the bound. Motor torque
 and viscous friction are joint forces, computed from the state before the step. Armature is the engine's own.
 
-A reset builds the scene anew, for PhysX keeps contacts and solver caches from step to step: without that, the same
-robot would not do the same thing twice.
+A reset builds the scene anew: PhysX keeps contacts and solver caches from step to step, and the same robot would not
+repeat its motion.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ BRAKE = 1e5
 """Damping of the drive that is dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
 
 ITERATIONS = (50, 1)
-"""Position and velocity iterations of the solver, PGS. On the ground they decide how fast the locked joints of a
-standing robot creep. TGS, which is sapien's choice, makes them creep faster for the same number."""
+"""Position and velocity iterations of the solver, PGS: with fewer the locked joints of a standing robot creep faster,
+and with as many of TGS, sapien's default."""
 
 CAP = 10 * FASTEST
-"""Largest velocity of a link [m/s, rad/s]; what sapien sets would end a free fall's acceleration at 10 m/s."""
+"""Largest velocity of a link [m/s, rad/s]; sapien's default would limit a free fall to 10 m/s."""
 
 FEET_AND_TRUNK, OBSTACLE, SHANK = (1, 1), (2, 3), (2, 0)
 """What a shape is and what it meets, as bits: two shapes touch if a bit of one's first is in the other's second."""
@@ -99,7 +99,7 @@ class PhysxEngine:
             vertices, triangles = boxes.field.triangles()
             surface = physx.PhysxCollisionShapeTriangleMesh(vertices, triangles, np.ones(3), self._rubber)
             _attach(ground, surface, OBSTACLE)
-        self._lain = set(ground.get_collision_shapes())
+        self._ground_shapes = set(ground.get_collision_shapes())
         entity = self._sapien.Entity()
         entity.add_component(ground)
         self._scene.add_entity(entity)
@@ -205,8 +205,8 @@ class PhysxEngine:
             return push
         for contact in self._system.get_contacts():
             one, other = contact.shapes
-            foot = one if other in self._lain else other
-            if foot in self._feet and (one in self._lain or other in self._lain):
+            foot = one if other in self._ground_shapes else other
+            if foot in self._feet and not self._ground_shapes.isdisjoint((one, other)):
                 push[self._feet[foot]] += sum(abs(float(point.impulse @ point.normal)) for point in contact.points)
         return push / self.timestep
 

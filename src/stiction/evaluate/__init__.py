@@ -1,1 +1,1 @@
-"""A policy bundle over engines, friction, grounds and commands: what it is worth, and its export from a run."""
+"""A policy bundle over engines, friction, grounds and commands: metrics, and its export from a run."""

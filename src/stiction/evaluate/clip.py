@@ -41,8 +41,11 @@ SETTLE = 1.0
 TIMEOUT = 120.0
 """Longest that a clip may take [s]."""
 
+ENGINE, CELL = "physx", "all"
+"""Engine in which a virtual robot walks, one that no policy was trained in, and what of the robot is real."""
+
 CAMERA = {"azimuth": 125.0, "elevation": -30.0, "distance": 1.8}
-"""Where the camera stands about the robot [degrees, m]."""
+"""Position of the camera about the robot [degrees, m]."""
 
 
 class ClipError(EngineError):
@@ -80,37 +83,27 @@ def record_clip(
             the robot of the data sheet in the simulator of the training.
 
     Raises:
-        ClipError: no OpenGL, or the renderer failed; the message says what it said.
+        ClipError: no OpenGL, or the renderer failed.
 
     """
-    arguments = [
-        sys.executable,
-        "-m",
-        "stiction.evaluate.clip",
-        str(bundle),
-        str(level),
-        command,
-        str(out),
-        str(seconds),
-        law,
-        *([] if robot is None else [str(robot)]),
-    ]
+    words = [str(word) for word in (bundle, level, command, out, seconds, law, robot) if word is not None]
+    program = [sys.executable, "-m", "stiction.evaluate.clip", *words]
     try:
         done = subprocess.run(
-            arguments, env=opengl_environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False
+            program, env=opengl_environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False
         )
     except subprocess.TimeoutExpired as error:
         raise ClipError(f"no clip: rendering took more than {TIMEOUT:.0f} s") from error
     if done.returncode != 0 or not out.is_file():
-        said = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
+        output = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
         raise ClipError(
-            f"no clip: OpenGL is not available here ({said}); on Debian and Ubuntu: apt install libegl1 libgl1"
+            f"no clip: OpenGL is not available here ({output}); on Debian and Ubuntu: apt install libegl1 libgl1"
         )
     return out
 
 
 def film(fleet: Fleet, advance: Callable[[], object], out: Path, seconds: float) -> None:
-    """Write a clip of the first robot of a fleet, with the ground that it has, to the WebP file `out`.
+    """Write a clip of the first robot of a fleet on its ground to `out`, as WebP whatever its suffix.
 
     `advance` takes the fleet one control period further; the clip begins after `SETTLE` and lasts `seconds`. Needs
     OpenGL; to be called in a process of its own.
@@ -134,48 +127,15 @@ def film(fleet: Fleet, advance: Callable[[], object], out: Path, seconds: float)
                 renderer.update_scene(fleet.data(0)[1], camera)
                 frames.append(Image.fromarray(renderer.render()))
     duration = round(1000 * FRAME_EVERY * period)
-    frames[0].save(out, save_all=True, append_images=frames[1:], duration=duration, loop=0, quality=60, method=2)
-
-
-def _render(bundle: Path, level: float, command: str, out: Path, seconds: float, law: Law) -> None:
-    """Roll the bundle out and film it."""
-    loaded = check_bundle(bundle).bundle
-    noise = seed_streams(0, ["clip"])["clip"]
-    contract = loaded.contract
-    policy, friction = load_policy(contract, loaded.policy, (1,)), friction_at(contract, np.array([level]), law)
-    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise], law=law)
-    velocity = np.array([parse_command(command).velocity])
-    film(rollout.fleet, lambda: rollout.step(velocity), out, seconds)
-
-
-def _render_robot(bundle: Path, level: float, command: str, out: Path, seconds: float, robot: int) -> None:
-    """Let the bundle walk on a virtual robot and film its motion."""
-    loaded = check_bundle(bundle).bundle
-    contract = loaded.contract
-    fleet = Fleet(robot_of(contract), 1, contract.physics_timestep, contract.decimation)
-    steps = round((SETTLE + seconds) / fleet.control_period)
-    film(fleet, replay(fleet, walked(loaded, robot, level, parse_command(command), steps)), out, seconds)
-
-
-if __name__ == "__main__":
-    asked = Path(sys.argv[1]), float(sys.argv[2]), sys.argv[3], Path(sys.argv[4]), float(sys.argv[5])
-    if len(sys.argv) > 7:
-        _render_robot(*asked, int(sys.argv[7]))
-    else:
-        _render(*asked, Law(sys.argv[6]))
-
-ENGINE, CELL = "physx", "all"
-"""Where the robot walks, an engine that no policy was trained in, and what of it is real."""
+    settings = {"append_images": frames[1:], "duration": duration, "loop": 0, "quality": 60, "method": 2}
+    frames[0].save(out, format="WEBP", save_all=True, **settings)
 
 
 def walked(bundle: Bundle, robot: int, level: float, command: Command, steps: int) -> list[Motion]:
     """Let a bundle walk on a virtual robot; return its motion at the start of every control period until it falls.
 
-    robot: its seed; level: mean over its joints of f/τ_max [-].
-
-    Raises:
-        StictionError: the bundle does not fit the robot, or the engine is not installed.
-
+    robot: its seed; level: mean over its joints of f/τ_max [-]. Raises `StictionError` where the bundle does not fit
+    the robot, or the engine is not installed.
     """
     velocity = np.array(command.velocity)
     motions: list[Motion] = []
@@ -189,10 +149,7 @@ def walked(bundle: Bundle, robot: int, level: float, command: Command, steps: in
 
 
 def replay(fleet: Fleet, motions: Sequence[Motion]) -> Callable[[], None]:
-    """Return what puts the first robot of a fleet where the next of the motions has it; it stays in the last one.
-
-    Engine and fleet have the same base frame, quaternions w, x, y, z, and joints in the order of the robot's.
-    """
+    """Return a function that puts the first robot of a fleet into the next of the motions; it stays in the last."""
     left = iter(motions)
 
     def advance() -> None:
@@ -203,3 +160,34 @@ def replay(fleet: Fleet, motions: Sequence[Motion]) -> Callable[[], None]:
             fleet.joint_position[0] = motion.joint_position
 
     return advance
+
+
+def _render(bundle: Bundle, level: float, command: Command, out: Path, seconds: float, law: Law) -> None:
+    """Roll the bundle out and film it."""
+    contract, noise = bundle.contract, seed_streams(0, ["clip"])["clip"]
+    policy, friction = load_policy(contract, bundle.policy, (1,)), friction_at(contract, np.array([level]), law)
+    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise], law=law)
+    velocity = np.array([command.velocity])
+    film(rollout.fleet, lambda: rollout.step(velocity), out, seconds)
+
+
+def _render_robot(bundle: Bundle, level: float, command: Command, out: Path, seconds: float, robot: int) -> None:
+    """Let the bundle walk on a virtual robot and film its motion."""
+    contract = bundle.contract
+    fleet = Fleet(robot_of(contract), 1, contract.physics_timestep, contract.decimation)
+    steps = round((SETTLE + seconds) / fleet.control_period)
+    film(fleet, replay(fleet, walked(bundle, robot, level, command, steps)), out, seconds)
+
+
+def _main(path: str, level: str, command: str, out: str, seconds: str, law: str, robot: str = "") -> None:
+    """Render in this process; arguments as of `record_clip`."""
+    clip = check_bundle(path).bundle, float(level), parse_command(command), Path(out), float(seconds)
+    if robot:
+        _render_robot(*clip, int(robot))
+    else:
+        _render(*clip, Law(law))
+
+
+# At the end of the module: as a program it runs from top to bottom.
+if __name__ == "__main__":
+    _main(*sys.argv[1:])

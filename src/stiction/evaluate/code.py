@@ -1,4 +1,4 @@
-"""By which code a walk is known: what is kept of one counts as long as none of these files has changed."""
+"""The code in the key of a walk: a result in a cache is valid as long as none of these files has changed."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ FLEET = (
     "formats/walk.py",
     *(f"evaluate/{name}.py" for name in ("command", "course", "evaluate", "known_friction", "rollout", "metrics")),
 )
-"""Code that decides what robots do under a contract in the simulator of the training, whoever drives them."""
+"""Code that decides the motion of robots under a contract in the simulator of the training."""
 
 WALKING = (
     *(*FLEET, "deploy/*.py", "engines/*.py", "engines/ode/*.py", "virtual/*.py"),
     *("evaluate/grid.py", "evaluate/run.py"),
 )
-"""Code that decides what a walk of a bundle is worth; of an engine `binaries` come beside it."""
+"""Code that decides the metrics of a bundle's walk; the key has `binaries` of the engine beside it."""
 
 RUN_WALKING = (
     *(*FLEET, "deploy/observation.py", "rma/models.py", "rma/runner.py", "rma/equivariant.py"),

@@ -1,4 +1,4 @@
-"""What a policy is told to do for a whole episode: drive forward, sideways, turn, or stand. No simulator."""
+"""The velocity command of a whole episode: forward, sideways, turn, or stand. No simulator."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ STAND = "stand"
 """The command to stand still."""
 
 SETTLE = 2.0
-"""What is not measured at the start of a walk [s]: getting up to speed is not what is asked."""
+"""What is not measured at the start of a walk [s]: the robot gets up to speed."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,7 @@ class Command:
 
 
 def parse_command(text: str) -> Command:
-    """Return the command that `text` names.
-
-    Raises:
-        StictionError: an axis that does not exist or comes twice, or what is not a finite number.
-
-    """
+    """Return the command that `text` names; raise `StictionError` for an axis or a number that is none."""
     if text.strip() == STAND:
         return Command(STAND, (0.0, 0.0, 0.0))
     values: dict[str, float] = {}

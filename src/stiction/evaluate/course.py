@@ -1,8 +1,7 @@
-"""What a policy walks over in an evaluation: flat ground, or a course of the training that it crosses blind.
+"""The ground of an evaluation: flat, or a course of the training that a policy crosses blind.
 
-Over a course the command holds the robot's heading: the turn rate is the error of heading times a gain, as in training;
-nothing else is corrected. A robot that is upright beyond the end of the course has crossed it; of stairs it must have
-climbed all steps.
+Over a course the command holds the robot's heading, as in training, and corrects nothing else. A robot that is upright
+beyond the end of the course has crossed it; of stairs it must have climbed all steps.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ if TYPE_CHECKING:  # Webots runs a policy by what is here, where there may be no
     from stiction.sim.fleet import Fleet
 
 ASIDE = 0.5
-"""Half-width of the start, across the way [m]: the whole trunk is before the landing, whose half-width is 0.9 m."""
+"""Half-width of the start, across the course [m]: the whole trunk is before the landing, whose half-width is 0.9 m."""
 
 FOOT = REACH + START
-"""From the middle of a course back to where robots start [m]."""
+"""Distance from the middle of a course back to where robots start [m]."""
 
 PATIENCE = 2.0
 """A crossing may take this many times what the commanded speed takes."""
@@ -101,12 +100,7 @@ FLAT = Course()
 
 
 def parse_course(text: str) -> Course:
-    """Return the course that a text names: `flat`, `stairs=0.1`, `slope=0.2`, `rough=0.05`.
-
-    Raises:
-        StictionError: there is none of that name or size.
-
-    """
+    """Return the course that a text names: `flat`, `stairs=0.1`; raise `StictionError` where there is none such."""
     kind, equals, number = text.strip().partition("=")
     try:
         size = float(number) if equals else 0.0
@@ -142,12 +136,12 @@ def course_commands(speed: np.ndarray) -> Callable[[Fleet], np.ndarray]:
 
 
 def straight_on(yaw: np.ndarray | float) -> np.ndarray:
-    """Return the turn rate that brings a robot with that yaw [rad] back to its way along x [rad/s]."""
+    """Return the turn rate that brings a robot with that yaw [rad] back to the direction x [rad/s]."""
     return hold_heading(-np.asarray(yaw), TerrainCfg.heading_gain)
 
 
 def crossed(position: np.ndarray, upright: np.ndarray, stairs: bool) -> np.ndarray:
-    """Return whether each robot is beyond its course upright at each moment, (T, N); `stairs`: after the landing.
+    """Return whether each robot is beyond its course upright at each step, (T, N); `stairs`: after the landing.
 
     Arguments as of `steps_passed`.
     """

@@ -1,4 +1,4 @@
-"""Drives a policy bundle over friction levels and commands in MuJoCo, from the bundle alone.
+"""Drives a policy bundle over friction levels and commands in MuJoCo.
 
 Every (level, command, episode) of a policy is one robot of one fleet, so that a policy costs one batched rollout.
 Episode e meets the same initial state and the same sensor noise at every level and command: rows differ by friction and
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -17,10 +18,10 @@ import numpy as np
 from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
 from stiction.deploy.check import robot_of
-from stiction.deploy.policy import load_policy
+from stiction.deploy.policy import Policy, load_policy
 from stiction.evaluate.command import SETTLE, Command, parse_command
 from stiction.evaluate.course import Course, course_commands, line_up, parse_course, starts
-from stiction.evaluate.known_friction import parse_told, told_in_batch
+from stiction.evaluate.known_friction import known_to, parse_source
 from stiction.evaluate.methods import method_of
 from stiction.evaluate.metrics import Metrics, measure
 from stiction.evaluate.rollout import Driver, Rollout, friction_at, record
@@ -53,7 +54,7 @@ class EvaluationCfg:
     seconds: float = 20.0
     """Length of an episode [s]."""
     settle: float = SETTLE
-    """What is not measured at the start of an episode [s]: getting up to speed is not what is asked."""
+    """What is not measured at the start of an episode [s]: the robot gets up to speed."""
     seed: int = 0
     """Seed of initial states and sensor noise."""
     noise: NoiseCfg = field(default_factory=NoiseCfg)
@@ -69,7 +70,7 @@ class EvaluationCfg:
     terrain: str = "flat"
     """Ground: `flat`, `stairs=0.1`, `slope=0.2`, `rough=0.05`; what is not flat is crossed at one speed forward."""
     known_friction: str = "contract"
-    """What policies that observe their joints' friction are told, see `parse_told`: `contract`, `true`, `true*0.7`."""
+    """Friction given to policies that observe it, see `parse_source`: `contract`, `true`, `true*0.7`."""
     first_episode: int = 0
     """Number of the first episode: its start and noise are those of its number."""
 
@@ -95,7 +96,7 @@ class EvaluationCfg:
             )
         if not 0.0 <= self.action_delay < math.inf:
             raise ConfigurationError(f"action delay {self.action_delay} s; expected a time of 0 s or more")
-        parse_told(self.known_friction)
+        parse_source(self.known_friction)
         seed_streams(self.seed, ["episode"])
 
     @property
@@ -120,14 +121,9 @@ class EvaluationCfg:
 
     @property
     def conditions(self) -> dict[str, float]:
-        """What evaluation holds fixed and training randomises: delay, encoder offset, ground, pushes, payload."""
-        return {
-            "action_delay": self.action_delay,
-            "encoder_offset": 0.0,
-            "ground_friction": 1.0,
-            "push_velocity": 0.0,
-            "payload": 0.0,
-        }
+        """What evaluation holds fixed and training randomises."""
+        fixed = {"encoder_offset": 0.0, "ground_friction": 1.0, "push_velocity": 0.0, "payload": 0.0}
+        return {"action_delay": self.action_delay, **fixed}
 
     @property
     def numbers(self) -> range:
@@ -174,23 +170,9 @@ def evaluate_bundle(
     cfg: EvaluationCfg,
     robot: str | None = None,
     threads: int = 1,
-    progress: Callable[[float], None] = lambda share: None,
 ) -> Evaluation:
-    """Evaluate one bundle.
-
-    Args:
-        bundle: the bundle, as checked by `check_bundle`.
-        cfg: levels, commands, episodes.
-        robot: see `robot_of`.
-        threads: threads of the simulator; they do not change the result.
-        progress: called with the share that is done [-].
-
-    Raises:
-        StictionError: the bundle does not fit the robot, the delay is longer than its model holds, or there are too
-            many robots at once.
-
-    """
-    return judge(drive_bundle(bundle, cfg, robot, threads, progress), bundle.contract, bundle.name, cfg)
+    """Evaluate one bundle; arguments and errors as of `drive_bundle`."""
+    return judge(drive_bundle(bundle, cfg, robot, threads), bundle.contract, bundle.name, cfg)
 
 
 @dataclass(frozen=True)
@@ -208,13 +190,25 @@ class Driven:
 
 
 def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> Evaluation:
-    """Return what the robots' walks were worth; `name` is what the rows call the policy."""
+    """Return the metrics of the robots' walks; `name` is what the rows call the policy."""
     rows, measured, each = [], [], []
+    robots = (slice(0, cfg.episodes), *(slice(e, e + 1) for e in range(cfg.episodes)))
     for level, command, part in driven.parts:
-        robots = (slice(0, cfg.episodes), *(slice(e, e + 1) for e in range(cfg.episodes)))
         groups, weight = driven.spec.groups(), driven.weight
         metrics, *episodes = (measure(part.of(some), command, groups, weight, cfg.course) for some in robots)
-        rows.append(_row(name, contract, cfg, level, command, metrics))
+        row = ResultRow(
+            policy=name,
+            method=method_of(contract),
+            seed=contract.seed,
+            engine=ENGINE,
+            friction_law=cfg.friction_law,
+            friction_level=level,
+            terrain=cfg.course.label,
+            command=command.label,
+            episodes=cfg.episodes,
+            **metrics.columns,
+        )
+        rows.append(row)
         measured.append(metrics)
         each.append(tuple(episodes))
     return Evaluation(tuple(rows), tuple(measured), tuple(each), driven.blown_up)
@@ -227,17 +221,19 @@ def drive_bundle(
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Driven:
-    """Drive a bundle over levels and commands and return what its robots did; arguments as in `evaluate_bundle`.
+    """Drive a bundle, as checked by `check_bundle`, over levels and commands and return what its robots did.
 
-    Raises:
-        StictionError: as of `evaluate_bundle`.
-
+    robot: see `robot_of`; other arguments and errors as of `drive`.
     """
-    contract, spec = bundle.contract, robot_of(bundle.contract, robot)
-    friction = friction_at(contract, cfg.robot_levels, cfg.law)
-    known = told_in_batch(contract, spec, parse_told(cfg.known_friction), cfg.law, friction)
-    policy = load_policy(contract, bundle.policy, (cfg.num_robots,), known_friction=known)
-    return drive(policy, contract, spec, cfg, threads, progress)
+    spec = robot_of(bundle.contract, robot)
+    policy = batch_policy(bundle, spec, cfg, friction_at(bundle.contract, cfg.robot_levels, cfg.law))
+    return drive(policy, bundle.contract, spec, cfg, threads, progress)
+
+
+def batch_policy(bundle: Bundle, spec: RobotSpec, cfg: EvaluationCfg, friction: np.ndarray) -> Policy:
+    """Return a bundle's policy for N robots; friction: of their joints, as from `friction_at`, shape (N, J)."""
+    known = known_to(bundle.contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
+    return load_policy(bundle.contract, bundle.policy, (len(friction),), known_friction=known)
 
 
 def drive(
@@ -248,7 +244,7 @@ def drive(
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Driven:
-    """Let anything drive robots over levels and commands and return what they did.
+    """Drive robots over levels and commands and return what they did.
 
     Args:
         policy: the driver, its batch (cfg.num_robots,): robot i is at level i of `cfg.robot_levels`.
@@ -259,7 +255,7 @@ def drive(
         progress: called with the share that is done [-].
 
     Raises:
-        StictionError: the delay is longer than the robot's model holds, or there are too many robots at once.
+        StictionError: the robot does not fit, the delay is longer than its model holds, or there are too many at once.
 
     """
     if cfg.num_robots * cfg.duration > MAX_ROBOT_SECONDS:
@@ -281,34 +277,18 @@ def drive(
         cfg.law,
     )
     velocity = cfg.robot_commands
-    commands: Callable[[Fleet], np.ndarray] = lambda fleet: velocity  # noqa: E731
+    along_course = course_commands(velocity[:, 0])
+
+    def commands(fleet: Fleet) -> np.ndarray:
+        return velocity if cfg.course.is_flat else along_course(fleet)
+
     if not cfg.course.is_flat:
         line_up(rollout.fleet, starts(cfg.seed, cfg.numbers.stop)[cfg.first_episode :])
-        commands = course_commands(velocity[:, 0])
     recording, blown_up = record(rollout, commands, round(cfg.duration / contract.control_period), progress)
     first = round(cfg.settle / contract.control_period)
     weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
-    cells = [(friction, command) for friction in cfg.friction_levels for command in cfg.parsed_commands]
-    parts = [
-        (friction, command, recording.of(slice(index * cfg.episodes, (index + 1) * cfg.episodes), first))
-        for index, (friction, command) in enumerate(cells)
-    ]
-    return Driven(spec, weight, tuple(parts), blown_up)
-
-
-def _row(
-    name: str, contract: Contract, cfg: EvaluationCfg, level: float, command: Command, metrics: Metrics
-) -> ResultRow:
-    """Return one row of results.csv."""
-    return ResultRow(
-        policy=name,
-        method=method_of(contract),
-        seed=contract.seed,
-        engine=ENGINE,
-        friction_law=cfg.friction_law,
-        friction_level=level,
-        terrain=cfg.course.label,
-        command=command.label,
-        episodes=cfg.episodes,
-        **metrics.columns,
+    parts = tuple(
+        (level, command, recording.of(slice(index * cfg.episodes, (index + 1) * cfg.episodes), first))
+        for index, (level, command) in enumerate(product(cfg.friction_levels, cfg.parsed_commands))
     )
+    return Driven(spec, weight, parts, blown_up)

@@ -1,9 +1,7 @@
 """Turns a trained student into a policy bundle. Needs torch and onnx.
 
-`export` drives it with the policy as training computes it, so that a replay by the runtime compares the two.
-
-Golden vectors are recorded with this one and replayed with the runtime's (NumPy and onnxruntime), so that a drift
-between the two shows in every bundle.
+Golden vectors are recorded with the policy as training computes it and replayed with the runtime's (NumPy and
+onnxruntime), so that a drift between the two shows in every bundle.
 """
 
 from __future__ import annotations
@@ -13,9 +11,9 @@ import io
 import logging
 import shlex
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -94,24 +92,27 @@ def write_card(contract: Contract) -> str:
         joints=", ".join(contract.joint_names),
         joint_count=contract.num_joints,
         period=contract.control_period,
-        identification=f"{used['name']}, SHA-256 {used['sha256']}" if used else "none",
-        told=_told(contract),
-        torque=f"Actuator Net {net['name']}, SHA-256 {net['sha256']}"
-        if net
-        else "PD law with the gains of the contract",
+        identification=_file_text(used) if used else "none",
+        told=_known_friction_line(contract),
+        torque=f"Actuator Net {_file_text(net)}" if net else "PD law with the gains of the contract",
         seed=contract.seed,
         revision=contract.revision,
         command=contract.command,
     )
 
 
-def _told(contract: Contract) -> str:
-    """Return the line on the friction that the policy is told; nothing for one that is told none."""
-    told, file = contract.known_friction, contract.known_friction_file
-    if told is None:
+def _known_friction_line(contract: Contract) -> str:
+    """Return the card's line on the friction that the policy is given; nothing for one that observes none."""
+    known, file = contract.known_friction, contract.known_friction_file
+    if known is None:
         return ""
-    source = f"{file['name']}, SHA-256 {file['sha256']}" if file else "the nominal friction of training, of no robot"
-    return f"| friction that it is told | {told_text(told)}, from {source} |\n"
+    source = _file_text(file) if file else "the nominal friction of training, of no robot"
+    return f"| friction that it is told | {told_text(known)}, from {source} |\n"
+
+
+def _file_text(file: Mapping[str, str]) -> str:
+    """Return a file's name and digest."""
+    return f"{file['name']}, SHA-256 {file['sha256']}"
 
 
 STEPS = 600
@@ -125,14 +126,9 @@ COMMAND_BOUND = (0.6, 0.3, 0.6)
 
 
 def record_golden(contract: Contract, policy: Driver, spec: RobotSpec, seed: int = 0) -> Golden:
-    """Drive one robot with the contract's nominal joints and return what it measured and what the policy made of it.
+    """Drive one robot with the contract's nominal joints and return what it measured and what the policy computed.
 
-    Args:
-        contract: what the policy expects.
-        policy: what drives it, a batch of one, `TrainedPolicy` for a bundle to be shipped.
-        spec: the robot.
-        seed: seed of noise, initial states and commands.
-
+    policy: a batch of one; seed: of noise, initial states and commands.
     """
     streams = seed_streams(seed, ["golden noise", "golden commands"])
     noise = [streams["golden noise"]]
@@ -154,13 +150,11 @@ def record_golden(contract: Contract, policy: Driver, spec: RobotSpec, seed: int
         time=np.arange(STEPS) * contract.control_period,
         reset=resets,
         command=commands,
-        quaternion=np.concatenate([step.sensors.quaternion for step in steps]),
-        angular_velocity=np.concatenate([step.sensors.angular_velocity for step in steps]),
-        joint_position=np.concatenate([step.sensors.joint_position for step in steps]),
-        joint_velocity=np.concatenate([step.sensors.joint_velocity for step in steps]),
-        observation=np.concatenate([step.policy.observation for step in steps]),
-        action=np.concatenate([step.policy.action for step in steps]),
-        target=np.concatenate([step.policy.target for step in steps]),
+        **{
+            part.name: np.concatenate([getattr(getattr(step, source), part.name) for step in steps])
+            for source, kind in (("sensors", Sensors), ("policy", PolicyStep))
+            for part in fields(kind)
+        },
     )
 
 
@@ -184,12 +178,12 @@ def export_run(
         run: directory of the run.
         out: directory to make.
         wear: the wear.json that `stiction study adaptation` made for the run, to go into the bundle.
-        joints: the joints.json of a robot, for a policy that is told its joints' friction.
-        say: called with what the joints.json does not tell, and what stands in its place.
+        joints: the joints.json of a robot, for a policy that observes its joints' friction.
+        say: called with what the joints.json lacks, and what stands in its place.
 
     Raises:
         StictionError: not a run, a run that is not finished, a wear.json of another student, a joints.json of another
-            robot or for a policy that is told nothing, or `out` exists already.
+            robot or for a policy that observes no friction, or `out` exists already.
 
     """
     from stiction.rma.run import RunDirectory
@@ -210,12 +204,7 @@ def export_run(
 
 
 def with_bench(contract: Contract, path: Path, say: Callable[[str], None] = lambda note: None) -> Contract:
-    """Return a contract that tells the policy the friction that a bench identified; arguments as of `export_run`.
-
-    Raises:
-        StictionError: the policy is told nothing, the file cannot be read, or tells no friction of this robot's joints.
-
-    """
+    """Return a contract with the known friction of a bench's joints.json; arguments and errors as of `export_run`."""
     if not contract.knows_friction:
         raise ConfigurationError(
             "this policy is not told its joints' friction, --joints would have no effect; leave it out, or train with "
@@ -267,6 +256,10 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         units = 1.0 if has_coefficient(law.name) else spec.joint_values("torque_limit")
         level = float((joints.frictionloss / units).mean())
     low, high = task.friction.last.range
+
+    def of_joints(name: str) -> tuple[float, ...]:
+        return tuple(spec.joint_values(name).tolist())
+
     contract = Contract(
         robot=task.robot,
         terrain=task.terrain.kind,
@@ -281,12 +274,12 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         control_period=task.control_period,
         decimation=task.decimation,
         physics_timestep=task.timestep,
-        kp=tuple(spec.joint_values("stiffness").tolist()),
-        kd=tuple(spec.joint_values("derivative").tolist()),
-        standing=tuple(spec.joint_values("standing").tolist()),
-        lower=tuple(spec.joint_values("lower").tolist()),
-        upper=tuple(spec.joint_values("upper").tolist()),
-        torque_limit=tuple(spec.joint_values("torque_limit").tolist()),
+        kp=of_joints("stiffness"),
+        kd=of_joints("derivative"),
+        standing=of_joints("standing"),
+        lower=of_joints("lower"),
+        upper=of_joints("upper"),
+        torque_limit=of_joints("torque_limit"),
         armature=tuple(joints.armature.tolist()),
         damping=tuple(joints.damping.tolist()),
         friction=tuple(joints.frictionloss.tolist()),
@@ -316,7 +309,7 @@ def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: 
         wear: map of the wear monitor, or None.
 
     Raises:
-        StictionError: `out` exists already, the robot is unknown, or what was written does not pass its own check.
+        StictionError: `out` exists already, the robot is unknown, or the bundle does not pass its own check.
 
     """
     if out.exists():
@@ -354,7 +347,7 @@ def export_network(module: torch.nn.Module, observation_size: int) -> bytes:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep back what the exporter prints, logs and warns of: none of it is for the user."""
+    """Suppress what the exporter prints, logs and warns of: none of it is for the user."""
     logger = logging.getLogger("torch.onnx")
     level = logger.level
     logger.setLevel(logging.ERROR)
@@ -393,29 +386,22 @@ class TrainedPolicy:
             module: observations (num, size), float32 -> actions (num, J).
             contract: layout, standing pose, scale and clip of the action.
             num: robots side by side.
-            known_friction: f/τ_max of each kind of joint [-], shape (kinds,) or (num, kinds), for a policy that is told
-                it; by default what the contract says.
+            known_friction: f/τ_max of each kind of joint [-], shape (kinds,) or (num, kinds), for a policy that
+                observes it; by default what the contract says.
 
         Raises:
             StictionError: the friction does not fit the policy.
 
         """
-        self._module = module.eval()
+        self._module, self._contract, layout = module.eval(), contract, contract.observation
         self._standing = to_tensor(contract.array("standing"))
-        self._scale, self._clip = contract.action_scale, contract.action_clip
-        extra = contract.compensation
-        self._compensation = None if extra is None else to_tensor(np.array(extra))
-        self._width = contract.compensation_width
-        self._frames = FrameBuilder(contract.observation, self._standing)
-        self._history = History(num, contract.observation)
-        kept = contract.observation.slow_kept
-        self._slow = None if kept is None else SlowMeans(num, contract.num_joints, kept)
+        self._frames, self._history = FrameBuilder(layout, self._standing), History(num, layout)
+        decay = layout.slow_kept
+        self._slow = None if decay is None else SlowMeans(num, contract.num_joints, decay)
         self._last_action = torch.zeros(num, contract.num_joints)
         self._fresh = torch.ones(num, dtype=torch.bool)
         known = contract.told_friction if known_friction is None else known_friction
-        self._known = (
-            {} if known is None else {TERM: to_tensor(friction_of_robots(contract.observation, known, (num,)))}
-        )
+        self._known = {} if known is None else {TERM: to_tensor(friction_of_robots(layout, known, (num,)))}
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget the history and the last action of the robots in `mask` (bool, shape (num,)), of all without."""
@@ -435,14 +421,16 @@ class TrainedPolicy:
             "last_action": self._last_action,
             **self._known,
         }
+        contract = self._contract
         if self._slow is not None:
-            error = self._standing + self._scale * self._last_action - raw["joint_position"]
+            error = self._standing + contract.action_scale * self._last_action - raw["joint_position"]
             raw |= self._slow.push(error, raw["joint_velocity"], self._fresh)
         observation = self._history.push(self._frames(raw), self._fresh)
         self._fresh = torch.zeros_like(self._fresh)
-        action = self._module(observation).clamp(-self._clip, self._clip)
-        target = self._standing + self._scale * action
-        if self._compensation is not None:
-            target = compensated(target, raw["joint_position"], self._compensation, self._width)
+        action = self._module(observation).clamp(-contract.action_clip, contract.action_clip)
+        target = self._standing + contract.action_scale * action
+        if contract.compensation is not None:
+            angle = to_tensor(contract.array("compensation"))
+            target = compensated(target, raw["joint_position"], angle, contract.compensation_width)
         self._last_action = action.clone()
         return PolicyStep(observation.numpy(), action.numpy(), target.double().numpy())

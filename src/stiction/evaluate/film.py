@@ -1,10 +1,9 @@
 """Clips of a training run while it goes on: what the policy of a checkpoint does, as an animated WebP.
 
-Each clip is made from a copy of a checkpoint by a process of its own, at a low priority: the training shares nothing
-with it, waits for it only at its very end, and is the same with and without. All clips of a run show the same robot,
-drawn once from the run's ranges, told to walk at `FORWARD` without pushes or exploration noise, with the friction of
-the stage in which the checkpoint was written, on the mean terrain level that was reached. What else changes from clip
-to clip is the policy.
+A process of its own films a copy of each checkpoint at a low priority: the training waits for it at its very end
+alone, and is the same with and without. All clips of a run show the same robot, drawn once from the run's ranges, at
+`FORWARD` without pushes or exploration noise, with the friction of the checkpoint's stage, on the mean terrain level
+that was reached.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from stiction.core.cache import publish
 from stiction.evaluate.clip import film, opengl_environment
 
 if TYPE_CHECKING:
@@ -33,15 +33,15 @@ SECONDS = 4.0
 """Length of a clip [s]."""
 
 PRIORITY = 10
-"""Nice value of the process that films: a tenth of a core where training occupies all of them."""
+"""Nice value of the process that films."""
 
 TIMEOUT = 600.0
-"""Longest that a clip may take [s]; it takes some 7 s of one core, 10 times as long beside a training on all cores."""
+"""Longest that a clip may take beside a training on all cores [s]."""
 
 
 @dataclass(frozen=True)
 class _Shot:
-    """A checkpoint to film: a copy, for the training deletes old ones."""
+    """A checkpoint to film: a copy, since the training deletes old ones."""
 
     out: Path
     """The clip."""
@@ -50,7 +50,7 @@ class _Shot:
 
     @property
     def log(self) -> Path:
-        """Where the renderer says what went wrong."""
+        """Output of the renderer."""
         return self.checkpoint.parent / "log"
 
     def discard(self) -> None:
@@ -110,11 +110,11 @@ class Crew:
                 if time.monotonic() > deadline:
                     self._give_up(f"rendering took more than {TIMEOUT:.0f} s")
                 return
-            said = shot.log.read_text(errors="replace").strip().splitlines()
+            output = shot.log.read_text(errors="replace").strip().splitlines()
             shot.discard()
             self._filming = None
             if status != 0 or not shot.out.is_file():
-                self._give_up((said or [f"it ended with status {status}"])[-1])
+                self._give_up((output or [f"it ended with status {status}"])[-1])
         if self._waiting is not None:
             self._begin(self._waiting)
             self._waiting = None
@@ -192,11 +192,10 @@ def _render(run: Path, checkpoint: Path, out: Path) -> None:
         with torch.no_grad():
             env.step(actor(env.get_observations()))
 
-    temporary = out.with_name(f".{out.name}")
-    film(env.fleet, advance, temporary, SECONDS)
-    temporary.replace(out)
+    with publish(out) as partial:
+        film(env.fleet, advance, partial, SECONDS)
 
 
 if __name__ == "__main__":
     os.nice(PRIORITY)
-    _render(Path(sys.argv[1]), Path(sys.argv[2]), Path(sys.argv[3]))
+    _render(*map(Path, sys.argv[1:]))

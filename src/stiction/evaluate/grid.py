@@ -1,4 +1,4 @@
-"""What a grid is made of: engines, with or without a virtual robot in them, levels, grounds, commands, episodes."""
+"""The grid of an evaluation: engines, with or without a virtual robot, levels, grounds, commands, episodes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from stiction.joints.friction import Law, has_coefficient
 from stiction.virtual.cases import CELLS, FIRST_REPORTED, Case, Level, factorial, parse_levels, reported
 
 BATCH = "mujoco"
-"""The simulator of the training, all its robots at once: what `stiction evaluate` takes where no engine is named."""
+"""The simulator of the training, all its robots at once; the default of `stiction evaluate`."""
 
 ALONE = {spec.alone: name for name, spec in ENGINES.items()}
 """Name of a shipped engine with one robot in it, as in results.csv -> its name in the registry of engines."""
@@ -24,7 +24,7 @@ ALONE = {spec.alone: name for name, spec in ENGINES.items()}
 
 @dataclass(frozen=True)
 class Simulator:
-    """What a policy walks in: an engine, and the robot in it."""
+    """An engine and the robot in it."""
 
     engine: str
     """`mujoco`, the simulator of the training; one of `ALONE`; or one's own, `package.module:VARIABLE`."""
@@ -50,9 +50,7 @@ class Simulator:
 def parse_simulator(text: str) -> Simulator:
     """Return the simulator that a text names: an engine; after a `+` a cell of the virtual robot, or groups of it.
 
-    Raises:
-        StictionError: there is no such engine or cell, or the virtual robot is asked for in a batch.
-
+    Raises `StictionError` where there is no such engine or cell, or a virtual robot in a batch.
     """
     engine, plus, cell = text.strip().partition("+")
     if ":" in engine:
@@ -87,10 +85,9 @@ class GridCfg:
     robot_levels: tuple[str, ...] = ()
     """Friction of the virtual robots: fractions of the torque limit, `bench`, `bench+0.02`; none: those of `base`."""
     forward: tuple[str, ...] = ()
-    """Policies that also walk with friction fed forward in the joint controllers, see `stiction.evaluate.benches`:
-    names of bundles."""
+    """Bundles, by name, that also walk with friction fed forward, see `stiction.evaluate.benches`."""
     forward_only: bool = False
-    """Whether the policies of `forward` walk in that way alone: their walks without are in another grid."""
+    """Whether the policies of `forward` walk with it alone: their walks without are in another grid."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be walked."""
@@ -144,11 +141,9 @@ class GridCfg:
         return list(self.robots) if any(simulator.cell for simulator in self.simulators) else []
 
     def on(self, terrain: str) -> EvaluationCfg:
-        """Return what is asked on one ground: over a course only the commands that lead over it.
+        """Return the configuration on one ground: over a course only the commands that lead over it.
 
-        Raises:
-            StictionError: there is no such ground, or no command leads over it.
-
+        Raises `StictionError` where there is no such ground, or no command leads over it.
         """
         course = parse_course(terrain)
         commands = tuple(command.label for command in self.base.parsed_commands if course.takes(command))
@@ -159,12 +154,12 @@ class GridCfg:
             )
         return replace(self.base, terrain=course.label, commands=commands)
 
-    def asked(self, terrain: str, command: str) -> EvaluationCfg:
-        """Return what is asked under one command alone, by its label; over a course it says how long a walk lasts."""
+    def cell(self, terrain: str, command: str) -> EvaluationCfg:
+        """Return the configuration under one command alone, by its label, which over a course sets the duration."""
         return replace(self.on(terrain), commands=(command,))
 
     def settings(self) -> dict[str, Any]:
-        """Return everything that a walk depends on beside its own cell, as plain data."""
+        """Return everything that a walk depends on beside its own fields, as plain data."""
         names = ("episodes", "seconds", "settle", "seed", "noise", "action_delay", "static_ratio", "stribeck_velocity")
         return {name: value for name, value in asdict(self.base).items() if name in names}
 
@@ -173,8 +168,7 @@ REAL = "real"
 """Law of a virtual robot's friction in results.csv: Stribeck's, different in every joint."""
 
 BATCH_SECONDS = 320.0
-"""Most robots times seconds of one batch [s], or one robot: some three seconds on one core, which is what an
-interruption loses. Smaller ones cost more a robot."""
+"""Most robots times seconds of one batch [s], or one robot: some three seconds of work, lost by an interruption."""
 
 
 @dataclass(frozen=True)
@@ -200,8 +194,8 @@ class Walk:
     forward: tuple[float, ...] | None = None
     """Friction that the joint controllers feed forward [N m], of each joint; None: they do not."""
     known: tuple[float, ...] | None = None
-    """What a policy that observes its joints' friction is told, f/τ_max of each kind of joint [-]; None: what its
-    contract says, or nothing."""
+    """Friction given to a policy that observes it, f/τ_max of each kind of joint [-]; None: what its contract says, or
+    none."""
 
     @property
     def name(self) -> str:
@@ -210,7 +204,7 @@ class Walk:
 
     @property
     def suffix(self) -> str:
-        """What stands behind the names of policy and method."""
+        """Behind the names of policy and method."""
         return "" if self.forward is None else FORWARD
 
     @property
@@ -238,13 +232,13 @@ def _walks(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:
     for policy in policies:
         for simulator in cfg.simulators:
             for terrain in cfg.terrains:
-                asked = cfg.on(terrain)
+                ground = cfg.on(terrain)
                 for law, level, robots in _frictions(simulator, cfg):
-                    for command in asked.parsed_commands:
+                    for command in ground.parsed_commands:
                         walks += [
-                            Walk(policy, simulator, law, level, asked.terrain, command.label, episode, robot)
+                            Walk(policy, simulator, law, level, ground.terrain, command.label, episode, robot)
                             for robot in robots
-                            for episode in range(asked.episodes)
+                            for episode in range(ground.episodes)
                         ]
     return walks
 
@@ -260,7 +254,7 @@ def _frictions(simulator: Simulator, cfg: GridCfg) -> list[tuple[str, str, tuple
 
 @dataclass(frozen=True)
 class Unit:
-    """Walks that are done in one go: one, or episodes of one cell in a batch, with numbers that follow each other."""
+    """Walks that are done at once: one, or consecutive episodes of one cell in a batch."""
 
     walks: tuple[Walk, ...]
 
@@ -286,6 +280,6 @@ def units(walks: Sequence[Walk], cfg: GridCfg) -> list[Unit]:
     found = [Unit((walk,)) for walk in walks if not walk.simulator.is_batch]
     for _, cell in groupby((walk for walk in walks if walk.simulator.is_batch), key=lambda walk: walk.cell):
         some = tuple(cell)
-        size = max(1, int(BATCH_SECONDS / cfg.asked(some[0].terrain, some[0].command).duration))
+        size = max(1, int(BATCH_SECONDS / cfg.cell(some[0].terrain, some[0].command).duration))
         found += [Unit(some[begin : begin + size]) for begin in range(0, len(some), size)]
     return sorted(found, key=lambda unit: -unit.cost)

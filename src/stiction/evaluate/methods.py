@@ -1,4 +1,4 @@
-"""How a policy was made, by its contract: the paper's methods under the names by which they are compared."""
+"""The training method of a policy, by its contract: the paper's methods under the names in tables."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class MethodCell:
 
 
 TOLD = "told"
-"""Way of the policies that observe their joints' known friction, however it was drawn in training."""
+"""Method of policies that observe their joints' friction, however it was drawn in training."""
 
 METHODS = {
     "none": "conventional randomisation, without friction",
@@ -52,7 +52,7 @@ METHODS = {
 
 
 def method_of(contract: Contract) -> str:
-    """Return the way in which a policy was trained, one of `METHODS`."""
+    """Return the training method of a policy, one of `METHODS`."""
     if contract.actuator is not None:
         return "actuator"
     if contract.knows_friction:

@@ -1,7 +1,7 @@
-"""What a walk was worth: the columns of results.csv as pure functions of a recording.
+"""The columns of results.csv as pure functions of a recording.
 
-A robot that falls ends its episode: from then on it counts as standing still, its speed as zero. So a policy gains
-nothing by running fast and falling.
+A robot that falls ends its episode: from then on its speed counts as zero, so that a policy gains nothing by running
+fast and falling.
 """
 
 from __future__ import annotations
@@ -18,15 +18,14 @@ from stiction.formats.results import COLUMNS
 from stiction.formats.walk import Recording
 
 WINDOW = 1.0
-"""Velocity is averaged over windows of this length before it is compared with the command [s]: a gait's own sway within
-a stride is not an error."""
+"""Windows over which velocity is averaged before it is compared with the command [s]: sway within a stride is no
+error."""
 
 MOVING_SPEED = 0.1
-"""A step is a moving one if the base is faster than this [m/s], or turns faster than this [rad/s] in a pure turn.
-A robot that stands on all feet has no gait to be judged."""
+"""A step is a moving one if the base is faster than this [m/s], or turns faster than this [rad/s] in a pure turn."""
 
 SHORTEST_DISTANCE = 0.1
-"""No cost of transport is given under this mean displacement [m]; it would be a division by nearly nothing."""
+"""Smallest mean displacement for which a cost of transport is given [m]."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,7 @@ class Metrics:
     moving_share: float | None
     """Share of all steps that are moving ones, what the shares above are of [-]; None where no motion is commanded."""
     mean_friction: float | None = None
-    """Mean bound of the joints' dry friction [N m]: what a coefficient came to on this walk; None where not recorded.
-    Falls included."""
+    """Mean bound of the joints' dry friction, falls included [N m]; None where not recorded."""
     steps_climbed: float | None = None
     """Mean number of stairs passed, up and down; None where there are none."""
     crossed: float | None = None
@@ -80,7 +78,7 @@ def measure(
     steps_climbed, crossed = course.judge(recording.position, recording.upright)
     distance = displacement(recording)
     moving = moving_steps(recording, command)
-    flight, first, second = gait_shares(recording, moving, groups)
+    flight, groups_share = gait_shares(recording, moving, groups)
     return Metrics(
         speed_ratio=speed_ratio(recording, command),
         tracking_error=tracking_error(recording, command),
@@ -88,9 +86,9 @@ def measure(
         distance=distance,
         cost_of_transport=cost_of_transport(recording, distance, weight),
         joint_jitter=joint_jitter(recording),
-        tripod_share=None if first is None or second is None else first + second,
+        tripod_share=None if groups_share is None else sum(groups_share),
         flight_share=flight,
-        group_share=None if first is None or second is None else (first, second),
+        group_share=groups_share,
         moving_share=None if moving is None else float(moving.mean()),
         mean_friction=None if recording.friction is None else float(recording.friction.mean()),
         steps_climbed=steps_climbed,
@@ -101,9 +99,9 @@ def measure(
 def combine(episodes: Sequence[Metrics]) -> Metrics:
     """Return the metrics of a row from those of its episodes, each measured alone.
 
-    A share of moving steps weighs as many steps as were moving, a cost of transport the distance that it was paid for,
-    jitter is a root mean square. That is what `measure` makes of all episodes at once, but for robots that fell (their
-    jitter) or that got nowhere (their energy).
+    A share of moving steps is weighted by the number of moving steps, a cost of transport by distance; jitter is a root
+    mean square. `measure` gives the same over all episodes at once, but for the jitter of robots that fell and the
+    energy of robots that got nowhere.
     """
 
     def mean(name: str, weight: str | None = None) -> float | None:
@@ -112,19 +110,19 @@ def combine(episodes: Sequence[Metrics]) -> Metrics:
         known = [(value, by) for value, by in zip(values, weights, strict=True) if value is not None and by > 0.0]
         return sum(value * by for value, by in known) / sum(by for _, by in known) if known else None
 
-    def sure(name: str) -> float:
+    def plain_mean(name: str) -> float:
         return float(np.mean([getattr(one, name) for one in episodes]))
 
-    # Who had fallen before the measured part has no jitter; zero is what stands there.
+    # A robot that had fallen before the measured part has a jitter of zero, which means none.
     jitter = [one.joint_jitter**2 for one in episodes if one.joint_jitter or not one.fall_rate]
     groups = [(one.group_share, one.moving_share or 0.0) for one in episodes if one.group_share is not None]
     moved = sum(by for _, by in groups)
     first, second = (sum(share[side] * by for share, by in groups) / moved if moved else None for side in (0, 1))
     return Metrics(
         speed_ratio=mean("speed_ratio"),
-        tracking_error=sure("tracking_error"),
-        fall_rate=sure("fall_rate"),
-        distance=sure("distance"),
+        tracking_error=plain_mean("tracking_error"),
+        fall_rate=plain_mean("fall_rate"),
+        distance=plain_mean("distance"),
         cost_of_transport=mean("cost_of_transport", "distance"),
         joint_jitter=float(np.sqrt(np.mean(jitter))) if jitter else 0.0,
         tripod_share=mean("tripod_share", "moving_share"),
@@ -197,17 +195,16 @@ def moving_steps(recording: Recording, command: Command) -> np.ndarray | None:
 
 def gait_shares(
     recording: Recording, moving: np.ndarray | None, groups: np.ndarray
-) -> tuple[float | None, float | None, float | None]:
-    """Return the shares of moving steps in flight, on exactly group 0, on exactly group 1; None without moving steps.
+) -> tuple[float | None, tuple[float, float] | None]:
+    """Return the shares of moving steps in flight, and on exactly group 0 and group 1; None without moving steps.
 
     The feet on the ground must equal the group as a set, as in r_trot of the paper.
     """
     if moving is None or not moving.any():
-        return None, None, None
+        return None, None
     contact = recording.contact[moving]
-    sets = [np.zeros(len(groups), dtype=bool), groups == 0, groups == 1]
-    flight, first, second = (set_share(contact, feet) for feet in sets)
-    return flight, first, second
+    flight = set_share(contact, np.zeros(len(groups), dtype=bool))
+    return flight, (set_share(contact, groups == 0), set_share(contact, groups == 1))
 
 
 def set_share(contact: np.ndarray, feet: np.ndarray) -> float:

@@ -30,7 +30,7 @@ COULOMB = Law("coulomb")
 
 
 class Driver(Protocol):
-    """What turns sensors into joint targets for N robots: the deployed policy, or its twin in torch."""
+    """Turns sensors into joint targets for N robots: the deployed policy, or its twin in torch."""
 
     def reset(self, mask: np.ndarray | None = None) -> None:
         """Forget the history and the last action of the robots in `mask`, bool, shape (N,)."""
@@ -46,7 +46,7 @@ class RolloutStep:
     sensors: Sensors
     """What the robots measured at its start, noise included, shapes (N, ...)."""
     policy: PolicyStep
-    """What the policy made of it, shapes (N, ...)."""
+    """What the policy computed, shapes (N, ...)."""
     blown_up: np.ndarray
     """Robots whose simulation became unstable and was put back to standing, ids."""
 
@@ -81,17 +81,15 @@ class Rollout:
             contract: what the policy expects.
             policy: what drives the robots, its batch (N,).
             spec: the robot, as from `robot_of`.
-            friction: what the law gives each robot's joints, torques [N m] or coefficients, (N, J); see `friction_at`.
-            generators: sources of noise; robot i uses number i modulo their count, so that robots that share one
-                meet the same noise.
+            friction: of each robot's joints, as from `friction_at`, shape (N, J).
+            generators: of noise; robot i uses number i modulo their count.
             threads: threads of the simulator.
             noise: sensor noise, by default as in training.
-            action_delay: delay between target and motor [s], in whole physics steps as in training.
+            action_delay: delay between target and motor [s], in whole physics steps.
             terrain: courses of the robots, flat ground by default.
             law: law of the dry friction.
-            physics: how dry friction is simulated, and
-            timestep: the physics step [s], a part of the contract's control period: other ones than evaluation's only
-                to see what they do to a walk.
+            physics: how dry friction is simulated.
+            timestep: physics step [s], a part of the control period; by default the contract's.
 
         Raises:
             StictionError: the delay is longer than the model holds.
@@ -105,15 +103,9 @@ class Rollout:
             raise ConfigurationError(
                 f"action delay {action_delay} s; expected 0 to {longest:g} s, what the model holds"
             )
+        loaded = law.spec.loaded
         self.fleet = Fleet(
-            spec,
-            num,
-            timestep,
-            decimation,
-            threads,
-            terrain=terrain,
-            joint_sensors=law.spec.loaded,
-            physics=physics,
+            spec, num, timestep, decimation, threads, terrain=terrain, joint_sensors=loaded, physics=physics
         )
         self.fleet.set_gains(contract.array("kp"), contract.array("kd"))
         JointFriction(self.fleet, law).set_level(friction)
@@ -121,11 +113,8 @@ class Rollout:
         self.fleet.armature[:] = contract.array("armature")
         self.fleet.delay[:] = round(action_delay / timestep) * timestep
         self.fleet.set_const(np.arange(num))
-        self._policy = policy
-        self._contract = contract
-        self._noise = noise or NoiseCfg()
-        self._generators = generators
-        self._robots_per_generator = num // len(generators)
+        self._policy, self._contract, self._noise = policy, contract, noise or NoiseCfg()
+        self._generators, self._robots_per_generator = generators, num // len(generators)
         self.reset(np.arange(num))
 
     def _uniform(self, width: int) -> np.ndarray:
@@ -165,21 +154,25 @@ class Rollout:
 def record(
     rollout: Rollout, commands: Callable[[Fleet], np.ndarray], steps: int, progress: Callable[[float], None]
 ) -> tuple[Recording, int]:
-    """Run the batch and keep what the metrics need; return it and the number of simulations that blew up.
+    """Run the batch and record what the metrics need; return it and the number of simulations that blew up.
 
-    commands: gives those of every robot before each control step: forward, sideways [m/s], turn [rad/s], (N, 3).
+    commands: returns those of every robot before each control step: forward, sideways [m/s], turn [rad/s], (N, 3).
     """
-    fleet, legs = rollout.fleet, len(rollout.fleet.spec.legs)
+    fleet = rollout.fleet
     num, period = fleet.num_envs, fleet.control_period
+
+    def zeros(*shape: int, dtype: type = np.float32) -> np.ndarray:
+        return np.zeros((steps, num, *shape), dtype)
+
     recording = Recording(
         period,
-        velocity=np.zeros((steps, num, 3), dtype=np.float32),
-        position=np.zeros((steps, num, 2), dtype=np.float32),
-        contact=np.zeros((steps, num, legs), dtype=bool),
-        power=np.zeros((steps, num), dtype=np.float32),
-        square_acceleration=np.zeros((steps, num), dtype=np.float32),
-        upright=np.zeros((steps, num), dtype=bool),
-        friction=(friction := np.zeros((steps, num), dtype=np.float32)),
+        velocity=zeros(3),
+        position=zeros(2),
+        contact=zeros(len(fleet.spec.legs), dtype=bool),
+        power=zeros(),
+        square_acceleration=zeros(),
+        upright=zeros(dtype=bool),
+        friction=(friction := zeros()),
     )
     upright, blown_up = np.ones(num, dtype=bool), 0
     last_velocity = fleet.joint_velocity.copy()

@@ -1,13 +1,9 @@
-"""Walks a grid on all cores, resumable: what its ledger has is not walked again.
-
-A line is found again by everything that its walk depends on: the bundle's digest, the cell, the settings, the code
-that measures, and the engine.
-"""
+"""Walks a grid on all cores, resumable: what its ledger has is not walked again."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -42,17 +38,9 @@ class WalkLedger(Ledger):
     """The walks of one grid that are done."""
 
     def __init__(self, path: Path, cfg: GridCfg, digests: dict[str, str], robot: str | None = None) -> None:
-        """Read what is there.
+        """Read the file at `path`, whose folder exists; raise `StictionError` where it cannot be read.
 
-        Args:
-            path: the file; its folder exists.
-            cfg: the grid.
-            digests: policy -> digest of its bundle.
-            robot: robot of one's own, see `robot_of`.
-
-        Raises:
-            StictionError: the file cannot be read.
-
+        digests: policy -> digest of its bundle; robot: a robot of one's own, see `robot_of`.
         """
         super().__init__(path)
         self._digests = digests
@@ -60,12 +48,12 @@ class WalkLedger(Ledger):
         self._common = key_of([cfg.settings(), robot, spec], *WALKING)
 
     def key(self, walk: Walk) -> str:
-        """Return what a walk is found by."""
+        """Return the key of a walk: bundle, cell, settings, code that measures, engine."""
         engine = binaries(walk.simulator.spec.name)
         return key_of([self._common, asdict(walk), self._digests[walk.policy], engine])[:24]
 
     def find(self, walk: Walk) -> Metrics | None:
-        """Return what a walk was worth; None where it was not done."""
+        """Return the metrics of a walk; None where it was not done."""
         entry = self.get(self.key(walk))
         if entry is None:
             return None
@@ -79,69 +67,64 @@ class WalkLedger(Ledger):
 
 
 def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
-    """Do a unit and return what each of its walks was worth.
+    """Do a unit and return the metrics of each of its walks.
 
     Raises:
         StictionError: the bundle does not fit the robot, or what the engine needs is not installed.
 
     """
-    return _batch(bundle, unit, cfg, robot) if unit.simulator.is_batch else [_alone(bundle, unit.walks[0], cfg, robot)]
-
-
-def _batch(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None) -> list[Metrics]:
-    """Walk all episodes of a unit at once."""
     first, episodes = unit.walks[0], len(unit.walks)
-    asked = cfg.asked(first.terrain, first.command)
-    asked = replace(asked, friction_levels=(float(first.level),), episodes=episodes, first_episode=first.episode)
-    return list(evaluate_bundle(bundle, asked, robot).episodes[0])
+    cell = cfg.cell(first.terrain, first.command)
+    if not unit.simulator.is_batch:
+        return [_walk_alone(bundle, first, cell, robot_of(bundle.contract, robot))]
+    cell = replace(cell, friction_levels=(float(first.level),), episodes=episodes, first_episode=first.episode)
+    return list(evaluate_bundle(bundle, cell, robot).episodes[0])
 
 
-def _alone(bundle: Bundle, one: Walk, cfg: GridCfg, robot: str | None) -> Metrics:
+def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: RobotSpec) -> Metrics:
     """Walk one robot in one engine."""
-    asked, engine = cfg.asked(one.terrain, one.command), one.simulator.spec
-    ground = asked.course
-    aside, askew = (0.0, 0.0) if ground.is_flat else starts(asked.seed, one.episode + 1)[-1].tolist()
+    engine, ground = one.simulator.spec, cfg.course
+    aside, askew = (0.0, 0.0) if ground.is_flat else starts(cfg.seed, one.episode + 1)[-1].tolist()
     world = World(
         make=partial(catalog.make_engine, engine.name),
-        ground=course(ground.kind, ground.size, asked.seed),
+        ground=course(ground.kind, ground.size, cfg.seed),
         start=(0.0 if ground.is_flat else -FOOT, aside),
         heading=askew,
         timestep=engine.timestep if one.robot is None else TIMESTEP,
-        noise=asked.noise if one.robot is None else None,
+        noise=cfg.noise if one.robot is None else None,
     )
     case: RobotCase
     if one.robot is None or one.simulator.cell is None:
-        case = DataSheet(asked.seed, asked.law, float(one.level))
+        case = DataSheet(cfg.seed, cfg.law, float(one.level))
     else:
         case = Case(one.robot, one.simulator.cell, parse_level(one.level))
-    friction, known = (None if told is None else np.array(told) for told in (one.forward, one.known))
-    seed = 0 if one.robot is None else asked.seed
-    return walk_once(bundle, case, world, asked, one.episode, robot_of(bundle.contract, robot), friction, seed, known)
+    friction, known = (None if given is None else np.array(given) for given in (one.forward, one.known))
+    seed = 0 if one.robot is None else cfg.seed
+    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known)
 
 
 def walk_once(
     bundle: Bundle,
     case: RobotCase,
     world: World,
-    asked: EvaluationCfg,
+    cfg: EvaluationCfg,
     episode: int,
     spec: RobotSpec,
     friction: np.ndarray | None = None,
     seed: int = 0,
     known: np.ndarray | None = None,
 ) -> Metrics:
-    """Walk one episode with one robot, and return what it was worth.
+    """Walk one episode with one robot, and return its metrics.
 
-    asked: the ground, which `world` has too, one command, times; spec: the robot; other arguments and errors as of
-    `walk`.
+    cfg: the ground, as in `world`, one command, times; other arguments and errors as of `walk`.
     """
-    (command,), period = asked.parsed_commands, bundle.contract.control_period
-    steps = round(asked.duration / period)
+    (command,), period = cfg.parsed_commands, bundle.contract.control_period
+    steps = round(cfg.duration / period)
     trial = trials.walk(
-        bundle, case, world, command_source(command, asked.course), steps, episode, None, spec, friction, seed, known
+        bundle, case, world, command_source(command, cfg.course), steps, episode, None, spec, friction, seed, known
     )
-    part = trial.recording.lasting(steps).of(slice(0, 1), round(asked.settle / period))
-    return measure(part, command, spec.groups(), spec.mass * GRAVITY, asked.course)
+    part = trial.recording.lasting(steps).of(slice(0, 1), round(cfg.settle / period))
+    return measure(part, command, spec.groups(), spec.mass * GRAVITY, cfg.course)
 
 
 def command_source(command: Command, ground: Course) -> CommandSource:
@@ -160,7 +143,7 @@ LEDGER = "walks.jsonl"
 """Name of the ledger in the folder of the results."""
 
 BENCHES = "bench"
-"""Name of the folder beside it for what was identified of virtual robots, where friction is fed forward or told."""
+"""Name of the folder beside it for what was identified of virtual robots."""
 
 Progress = Callable[[str, float], None]
 """Called with the name of an engine and the share of its walks that is done."""
@@ -186,7 +169,7 @@ def walk_grid(
 
     Raises:
         StictionError: a bundle does not fit its robot, an engine is not installed, friction cannot be fed forward, or a
-            process was killed. What was walked until then is kept.
+            process was killed. What was walked by then is in the ledger.
 
     """
     for bundle in bundles:
@@ -199,39 +182,19 @@ def walk_grid(
     walks += forwarded(bundles, cfg, out / BENCHES, jobs, robot, progress)
     walks = informed(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
     done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
-    tally = _Tally(walks, progress)
-    tally.add(list(done))
+    total, finished = Counter(walk.simulator.label for walk in walks), Counter[str]()
+
+    def report(new: Iterable[Walk]) -> None:
+        count = Counter(walk.simulator.label for walk in new)
+        finished.update(count)
+        for name in count:
+            progress(name, finished[name] / total[name])
+
+    report(done)
     new = [unit for unit in units(walks, cfg) if any(walk not in done for walk in unit.walks)]
     by_name = {bundle.name: bundle for bundle in bundles}
-    for unit, metrics in _walked(new, by_name, cfg, robot, jobs):
-        ledger.add(unit.walks, metrics)
-        tally.add([walk for walk in unit.walks if walk not in done])
-        done |= dict(zip(unit.walks, metrics, strict=True))
+    for number, metrics in spread(walk_unit, [(by_name[unit.policy], unit, cfg, robot) for unit in new], jobs):
+        ledger.add(new[number].walks, metrics)
+        report(walk for walk in new[number].walks if walk not in done)
+        done |= dict(zip(new[number].walks, metrics, strict=True))
     return {walk: done[walk] for walk in walks}
-
-
-class _Tally:
-    """Counts walks by engine."""
-
-    def __init__(self, walks: Sequence[Walk], progress: Progress) -> None:
-        """Begin with nothing done."""
-        self._total, self._done, self._progress = (
-            Counter(walk.simulator.label for walk in walks),
-            Counter[str](),
-            progress,
-        )
-
-    def add(self, walks: Sequence[Walk]) -> None:
-        """Count walks as done and report each engine that they are of."""
-        self._done.update(walk.simulator.label for walk in walks)
-        for name in dict.fromkeys(walk.simulator.label for walk in walks):
-            self._progress(name, self._done[name] / self._total[name])
-
-
-def _walked(
-    new: Sequence[Unit], bundles: dict[str, Bundle], cfg: GridCfg, robot: str | None, jobs: int
-) -> Iterator[tuple[Unit, list[Metrics]]]:
-    """Do units and give each as it ends."""
-    tasks = [(bundles[unit.policy], unit, cfg, robot) for unit in new]
-    for number, metrics in spread(walk_unit, tasks, jobs):
-        yield new[number], metrics

@@ -1,7 +1,7 @@
-"""Rows of results as samples over training seeds, asked for by training method and condition.
+"""Rows of results as samples over training seeds, by training method and condition.
 
 A row is one of summary.json: the columns of results.csv, and `crossed`, the share of walks that crossed their course.
-What is asked for is remembered, so that the rows behind a verdict can be named.
+What is read is recorded, so that the rows behind a verdict can be named.
 """
 
 from __future__ import annotations
@@ -79,12 +79,10 @@ Cell = tuple[str, str, str, float, str, str]
 """Training method, engine, law, level, ground, command."""
 
 ERROR = "speed_error"
-"""A column that is computed: |speed ratio - 1|. Of virtual robots it is the mean over robots: one that is too fast does
-not make up for one that is too slow."""
-
+"""A column that is computed: |speed ratio - 1|, of virtual robots the mean over them."""
 
 Weigh = Callable[[Sequence[float]], Sequence[float]]
-"""Return the weight of each of a policy's values, one a command."""
+"""Values of a policy, one a command -> their weights."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +91,7 @@ class Evidence:
 
     cells: dict[Cell, dict[int, list[Row]]]
     reads: dict[tuple[Cell, str], SeedValues] = field(default_factory=dict)
-    """Cell and column -> what was read there, in the order of reading; nothing where there are no rows."""
+    """Cell and column -> what was read there, in the order of reading."""
 
     @classmethod
     def of(cls, rows: Iterable[Row]) -> Self:
@@ -106,7 +104,7 @@ class Evidence:
         return cls(cells)
 
     def afresh(self) -> Self:
-        """Return the same rows, none of them read."""
+        """Return the same rows with nothing recorded as read."""
         return replace(self, reads={})
 
     def column(self, cell: Cell, column: str) -> SeedValues:
@@ -129,14 +127,13 @@ class Evidence:
     ) -> Rate:
         """Return how often something happened, of the seeds that walked all the commands, each command alike.
 
-        A trial is a walk of the robot of the data sheet. Walks of one virtual robot are not independent of each other,
-        whichever their command: a robot is one trial a policy, and its share of them counts. Nor are those trials
-        independent, since the policies share the robots: the rate says how many of them there are.
+        A trial is a walk of the robot of the data sheet, or a pair of policy and virtual robot: walks of one virtual
+        robot are not independent of each other. See `Rate`.
         """
         cells = _cells(method, condition, commands, terrain)
         shares = self._over(cells, column, _evenly).seeds
         rows = {seed: [row for cell in cells for row in self.cells[cell][seed]] for seed in shares}
-        trials = {seed: _trials(own) for seed, own in rows.items()}
+        trials = {seed: len(_robots(own)) or sum(row["episodes"] for row in own) for seed, own in rows.items()}
         robots = _robots([row for own in rows.values() for row in own])
         return Rate(shares, sum(shares[seed] * trials[seed] for seed in shares), sum(trials.values()), len(robots))
 
@@ -146,35 +143,32 @@ class Evidence:
 
     def levels(self, method: str, engine: str, law: str = "coulomb") -> list[float]:
         """Return the levels at which a method was walked on flat ground, from low to high."""
-        asked = method, engine, law
-        return sorted(
-            {level for *first, level, terrain, _ in self.cells if tuple(first) == asked and terrain == "flat"}
-        )
+        first = method, engine, law
+        return sorted({level for *own, level, ground, _ in self.cells if (*own, ground) == (*first, "flat")})
 
     def frictions(self, method: str, engine: str) -> list[Condition]:
-        """Return every friction of virtual robots at which a method was walked on flat ground: shares of the torque
-        limit, what the bench measured, and either with a share of the load.
-        """
+        """Return every friction of virtual robots at which a method was walked on flat ground."""
         laws = {law: None for m, at, law, *_ in self.cells if (m, at) == (method, engine) and law.startswith(REAL)}
         return [Condition(engine, level, law) for law in laws for level in self.levels(method, engine, law)]
 
     def robots(self, condition: Condition, *methods: str) -> tuple[set[str], set[str]]:
         """Return the virtual robots of a condition on which all of these methods walked, with every policy and in both
-        directions, and the other ones there: friction is not fed forward where a bench does not tell it.
+        directions, and the other ones there: those whose bench does not identify a friction to feed forward.
         """
-        of = {
-            cell: [set(row.get("robots", ())) for rows in seeds.values() for row in rows]
+        walked = [
+            (cell[0], set(row.get("robots", ())))
             for cell, seeds in self.cells.items()
             if _is_walked_at(cell, condition)
-        }
-        shared = [one for cell, each in of.items() if cell[0] in methods for one in each]
-        everyone = set().union(*(one for each in of.values() for one in each))
+            for rows in seeds.values()
+            for row in rows
+        ]
+        shared = [robots for method, robots in walked if method in methods]
         common = set.intersection(*shared) if shared else set()
-        return common, everyone - common
+        return common, set().union(*(robots for _, robots in walked)) - common
 
     def on_shared_robots(self, condition: Condition, *methods: str) -> Self:
-        """Return the same rows, of these methods under a condition over the virtual robots alone on which all of them
-        walked. Of those nothing but their speed is known. What is read there is remembered here.
+        """Return the same rows, those of these methods under a condition over their common virtual robots alone: of
+        them the speed is known, and nothing else. Reading is recorded here.
         """
         shared, _ = self.robots(condition, *methods)
         cells = dict(self.cells)
@@ -188,7 +182,7 @@ class Evidence:
         return self._over(_cells(method, condition, commands), "speed_ratio", _least)
 
     def faster(self, method: str, condition: Condition) -> Measurement:
-        """Return the speed ratio of the faster direction of every seed: of a robot that stands still both are zero."""
+        """Return the speed ratio of the faster direction of every seed."""
         return self._over(_cells(method, condition, DIRECTIONS), "speed_ratio", _most)
 
     def error(self, method: str, *conditions: Condition) -> Measurement:
@@ -204,8 +198,7 @@ class Evidence:
     def _over(self, cells: Sequence[Cell], column: str, weigh: Weigh) -> Measurement:
         """Return a column over some cells, of every seed that has all of them, and of every virtual robot.
 
-        Which direction is a policy's slower one is said by its mean over robots, and is the same one for each of them:
-        so the mean over robots is that over seeds.
+        A seed's weights come from its means over robots, so that the mean over robots is that over seeds.
         """
         columns = [self.column(cell, column) for cell in cells]
         seeds: SeedValues = {}
@@ -240,7 +233,7 @@ def _cells(method: str, condition: Condition, commands: Sequence[str], terrain: 
 
 
 def _is_walked_at(cell: Cell, condition: Condition) -> bool:
-    """Say whether a cell is one of a condition in which a speed on flat ground is commanded forward or backward."""
+    """Return whether a cell is one of a condition on flat ground, forward or backward."""
     return cell in _cells(cell[0], condition, DIRECTIONS)
 
 
@@ -263,8 +256,7 @@ def _value(row: Row, column: str) -> float | None:
 
 
 def _each_robot(cells: Sequence[Sequence[Row]], column: str) -> dict[int, list[float]]:
-    """Return a column's value in each cell of every virtual robot that has one in all; none where only the mean is
-    known of them.
+    """Return virtual robot -> a column's value in each cell, of the robots that have one in all.
 
     cells: the rows of one seed in each of them.
     """
@@ -280,7 +272,7 @@ def _each_robot(cells: Sequence[Sequence[Row]], column: str) -> dict[int, list[f
 
 
 def _of_robots(row: Row, column: str) -> Iterable[tuple[str, float | None]]:
-    """Return virtual robots of a row with what each has in a column; none where that is not known of each."""
+    """Return virtual robots of a row with the value of each in a column; none where only the mean is known."""
     ratios: dict[str, float | None] = row.get("robots", {})
     if column == "speed_ratio":
         return ratios.items()
@@ -292,13 +284,8 @@ def _of_robots(row: Row, column: str) -> Iterable[tuple[str, float | None]]:
 
 
 def _robots(rows: Sequence[Row]) -> set[str]:
-    """Return the virtual robots of rows; none where they are of the robot of the data sheet."""
+    """Return the virtual robots of rows."""
     return {robot for row in rows for robot in row.get("robots", ())}
-
-
-def _trials(rows: Sequence[Row]) -> int:
-    """Return the trials behind rows of one seed: virtual robots, or episodes."""
-    return len(_robots(rows)) or sum(row["episodes"] for row in rows)
 
 
 MEASURES = ("speed_ratio", ERROR, "tracking_error", "joint_jitter", "flight_share", "tripod_share", "steps_climbed")
@@ -321,20 +308,15 @@ def samples(evidence: Evidence) -> list[Sample]:
         rates = ((column, evidence.rate(method, condition, (command,), column, terrain)) for column in RATES)
         found += [_sample(cell, column, rate.seeds, rate) for column, rate in rates]
         if command == DIRECTIONS[-1] and terrain == "flat":
-            both = (*cell[:-1], BOTH)
-            found += [_over_both(evidence, both, condition, column) for column in OVER_BOTH]
+            for column in OVER_BOTH:
+                rate = evidence.rate(method, condition, DIRECTIONS, column)
+                found.append(_sample((*cell[:-1], BOTH), column, rate.seeds, rate if column in RATES else None))
     return [sample for sample in found if sample is not None]
 
 
 def samples_of(rows: Iterable[Row], methods: Mapping[str, str]) -> list[Sample]:
     """Return the samples of any policies. rows: as in summary.json; methods: of each policy, see `methods_of`."""
     return samples(Evidence.of(row | {"method": methods[row["policy"]]} for row in rows))
-
-
-def _over_both(evidence: Evidence, cell: Cell, condition: Condition, column: str) -> Sample | None:
-    """Return the mean of a column over forward and backward."""
-    rate = evidence.rate(cell[0], condition, DIRECTIONS, column)
-    return _sample(cell, column, rate.seeds, rate if column in RATES else None)
 
 
 def _sample(cell: Cell, column: str, values: SeedValues, rate: Rate | None = None) -> Sample | None:

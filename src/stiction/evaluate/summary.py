@@ -1,4 +1,4 @@
-"""Evaluates several bundles under the same conditions, and says what was run on what."""
+"""Evaluates several bundles under the same conditions, and summarises what was run on what."""
 
 from __future__ import annotations
 
@@ -27,12 +27,7 @@ def evaluate_all(
     jobs: int = 1,
     progress: Progress = lambda name, share: None,
 ) -> tuple[list[ResultRow], dict[str, Any]]:
-    """Walk a grid; return its rows and the summary. Arguments and errors as of `walk_grid`.
-
-    Raises:
-        StictionError: besides, where two bundles have the same name.
-
-    """
+    """Walk a grid; return its rows and the summary. Arguments and errors as of `walk_grid` and `check_names`."""
     check_names([bundle.name for bundle in bundles])
     origin, start = Origin.now(), time.perf_counter()
     done = walk_grid(bundles, cfg, out, jobs, robot, progress)
@@ -68,20 +63,13 @@ def check_names(names: Sequence[str], kind: str = "bundles") -> None:
         )
 
 
+DESCRIBED = (
+    *("robot", "method", "friction_law", "friction_level", "friction_range", "joints_file", "actuator"),
+    *("known_friction", "seed", "revision", "command"),
+)
+"""Fields of the contract in a summary."""
+
+
 def describe(bundle: Bundle) -> dict[str, Any]:
     """Return what identifies a policy: its digest, and how it was made."""
-    contract = bundle.contract
-    return {
-        "digest": bundle.digest,
-        "robot": contract.robot,
-        "method": contract.method,
-        "friction_law": contract.friction_law,
-        "friction_level": contract.friction_level,
-        "friction_range": contract.friction_range,
-        "joints_file": contract.joints_file,
-        "actuator": contract.actuator,
-        "known_friction": contract.known_friction,
-        "seed": contract.seed,
-        "revision": contract.revision,
-        "command": contract.command,
-    }
+    return {"digest": bundle.digest} | {name: getattr(bundle.contract, name) for name in DESCRIBED}

@@ -1,4 +1,4 @@
-"""From walks to rows: the episodes of a cell together; and whose seeds are samples of one training."""
+"""Rows of results from walks, and which policies are samples of one training."""
 
 from __future__ import annotations
 
@@ -50,8 +50,7 @@ class Sample(MethodCell):
     high: float | None
     """Upper end."""
     trials: int | None
-    """Of a rate, its trials: walks, or pairs of policy and virtual robot; else None. Such pairs are not independent:
-    all policies walk on the same robots. A verdict takes the robots as a sample beside them."""
+    """Of a rate, its trials: walks, or pairs of policy and virtual robot (not independent: policies share robots)."""
     trials_low: float | None
     """Lower end of Wilson's 95 % interval over them."""
     trials_high: float | None
@@ -65,12 +64,11 @@ BOTH = "both"
 def rows_of(
     done: Mapping[Walk, Metrics], bundles: Sequence[Bundle], robot: str | None = None
 ) -> tuple[list[ResultRow], list[dict[str, Any]]]:
-    """Return a row per cell, in the order of the walks, and the same rows as plain data with intervals of the rates.
+    """Return a row per cell, in the order of the walks, and the same rows as plain data with more fields.
 
-    Intervals there are Wilson's, of `fall_rate`, and of `crossed` over a course: over episodes; over virtual robots
-    where those walk, for one that falls falls again. A row of those also has, of each robot, its speed ratio, by its
-    seed, and in the same order `robot_fall_rates`, `robot_tracking_errors` and `robot_crossed`. Where a policy was told
-    its joints' friction, `known_friction` says what, by robot: f/τ_max of each kind of joint.
+    Those are Wilson's intervals of `fall_rate` and `crossed` over episodes, or over virtual robots where those walk; of
+    each virtual robot its speed ratio, by its seed, and in the same order `robot_fall_rates`, `robot_tracking_errors`
+    and `robot_crossed`; and `known_friction`, f/τ_max of each kind of joint by robot, where the policy was given it.
     """
     contracts = {bundle.name: bundle.contract for bundle in bundles}
     cells: dict[tuple[str, ...], list[Walk]] = {}
@@ -112,7 +110,7 @@ def number(walk: Walk, torque_limit: np.ndarray, spec: RobotSpec) -> float:
 
 
 def _beside(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, Any]:
-    """Return what a row has in summary.json alone: Wilson's intervals, and what each virtual robot did."""
+    """Return the fields that a row has in summary.json alone, see `rows_of`."""
     robots = dict.fromkeys(walk.robot for walk in walks if walk.robot is not None)
     each = {robot: combine([done[walk] for walk in walks if walk.robot == robot]) for robot in robots}
     samples = list(each.values()) or [done[walk] for walk in walks]
@@ -128,37 +126,33 @@ def _beside(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[str, An
         beside["robot_crossed"] = crossed or None
     if known := {walk.robot: walk.known for walk in walks if walk.known is not None}:
         beside["known_friction"] = {
-            "data sheet" if robot is None else str(robot): told for robot, told in known.items()
+            "data sheet" if robot is None else str(robot): share for robot, share in known.items()
         }
     return beside
 
 
 def sample_names(contracts: Mapping[str, Contract]) -> dict[str, str]:
-    """Return what stands behind the method of each policy so that only samples of one thing have one name.
+    """Return policy -> suffix of its method, so that only policies that differ in their seed share a name.
 
-    Those are policies of one method, for one robot, trained on one ground in as many phases with one law, level and
-    range of friction, each with another seed. Where a method has several such groups, what they differ in is named:
-    `deception (stairs)`. Where one seed is there twice, nobody can say which policy is the
-    sample: each of that group stands alone, by its name.
-
-    contracts: by name of the policy.
+    Where a method has several such groups, the suffix names what they differ in: `deception (stairs)`. Where a group
+    has one seed twice, it is the name of the policy. contracts: by name of the policy.
     """
     groups: dict[tuple[str, ...], list[str]] = {}
     for name, contract in contracts.items():
         groups.setdefault(_sample_of(contract), []).append(name)
-    behind = {}
+    suffixes = {}
     for group, names in groups.items():
         values = zip(*(other for other in groups if other[0] == group[0]), strict=True)
-        told = [mine for mine, all_of_way in zip(group, values, strict=True) if len(set(all_of_way)) > 1]
+        differs = [own for own, of_method in zip(group, values, strict=True) if len(set(of_method)) > 1]
         twice = len({contracts[name].seed for name in names}) < len(names)
         for name in names:
-            words = [name] if twice else told
-            behind[name] = f" ({', '.join(words)})" if words else ""
-    return behind
+            words = [name] if twice else differs
+            suffixes[name] = f" ({', '.join(words)})" if words else ""
+    return suffixes
 
 
 def _sample_of(contract: Contract) -> tuple[str, ...]:
-    """Return what two policies share that are samples of one thing, in words; the way comes first."""
+    """Return what two policies share that are samples of one training, in words; the method comes first."""
     low, high = contract.friction_range
     phases = {1: "one phase", 2: "two phases"}.get(contract.phases or 0, "phases not recorded")
     trained = contract.robot, contract.terrain, phases, contract.friction_law, f"{contract.friction_level:g}"
@@ -166,10 +160,7 @@ def _sample_of(contract: Contract) -> tuple[str, ...]:
 
 
 def methods_of(rows: Sequence[OfPolicy], bundles: Sequence[Bundle]) -> dict[str, str]:
-    """Return policy, as rows call it -> training method under which only its own seeds stand, see `sample_names`.
-
-    bundles: those that walked.
-    """
+    """Return policy, as rows call it -> its method with the suffix of `sample_names`; bundles: those that walked."""
     names = sample_names({bundle.name: bundle.contract for bundle in bundles})
     base = {row.policy: row.policy if row.policy in names else row.policy.removesuffix(FORWARD) for row in rows}
     return {row.policy: row.method + names[base[row.policy]] for row in rows}

@@ -1,14 +1,9 @@
 """Throughput, measured side by side in one run: the task against the bare simulator on the same states and threads.
 
 The replay has the states and the controls of every step (joint targets; the last physics step's torques where an
-Actuator Net gives them), and the robots' parameters (friction, masses, gains) as they are when the block ends: keeping
-every robot's parameters at every step would cost more than what is measured. A robot that ends an episode within the
-block is drawn anew then, so its earlier steps are replayed with its later parameters, and the step that ended the
-episode with standing targets.
-
-The task walks on boxes (`robots/terrain.py`); this is the measurement that the choice rests on. Height fields are of
-two kinds: with square cells, as any ground would need, and with cells as wide as the stairs, which only steps across
-one axis allow. Their risers lean by one cell.
+Actuator Net gives them), and the robots' parameters (friction, masses, gains) of the end of the block. A robot that
+ends an episode within the block has other parameters from then on, so its earlier steps are replayed with its later
+ones.
 """
 
 from __future__ import annotations
@@ -51,8 +46,7 @@ class Timing:
     """Env-steps per second of the three things timed, one entry a block, all blocks in one run."""
 
     bare: tuple[float, ...]
-    """`Batch.step` alone, replaying the block's states and controls with the parameters of its end; empty where
-    MuJoCo Warp simulates: it has no counterpart on the same threads, and no ratio is given."""
+    """`Batch.step` alone, replaying the block's states and controls; empty where MuJoCo Warp simulates."""
     rollout: tuple[float, ...]
     """`LocomotionEnv.step`: observations, rewards, resets and randomisation on."""
     iteration: tuple[float, ...]
@@ -67,15 +61,20 @@ class Timing:
         rates = {name: np.array(values) for name, values in vars(self).items() if values}
         ratios = {}
         if self.bare:
-            ratios = {f"{name}_ratio": rates[name] / rates["bare"] for name in ("rollout", "iteration")}
+            ratios = {f"{name}_ratio": spread(rates[name] / rates["bare"]) for name in ("rollout", "iteration")}
         return {
-            **{
-                name: float(np.median(ratios[name])) if ratios else None
-                for name in ("rollout_ratio", "iteration_ratio")
-            },
-            "spread": {name: spread(ratio) for name, ratio in ratios.items()},
+            **{name: ratios[name]["median"] if ratios else None for name in ("rollout_ratio", "iteration_ratio")},
+            "spread": ratios,
             "env_steps_per_second": {name: spread(values) for name, values in rates.items()},
         }
+
+
+def _native(env: LocomotionEnv) -> NativeSimulation:
+    """Return the simulation of a task that runs on MuJoCo's Batch."""
+    simulation = env.fleet.simulation
+    if not isinstance(simulation, NativeSimulation):
+        raise TypeError(f"the bare simulator is MuJoCo's Batch; the task runs on {type(simulation).__name__}")
+    return simulation
 
 
 def _timed_rollout(env: LocomotionEnv, actions: torch.Tensor) -> tuple[float, list[dict[str, np.ndarray]]]:
@@ -97,9 +96,7 @@ def _timed_replay(env: LocomotionEnv, states: list[dict[str, np.ndarray]]) -> fl
     The simulation's state is put back. Derived fields (torques, contacts) are those of the replay until the task's
     next step computes them anew; its stored observation does not change.
     """
-    simulation, seconds = env.fleet.simulation, 0.0
-    if not isinstance(simulation, NativeSimulation):
-        raise TypeError(f"the bare simulator is MuJoCo's Batch; the task runs on {type(simulation).__name__}")
+    simulation, seconds = _native(env), 0.0
     after = simulation.state()
     for state in states:
         simulation.load_state(state)
@@ -110,22 +107,26 @@ def _timed_replay(env: LocomotionEnv, states: list[dict[str, np.ndarray]]) -> fl
     return seconds
 
 
+def _teacher_runner(cfg: TrainCfg, folder: Path, actuator: ActuatorNet | None) -> PhaseRunner:
+    """Return a teacher's runner on a task of its own; nothing is written but what it logs, to `folder`."""
+    torch.manual_seed(stream_seed(cfg.seed, "bench"))
+    device, seed = find_device(cfg.device, cfg.contacts), stream_seed(cfg.seed, "environment")
+    env = LocomotionEnv(cfg.task, cfg.num_envs, seed, num_threads(), device=device, actuator=actuator)
+    runner = PhaseRunner("teacher", env, RunDirectory(folder), ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, Board(folder))
+    runner.alg.train_mode()
+    return runner
+
+
 def measure_training(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = None) -> tuple[Timing, dict[str, int]]:
     """Time `blocks` paired blocks of one rollout each; return the timing and the networks' multiply-adds per env-step.
 
     Each block times the task, then, on the processor, the bare simulator on the states that the task went through, then
     one training iteration. `actuator`: gives the torque in the task; the bare simulator has none.
     """
-    threads = num_threads()
-    torch.set_num_threads(threads)
-    torch.manual_seed(stream_seed(cfg.seed, "bench"))
-    device, seed = find_device(cfg.device, cfg.contacts), stream_seed(cfg.seed, "environment")
-    env = LocomotionEnv(cfg.task, cfg.num_envs, seed, threads, device=device, actuator=actuator)
+    torch.set_num_threads(num_threads())
     with tempfile.TemporaryDirectory() as folder:
-        run, board = RunDirectory(Path(folder)), Board(Path(folder))
-        runner = PhaseRunner("teacher", env, run, ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, board)
-        runner.alg.train_mode()
-        steps = cfg.teacher.steps * cfg.num_envs
+        runner = _teacher_runner(cfg, Path(folder), actuator)
+        env, steps = runner.env, cfg.teacher.steps * cfg.num_envs
         seconds: dict[str, list[float]] = {"bare": [], "rollout": [], "iteration": []}
         runner.iterate()
         for _ in range(blocks):
@@ -141,14 +142,14 @@ def measure_training(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = 
         return Timing(**rates), multiply_adds(runner)
 
 
-def measure_runtime(bundle: Path, steps: int = 3000) -> dict[str, float]:
+def measure_runtime(bundle: Path) -> dict[str, float]:
     """Time the deployed policy, one robot, sensors in and joint targets out [ms]: median, 99th percentile, worst."""
     data = read_bundle(bundle)
     policy = load_policy(data.contract, data.policy)
     rng = np.random.default_rng(0)
     joints, command = data.contract.num_joints, np.array([0.5, 0.0, 0.0])
     spent = []
-    for _ in range(steps):
+    for _ in range(3000):
         noise = 0.1 * rng.standard_normal((2, joints))
         sensors = Sensors(UPRIGHT, noise[0, :3], noise[0], noise[1])
         start = time.perf_counter()
@@ -168,15 +169,15 @@ STEP = 0.10
 """Height of a step [m]."""
 
 CELL = 0.02
-"""Cell of the height fields along the way [m]: a riser leans by this much over its height."""
+"""Cell of the height fields along x [m]: a riser leans by this much over its height."""
 
 GROUNDS = ("plane", "boxes", "height field, wide cells", "height field, square cells")
-"""What is measured; the first is what the others are compared with."""
+"""What is measured; the others are compared with the first. Square cells fit any ground, wide ones steps along x."""
 
 
-def ground_model(spec: RobotSpec, ground: str, timestep: float = 0.005) -> mujoco.MjModel:
+def ground_model(spec: RobotSpec, ground: str) -> mujoco.MjModel:
     """Return a robot on one of `GROUNDS`; the steps go along x, and are as wide as the square stairs."""
-    model = build(spec, timestep)
+    model = build(spec, 0.005)
     if ground == "boxes":
         for number, (half, _, thick) in enumerate(half_sizes("stairs")):
             top = STEP * (number + 1)
@@ -187,8 +188,8 @@ def ground_model(spec: RobotSpec, ground: str, timestep: float = 0.005) -> mujoc
         half = REACH + CELL
         columns = round(2 * half / CELL) + 1
         rows = columns if "square" in ground else 2
-        way = np.linspace(-half, half, columns)
-        profile = stair_height(np.stack((way, np.zeros(columns)), -1)[None], np.array([[STEP]]))[0]
+        along = np.linspace(-half, half, columns)
+        profile = stair_height(np.stack((along, np.zeros(columns)), -1)[None], np.array([[STEP]]))[0]
         top = STEP * STEPS
         model.add_hfield(
             name="stairs",
@@ -204,14 +205,14 @@ def ground_model(spec: RobotSpec, ground: str, timestep: float = 0.005) -> mujoc
 def measure_grounds(spec: RobotSpec, num: int, blocks: int, threads: int) -> dict[str, Any]:
     """Return control steps a second on every ground, by block and as medians, and their ratios to the plane's.
 
-    The robots stand all over the stairs and follow random targets, the same on every ground; each block goes through
-    all grounds in turn, so that a busy machine slows all of them.
+    The robots stand all over the stairs and follow the same random targets; each block goes through all grounds in
+    turn, so that a busy machine slows all of them.
     """
     rng = np.random.default_rng(0)
-    place = rng.uniform(-REACH, REACH, (num, 2)) * (1.0, 0.5)
+    position = rng.uniform(-REACH, REACH, (num, 2)) * (1.0, 0.5)
     batches = {name: Batch(ground_model(spec, name), nsim=num, nthread=threads) for name in GROUNDS}
     for name, batch in batches.items():
-        _stand(batch, name, place)
+        _stand(batch, name, position)
     rates: dict[str, list[float]] = {name: [] for name in GROUNDS}
     for _ in range(blocks):
         noise = rng.standard_normal((20, num, spec.num_joints))
@@ -231,15 +232,15 @@ def measure_grounds(spec: RobotSpec, num: int, blocks: int, threads: int) -> dic
     }
 
 
-def _stand(batch: Batch, ground: str, place: np.ndarray) -> None:
-    """Put every robot onto the highest ground under its trunk, standing."""
-    batch.reset(np.arange(len(place)), keyframe=0)
+def _stand(batch: Batch, ground: str, position: np.ndarray) -> None:
+    """Put every robot onto the highest ground under its trunk, standing; position: x, y [m], shape (N, 2)."""
+    batch.reset(np.arange(len(position)), keyframe=0)
     pose = batch.bind("qpos")
-    pose[:, :2] = place
+    pose[:, :2] = position
     if ground != "plane":
-        along = place[:, :1] + np.array([-0.4, -0.2, 0.0, 0.2, 0.4])
+        along = position[:, :1] + np.array([-0.4, -0.2, 0.0, 0.2, 0.4])
         under = np.stack((along, np.zeros_like(along)), -1)
-        pose[:, 2] += stair_height(under, np.full((len(place), 1), STEP)).max(axis=1) + 0.01
+        pose[:, 2] += stair_height(under, np.full((len(position), 1), STEP)).max(axis=1) + 0.01
 
 
 PHYSICS = {
@@ -249,9 +250,6 @@ PHYSICS = {
     "plastic": FAST,
 }
 """What is compared, the physics of every evaluation first."""
-
-PARTS = ("physics", "task", "inference", "ppo", "supervised", "other")
-"""What an iteration consists of."""
 
 
 class Meter:
@@ -292,31 +290,23 @@ class Meter:
 
 def watched_runner(cfg: TrainCfg, folder: Path, actuator: ActuatorNet | None) -> tuple[PhaseRunner, Meter]:
     """Return a teacher's runner and the meter of its parts."""
-    torch.manual_seed(stream_seed(cfg.seed, "bench"))
-    env = LocomotionEnv(cfg.task, cfg.num_envs, stream_seed(cfg.seed, "environment"), num_threads(), actuator=actuator)
-    runner = PhaseRunner("teacher", env, RunDirectory(folder), ppo_cfg(cfg), 10**6, (10**6, 0), cfg.stop, Board(folder))
-    runner.alg.train_mode()
-    simulation, meter = env.fleet.simulation, Meter()
-    if not isinstance(simulation, NativeSimulation):
-        raise TypeError(f"the bare simulator is MuJoCo's Batch; the task runs on {type(simulation).__name__}")
-    meter.watch(simulation.batch, "step", "bare")
-    meter.watch(env, "step", "step")
-    for method, name in {
-        "act": "act",
-        "process_env_step": "store",
-        "compute_returns": "returns",
-        "update": "update",
-        "_supervise": "supervise",
-    }.items():
-        meter.watch(runner.alg, method, name)
-    meter.watch(runner, "iterate", "iterate")
+    runner, meter = _teacher_runner(cfg, folder, actuator), Meter()
+    for owner, method, name in (
+        (_native(runner.env).batch, "step", "bare"),
+        (runner.env, "step", "step"),
+        (runner.alg, "act", "act"),
+        (runner.alg, "process_env_step", "store"),
+        (runner.alg, "compute_returns", "returns"),
+        (runner.alg, "update", "update"),
+        (runner.alg, "_supervise", "supervise"),
+        (runner, "iterate", "iterate"),
+    ):
+        meter.watch(owner, method, name)
     return runner, meter
 
 
-def measure_parts(
-    cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = None, physics: Mapping[str, PhysicsCfg] = PHYSICS
-) -> dict[str, dict[str, list[float]]]:
-    """Return the CPU seconds of an iteration's parts, name of the physics -> part -> one number a block.
+def measure_parts(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = None) -> dict[str, dict[str, list[float]]]:
+    """Return the CPU seconds of an iteration's parts, name in `PHYSICS` -> part -> one number a block.
 
     cfg: the training; its physics is replaced. actuator: gives the joints' torque in place of the PD law.
     """
@@ -324,7 +314,7 @@ def measure_parts(
     with tempfile.TemporaryDirectory() as folder:
         runners = {
             name: watched_runner(replace(cfg, task=replace(cfg.task, physics=option)), Path(folder), actuator)
-            for name, option in physics.items()
+            for name, option in PHYSICS.items()
         }
         found: dict[str, dict[str, list[float]]] = {name: {} for name in runners}
         for block in range(blocks + 1):

@@ -1,10 +1,7 @@
 """Evaluates a training run's teacher and student as bundles are evaluated, without exporting them first.
 
-Robots are in the evaluation's order: by friction level, then by command, then by episode. Whoever lends its latent has
-the same command; it lends at the same time step.
-
-`TrainedPolicy` makes a `Driver` of it, so that a teacher is evaluated by the same code as a bundle. What only training
-knows, o_priv, is known in an evaluation too: it sets the robots itself, and o_priv is a constant of each.
+A teacher needs o_priv, which only training knows; an evaluation sets its robots itself, so that o_priv is a known
+constant of each robot.
 """
 
 from __future__ import annotations
@@ -22,7 +19,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.deploy.check import robot_of
 from stiction.evaluate.evaluate import Evaluation, EvaluationCfg, drive, judge
 from stiction.evaluate.export import TrainedPolicy, contract_of
-from stiction.evaluate.known_friction import parse_told, told_in_batch
+from stiction.evaluate.known_friction import known_to, parse_source
 from stiction.evaluate.rollout import friction_at
 from stiction.formats.results import ResultRow
 from stiction.locomotion.friction import FrictionCfg, friction_share
@@ -33,21 +30,17 @@ from stiction.rma.runner import load_actor
 
 Latent = Literal["own", "mean", "swapped", "peer"]
 """Where the latent comes from: the robot's own; frozen at its mean over robots and time; that of a robot with another
-friction level; that of another robot with the same level. The last is the control of the one before: it too breaks the
-tie to the robot's own gait and noise, but the friction it tells is right."""
+friction level; that of another robot with the same level. The last is the control of the one before: it is not of the
+robot's own gait and noise either, but of the right friction."""
 
 LATENTS: tuple[Latent, ...] = get_args(Latent)
 
 
-def lenders(latent: Latent, levels: int, commands: int, episodes: int) -> np.ndarray:
-    """Return whose latent each robot is given, shape (levels * commands * episodes,): a permutation.
+def latent_sources(latent: Latent, levels: int, commands: int, episodes: int) -> np.ndarray:
+    """Return the robot whose latent each robot is given, shape (levels * commands * episodes,): a permutation.
 
-    `swapped` moves on by half of the levels, in the same command and episode; `peer` by one episode, at the same level
-    and command. Both leave no robot its own.
-
-    Raises:
-        StictionError: too few levels or episodes for that.
-
+    Robots are ordered by level, then by command, then by episode. `swapped` moves on by half of the levels, `peer` by
+    one episode. Raises `StictionError` where there are too few of them to leave no robot its own.
     """
     own = np.arange(levels * commands * episodes).reshape(levels, commands, episodes)
     if latent == "swapped" and levels < 2:
@@ -62,10 +55,10 @@ def lenders(latent: Latent, levels: int, commands: int, episodes: int) -> np.nda
 
 
 class LatentMean:
-    """The mean of latents over robots and time, in float64: a thousand robots for a minute are millions of numbers."""
+    """The mean of latents over robots and time, in float64."""
 
     def __init__(self, skip: int = 0) -> None:
-        """Start with nothing seen; the first `skip` steps will not count."""
+        """Start empty; the first `skip` steps will not count."""
         self.skip, self.count, self.total = skip, 0, torch.zeros((), dtype=torch.float64)
 
     def __call__(self, latent: torch.Tensor) -> None:
@@ -93,7 +86,7 @@ class LatentPolicy(nn.Module):
         self,
         actor: RMAActor,
         privileged: torch.Tensor | None = None,
-        lenders: torch.Tensor | None = None,
+        sources: torch.Tensor | None = None,
         frozen: torch.Tensor | None = None,
         watch: Callable[[torch.Tensor], None] = lambda latent: None,
     ) -> None:
@@ -102,13 +95,13 @@ class LatentPolicy(nn.Module):
         Args:
             actor: teacher or student.
             privileged: o_priv of each robot, (N, size): the latent is z. None: it is z*, from the history.
-            lenders: number of the robot whose latent each robot is given, (N,); None: its own.
+            sources: robot whose latent each robot is given, (N,); None: its own.
             frozen: one latent for all robots and all time, (latent,), in place of z or z*.
-            watch: called with z or z* of every robot at every step, (N, latent), before they are lent or frozen.
+            watch: called with z or z* of every robot at every step, (N, latent), before it is replaced.
 
         """
         super().__init__()
-        self.policy, self.lenders, self.frozen, self.watch = StudentPolicy(actor), lenders, frozen, watch
+        self.policy, self.sources, self.frozen, self.watch = StudentPolicy(actor), sources, frozen, watch
         self.constant = None if privileged is None else actor.privileged_encoder(privileged).detach()
 
     def forward(self, observation: torch.Tensor) -> torch.Tensor:
@@ -121,8 +114,8 @@ class LatentPolicy(nn.Module):
         self.watch(latent)
         if self.frozen is not None:
             latent = self.frozen.expand_as(latent)
-        elif self.lenders is not None:
-            latent = latent[self.lenders]
+        elif self.sources is not None:
+            latent = latent[self.sources]
         return self.policy.act(observation, latent)
 
 
@@ -133,32 +126,9 @@ Progress = Callable[[float], None]
 """Called with the share that is done [-]."""
 
 
-def evaluate_run(
-    run: Path,
-    who: Who,
-    cfg: EvaluationCfg,
-    latent: Latent = "own",
-    threads: int = 1,
-    progress: Progress = lambda share: None,
-) -> list[ResultRow]:
-    """Evaluate a run's teacher or student; return a row per level and command, as `evaluate_bundle` does.
-
-    The policy is called `RUN/teacher` or `RUN/student`, with `+LATENT` behind it where the latent is not its own.
-
-    Args:
-        run: directory of the run, as `stiction train` made it.
-        who: `teacher` (z from o_priv, which the evaluation knows) or `student` (z* from the history).
-        cfg: levels, commands, episodes.
-        latent: what the actor is given, see `Latent`.
-        threads: threads of the simulator; they do not change the result.
-        progress: called with the share that is done [-].
-
-    Raises:
-        StictionError: not a run, a phase that is not finished, a teacher that sees the ground, or too few levels or
-            episodes to swap latents.
-
-    """
-    return list(walk_run(run, who, cfg, latent, threads, progress).rows)
+def evaluate_run(run: Path, who: Who, cfg: EvaluationCfg, latent: Latent = "own") -> list[ResultRow]:
+    """Return the rows of `walk_run`, one per level and command."""
+    return list(walk_run(run, who, cfg, latent).rows)
 
 
 def walk_run(
@@ -169,10 +139,23 @@ def walk_run(
     threads: int = 1,
     progress: Progress = lambda share: None,
 ) -> Evaluation:
-    """Return all that `evaluate_run` measures: rows, and each episode. Arguments and errors are the same.
+    """Evaluate a run's teacher or student as `evaluate_bundle` does a bundle.
 
-    `mean` takes z or z* frozen at its mean over all robots and all measured steps of the same evaluation with another
-    seed, walked on the policy's own latents.
+    Its rows call the policy `RUN/teacher` or `RUN/student`, with `+LATENT` behind it where the latent is not its own.
+
+    Args:
+        run: directory of the run, as `stiction train` made it.
+        who: see `Who`.
+        cfg: levels, commands, episodes.
+        latent: what the actor is given. `mean` is the mean over all robots and all measured steps of the same
+            evaluation with another seed, walked on the policy's own latents.
+        threads: threads of the simulator; they do not change the result.
+        progress: called with the share that is done [-].
+
+    Raises:
+        StictionError: not a run, a phase that is not finished, a teacher that sees the ground, or too few levels or
+            episodes to swap latents.
+
     """
     directory = RunDirectory(run)
     header, train = directory.header(), directory.config()
@@ -184,13 +167,13 @@ def walk_run(
     contract = contract_of(train, header)
     spec, actor = robot_of(contract, contract.robot), load_actor(directory, who)
     privileged, friction = None, friction_at(contract, cfg.robot_levels, cfg.law)
-    known = told_in_batch(contract, spec, parse_told(cfg.known_friction), cfg.law, friction)
+    known = known_to(contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
     if who == "teacher" and actor.sees_terrain:
         raise ConfigurationError(f"{run}: its teacher sees the ground, which is flat here; evaluate its student")
     if who == "teacher":
         nominal = friction_share(contract.friction_law, contract.array("friction"), spec)
         present = friction_share(cfg.law.name, friction, spec)
-        privileged = nominal_privileged(told_friction(train.task.friction, nominal, present))
+        privileged = nominal_privileged(observed_friction(train.task.friction, nominal, present))
 
     def walk(module: LatentPolicy, name: str, cfg: EvaluationCfg, progress: Progress) -> Evaluation:
         driver = TrainedPolicy(module, contract, cfg.num_robots, known)
@@ -203,16 +186,15 @@ def walk_run(
         walk(LatentPolicy(actor, privileged, watch=mean), name, other, lambda share: progress(share / 2))
         frozen = LatentPolicy(actor, privileged, frozen=mean.value)
         return walk(frozen, name, cfg, lambda share: progress((1 + share) / 2))
-    lent = lenders(latent, len(cfg.friction_levels), len(cfg.commands), cfg.episodes)
-    return walk(LatentPolicy(actor, privileged, torch.from_numpy(lent)), name, cfg, progress)
+    sources = latent_sources(latent, len(cfg.friction_levels), len(cfg.commands), cfg.episodes)
+    return walk(LatentPolicy(actor, privileged, torch.from_numpy(sources)), name, cfg, progress)
 
 
-def told_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.ndarray) -> np.ndarray:
-    """Return the dry friction that o_priv tells a teacher, fractions of the torque limit, shape (N, joints).
+def observed_friction(friction: FrictionCfg, nominal: np.ndarray, present: np.ndarray) -> np.ndarray:
+    """Return the friction in o_priv of a teacher, fractions of the torque limit, shape (N, joints).
 
-    It is the true one, unless training never varied it (`none`, or a range without width): the weights of an entry that
-    never moved are those of initialisation, and what they make of another value is chance. The entry then stays where
-    training had it.
+    It is the true one, unless training never varied it (`none`, or a range without width): weights of an entry that
+    never moved are those of initialisation, so the entry then stays at its value in training.
 
     Args:
         friction: friction in the run's training.

@@ -1,10 +1,7 @@
 """Logs of walking robots in simulation: what their encoders, motors and IMU would have measured, at the physics rate.
 
-The policy acts at 50 Hz, which is too coarse for the acceleration of a leg in swing (some 0.2 s); the state of a real
-robot's joints comes at 200 to 500 Hz. The physics step, 5 ms in the shipped bundles, is the finest that there is.
-
-The robots are those of the evaluation: robot e of a level and a command is its episode e, step for step. What they
-walk by (the observation's noise) and what is logged (`LogNoiseCfg`) are different sensors' errors on the same motion.
+Robot e of a level and a command is episode e of the evaluation, step for step; the noise of its observation and the
+errors of the log (`LogNoiseCfg`) are independent.
 """
 
 from __future__ import annotations
@@ -21,9 +18,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import into_frames, tilted
 from stiction.deploy.check import robot_of
-from stiction.deploy.policy import load_policy
-from stiction.evaluate.evaluate import EvaluationCfg
-from stiction.evaluate.known_friction import parse_told, told_in_batch
+from stiction.evaluate.evaluate import ENGINE, EvaluationCfg, batch_policy
 from stiction.evaluate.rollout import Rollout, friction_at
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import WalkHeader, WalkLog, write_walk
@@ -31,25 +26,20 @@ from stiction.joints.net import TORQUE_SOURCES
 from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.sim.friction import FrictionMeter
 
-ENGINE = "mujoco"
-"""Where the logs come from, as their header says."""
-
 SHORTEST = 1.0
 """Shortest walk before a fall that is still a log [s]."""
 
 
 @dataclass(frozen=True)
 class LogNoiseCfg:
-    """Errors of the sensors that a log is made of. White unless said otherwise; zero is none."""
+    """Errors of the logged sensors. White unless stated otherwise; zero is none."""
 
     encoder_resolution: float = 2 * np.pi / 2**15
-    """Step of the measured angle [rad]: 15 bits at the joint; 12 bits at a motor behind a gear of 8 are the same."""
+    """Step of the measured angle [rad]: 15 bits at the joint, as 12 bits at a motor behind a gear of 8."""
     joint_velocity: float = 0.02
-    """Standard deviation of the motor controller's velocity [rad/s]: about one encoder step per millisecond, averaged
-    over some milliseconds. Identification differentiates the angle itself."""
+    """Standard deviation of the motor controller's velocity [rad/s]."""
     joint_torque: float = 0.005
-    """Standard deviation of the torque over the motor's limit [1]: half a per cent of full scale is a usual current
-    sensor. Errors of the torque constant are not in here: they scale friction with everything else."""
+    """Standard deviation of the torque over the motor's limit [1], without errors of the torque constant."""
     joint_torque_zero: float = 0.005
     """Half-width of each motor's constant torque error over its limit [1]: the zero of the current sensor."""
     angular_velocity: float = 0.003
@@ -79,9 +69,8 @@ class RecordCfg:
     noise: LogNoiseCfg = field(default_factory=LogNoiseCfg)
     """Errors of the sensors."""
     torque: Literal["motor_side", "output_side"] = "motor_side"
-    """What the logged torque is. `motor_side`: what the motor gave, joint friction not in it. `output_side`: what a
-    sensor behind the gear says, with the rotor's I q'' put back: motor torque less the dry friction of the solver and
-    less B q'. All of the joint but its rotor, which a simulation that takes this torque still has."""
+    """Logged torque. `motor_side`: that of the motor. `output_side`: that behind the gear, less the solver's dry
+    friction and B q', with the rotor's I q'' put back."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be recorded."""
@@ -98,7 +87,7 @@ class RecordedWalk:
     """A log and where it belongs."""
 
     law: str
-    """Law of the joints' dry friction; the log itself does not say, nor the level."""
+    """Law of the joints' dry friction."""
     level: float
     """Dry friction of the joints as a fraction of the torque limit, or the law's coefficient [-]."""
     command: str
@@ -154,15 +143,13 @@ def record_walks(
 
     """
     contract, spec = bundle.contract, robot_of(bundle.contract, robot)
-    commands, number = evaluation.parsed_commands, cfg.robots
-    level = np.repeat(evaluation.friction_levels, len(commands) * number)
-    velocity = np.tile(np.repeat([c.velocity for c in commands], number, axis=0), (len(evaluation.friction_levels), 1))
-    streams = seed_streams(evaluation.seed, [f"episode {index}" for index in range(number)])
+    evaluation = replace(evaluation, episodes=cfg.robots, first_episode=0)
+    commands, number, level = evaluation.parsed_commands, cfg.robots, evaluation.robot_levels
+    streams = seed_streams(evaluation.seed, [f"episode {index}" for index in evaluation.numbers])
     friction = friction_at(contract, level, evaluation.law)
-    known = told_in_batch(contract, spec, parse_told(evaluation.known_friction), evaluation.law, friction)
     rollout = Rollout(
         contract,
-        load_policy(contract, bundle.policy, (len(level),), known_friction=known),
+        batch_policy(bundle, spec, evaluation, friction),
         spec,
         friction,
         list(streams.values()),
@@ -173,7 +160,7 @@ def record_walks(
     )
     steps = round(cfg.seconds / contract.control_period)
     meter = FrictionMeter(rollout.fleet) if cfg.torque == "output_side" else None
-    truths = record_motion(rollout, contract.array("kd"), velocity, steps, progress, meter)
+    truths = record_motion(rollout, contract.array("kd"), evaluation.robot_commands, steps, progress, meter)
     sensors = seed_streams(evaluation.seed, [f"log {index}" for index in range(len(level))])
     walks = []
     for index, (truth, generator) in enumerate(zip(truths, sensors.values(), strict=True)):
@@ -192,9 +179,7 @@ def record_walks(
             command=command,
             noise=asdict(cfg.noise),
         )
-        measured = None
-        if truth is not None:
-            measured = measure_walk(WalkLog(header, **truth), cfg.noise, generator)
+        measured = None if truth is None else measure_walk(WalkLog(header, **truth), cfg.noise, generator)
         walks.append(RecordedWalk(evaluation.friction_law, float(level[index]), command, index % number, measured))
     return walks
 
@@ -212,13 +197,8 @@ def record_motion(
     A fall or a blow-up ends a robot's signals; None where that leaves less than `SHORTEST`. kd: gains of the
     joint controllers [N m s/rad], shape (J,); velocity: commands, shape (N, 3).
 
-    The torque is what the motor gave on average over the physics step. MuJoCo's implicit integrator takes the part
-    -kd θ' at the *end* of the step, unless the motor is at its limit, and reports the one at the start. The difference,
-    kd θ'' Δt, is as large as the rotor's own inertial torque: it would nearly double the inertia found.
-
-    With a `meter`, the torque is that behind the gear: dry friction is what the solver applied, viscous friction is
-    B θ' at the end of the step, where the integrator takes it. I θ'' + ... of the equation of motion then balance to
-    rounding.
+    The torque is the motor's mean over the physics step; with a `meter` that behind the gear, less dry friction as the
+    solver applied it and B θ' at the end of the step, where the integrator takes it.
     """
     fleet = rollout.fleet
     if meter is not None:
@@ -250,7 +230,7 @@ def record_motion(
 
 
 def _state(fleet: Fleet, velocity: np.ndarray) -> dict[str, np.ndarray]:
-    """Return what holds at the start of a physics step, copies, shapes (N, ...)."""
+    """Return copies of the state at the start of a physics step, shapes (N, ...)."""
     return {
         "joint_position": fleet.joint_position.copy(),
         "joint_velocity": fleet.joint_velocity.copy(),
@@ -262,11 +242,13 @@ def _state(fleet: Fleet, velocity: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _forces(fleet: Fleet, quaternion: np.ndarray, kd: np.ndarray, change: np.ndarray) -> dict[str, np.ndarray]:
-    """Return what acted during the physics step just done, shapes (N, ...).
+    """Return torques, forces and contacts of the last physics step, shapes (N, ...).
 
     quaternion: orientation of the base at its start, shape (N, 4); change: of the velocities over it, shape (N, 6 + J).
     The simulator's own accelerations are not used: they leave out what its integrator does implicitly.
     """
+    # MuJoCo's implicit integrator takes -kd θ' at the end of the step, unless the motor is at its limit, and reports
+    # the one at the start. The difference, kd θ'' Δt, is as large as the rotor's inertial torque.
     free = np.abs(fleet.torque) < fleet.torque_limit * (1 - 1e-9)
     acceleration = change[:, :3] / fleet.timestep
     return {
@@ -277,7 +259,7 @@ def _forces(fleet: Fleet, quaternion: np.ndarray, kd: np.ndarray, change: np.nda
 
 
 def measure_walk(truth: WalkLog, noise: LogNoiseCfg, generator: np.random.Generator) -> WalkLog:
-    """Return the log that sensors with errors would have made of a true one."""
+    """Return a true log with the errors of its sensors."""
 
     def white(array: np.ndarray, size: float | np.ndarray) -> np.ndarray:
         return array + size * generator.standard_normal(array.shape)

@@ -1,20 +1,16 @@
-"""The bench: the robot is bolted to a stand, legs in the air, and its joints are moved and logged, kind by kind.
+"""The bench: the robot is bolted to a stand, legs in the air, and its joints are moved, logged and identified.
 
-The log is what a person with this robot would make, through its `Port` and from its data sheet: the angles that the
-encoders say, the target that is then sent, and the motors' torque, mean over the period that follows, as in walking
-logs. `stiction identify` makes joints.json of it. Nothing of the truth is in it.
+The log is what a person with this robot would record through its `Port`: encoder angles, the target that is then sent,
+and the motors' torque, mean over the period that follows. Nothing of the hidden truth is in it, nor in `joints.json`
+and `training.json`, which identification makes of it as `stiction identify` does.
 
-All joints of a kind move at once, one in every leg: on a stand no leg feels another. The motion is that of
+All joints of a kind move at once, one in every leg: on a stand no leg moves another. The motion is that of
 `stiction excite`: a slow triangle, where nearly all of the torque is dry friction, then a sum of sines, twice.
 
-What to expect of it (`stiction study bench` measures it). Torque that is held for 1 ms and logged over 2 is half a
-millisecond early, which lowers viscous friction. The standard values have no Stribeck curve, so that friction of that
-law comes out too high. In the gap of a gear a rotor has neither link nor friction, which shifts both. What is found is
-f/k, with the motor's true strength k in it, which no log of a robot shows. An inertia measured in the air has the links
-in it: wrong masses become a wrong rotor.
-
-The folder has `joints.json` and `training.json` as `stiction identify` writes them, with nothing of the truth in them.
-It is an entry of `core.cache`.
+Expected errors (`stiction study bench` measures them): torque that is held for 1 ms and logged over 2 is half a
+millisecond early, which lowers viscous friction; the standard values have no Stribeck curve, so that friction of that
+law comes out too high; in the gap of a gear a rotor has neither link nor friction; the motor's true strength k is in
+f/k; wrong link masses become a wrong rotor inertia.
 """
 
 from __future__ import annotations
@@ -34,7 +30,7 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import ControlStep, JointCommand, Port, Reading
 from stiction.engines.catalog import binaries, make_engine
 from stiction.formats.bundle import Bundle
-from stiction.formats.joints import JointRecord, JointsFile, load_joints, write_training
+from stiction.formats.joints import JointRecord, JointsFile, write_training
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.formats.walk import WalkHeader, WalkLog
 from stiction.identify.excite.task import Pattern
@@ -57,8 +53,7 @@ MOTION = Pattern(
     phases=(0.0, 0.5 * pi, 1.1 * pi),
     fast_peak=0.35,
 )
-"""About the standing pose. Even a friction of 30 % of the torque limit makes a dead band of 0.135 rad at the gains of
-Saturn Lite: the swing is more than twice that."""
+"""About the standing pose. The swing is more than twice the dead band of a friction of 30 % of the torque limit."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +70,7 @@ class BenchCfg:
     """Gains during the log over those of the data sheet [1]; kd goes with the root, which keeps the damping ratio."""
 
     def __post_init__(self) -> None:
-        """Refuse logs that say nothing."""
+        """Refuse logs from which nothing can be identified."""
         if not self.kinds or set(self.kinds) - set(JOINT_KINDS) or len(set(self.kinds)) < len(self.kinds):
             raise ConfigurationError(f"bench logs of {self.kinds}: expected different ones of {', '.join(JOINT_KINDS)}")
         if not (4.0 <= self.seconds <= 600.0 and 0.1 <= self.stiffness <= 10.0):
@@ -87,11 +82,7 @@ class BenchCfg:
 def bench_log(port: Port, spec: RobotSpec, cfg: BenchCfg | None = None) -> Log:
     """Move every joint of a robot that is bolted to its bench and return the log, with its sidecar.
 
-    port: the robot; spec: its data sheet.
-
-    Raises:
-        StictionError: the robot is not that of the data sheet.
-
+    Raises `StictionError` where the robot is not that of the data sheet `spec`.
     """
     cfg = cfg or BenchCfg()
     if port.joint_names != spec.joint_names:
@@ -112,27 +103,18 @@ def bench_log(port: Port, spec: RobotSpec, cfg: BenchCfg | None = None) -> Log:
                 target=path[:, joint],
                 torque=np.array([reading.joint_torque[joint] for reading in readings[1:]]),
             )
-    time = np.arange(len(offsets)) * port.period
-    return Log(
-        "bench", time, {name: joints[name] for name in spec.joint_names if name in joints}, bench_setup(spec, kp, kd)
-    )
-
-
-def bench_setup(spec: RobotSpec, kp: np.ndarray, kd: np.ndarray) -> LogSetup:
-    """Return the log's sidecar: gains [N m/rad], [N m s/rad], shape (J,), and what the data sheet says, by kind."""
     limit = spec.joint_values("torque_limit")
     kinds = {
         kind: LogSetup(kp=float(kp[number]), kd=float(kd[number]), torque_limit=float(limit[number]))
         for number, kind in enumerate(JOINT_KINDS)
     }
-    return LogSetup(torque_source="motor_side", test_condition="in_air", axis="rotary", joints=kinds)
+    setup = LogSetup(torque_source="motor_side", test_condition="in_air", axis="rotary", joints=kinds)
+    time = np.arange(len(offsets)) * port.period
+    return Log("bench", time, {name: joints[name] for name in spec.joint_names if name in joints}, setup)
 
 
 def _play(port: Port, path: np.ndarray, kp: np.ndarray, kd: np.ndarray) -> list[Reading]:
-    """Hold the first targets until the legs hang still, then play targets (T, J) [rad] back.
-
-    Returns T + 1 readings: what had come when each target was sent, and what came last.
-    """
+    """Hold the first targets until the legs hang still, then play targets (T, J) [rad]; return T + 1 readings."""
     for _ in range(round(SETTLING / port.period)):
         port.exchange(JointCommand.position(path[0], kp, kd))
     return [port.read(), *(port.exchange(JointCommand.position(target, kp, kd)) for target in path)]
@@ -169,7 +151,7 @@ class Bench:
 
     @property
     def key(self) -> str:
-        """What it was made from, as one number: robot, engine, log, code."""
+        """Key of robot, engine, log and code, see `core.cache`."""
         return key_of([self.engine, self.case, self.spec, self.cfg, binaries(self.engine)], *MAKING)
 
     def robot(self) -> VirtualRobot:
@@ -181,12 +163,8 @@ class Bench:
 def make_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
     """Put a robot on its bench and identify it: `folder` becomes the entry of `bench.key`, see `core.cache`.
 
-    workers: processes; they do not change the result. Where no joint can be identified, that is what is found: every
-    record is empty and its warning says why.
-
-    Raises:
-        StictionError: the folder cannot be written.
-
+    workers: processes; they do not change the result. Where no joint can be identified, every record is empty and its
+    warning says why. Raises `StictionError` where the folder cannot be written.
     """
     log = bench_log(bench.robot().handle, bench.spec, bench.cfg)
     try:
@@ -213,35 +191,13 @@ def write_found(joints: JointsFile, folder: Path) -> None:
     write_training(folder / TRAINING, propose(joints))
 
 
-def identified_friction(joints: JointsFile | Path, joint_names: tuple[str, ...]) -> np.ndarray:
-    """Return the Coulomb friction of every joint as it was identified [N m], shape (J,); below zero it is zero.
-
-    joints: a `joints.json`, read or not yet; joint_names: the robot's, in its order.
-
-    Raises:
-        FileError: the file cannot be read, or a joint is not in it or its friction is not known.
-
-    """
-    if not isinstance(joints, Path):
-        return np.array(joints.nominal(joint_names, "coulomb_friction"))
-    try:
-        return identified_friction(load_joints(joints), joint_names)
-    except FileError as error:
-        raise FileError(f"{joints}: {error}") from error
-
-
 def walk_log(
     steps: Sequence[ControlStep], bundle: Bundle, spec: RobotSpec, recorded_in: str, command: str = ""
 ) -> WalkLog:
-    """Return the log of a walk; it knows what the policy's side knows, and nothing of the robot's truth.
+    """Return the log of a walk, with nothing of the robot's hidden truth.
 
-    Args:
-        steps: what the pilot saw and did, T control periods, at least one.
-        bundle: the policy that walked.
-        spec: the robot's data sheet.
-        recorded_in: name of the engine.
-        command: the command in words, where it did not change: `vx=0.5`.
-
+    steps: of the pilot, T control periods, at least one; spec: the data sheet; recorded_in: name of the engine;
+    command: its label, where it did not change: `vx=0.5`.
     """
     contract = bundle.contract
     each = len(steps[0].readings)

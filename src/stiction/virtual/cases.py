@@ -1,19 +1,16 @@
-"""Which robots an experiment needs so that causes can be told apart: cells times levels of friction.
-
-A level scales dry friction and nothing else: the joints' mean f/τ_max, or the bench's value of each kind, and the load
-coefficient. Ratios, speeds and differences between joints belong to the robot and stay. Without friction, level 0, the
-cell `friction` is `nominal` and `all` is `rest`, so that four cells at L levels above 0 are 2 + 2 L robots:
+"""The factorial of virtual robots: cells (which groups of imperfections are real) times levels of friction.
 
     nominal     the data sheet in every group, no dry friction
     friction    dry friction of the level, in the robot's own shape; all else perfect
     rest        all but friction
     all         both
 
-A seed gives the same robot in all cells and at all levels: they differ by what is named, not by luck. Any other
-selection of groups is a cell too (`friction+delays`), to find out which part of `rest` matters.
+Any other selection of groups is a cell too (`friction+delays`). A level scales dry friction and nothing else: the
+joints' mean f/τ_max, or the bench's value of each kind, and the load coefficient. At level 0 the cell `friction` is
+`nominal` and `all` is `rest`, so that four cells at L levels above 0 are 2 + 2 L robots. A seed gives the same robot in
+all cells and at all levels.
 
-A method that was tuned on a robot fits that robot. So seeds are parted once, by a number: below it they are for making
-and tuning, from it on for results. Of those below, 0 to 7 and 101 were looked at while virtual robots were made.
+A method that was tuned on a robot fits that robot: seeds below `FIRST_REPORTED` are for tuning, the others for results.
 """
 
 from __future__ import annotations
@@ -37,11 +34,10 @@ CELLS: dict[str, tuple[str, ...]] = {"nominal": (), "friction": ("friction",), "
 """Name -> groups that are real."""
 
 BENCH = "bench"
-"""A level: what was measured without load, 0.442 N m at Saturn Lite's shank and 0.25 N m at hip and thigh."""
+"""A level: the friction of each kind of joint in the data sheet, as measured without load."""
 
 LOAD = 0.02
-"""Load coefficient beside the bench's value. It makes some 1.2 N m at a walking joint, a tenth of the torque that it
-bears: a planetary gear of 90 %."""
+"""Load coefficient beside the bench's value [-]: about a planetary gear of 90 % efficiency."""
 
 LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3", BENCH, f"{BENCH}+{LOAD:g}")
 """Levels of the comparison: of the torque limit, the paper's 1 % among them, and the bench's."""
@@ -49,10 +45,10 @@ LEVELS = ("0", "0.01", "0.05", "0.1", "0.2", "0.3", BENCH, f"{BENCH}+{LOAD:g}")
 
 @dataclass(frozen=True)
 class Level:
-    """How much dry friction there is."""
+    """Level of dry friction."""
 
     share: float | None
-    """Mean over the joints of f/τ_max [-]; None: what the bench measured of each kind of joint."""
+    """Mean over the joints of f/τ_max [-]; None: that of the data sheet for each kind of joint."""
     load: float = 0.0
     """Load coefficient c [-]."""
 
@@ -77,9 +73,7 @@ class Level:
 def parse_level(text: str) -> Level:
     """Return the level that a text names: a fraction of the torque limit or `bench`; after a `+` a load coefficient.
 
-    Raises:
-        StictionError: what is none.
-
+    Raises `StictionError` where it names none.
     """
     base, plus, coefficient = text.strip().partition("+")
     try:
@@ -96,12 +90,7 @@ def parse_level(text: str) -> Level:
 
 
 def parse_levels(texts: Sequence[str]) -> tuple[Level, ...]:
-    """Return the levels that texts name, each once however it is written: 0.1 and 0.10 are one.
-
-    Raises:
-        StictionError: one is none, one is there twice, or there is none at all.
-
-    """
+    """Return the levels that texts name; raise `StictionError` where there is none or one twice (0.1 and 0.10)."""
     levels = tuple(map(parse_level, texts))
     if not levels or len({level.label for level in levels}) < len(levels):
         raise ConfigurationError(f"friction levels {' '.join(texts) or 'none'}: expected at least one, each once")
@@ -167,7 +156,7 @@ def factorial(seeds: Sequence[int], levels: Sequence[str] = LEVELS, cells: Seque
 
 @dataclass(frozen=True)
 class DataSheet:
-    """A case like those of the factorial, with nothing hidden and the same share of friction in every joint."""
+    """The robot of the data sheet, with the same share of friction in every joint."""
 
     seed: int
     """Of start poses and sensor noise."""
@@ -187,19 +176,16 @@ class DataSheet:
 
 
 FIRST_REPORTED = 1000
-"""Seed of the first virtual robot that is kept for results."""
+"""Seed of the first virtual robot that is reserved for results."""
 
 
 def reported(count: int) -> tuple[int, ...]:
-    """Return the seeds of the first `count` virtual robots that are kept for results."""
+    """Return the seeds of the first `count` virtual robots that are reserved for results."""
     return tuple(range(FIRST_REPORTED, FIRST_REPORTED + count))
 
 
 def warnings_on(seeds: Iterable[int]) -> list[str]:
-    """Return what a page and a terminal say of results on robots that are there for tuning: a sentence, or none.
-
-    They are not refused: a method is made and tuned on such robots.
-    """
+    """Return a warning that results are on robots reserved for tuning, or none."""
     tuned = [str(seed) for seed in seeds if seed < FIRST_REPORTED]
     if not tuned:
         return []

@@ -1,18 +1,15 @@
-"""Backlash: between a motor and its joint there is a gap, and while it is crossed neither feels the other.
+"""Backlash: between a motor and its joint there is a gap, and while it is crossed neither moves the other.
 
-An engine knows one angle per joint, and carries the rotor's inertia I as `Body.armature` of that angle. That is right
-while the gear's teeth touch, and it is what keeps light links stable, so it stays; the rotor gets an angle φ and a
-velocity φ' of its own here, in units of the joint, and is in one of two states:
+An engine has one angle q per joint, and carries the rotor's inertia I as `Body.armature` of that angle. The rotor gets
+an angle φ of its own here, in units of the joint, as encoders see it, and is in one of two states:
 
 * **engaged** on side s = ±1: φ = q + s·gap/2, φ' = q'. The engine moves both, under the motor's torque τ. The teeth
   transmit c = τ − I φ''. They can push and not pull: where s·c < 0 they part.
 * **in the gap**: I φ'' = τ, the rotor alone; it is integrated here, exactly for a constant torque. The link moves
-  alone, without motor and without rotor. The engine still adds I to its inertia, so it is given the torque I q'' that
-  the rotor would have taken. q'' is that of the step before. With M for what the links put on the joints the error
-  decays in every step by the factor I/(M + I), whose eigenvalues lie below one: the loop is stable whatever the link,
-  momentum is late and not lost, and the link is late by I/M steps, 2 ms for a light shank at steps of 1 ms. (One that
-  swung in its gap at ω for long would gain energy at the rate ω² I Δt/M; gaps are crossed in milliseconds.) A link that
-  is slowing down is given no more than what brings it to rest, or the late torque would turn it round.
+  alone. The engine still adds I to its inertia, so it is given the torque I q'' that the rotor would have taken, with
+  q'' of the step before. With M for the links' inertia at the joints that error decays in every step by I/(M + I),
+  whose eigenvalues lie below one: the loop is stable whatever the link. A link that slows down is given no more than
+  what brings it to rest, or the late torque would reverse it.
 
 Where they meet again they stay together: teeth in grease do not bounce. The joint receives the momentum
 I (φ' − q') in one step. As the engine's inertia at the joint includes I, that alone makes
@@ -21,17 +18,8 @@ I (φ' − q') in one step. As the engine's inertia at the joint includes I, tha
 
 the plastic impact of the two bodies, in however many dimensions, and no property of the links has to be known.
 
-Stiffness of the teeth is not modelled: a spring stiff enough to be a gear (thousands of N m/rad on a shank of 0.008 kg
-m²) would need steps of some 0.1 ms. Position is right to the way of one step.
-
-**Where friction acts.** All of the dry and viscous friction is on the link's side of the gap, as bound and damping of
-the engine's joint. Most of it is there in truth: the paper takes 70 % of it away with the seals, and these close the
-output. What a real motor has on its own side would act on the rotor only while it crosses the gap, some milliseconds.
-So a joint with its teeth engaged has the same friction as one without backlash, and an identification of both differs
-only by the gap.
-
-**Where the encoder is.** On the rotor, as in the paper's robots and most legged ones: the controller and the policy see
-φ, and half the gap is an error of the leg's angle that no sensor shows.
+All of the dry and viscous friction is on the link's side of the gap: with its teeth engaged a joint has the same
+friction as one without backlash. The stiffness of the teeth is not modelled: it would need steps of some 0.1 ms.
 """
 
 from __future__ import annotations
@@ -43,7 +31,7 @@ class Gears:
     """The rotors of J joints. Arrays have shape (J,)."""
 
     def __init__(self, gap: np.ndarray, inertia: np.ndarray, timestep: float) -> None:
-        """Make rotors behind gaps.
+        """Make the rotors.
 
         gap: whole width, in angles of the joint [rad]; where it is zero rotor and joint are one. inertia: I, the
         engine's armature [kg m²]; timestep: of the physics [s].
@@ -57,7 +45,7 @@ class Gears:
         self.angle, self.velocity = position.copy(), np.zeros_like(position)
         """Of the rotors, φ [rad] and φ' [rad/s]."""
         self.side = np.where(self._half > 0, 0, 1)
-        """Which teeth touch: -1, 1; 0 in the gap."""
+        """Which teeth touch: -1 or 1; 0 in the gap."""
         self._link_velocity, self._link_acceleration = np.zeros_like(position), np.zeros_like(position)
 
     @property
@@ -66,7 +54,7 @@ class Gears:
         return self.side != 0
 
     def transmit(self, torque: np.ndarray) -> np.ndarray:
-        """Return what the engine's joints are to be given in the coming step [N m], under the motors' torques [N m]."""
+        """Return the torques on the engine's joints in the coming step [N m], under the motors' torques [N m]."""
         if self._rigid:
             return torque
         impact = self._inertia * (self.velocity - self._link_velocity) / self._timestep

@@ -1,7 +1,7 @@
-"""What a virtual robot really is, group by group: no code that trains, identifies or drives may read it.
+"""The hidden truth of a virtual robot, group by group: no code that trains, identifies or drives may read it.
 
-Such code knows the robot as one knows a real one: by its data sheet (`RobotSpec`), by the logs of its bench, and by
-what its sensors say through a `Port`. Only this folder, and code that judges an evaluation, hold a `Hidden`.
+Such code knows the robot by its data sheet (`RobotSpec`), by the logs of its bench, and by its sensors through a
+`Port`. Only this folder, and code that computes metrics, hold a `Hidden`.
 """
 
 from __future__ import annotations
@@ -22,11 +22,10 @@ from stiction.virtual.sensors import SensorErrors
 
 @dataclass(frozen=True)
 class FrictionShape:
-    """How the joints of a robot differ in their friction, whatever its level. Arrays have shape (J,)."""
+    """How the joints of a robot differ in their friction, at any level. Arrays have shape (J,)."""
 
     share: np.ndarray
-    """Friction of the joint over the level's [1]; the mean over the joints is one, so that the level means what it
-    says."""
+    """Friction of the joint over the level's [1]; the mean over the joints is one."""
     static_ratio: np.ndarray
     """Friction at rest over friction in motion, r [1]."""
     stribeck_velocity: np.ndarray
@@ -41,10 +40,7 @@ class FrictionShape:
         return cls(one, one, one, one)
 
     def at(self, coulomb: np.ndarray, load: float, timestep: float) -> JointFriction:
-        """Return the friction at a level.
-
-        coulomb: the level's [N m], shape (J,); load: its coefficient [-]; timestep: of the physics [s].
-        """
+        """Return the friction at a level: coulomb [N m], (J,), load coefficient [-]; timestep: of the physics [s]."""
         numbers = {"static_ratio": self.static_ratio, "stribeck_velocity": self.stribeck_velocity}
         return JointFriction(
             timestep, Term("stribeck", coulomb * self.share, numbers), Term("load", load * self.load_share)
@@ -69,7 +65,7 @@ class Masses:
 
 @dataclass(frozen=True)
 class Delays:
-    """How late signals arrive. The joint controllers sit at the motors: their own loop knows neither delay."""
+    """Delays of signals; the loop of the joint controllers, at the motors, has neither."""
 
     command: float = 0.0
     """From the computer to the motor controllers [s]."""
@@ -82,7 +78,7 @@ class Hidden:
     """One robot. Each field is a group that an experiment can have real or perfect."""
 
     friction: FrictionShape
-    """How dry friction differs from joint to joint; how much there is, is the level's business."""
+    """How dry friction differs from joint to joint; the level scales it."""
     motors: Motors
     """Motors, rotors and battery."""
     delays: Delays
@@ -107,19 +103,14 @@ class Hidden:
         )
 
     def only(self, groups: Collection[str]) -> Hidden:
-        """Return the robot with these groups as they are and all others perfect.
-
-        Raises:
-            StictionError: there is no such group.
-
-        """
+        """Return the robot with these groups as they are and all others perfect; raise `StictionError` for others."""
         if wrong := sorted(set(groups) - set(GROUPS)):
             raise ConfigurationError(f"virtual robot: {unknown_name('group', wrong[0], GROUPS)}")
         perfect = Hidden.perfect(len(self.gears))
         return replace(perfect, **{name: getattr(self, name) for name in groups})
 
     def body(self, spec: RobotSpec, fixed: bool = False) -> Body:
-        """Return the robot as an engine must build it; `spec`: by the data sheet, `fixed`: bolted to a bench."""
+        """Return the robot as an engine builds it; `spec`: the data sheet, `fixed`: bolted to a bench."""
         masses = {name: getattr(self.masses, name) for name in ("base", "hip_link", "thigh_link", "shank_link")}
         links = {name: replace(link := getattr(spec, name), mass=link.mass * by) for name, by in masses.items()}
         return Body(
@@ -140,8 +131,8 @@ FRICTION = {
     "stribeck_velocity": (0.05, 0.3),
     "load_share": (0.7, 1.3),
 }
-"""Legs of one robot, measured in the air, differ in friction by a factor of two to three; seals and greased gears hold
-a tenth to a half more at rest than they brake in motion, and let go within some degrees per second."""
+"""Legs of one robot differ in friction by a factor of two to three; seals and greased gears hold a tenth to a half more
+at rest than in motion."""
 
 MOTORS = {
     "armature": (0.9, 1.1),
@@ -149,8 +140,8 @@ MOTORS = {
     "strength": (0.93, 1.07),
     "no_load_speed": (20.0, 28.0),
 }
-"""Torque constants are given to some per cent and fall as magnets warm up. Viscous friction follows the grease's
-temperature. The speeds are those of leg motors with 25 to 45 N m [rad/s]."""
+"""Torque constants are given to some per cent; viscous friction follows the grease's temperature; speeds of leg motors
+with 25 to 45 N m [rad/s]."""
 
 KNEE = (0.5, 0.7)
 CHARGE = (0.85, 1.0)
@@ -179,18 +170,17 @@ GYROSCOPE_NOISE = 0.01
 GYROSCOPE_BIAS = 0.01
 TILT_BIAS = 0.01
 TILT_WANDER = 0.003
-"""Half-widths of the constant errors, deviations of the others, in the units of `SensorErrors`: a zero set by hand to
-half a degree, a current sensor of half a per cent, a cheap IMU after calibration."""
+"""Half-widths of the constant errors, deviations of the others, in the units of `SensorErrors`."""
 
 MASS = {"base": (0.95, 1.15), "hip_link": (0.9, 1.15), "thigh_link": (0.9, 1.15), "shank_link": (0.9, 1.15)}
-"""Cables and screws that the drawing lacks: a robot is heavier than its drawing more often than lighter."""
+"""A robot is mostly heavier than its drawing, which lacks cables and screws."""
 
 BASE_COM = (0.03, 0.01, 0.02)
 """Half-widths along x, y, z [m]."""
 
 
 def draw(spec: RobotSpec, seed: int) -> Hidden:
-    """Return the robot of a seed; every group has a stream of its own, so that a change in one shifts no other."""
+    """Return the robot of a seed; every group has its own random stream, so that a change in one shifts no other."""
     streams = seed_streams(seed, [f"virtual robot, {group}" for group in GROUPS])
     by = {group: streams[f"virtual robot, {group}"] for group in GROUPS}
     joints = spec.num_joints
@@ -205,7 +195,7 @@ def draw(spec: RobotSpec, seed: int) -> Hidden:
 
 
 def _friction(generator: np.random.Generator, joints: int) -> FrictionShape:
-    """Draw how joints differ; the shares are scaled to a mean of one, which a level then multiplies."""
+    """Draw the friction shape; the shares are scaled to a mean of one."""
     drawn = {name: generator.uniform(*span, joints) for name, span in FRICTION.items()}
     for name in ("share", "load_share"):
         drawn[name] = drawn[name] / drawn[name].mean()

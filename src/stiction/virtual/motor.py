@@ -1,4 +1,4 @@
-"""From what a controller asks for to what a motor gives: gains, limit, speed, voltage, torque constant."""
+"""From commanded to delivered motor torque: gains, limit, speed, voltage, torque constant."""
 
 from __future__ import annotations
 
@@ -7,46 +7,43 @@ from dataclasses import dataclass
 import numpy as np
 
 LOWEST_VOLTAGE = 0.5
-"""Battery voltage over its nominal one under which no controller works [1]; the sag ends there."""
+"""Lowest battery voltage over its nominal one [1]; the sag ends there."""
 
 SMOOTHING = 0.01
-"""Time constant of the capacitors between battery and motors [s]: a current peak of one step does not reach the
-battery."""
+"""Time constant of the capacitors between battery and motors [s]."""
 
 LOSS_AT_LIMIT = 800.0
-"""Electrical power that a motor turns into heat at its torque limit [W]; it grows with the torque's square. A motor of
-such a size has some 0.5 W per (N m)²."""
+"""Electrical power that a motor turns into heat at its torque limit [W]; it grows with the torque's square."""
 
 
 @dataclass(frozen=True)
 class Motors:
-    """What J motors and their battery are. Arrays have shape (J,)."""
+    """J motors and their battery. Arrays have shape (J,)."""
 
     armature: np.ndarray
     """Rotor inertia over the nominal one [1]."""
     damping: np.ndarray
     """Viscous friction over the nominal one [1]."""
     strength: np.ndarray
-    """Torque given over torque asked for, k [1]: the torque constant differs from the data sheet's. What the motor
-    reports is its current times the data sheet's constant, so k is not in it."""
+    """Delivered over commanded torque, k: the true torque constant over the data sheet's, with which motors report [1].
+    """
     no_load_speed: np.ndarray
-    """Speed at which nothing is left of the torque, at the battery's nominal voltage [rad/s]."""
+    """Speed at which no torque is left, at the battery's nominal voltage [rad/s]."""
     knee: float
-    """Share of that speed up to which all of the torque is there [1]."""
+    """Share of that speed up to which all of the torque is available [1]."""
     charge: float
-    """Voltage of the battery without load over its nominal one [1]. It stays over a run: walking for a minute takes
-    less than a hundredth of what a battery holds."""
+    """Voltage of the battery without load over its nominal one, constant over a run [1]."""
     resistance: float
     """Drop of that ratio per watt drawn [1/W]."""
 
     @classmethod
     def perfect(cls, num_joints: int) -> Motors:
-        """Return motors as the training has them: limited in torque alone."""
+        """Return motors as in training: limited in torque alone."""
         one = np.ones(num_joints)
         return cls(one, one, one, np.full(num_joints, np.inf), 0.5, 1.0, 0.0)
 
 
-def asked_torque(
+def commanded_torque(
     kp: np.ndarray, kd: np.ndarray, target: np.ndarray, forward: np.ndarray, angle: np.ndarray, velocity: np.ndarray
 ) -> np.ndarray:
     """Return τ = τ_ff + kp (a − θ) − kd θ' [N m], of measured angle and velocity; shape (J,)."""
@@ -56,11 +53,10 @@ def asked_torque(
 def within_limits(
     torque: np.ndarray, speed: np.ndarray, limit: np.ndarray, no_load_speed: np.ndarray, knee: float
 ) -> np.ndarray:
-    """Return what a motor gives of a torque at a speed [N m], shape (J,).
+    """Return the torque that a motor reaches at a speed [N m], shape (J,).
 
-    Driving, it has its whole torque up to `knee` of the no-load speed, and from there a straight line less, to nothing.
-    Braking, the voltage that the rotor induces helps, and it has all of it. torque: asked for [N m]; speed: φ' [rad/s];
-    limit: largest torque [N m]; no_load_speed: at the present voltage [rad/s].
+    Driving, the largest torque is the limit up to `knee` of the no-load speed, and falls linearly to zero from there;
+    braking, it is the limit. torque: commanded [N m]; speed: φ' [rad/s]; no_load_speed: at the present voltage [rad/s].
     """
     share = np.minimum(np.maximum((1.0 - np.abs(speed) / no_load_speed) / (1.0 - knee), 0.0), 1.0)
     most = np.where(torque * speed > 0, share, 1.0) * limit
@@ -68,7 +64,7 @@ def within_limits(
 
 
 def drawn_power(torque: np.ndarray, speed: np.ndarray, limit: np.ndarray) -> float:
-    """Return what the battery gives [W]: work and heat of all motors; braking ones feed others, never the battery."""
+    """Return the power drawn from the battery [W]: work and heat of all motors, at least zero."""
     heat = LOSS_AT_LIMIT * np.square(torque / limit)
     return max(0.0, float((torque * speed + heat).sum()))
 
@@ -77,22 +73,22 @@ class Drive:
     """The motors of one robot on one battery."""
 
     def __init__(self, motors: Motors, limit: np.ndarray, timestep: float) -> None:
-        """limit: largest torques by the data sheet [N m], shape (J,); timestep: of the physics [s]."""
+        """limit: torque limits by the data sheet [N m], shape (J,); timestep: of the physics [s]."""
         self._motors, self._limit, self._timestep = motors, limit, timestep
         self.reset()
 
     def reset(self) -> None:
-        """Begin with a battery that nothing is drawn from."""
+        """Begin with an unloaded battery."""
         self.voltage = self._motors.charge
         """Of the battery, over its nominal one [1]."""
 
-    def torque(self, asked: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return what motors give for one step and what they report [N m], shape (J,); the battery sags by it.
+    def torque(self, commanded: np.ndarray, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return delivered and reported torques of one step [N m], shape (J,); the battery sags accordingly.
 
-        asked: by the controller [N m]; speed: φ', of the rotors [rad/s].
+        commanded: by the controller [N m]; speed: φ', of the rotors [rad/s].
         """
         motors = self._motors
-        reported = within_limits(asked, speed, self._limit, motors.no_load_speed * self.voltage, motors.knee)
+        reported = within_limits(commanded, speed, self._limit, motors.no_load_speed * self.voltage, motors.knee)
         given = motors.strength * reported
         sagged = motors.charge - motors.resistance * drawn_power(given, speed, self._limit)
         self.voltage += min(1.0, self._timestep / SMOOTHING) * (max(sagged, LOWEST_VOLTAGE) - self.voltage)

@@ -2,15 +2,14 @@
 
 What happens in one physics step, in this order:
 
-1. the command that arrives now (sent `delays.command` ago) is taken over;
-2. each motor controller computes its torque from its own encoder as it is now: its loop has no bus in it;
-3. the motor gives what limit, speed, voltage and torque constant leave of it;
-4. the gears pass it on, or cross their gap;
+1. the command that arrives now (sent `delays.command` ago) becomes valid;
+2. each motor controller computes its torque from its own encoder, without a delay;
+3. the motor limits it by torque, speed and voltage, and scales it by its true torque constant;
+4. the gears transmit it, or cross their gap;
 5. the engine moves the body, under that torque and the bounds of dry friction;
 6. rotors and encoders follow, and what was measured is sent; the computer has it `delays.sensors` later.
 
-So a policy meets both delays, one after the other, and the joint's own loop neither. Until the first command arrives
-the motors are limp.
+Until the first command arrives the motors are limp.
 """
 
 from __future__ import annotations
@@ -32,7 +31,7 @@ from stiction.engines.engine import Engine, Motion
 from stiction.engines.friction import JointFriction
 from stiction.virtual.gears import Gears
 from stiction.virtual.hidden import Hidden
-from stiction.virtual.motor import Drive, asked_torque
+from stiction.virtual.motor import Drive, commanded_torque
 from stiction.virtual.sensors import Encoders, Imu
 
 Signal = TypeVar("Signal")
@@ -62,12 +61,12 @@ class DelayLine(Generic[Signal]):
 
 
 def whole_steps(delay: float, timestep: float) -> int:
-    """Return a delay [s] in steps of `timestep` [s], the nearest whole number: there are no instants between steps."""
+    """Return a delay [s] in steps of `timestep` [s], the nearest whole number."""
     return round(delay / timestep)
 
 
 SEALS_OUT = 0.3
-"""What is left of a joint's friction without its seals, by the paper's measurement [1]."""
+"""Friction of a joint without its seals over that with them, as measured in the paper [1]."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ class Wear:
     end: float = 3.0
     """Factor from `seconds` on [1]."""
     seconds: float = 60.0
-    """Time from `start` to `end` [s]: years, squeezed into a run."""
+    """Time from `start` to `end` [s]."""
 
     def __post_init__(self) -> None:
         """Refuse factors that are none."""
@@ -97,12 +96,7 @@ class Wear:
         return self.start * (self.end / self.start) ** reached
 
     def worn(self, joint_names: tuple[str, ...]) -> np.ndarray:
-        """Return which joints wear, bool, shape (J,).
-
-        Raises:
-            StictionError: `joints` names what the robot does not have.
-
-        """
+        """Return which joints wear, bool, shape (J,); raise `StictionError` for a name that the robot does not have."""
         of_kind = {name: name.rpartition("_")[2] for name in joint_names}
         known = {*of_kind, *of_kind.values()}
         if wrong := sorted(set(self.joints) - known):
@@ -116,7 +110,7 @@ PERIOD = 0.002
 
 @dataclass(frozen=True)
 class GroundTruth:
-    """The truth about the last physics step: for whoever judges a walk, and for no policy."""
+    """The truth about the last physics step: for metrics, and for no policy."""
 
     time: float
     """Since the robot was put in place [s]."""
@@ -128,20 +122,8 @@ class GroundTruth:
     """Bounds of dry friction [N m], shape (J,)."""
 
 
-@dataclass(frozen=True)
-class _Sample:
-    """What sensors measured at one instant, before noise: quaternion, rate, angle, velocity, torque, contact."""
-
-    quaternion: np.ndarray
-    rate: np.ndarray
-    angle: np.ndarray
-    velocity: np.ndarray
-    torque: np.ndarray
-    contact: np.ndarray
-
-
 class RobotHandle:
-    """`Port` of a virtual robot. It can call the robot and holds nothing of it that could be read by accident."""
+    """`Port` of a virtual robot; it exposes nothing of the robot that could be read by accident."""
 
     __slots__ = ("_exchange", "_read", "joint_names", "period")
 
@@ -165,7 +147,7 @@ class RobotHandle:
 
 
 class VirtualRobot:
-    """A robot that an experiment puts in place, wears out and watches; what drives it gets its `handle` alone."""
+    """A robot that an experiment places, wears out and observes; what drives it gets its `handle` alone."""
 
     def __init__(
         self,
@@ -207,10 +189,10 @@ class VirtualRobot:
         self._encoders = Encoders(hidden.sensors, engine.timestep)
         self._generator, self._imu = generator, Imu(hidden.sensors, period, generator)
         self._commands: DelayLine[JointCommand] = DelayLine(whole_steps(hidden.delays.command, engine.timestep))
-        self._samples: DelayLine[_Sample] = DelayLine(whole_steps(hidden.delays.sensors, engine.timestep))
+        self._samples: DelayLine[Reading] = DelayLine(whole_steps(hidden.delays.sensors, engine.timestep))
         self._reported: deque[np.ndarray] = deque(maxlen=self._steps)
-        self.handle = RobotHandle(self._names, period, self._read_last, self._exchange)
-        """What drives the robot may have."""
+        self.handle = RobotHandle(self._names, period, lambda: self._reading, self._exchange)
+        """For what drives the robot."""
         standing = spec.joint_values("standing")
         self.place(standing, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
 
@@ -230,7 +212,7 @@ class VirtualRobot:
         self._reading = self._receive()
 
     def ground_truth(self) -> GroundTruth:
-        """Return the truth."""
+        """Return the truth about the last physics step."""
         return GroundTruth(self._time, self._motion, self._given, self._bound)
 
     @property
@@ -238,12 +220,8 @@ class VirtualRobot:
         """Since the robot was put in place [s]."""
         return self._tick * self._engine.timestep
 
-    def _read_last(self) -> Reading:
-        """Return the last reading."""
-        return self._reading
-
     def _exchange(self, command: JointCommand) -> Reading:
-        """Let one period pass under a command, which is sent as it is now: its sender may write over its arrays."""
+        """Let one period pass under a command, which is copied: its sender may write over its arrays."""
         sent = JointCommand(*(np.array(getattr(command, part.name), float) for part in fields(JointCommand)))
         for _ in range(self._steps):
             self._advance(sent)
@@ -253,45 +231,36 @@ class VirtualRobot:
     def _advance(self, sent: JointCommand) -> None:
         """Take one physics step; the numbers are those of the module's docstring."""
         command, encoders = self._commands.push(sent), self._encoders  # 1
-        asked = asked_torque(
+        commanded = commanded_torque(
             command.kp, command.kd, command.target, command.forward, encoders.angle, encoders.velocity
         )  # 2
         last = self._given
-        self._given, reported = self._drive.torque(asked, self._gears.velocity)  # 3
-        age = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)
-        self._bound = self._friction.bound(self._motion, last, age)
+        self._given, reported = self._drive.torque(commanded, self._gears.velocity)  # 3
+        wear = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)
+        self._bound = self._friction.bound(self._motion, last, wear)
         self._engine.step(self._gears.transmit(self._given), self._bound)  # 4 and 5
         self._motion, self._tick = self._engine.motion(self._loads), self._tick + 1
         self._gears.follow(self._given, self._motion.joint_position, self._motion.joint_velocity)  # 6
         self._encoders.follow(self._gears.angle, self._gears.velocity)
         self._samples.push(self._measure(reported))
 
-    def _measure(self, reported: np.ndarray) -> _Sample:
-        """Return what is sent to the computer now; reported: what motors say of the step until now [N m], (J,).
+    def _measure(self, reported: np.ndarray) -> Reading:
+        """Return what is sent to the computer now, before noise; reported: torque of the last step [N m], shape (J,).
 
-        The torque is a mean over the last period, as current sensors give it. Targets come in steps, at each of which
-        the torque jumps and then falls back as the joint follows: whoever looks once a period, always at its end, sees
-        too little, by kp θ' and kd θ'' times half a period.
+        The torque is a mean over the last period, as current sensors give it: it jumps with every target and then falls
+        back, so that its value at the end of each period would be too low.
         """
         self._reported.append(reported)
         motion, encoders = self._motion, self._encoders
-        return _Sample(
-            motion.base_quaternion,
-            motion.base_angular_velocity,
-            encoders.angle,
-            encoders.velocity,
-            reduce(np.add, self._reported) / len(self._reported),
-            motion.foot_contact,
-        )
+        sensors = Sensors(motion.base_quaternion, motion.base_angular_velocity, encoders.angle, encoders.velocity)
+        torque = reduce(np.add, self._reported) / len(self._reported)
+        return Reading(self._time, sensors, torque, motion.foot_contact)
 
     def _receive(self) -> Reading:
         """Return what the computer has now, with the noise of the sensors."""
-        sample, errors = self._samples.arrived, self._hidden.sensors
-        quaternion, rate = self._imu.read(sample.quaternion, sample.rate)
+        sent, errors = self._samples.arrived, self._hidden.sensors
+        true = sent.sensors
+        quaternion, rate = self._imu.read(true.quaternion, true.angular_velocity)
         noise = errors.torque_noise * self._generator.standard_normal(len(self._limit)) + errors.torque_zero
-        return Reading(
-            time=self._time,
-            sensors=Sensors(quaternion, rate, sample.angle.copy(), sample.velocity.copy()),
-            joint_torque=sample.torque + noise * self._limit,
-            foot_contact=sample.contact.copy(),
-        )
+        sensors = Sensors(quaternion, rate, true.joint_position.copy(), true.joint_velocity.copy())
+        return Reading(self._time, sensors, sent.joint_torque + noise * self._limit, sent.foot_contact.copy())

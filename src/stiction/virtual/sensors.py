@@ -1,4 +1,4 @@
-"""What a robot's sensors make of its motion: steps, offsets, filters, noise, and angles that drift."""
+"""Sensor models: quantisation, offsets, filters, noise, and drift of the orientation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from stiction.locomotion.config import NoiseCfg
 
 
 def disturbed(true: Sensors, noise: NoiseCfg, drawn: np.ndarray) -> Sensors:
-    """Return what N robots measure; drawn: numbers in [-1, 1), shape (N, `drawn_width`)."""
+    """Return noisy measurements of N robots; drawn: numbers in [-1, 1), shape (N, `drawn_width`)."""
     joints = true.joint_position.shape[-1]
     tilt = np.hstack([np.ones((len(drawn), 1)), noise.roll_pitch / 2 * drawn[:, 3:5]])
     return Sensors(
@@ -34,7 +34,7 @@ INITIAL_ANGLE = 0.1
 `locomotion.env.RESET_NOISE`, a module that needs torch. A test compares the two."""
 
 WANDERING = 1.0
-"""Time over which the orientation filter's error forgets itself [s]."""
+"""Correlation time of the orientation filter's error [s]."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class SensorErrors:
 
 
 class Encoders:
-    """What the motor controllers know of their rotors, at every physics step. Arrays have shape (J,)."""
+    """Rotor angles and velocities as the motor controllers measure them, at every physics step. Shapes (J,)."""
 
     def __init__(self, errors: SensorErrors, timestep: float) -> None:
         """timestep: of the physics, at which the controllers run [s]."""
@@ -101,25 +101,25 @@ class Imu:
     def __init__(self, errors: SensorErrors, period: float, generator: np.random.Generator) -> None:
         """period: between two readings [s]; generator: of the noise."""
         self._errors, self._generator = errors, generator
-        self._kept = float(np.exp(-period / WANDERING))
+        self._decay = float(np.exp(-period / WANDERING))
         self.reset()
 
     def reset(self) -> None:
-        """Begin with a filter that has run for long."""
+        """Begin with the stationary distribution of the filter's error."""
         self._wander = self._errors.tilt_wander * self._generator.standard_normal(2)
 
     def read(self, quaternion: np.ndarray, rate: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return orientation and angular velocity as measured, from the true ones; shapes (4,) and (3,) [rad/s]."""
         errors, draw = self._errors, self._generator.standard_normal
-        fresh = errors.tilt_wander * np.sqrt(1.0 - self._kept**2)
-        self._wander = self._kept * self._wander + fresh * draw(2)
+        fresh = errors.tilt_wander * np.sqrt(1.0 - self._decay**2)
+        self._wander = self._decay * self._wander + fresh * draw(2)
         half = 0.5 * (errors.tilt_bias + self._wander)
         turned = tilted(quaternion[None], np.array([[1.0, *half]]))[0]
         return turned, rate + errors.gyroscope_bias + errors.gyroscope_noise * draw(3)
 
 
 class Noisy:
-    """A `Port` before another one. Each `read` draws anew, as each control step of the training does."""
+    """A `Port` that adds the training's noise to another one; each `read` draws anew."""
 
     def __init__(self, port: Port, noise: NoiseCfg, generator: np.random.Generator) -> None:
         """Disturb what `port` reads."""
@@ -135,5 +135,5 @@ class Noisy:
         return replace(reading, sensors=Sensors(*(getattr(noisy, part.name)[0] for part in fields(Sensors))))
 
     def exchange(self, command: JointCommand) -> Reading:
-        """Send a command; what comes back is not disturbed: joint controllers see it, no policy."""
+        """Send a command; what comes back has no noise: joint controllers use it, no policy."""
         return self._port.exchange(command)

@@ -13,7 +13,7 @@ from stiction.core.rotation import UPRIGHT, about
 from stiction.deploy.check import robot_of
 from stiction.deploy.pilot import ControlStep, Pilot
 from stiction.deploy.policy import load_policy
-from stiction.engines.engine import BlownUp, Body, Engine, Motion
+from stiction.engines.engine import BlownUp, Make, Motion
 from stiction.engines.friction import JointFriction
 from stiction.engines.ground import Ground, flat
 from stiction.formats.bundle import Bundle
@@ -26,7 +26,7 @@ from stiction.virtual.sensors import INITIAL_ANGLE, Noisy
 
 
 def fallen(motion: Motion, spec: RobotSpec, ground: float) -> bool:
-    """Say whether a robot lies or is about to, by the rule of the training (`Fleet.fallen`); ground: under it [m]."""
+    """Return whether a robot has fallen, by the rule of the training (`Fleet.fallen`); ground: height under it [m]."""
     return bool(
         leans_too_far(motion.base_quaternion) or too_low(motion.base_position[2] - ground, spec.standing_height)
     )
@@ -42,17 +42,14 @@ class TruthRecorder:
         """
         self._ground_truth, self._spec, self._period = ground_truth, spec, period
         self._rows: list[dict[str, np.ndarray | float | bool]] = []
-        self._upright, self._velocity = True, ground_truth().motion.joint_velocity
-
-    @property
-    def upright(self) -> bool:
+        self._velocity = ground_truth().motion.joint_velocity
+        self.upright = True
         """Whether the robot has not fallen yet."""
-        return self._upright
 
     def record(self, ground: float = 0.0) -> None:
         """Record the end of a control period; ground: its height under the robot [m]."""
         seen = self._ground_truth()
-        self._upright = self._upright and not fallen(seen.motion, self._spec, ground)
+        self.upright = self.upright and not fallen(seen.motion, self._spec, ground)
         self._rows.append(self._row(seen))
         self._velocity = seen.motion.joint_velocity
 
@@ -66,18 +63,18 @@ class TruthRecorder:
             "contact": motion.foot_contact,
             "power": float(np.abs(seen.torque * motion.joint_velocity).sum()),
             "square_acceleration": float(np.square(change).mean()),
-            "upright": self._upright,
+            "upright": self.upright,
             "friction": float(seen.friction.mean()),
         }
 
     def record_fall(self) -> None:
-        """Record a robot that has blown up in its engine: it has fallen, where it was last."""
-        self._upright = False
+        """Record a robot that has blown up in its engine as fallen where it was last."""
+        self.upright = False
         last = self._rows[-1] if self._rows else self._row(self._ground_truth())
         self._rows.append(last | {"upright": False})
 
     def recording(self) -> Recording:
-        """Return what was seen, of one robot: shapes (T, 1, ...)."""
+        """Return the recording of one robot: shapes (T, 1, ...)."""
         stacked = {name: np.stack([row[name] for row in self._rows])[:, None] for name in self._rows[0]}
         return Recording(self._period, **stacked)
 
@@ -85,12 +82,8 @@ class TruthRecorder:
 TIMESTEP = 0.001
 """Physics step of virtual robots [s]: motor controllers run at 1 kHz and more."""
 
-Make = Callable[[Body, Ground, float], Engine]
-"""Makes an engine: body, ground, timestep [s]."""
-
-
 CommandSource = Callable[[int, Motion], np.ndarray]
-"""Commands a robot that it sees: number of the control step, motion -> forward, sideways [m/s], turn [rad/s], (3,)."""
+"""Number of the control step, motion -> commanded velocity: forward, sideways [m/s], turn [rad/s], shape (3,)."""
 
 
 class RobotCase(Protocol):
@@ -99,29 +92,26 @@ class RobotCase(Protocol):
     @property
     def seed(self) -> int:
         """Of the robot, of its start poses and of its sensors' noise."""
-        ...
 
     def robot(self, hidden: Hidden) -> Hidden:
         """Return what of a robot is real."""
-        ...
 
     def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
-        ...
 
 
 @dataclass(frozen=True)
 class World:
-    """Where a robot is built."""
+    """The engine, the ground and the start of a robot."""
 
     make: Make
     """The engine."""
     ground: Ground = field(default_factory=flat)
     """What the robot walks on."""
     start: tuple[float, float] = (0.0, 0.0)
-    """Where it is put, x and y [m]."""
+    """Its position, x and y [m]."""
     heading: float = 0.0
-    """Where it looks, from x to the left [rad]."""
+    """Its yaw [rad]."""
     timestep: float = TIMESTEP
     """Physics step [s]."""
     period: float = PERIOD
@@ -133,25 +123,24 @@ class World:
         """Return the height of the ground at x, y [m], shape (2,)."""
         return float(self.ground.height(place[None])[0])
 
-    def robot(
-        self, case: RobotCase, spec: RobotSpec, generator: np.random.Generator, wear: Wear | None = None
-    ) -> VirtualRobot:
-        """Build a robot of the factorial.
-
-        spec: the data sheet; generator: of its sensors' noise; wear: of its joints.
-        """
-        return self._built(case, spec, generator, wear, fixed=False)
-
     def on_bench(self, case: RobotCase, spec: RobotSpec, generator: np.random.Generator) -> VirtualRobot:
-        """Build the same robot bolted to a stand, its legs in the air; arguments as of `robot`."""
-        robot = self._built(case, spec, generator, None, fixed=True)
+        """Build a robot bolted to a stand, its legs in the air; arguments as of `robot`."""
+        robot = self.robot(case, spec, generator, fixed=True)
         robot.place(spec.joint_values("standing"), np.array([0.0, 0.0, 3.0 * spec.standing_height]), UPRIGHT)
         return robot
 
-    def _built(
-        self, case: RobotCase, spec: RobotSpec, generator: np.random.Generator, wear: Wear | None, fixed: bool
+    def robot(
+        self,
+        case: RobotCase,
+        spec: RobotSpec,
+        generator: np.random.Generator,
+        wear: Wear | None = None,
+        fixed: bool = False,
     ) -> VirtualRobot:
-        """Build a robot around its own engine."""
+        """Build a robot in its own engine.
+
+        spec: the data sheet; generator: of its sensors' noise; wear: of its joints; fixed: bolted to a stand.
+        """
         hidden = draw(spec, case.seed)
         real = case.robot(hidden)
         engine = self.make(real.body(spec, fixed), self.ground, self.timestep)
@@ -166,7 +155,7 @@ class Trial:
     recording: Recording
     """The truth, of one robot; shapes (T, 1, ...)."""
     steps: tuple[ControlStep, ...]
-    """What the policy saw and did, one for each control period."""
+    """What the policy observed and did, one for each control period."""
 
 
 def walk(
@@ -184,11 +173,19 @@ def walk(
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
-    commands: gives the commands; episode: number of the start pose and of the sensors' noise, the same in all cells, at
-    all levels, and in the training's simulator (`Rollout`) under the case's seed; wear: of the robot's joints; spec:
-    the robot, by default the shipped one that the bundle names; friction: what the joint controllers feed forward, see
-    `Pilot`; seed: 0, or of other episodes of the same robot; known: what a policy that observes its joints' friction is
-    told, see `ObservationBuilder`, by default what its contract says.
+    Args:
+        bundle: the policy.
+        case: the robot.
+        world: where it walks.
+        commands: see `CommandSource`.
+        steps: control periods.
+        episode: number of the start pose and of the sensors' noise, the same in all cells, at all levels, and in the
+            training's simulator (`Rollout`) under the case's seed.
+        wear: of the robot's joints.
+        spec: the robot, by default the shipped one that the bundle names.
+        friction: what the joint controllers feed forward, see `Pilot`.
+        seed: 0, or of other episodes of the same robot.
+        known: friction given to a policy that observes it, see `ObservationBuilder`; by default the contract's.
 
     Raises:
         StictionError: the bundle does not fit the robot, or friction is to be fed forward to one that compensates it.

@@ -1,7 +1,7 @@
-"""The robot on the ground: where it stands, which feet touch, what its joints bear there, and how it slides.
+"""The robot on the ground: its pose, which feet touch, the loads of its joints, and how it slides.
 
-Locked joints make it a rigid table, whose pose on level ground and slopes and whose slide down a slope are known; under
-its controllers it is compared with fine MuJoCo.
+With locked joints it is a rigid table, whose pose on level ground and slopes and whose slide down a slope are known;
+under its controllers it is compared with MuJoCo at small steps.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from functools import cache
 import numpy as np
 
 from stiction.core.rotation import UPRIGHT, about, angle_between, into_frame
-from stiction.engines.conformance.rig import HELD, Act, Figure, hold, record, still
+from stiction.engines.conformance.rig import HELD, Act, Figure, drive, hold, still
 from stiction.engines.engine import Body, Make, Motion
-from stiction.engines.ground import Ground, course, flat, sampled
+from stiction.engines.ground import Ground, course, sampled
 from stiction.engines.mujoco_engine import MujocoEngine
 from stiction.robots.model import GRAVITY, RobotSpec
 from stiction.robots.terrain import LANDING, RAMP
@@ -27,7 +27,7 @@ SECONDS = 1.0
 """How long the robot stands [s]."""
 
 LANDED = 0.3
-"""From then on contacts are judged [s]: before, the robot settles; a light one hops on its feet as its springs give."""
+"""Time for the robot to settle before contacts count [s]."""
 
 CARRIERS = 3
 """Fewest feet that carry a robot with locked joints."""
@@ -37,15 +37,13 @@ RAISED = (0.5, -0.8)
 
 
 def stand(make: Make, body: Body, timestep: float, act: Act, angles: np.ndarray) -> Motion:
-    """Return the robot put down on the plane with these joint angles [rad], (J,), step by step."""
-    engine = make(body, flat(), timestep)
-    engine.reset(angles, np.array([0.0, 0.0, body.spec.standing_height]), UPRIGHT)
-    return record(engine, round(SECONDS / timestep), act)
+    """Return the motion of a robot put down on the plane with these joint angles [rad], (J,)."""
+    return drive(make, body, timestep, SECONDS, act, body.spec.standing_height, angles=angles)
 
 
 @cache
 def reference(spec: RobotSpec) -> Motion:
-    """Return how fine MuJoCo stands under its controllers."""
+    """Return the motion of MuJoCo at small steps under its controllers."""
     body, angles = Body.nominal(spec), spec.joint_values("standing")
     return stand(MujocoEngine, body, FINE, hold(body, angles), angles)
 
@@ -56,30 +54,22 @@ def standing(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]
     table = stand(make, body, timestep, still(body), angles)
     motion, truth = stand(make, body, timestep, hold(body, angles), angles), reference(spec)
     down = round(LANDED / timestep)
+    apart = np.abs(motion.joint_position[-1] - truth.joint_position[-1]).max()
+    force = motion.joint_force[-1].mean() / truth.joint_force[-1].mean() - 1.0
     return (
         Figure("height, joints locked", float(table.base_position[-1, 2] - spec.standing_height), "m", 3e-3),
         Figure("drift, joints locked", float(np.linalg.norm(table.base_position[-1, :2])), "m", 3e-3),
         Figure("creep of locked joints in 1 s", float(np.abs(table.joint_position[-1] - angles).max()), "rad", 5e-3),
         Figure("height, against MuJoCo", float(motion.base_position[-1, 2] - truth.base_position[-1, 2]), "m", 5e-3),
         Figure("tilt", angle_between(motion.base_quaternion[-1], UPRIGHT), "rad", 0.02),
-        Figure("joint angles, against MuJoCo", _largest(motion, truth, "joint_position"), "rad", 0.03),
-        Figure("mean force at the joints", _ratio(motion, truth, "joint_force"), "1", 0.05),
+        Figure("joint angles, against MuJoCo", float(apart), "rad", 0.03),
+        Figure("mean force at the joints", float(force), "1", 0.05),
         Figure("feet that lose the ground", float((~motion.foot_contact[down:]).sum()), "1", 0.0),
     )
 
 
-def _largest(motion: Motion, truth: Motion, name: str) -> float:
-    """Return the largest difference of one field at the end."""
-    return float(np.abs(getattr(motion, name)[-1] - getattr(truth, name)[-1]).max())
-
-
-def _ratio(motion: Motion, truth: Motion, name: str) -> float:
-    """Return by how much the mean of one field at the end is off."""
-    return float(getattr(motion, name)[-1].mean() / getattr(truth, name)[-1].mean() - 1.0)
-
-
 def foot_contact(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
-    """Some feet carry a robot with locked joints, then others, until each was up once: exactly those below touch."""
+    """A robot with locked joints on some of its feet, until each was lifted once: exactly the others touch."""
     wrong = 0
     for lifted, centre in _lifts(spec):
         angles = spec.joint_values("standing").reshape(-1, 3)
@@ -91,10 +81,10 @@ def foot_contact(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, 
 
 
 def _lifts(spec: RobotSpec) -> list[tuple[np.ndarray, tuple[float, float, float]]]:
-    """Return which legs are lifted, bool, (legs,), and where the trunk's centre of mass is then [m], time by time.
+    """Return which legs are lifted, bool, (legs,), and the trunk's centre of mass then [m], trial by trial.
 
-    That is one contact group, then the other, where each can carry the robot. Where it cannot, on four legs, it is one
-    leg at a time, and a trunk whose centre of mass is shifted so that the weight is over the middle of the other feet.
+    One contact group, then the other, where each can carry the robot; else, on four legs, one leg at a time, with the
+    centre of mass shifted so that the weight is over the middle of the other feet.
     """
     groups = spec.groups()
     if min(np.bincount(groups)) >= CARRIERS:
@@ -110,10 +100,8 @@ def _lifts(spec: RobotSpec) -> list[tuple[np.ndarray, tuple[float, float, float]
 def on_its_back(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
     """A robot that lies on its back rests on the box of its trunk, and no foot touches."""
     body = Body.nominal(spec)
-    engine = make(body, flat(), timestep)
     half = spec.base.size[2] / 2
-    engine.reset(spec.joint_values("standing"), np.array([0.0, 0.0, half + 0.01]), about(0, np.pi))
-    motion = record(engine, round(SECONDS / timestep), still(body))
+    motion = drive(make, body, timestep, SECONDS, still(body), half + 0.01, about(0, np.pi))
     return (
         Figure("height of the trunk", float(motion.base_position[-1, 2] - half), "m", 3e-3),
         Figure("feet that read wrong", float(motion.foot_contact.sum()), "1", 0.0),
@@ -154,25 +142,21 @@ def terrain(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
 def _landing(make: Make, spec: RobotSpec, timestep: float, name: str, ground: Ground) -> Figure:
     """Return the height of a table on level ground above where it should be."""
     body = Body.nominal(spec)
-    engine = make(body, ground, timestep)
     top = float(ground.height(np.zeros((1, 2)))[0]) + spec.standing_height
-    engine.reset(spec.joint_values("standing"), np.array([0.0, 0.0, top]), UPRIGHT)
-    motion = record(engine, round(TERRAIN_SECONDS / timestep), still(body))
+    motion = drive(make, body, timestep, TERRAIN_SECONDS, still(body), top, ground=ground)
     return Figure(f"height, {name}", float(motion.base_position[-1, 2] - top), "m", 3e-3)
 
 
 def _on_slope(
     make: Make, spec: RobotSpec, timestep: float, ground: Ground, angle: float, friction: float, seconds: float
 ) -> Motion:
-    """Return a table on the way up a slope, in the frame of the slope: x up, z away from it, from its middle [m]."""
+    """Return the motion of a table on a slope, in the frame of the slope: x up, z normal to it, from its middle [m]."""
     body = replace(Body.nominal(spec), ground_friction=friction)
-    engine = make(body, ground, timestep)
-    # Nose up is a turn about -y.
     turn = about(1, -angle)
     middle = np.array([-LANDING - RAMP / 2 * np.cos(angle), 0.0, RAMP / 2 * np.sin(angle)])
     away = np.array([-np.sin(angle), 0.0, np.cos(angle)])
-    engine.reset(spec.joint_values("standing"), middle + spec.standing_height * away, turn)
-    motion = record(engine, round(seconds / timestep), still(body))
+    start = middle + spec.standing_height * away
+    motion = drive(make, body, timestep, seconds, still(body), start, turn, ground=ground)
     return replace(motion, base_position=into_frame(turn, motion.base_position - middle))
 
 
@@ -206,13 +190,13 @@ def shank_contact(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure,
     behind = np.array([-np.cos(stop), 0.0, np.sin(stop)])
     bar = knee + spec.shank_link.size[2] / 2 * _leaning(stop) + (BAR[2] + SHANK_RADIUS) * behind
     ground = Ground(np.array([BAR]), bar[None], about(1, stop + np.pi / 2)[None])
-    engine = make(Body.nominal(spec, fixed=True), ground, timestep)
     angles = spec.joint_values("standing")
     angles[-1] -= SWING
-    engine.reset(angles, np.array([0.0, 0.0, height]), UPRIGHT)
     torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
     torque[-1], bound[-1] = 1.0, 0.2
-    motion = record(engine, round(TERRAIN_SECONDS / timestep), lambda number, motion: (torque, bound))
+    body = Body.nominal(spec, fixed=True)
+    act: Act = lambda number, motion: (torque, bound)  # noqa: E731
+    motion = drive(make, body, timestep, TERRAIN_SECONDS, act, height, angles=angles, ground=ground)
     reached = motion.joint_position[-1, -1] - spec.shank.standing
     return (Figure("angle past the bar", float(reached), "rad", 0.02),)
 

@@ -1,7 +1,4 @@
-"""The whole robot in the air: masses, inertias, axes, joint order, and what joints transmit, against fine MuJoCo.
-
-The reference takes steps of a tenth of a millisecond, under the same torques, held over each step of the engine.
-"""
+"""The whole robot in the air: masses, inertias, axes, joint order, and joint loads, against MuJoCo at small steps."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from stiction.core.rotation import UPRIGHT, about_vector, angle_between, into_frame, matrix, small_turns
-from stiction.engines.conformance.rig import Figure, record, still, test_friction
+from stiction.engines.conformance.rig import Figure, drive, still, test_friction
 from stiction.engines.engine import Body, Make, Motion
 from stiction.engines.ground import flat
 from stiction.engines.mujoco_engine import MujocoEngine
@@ -22,21 +19,19 @@ FINE = 1e-4
 """Timestep of the reference [s]."""
 
 SECONDS, HEIGHT = 0.4, 3.0
-"""Length of a flight [s], and where it begins [m]: far from the ground."""
+"""Length of a flight [s], and its initial height [m]."""
 
 PUSH, BEAT, SPREAD = 0.015, 2.0, 0.5
-"""Torque of every joint: amplitude, as what its controller gives at that error [rad], frequency [Hz], phase between
-first and last [rad]. All legs swing nearly together, so that the trunk turns, and no foot meets another."""
+"""Torque of every joint: amplitude, as an error of its controller [rad], frequency [Hz], phase between first and last
+[rad]. All legs swing nearly together, so that the trunk turns, and no feet touch each other."""
 
 OFF_CENTRE = (0.10, 0.05, 0.03)
-"""Where the trunk's centre of mass is [m]: what is said of the frame must not hold for it."""
+"""Centre of mass of the trunk [m], so that it is not the origin of the frame."""
 
 
 def fly(make: Make, spec: RobotSpec, timestep: float, friction: float, hold: float) -> Motion:
     """Return a flight, step by step; torques change every `hold` seconds, a multiple of the timestep."""
     body = replace(Body.nominal(spec), base_com=OFF_CENTRE)
-    engine = make(body, flat(), timestep)
-    engine.reset(spec.joint_values("standing"), np.array([0.0, 0.0, HEIGHT]), UPRIGHT)
     phase, every = np.linspace(0.0, SPREAD, spec.num_joints), round(hold / timestep)
     push, bound = PUSH * spec.joint_values("stiffness"), np.full(spec.num_joints, friction)
 
@@ -44,19 +39,19 @@ def fly(make: Make, spec: RobotSpec, timestep: float, friction: float, hold: flo
         middle = (number // every + 0.5) * hold
         return push * np.cos(2 * np.pi * BEAT * middle + phase), bound
 
-    return record(engine, round(SECONDS / timestep), act)
+    return drive(make, body, timestep, SECONDS, act, HEIGHT)
 
 
 @cache
 def reference(spec: RobotSpec, timestep: float, friction: float) -> Motion:
-    """Return the flight of fine MuJoCo, at every `timestep`."""
+    """Return the flight in MuJoCo at small steps, every `timestep`, torques held over it."""
     motion = fly(MujocoEngine, spec, FINE, friction, timestep)
     every = round(timestep / FINE)
     return Motion(**{part.name: getattr(motion, part.name)[::every] for part in fields(Motion)})
 
 
 def free_flight(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
-    """The motion of joints and trunk, and what the joints transmit, without and with dry friction."""
+    """Motion of joints and trunk, and joint loads, without and with dry friction."""
     truth, motion = reference(spec, timestep, 0.0), fly(make, spec, timestep, 0.0, timestep)
     friction = test_friction(spec)
     rubbed = fly(make, spec, timestep, friction, timestep).joint_position
@@ -92,16 +87,14 @@ def base_velocity(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure,
 
 
 def long_fall(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
-    """A fall of 1.5 s: nothing brakes it, and no speed is the highest."""
+    """A fall of 1.5 s: no drag, and no largest speed."""
     body = Body.nominal(spec)
-    engine = make(body, flat(), timestep)
-    engine.reset(spec.joint_values("standing"), np.array([0.0, 0.0, 20.0]), UPRIGHT)
-    motion = record(engine, round(1.5 / timestep), still(body))
+    motion = drive(make, body, timestep, 1.5, still(body), 20.0)
     return (Figure("speed", float(-motion.base_linear_velocity[-1, 2] / (GRAVITY * 1.5) - 1.0), "1", 1e-3),)
 
 
 def joint_order(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
-    """What a torque at one joint does to every joint and to the trunk, joint by joint, no leg like another."""
+    """Response of every joint and of the trunk to a torque at each joint, all legs at different angles."""
     angles = spec.joint_values("standing") + np.random.default_rng(0).uniform(-0.15, 0.15, spec.num_joints)
     found, wanted = (_responses(maker, spec, timestep, angles) for maker in (make, MujocoEngine))
     error = np.abs(found - wanted).max(axis=0) / np.abs(wanted).max(axis=0)
@@ -129,11 +122,9 @@ def _responses(make: Make, spec: RobotSpec, timestep: float, angles: np.ndarray)
 
 
 def hanging_legs(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
-    """What the joints of a robot on a stand transmit: the weight behind each of them."""
+    """Loads of the joints of a robot on a stand: the weight behind each of them."""
     body = Body.nominal(spec, fixed=True)
-    engine = make(body, flat(), timestep)
-    engine.reset(spec.joint_values("standing"), np.array([0.0, 0.0, HEIGHT]), UPRIGHT)
-    motion = record(engine, round(0.2 / timestep), still(body))
+    motion = drive(make, body, timestep, 0.2, still(body), HEIGHT)
     force, torque = hanging_weight(links(spec), spec.joint_values("standing"))
     return (
         Figure("force", float(np.abs(motion.joint_force[-1] / force - 1.0).max()), "1", 0.01),
@@ -142,9 +133,9 @@ def hanging_legs(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, 
 
 
 def hanging_weight(tree: tuple[Link, ...], angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return |F| [N] and |T| [N m] at joints with these angles, at rest, the base level and still; (J,) each.
+    """Return |F| [N] and |T| [N m] at joints with these angles, at rest, the base level; (J,) each.
 
-    T is about the centre of mass of the link behind the joint: only what hangs further out has a lever there.
+    T is about the centre of mass of the link behind the joint.
     """
     frames: list[tuple[np.ndarray, np.ndarray]] = []
     for link, angle in zip(tree, angles, strict=True):

@@ -1,4 +1,4 @@
-"""One joint against what can be computed exactly: dry friction that holds, lets go and brakes as Coulomb's law says.
+"""One joint against the exact solution: dry friction that holds, breaks away and brakes by Coulomb's law.
 
 The robot is bolted to a stand and lies on its side, so that the last shank's axis is vertical: no weight acts on it.
 All other joints are locked. The shank is a rigid box on a hinge, I q'' + B q' = τ − friction, and `stiction.joints`
@@ -13,9 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.rotation import about
-from stiction.engines.conformance.rig import HELD, Figure, record, test_friction
+from stiction.engines.conformance.rig import HELD, Figure, drive, test_friction
 from stiction.engines.engine import Body, Make, Motion
-from stiction.engines.ground import flat
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, Trajectory, simulate
@@ -31,10 +30,10 @@ DRIVEN, LET_GO, END = 1.0, 1.8, 2.6
 """Times in the profile [s]."""
 
 MOVED = 1e-3
-"""A joint that has gone this far has broken away [rad]."""
+"""A joint that has moved this far has broken away [rad]."""
 
 AT_REST = 1e-3
-"""Speed under which a joint stands [rad/s]."""
+"""Speed under which a joint is at rest [rad/s]."""
 
 AGAINST = 5.0
 """Torque with which a joint is driven against its limit [N m]."""
@@ -62,19 +61,16 @@ def _drive(
     make: Make, spec: RobotSpec, timestep: float, start: float, joint: Callable[[int, float, float], Pair]
 ) -> Motion:
     """Return the motion of the last shank alone, under `joint(number, q, q')` -> torque and bound of friction [N m]."""
-    body = Body.nominal(spec, fixed=True)
-    engine = make(body, flat(), timestep)
     angles = spec.joint_values("standing")
     angles[-1] = start
-    # Turned by a quarter about x, the axes y of thighs and shanks point up.
-    engine.reset(angles, np.array([0.0, 0.0, 2.0]), about(0, np.pi / 2))
     torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
 
     def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
         torque[-1], bound[-1] = joint(number, motion.joint_position[-1], motion.joint_velocity[-1])
         return torque, bound
 
-    return record(engine, round(END / timestep), act)
+    # Turned by a quarter about x, the axes y of thighs and shanks point up.
+    return drive(make, Body.nominal(spec, fixed=True), timestep, END, act, 2.0, about(0, np.pi / 2), angles)
 
 
 @dataclass(frozen=True)
@@ -96,7 +92,7 @@ class BreakAway:
 
 
 def break_away(make: Make, spec: RobotSpec, timestep: float) -> BreakAway:
-    """Return how an engine moves a joint under `PROFILE`, and how it should."""
+    """Return the motion of a joint under `PROFILE` in an engine, and the exact one."""
     friction = test_friction(spec)
     times, levels = np.array(PROFILE).T
     steps = round(END / timestep)
@@ -118,19 +114,19 @@ def friction_of_one_joint(make: Make, spec: RobotSpec, timestep: float) -> tuple
     driven, let_go = round(DRIVEN / timestep), round(LET_GO / timestep)
     gone = [np.argmax(np.abs(path - path[driven]) > MOVED) for path in (angle, truth.position)]
     stopped = [steps - np.argmax(np.abs(path[::-1]) > AT_REST) for path in (speed, truth.velocity)]
-    way = truth.position[-1] - start
+    distance = truth.position[-1] - start
     return (
         Figure("creep in 1 s under 0.9 of the friction", float(angle[driven] - start), "rad", 1e-3),
         Figure("torque of break-away", float(load[gone[0]] / load[gone[1]] - 1.0), "1", 0.01),
         Figure("speed after break-away", float(speed[let_go] / truth.velocity[let_go] - 1.0), "1", 0.01),
         Figure("when it stops", float(stopped[0] - stopped[1]) * timestep, "s", 0.005),
-        Figure("way until it stops", float((angle[-1] - truth.position[-1]) / way), "1", 0.01),
+        Figure("way until it stops", float((angle[-1] - truth.position[-1]) / distance), "1", 0.01),
         Figure("creep at rest", float(angle[-1] - angle[stopped[0]]), "rad", 1e-4),
     )
 
 
 def changing_friction(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
-    """A bound that is lowered for a while lets a joint go under a constant torque, and stops it when it rises again.
+    """A bound that is lowered for a while releases a joint under a constant torque, and stops it when it rises again.
 
     In between q' = (τ - f) / B (1 - exp(-B t / I)).
     """

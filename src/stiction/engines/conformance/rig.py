@@ -1,4 +1,4 @@
-"""What the checks share: figures with tolerances, a robot that is driven and recorded."""
+"""Common to the checks: figures with tolerances, a robot that is driven and recorded."""
 
 from __future__ import annotations
 
@@ -7,24 +7,26 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from stiction.core.rotation import UPRIGHT
 from stiction.engines.engine import Body, Engine, Make, Motion
+from stiction.engines.ground import Ground, flat
 from stiction.robots.model import RobotSpec
 
 Act = Callable[[int, Motion], tuple[np.ndarray, np.ndarray]]
-"""What is done at a step: its number and the motion before it -> torques and bounds of friction [N m], shape (J,)."""
+"""Number of a step and the motion before it -> torques and bounds of friction [N m], shape (J,)."""
 
 HELD = 1e4
-"""Bound of friction of a joint that is to stay where it is [N m]."""
+"""Bound of friction of a locked joint [N m]."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One measured number and how large it may be."""
+    """One measured number and its tolerance."""
 
     name: str
     """What was measured."""
     value: float
-    """What came out; zero were perfect."""
+    """Measured error; zero is perfect."""
     unit: str
     """Its unit, `1` for a ratio."""
     tolerance: float
@@ -32,7 +34,7 @@ class Figure:
 
     @property
     def passed(self) -> bool:
-        """Whether the figure is within its tolerance; one that is not a number is not."""
+        """Whether the figure is within its tolerance; NaN is not."""
         return bool(abs(self.value) <= self.tolerance)
 
     def __str__(self) -> str:
@@ -57,6 +59,28 @@ def record(engine: Engine, steps: int, act: Act) -> Motion:
         engine.step(*act(number, motions[-1]))
         motions.append(engine.motion())
     return Motion(**{part.name: np.stack([getattr(m, part.name) for m in motions]) for part in fields(Motion)})
+
+
+def drive(
+    make: Make,
+    body: Body,
+    timestep: float,
+    seconds: float,
+    act: Act,
+    position: float | np.ndarray,
+    quaternion: np.ndarray = UPRIGHT,
+    angles: np.ndarray | None = None,
+    ground: Ground | None = None,
+) -> Motion:
+    """Drive a robot in an engine of its own; return its motion as `record` does.
+
+    position: of its base [m], or the height alone; angles: of its joints [rad], by default of the standing pose;
+    ground: by default the plane.
+    """
+    engine = make(body, flat() if ground is None else ground, timestep)
+    start = np.array([0.0, 0.0, position]) if np.ndim(position) == 0 else np.asarray(position)
+    engine.reset(body.spec.joint_values("standing") if angles is None else angles, start, quaternion)
+    return record(engine, round(seconds / timestep), act)
 
 
 def hold(body: Body, target: np.ndarray) -> Act:

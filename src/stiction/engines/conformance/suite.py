@@ -1,9 +1,7 @@
-"""The suite that every engine passes before a result from it counts; public, for an engine of your own too.
+"""The suite that every engine must pass; public, for an engine of your own too.
 
-Each check takes what makes an engine and a timestep, and returns figures: what was measured, and how large it may be.
-Tolerances are the same for every engine. They are what an engine of first order in the timestep can reach at 2 ms, and
-what soft contacts give way; they catch wrong inertias, axes, frames, orders and laws, which are off by far more. The
-reference of free flight and of standing is MuJoCo with finer steps.
+Tolerances are the same for every engine: what an engine of first order in the timestep reaches at 2 ms, and the
+softness of contacts. They catch wrong inertias, axes, frames, orders and laws, which are off by far more.
 
     for measured in conformance(partial(make_engine, "physx"), find_robot("go1")):
         assert measured.figure.passed, f"{measured.check}: {measured.figure}"
@@ -87,22 +85,19 @@ CHECKS: dict[str, Check] = {
 
 @dataclass(frozen=True)
 class Measured:
-    """A figure and the check that it belongs to."""
+    """A figure of a check."""
 
     check: str
     """Name of the check, one of `CHECKS`."""
     figure: Figure
-    """What it measured."""
+    """The figure."""
 
 
 def conformance(make: Make, spec: RobotSpec, timestep: float = TIMESTEP) -> Iterator[Measured]:
     """Run every check on a robot in engines that `make(body, ground, timestep)` makes; yield the figures one by one.
 
-    A check in which the robot blows up yields one figure that is not a number, and so does not pass.
-
-    Raises:
-        StictionError: the checks cannot be run with such a timestep or robot.
-
+    A check in which the robot blows up yields one figure that is NaN, and so does not pass. Raises `StictionError`
+    where the checks cannot be run with such a timestep or robot.
     """
     check_timestep(timestep)
     if len(spec.legs) <= contact.CARRIERS:
@@ -130,9 +125,9 @@ def check_timestep(timestep: float) -> None:
 
 
 def steps_per_second(make: Make, spec: RobotSpec, timestep: float = TIMESTEP, seconds: float = 2.0) -> float:
-    """Return physics steps per second of processor time: the robot stands under its controllers, with dry friction.
+    """Return physics steps, each with a reading of the motion, per second of processor time of a standing robot.
 
-    Motion is read at every step, as a controller does; `seconds`: simulated time.
+    seconds: simulated time.
     """
     body, angles = Body.nominal(spec), spec.joint_values("standing")
     engine = make(body, flat(), timestep)

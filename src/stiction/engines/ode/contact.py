@@ -1,9 +1,9 @@
-"""What touches what in ODE: the shapes of a robot and its ground, and the contacts between them at every step.
+"""Contacts in ODE: the shapes of a robot and its ground, and the contacts between them at every step.
 
-ODE solves for the forces of friction with bounds that must be known before. Its own way (`Approx1`) is to take them
-from the normal forces as they would be *without* friction on the ground, which on a legged robot are others: a gait
-without feedback gets less far than in MuJoCo. Here the bound is the coefficient times the normal force of the
-step before, against the slip. The first step of a contact has no step before, and Webots knows no other way than ODE's.
+ODE solves for the forces of friction with bounds that must be known before. By itself (`Approx1`) it takes them from
+the normal forces as they would be *without* friction, which on a legged robot are wrong. Here the bound is the
+coefficient times the normal force of the step before, against the slip; the first step of a contact, and all of
+Webots', use `Approx1`.
 
 A height field is a mesh of its triangles: ODE's own height field misses contacts of a foot with edges and corners.
 """
@@ -24,10 +24,10 @@ from stiction.engines.ode.robot import OdeRobot
 from stiction.robots.tree import SHANK_RADIUS, foot_position, links
 
 FOOT, TRUNK, SHANK, PLANE, OBSTACLE = (1 << number for number in range(5))
-"""What a shape is, as a bit."""
+"""Categories of shapes, as bits."""
 
 MEETS = {FOOT: FOOT | TRUNK, TRUNK: 0, SHANK: 0, PLANE: FOOT | TRUNK, OBSTACLE: FOOT | TRUNK | SHANK}
-"""What a shape is -> what it meets; two shapes touch if one of them meets the other. As in training."""
+"""Category -> those that it collides with; one of two is enough. As in training."""
 
 POINTS = 8
 """Most contacts of a pair of shapes; a box on a plane has four."""
@@ -36,23 +36,23 @@ APART = 2e-3
 """Contacts of a pair of shapes that are nearer to each other are one [m]."""
 
 SLIPS = 1e-4
-"""A contact that moves faster than this slips [m/s]; a slower one has no direction of slip worth the name."""
+"""A contact that moves faster than this slips [m/s]; a slower one has no direction of slip."""
 
 
 @dataclass(frozen=True)
 class ContactSettings:
-    """How a contact gives way, and what bounds its friction."""
+    """Softness of contacts, and what bounds their friction."""
 
     erp: float = 0.2
     """Share of its depth that is corrected in a step [1]."""
     cfm: float = 1e-6
     """Speed at which it gives way, per force [m/s/N]: at 2 ms 100 N press a foot 1 µm into the ground."""
     last_step: bool = True
-    """Whether friction is bounded by the normal force of the last step, and not in ODE's own way."""
+    """Whether friction is bounded by the normal force of the last step, and not by `Approx1`."""
 
 
 class Owner(NamedTuple):
-    """Whose a shape is."""
+    """Owner of a shape."""
 
     body: int | None
     """The body that it belongs to, None for the ground."""
@@ -74,7 +74,7 @@ class Touch(NamedTuple):
     normal: tuple[float, float, float]
     """Into the first shape."""
     feedback: c.Feedback
-    """What the joint did."""
+    """Forces of the joint."""
 
     def push(self) -> float:
         """Return the normal force of the last step [N]."""
@@ -87,7 +87,7 @@ class OdeContacts:
     def __init__(
         self, library: ctypes.CDLL, world: int, robot: OdeRobot, body: Body, ground: Ground, settings: ContactSettings
     ) -> None:
-        """Give the robot its shapes and lay the ground."""
+        """Add the shapes of robot and ground."""
         self._library, self._world, self._settings = library, world, settings
         self._friction, self._legs = body.ground_friction, len(body.spec.legs)
         self._owners: dict[int, Owner] = {}
@@ -105,7 +105,7 @@ class OdeContacts:
         self._remember = c.NearCallback(lambda data, first, second: near.append((first, second)))
 
     def release(self) -> None:
-        """Give everything back to ODE. Bodies are destroyed after this: their shapes know them."""
+        """Free everything; to be called before the bodies are destroyed."""
         library = self._library
         library.dJointGroupDestroy(self._joints)
         library.dSpaceDestroy(self._of_robot)
@@ -127,7 +127,7 @@ class OdeContacts:
             self._touch(pair, pushed.get(pair, 0.0))
 
     def forget(self) -> None:
-        """Take the contacts of the last step out of the world, and forget how they pushed."""
+        """Remove the contacts of the last step."""
         self._library.dJointGroupEmpty(self._joints)
         self._touching.clear()
 
@@ -156,7 +156,7 @@ class OdeContacts:
             self._touching.append(Touch(pair, leg, tuple(contact.point.normal[:3]), feedback))
 
     def _bound(self, contact: c.Contact, one: int | None, other: int | None, friction: float, pushed: float) -> None:
-        """Say what friction may do at a contact of two bodies that were pushed together with a force [N]."""
+        """Bound the friction at a contact of two bodies that were pushed together with a force [N]."""
         surface = contact.surface
         surface.mode, surface.mu = c.SOFT_ERP | c.SOFT_CFM | c.APPROX1, friction
         if not self._settings.last_step or pushed <= 0.0:
@@ -187,28 +187,28 @@ class OdeContacts:
         library, space, spec = self._library, self._of_robot, body.spec
         tree = links(spec)
         trunk = library.dCreateBox(space, *spec.base.size)
-        self._fasten(trunk, TRUNK, Owner(robot.base), -np.array(body.base_com))
+        self._attach(trunk, TRUNK, Owner(robot.base), -np.array(body.base_com))
         for leg in range(self._legs):
             number = 3 * leg + 2
             shank, foot = robot.links[number], library.dCreateSphere(space, spec.foot_radius)
-            self._fasten(foot, FOOT, Owner(shank, leg), foot_position(spec) - tree[number].com)
+            self._attach(foot, FOOT, Owner(shank, leg), foot_position(spec) - tree[number].com)
             capsule = library.dCreateCapsule(space, SHANK_RADIUS, spec.shank_link.size[2])
-            self._fasten(capsule, SHANK, Owner(shank), foot_position(spec) / 2 - tree[number].com)
+            self._attach(capsule, SHANK, Owner(shank), foot_position(spec) / 2 - tree[number].com)
 
     def _add_ground(self, ground: Ground) -> None:
         """Add plane, boxes and the triangles of the height field."""
         library, space = self._library, self._of_ground
-        self._sort(library.dCreatePlane(space, 0.0, 0.0, 1.0, 0.0), PLANE)
+        self._categorize(library.dCreatePlane(space, 0.0, 0.0, 1.0, 0.0), PLANE)
         for half, place, turn in zip(ground.half_sizes, ground.positions, ground.quaternions, strict=True):
             box = library.dCreateBox(space, *(2 * half))
             library.dGeomSetPosition(box, *place)
             library.dGeomSetQuaternion(box, (ctypes.c_double * 4)(*turn))
-            self._sort(box, OBSTACLE)
+            self._categorize(box, OBSTACLE)
         if ground.field is not None:
-            self._sort(self._mesh(ground.field), OBSTACLE)
+            self._categorize(self._mesh(ground.field), OBSTACLE)
 
     def _mesh(self, field: HeightField) -> int:
-        """Return a shape of the field's triangles. ODE reads the arrays where they are, so they are kept."""
+        """Return a shape of the field's triangles; ODE does not copy the arrays, so references to them are held."""
         vertices, faces = field.triangles()
         vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.uint32)
         mesh = self._library.dGeomTriMeshDataCreate()
@@ -218,28 +218,26 @@ class OdeContacts:
         )
         return self._library.dCreateTriMesh(self._of_ground, mesh, None, None, None)
 
-    def _fasten(self, shape: int, kind: int, owner: Owner, offset: np.ndarray) -> None:
-        """Fasten a shape to its owner, its middle `offset` away from the centre of mass [m], shape (3,)."""
+    def _attach(self, shape: int, category: int, owner: Owner, offset: np.ndarray) -> None:
+        """Attach a shape to its owner, its middle `offset` away from the centre of mass [m], shape (3,)."""
         self._owners[shape] = owner
-        self._sort(shape, kind)
+        self._categorize(shape, category)
         self._library.dGeomSetBody(shape, owner.body)
         self._library.dGeomSetOffsetPosition(shape, *offset)
 
-    def _sort(self, shape: int, kind: int) -> None:
-        """Say what a shape is, and what it meets."""
-        self._library.dGeomSetCategoryBits(shape, kind)
-        self._library.dGeomSetCollideBits(shape, MEETS[kind])
+    def _categorize(self, shape: int, category: int) -> None:
+        """Set what a shape is, and what it collides with."""
+        self._library.dGeomSetCategoryBits(shape, category)
+        self._library.dGeomSetCollideBits(shape, MEETS[category])
 
 
 def distinct(contacts: list[c.Contact]) -> list[c.Contact]:
-    """Return contacts at least `APART` from each other; of those that are nearer the deepest.
+    """Return contacts at least `APART` from each other, the deepest of those that are nearer.
 
-    A foot on an edge between two triangles touches both, in one place. Equal rows make the solver slow, and fail.
+    A foot on an edge between two triangles touches both at one point; equal rows make the solver slow, and fail.
     """
-    if len(contacts) < 2:
-        return contacts
-    kept: list[c.Contact] = []
+    apart: list[c.Contact] = []
     for contact in sorted(contacts, key=lambda contact: -contact.point.depth):
-        if all(math.dist(contact.point.position[:3], other.point.position[:3]) >= APART for other in kept):
-            kept.append(contact)
-    return kept
+        if all(math.dist(contact.point.position[:3], other.point.position[:3]) >= APART for other in apart):
+            apart.append(contact)
+    return apart

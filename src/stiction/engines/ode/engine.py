@@ -5,8 +5,8 @@ linear complementarity problem, solved exactly (`dWorldStep`). ODE's iterative s
 joints by friction: a standing robot sags, with a hundred iterations too, which cost as much as the exact solution.
 
 After an error ODE calls exit(), after a failed assertion abort(); builds without assertions go on with garbage, and a
-linear complementarity problem that holds a NaN may never end. No number that is none, and no body without mass, comes
-past here; the ground checks itself.
+linear complementarity problem that holds a NaN may never end. So all numbers are checked here; the ground checks
+itself.
 """
 
 from __future__ import annotations
@@ -48,8 +48,9 @@ def check_body(body: Body) -> None:
 
 
 def check_pose(joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-    """Raise `StictionError` for a pose that is none; arguments as those of `Engine.reset`."""
-    if not (np.isfinite(joint_position).all() and np.isfinite(position).all() and _is_unit(quaternion)):
+    """Raise `StictionError` for an invalid pose; arguments as those of `Engine.reset`."""
+    is_unit = abs(np.linalg.norm(quaternion) - 1.0) < 1e-6
+    if not (np.isfinite(joint_position).all() and np.isfinite(position).all() and is_unit):
         raise EngineError(
             f"reset of a robot to {position} m, quaternion {quaternion}, joint angles of {np.min(joint_position)} to "
             f"{np.max(joint_position)} rad; expected finite numbers, and a quaternion of length 1"
@@ -57,13 +58,7 @@ def check_pose(joint_position: np.ndarray, position: np.ndarray, quaternion: np.
 
 
 def check_drive(torque: np.ndarray, friction: np.ndarray) -> None:
-    """Refuse torques and bounds that are none; arguments as those of `Engine.step`.
-
-    Raises:
-        BlownUp: one is not a finite number.
-        StictionError: a bound is negative.
-
-    """
+    """Raise `BlownUp` for a torque or a bound that is not finite, `StictionError` for a bound that is negative."""
     for name, values in (("torque", torque), ("bound of friction", friction)):
         if not np.isfinite(values).all():
             joint = int(np.argmin(np.isfinite(values)))
@@ -92,19 +87,13 @@ def _expect(
         )
 
 
-def _is_unit(quaternion: np.ndarray) -> bool:
-    """Say whether a quaternion has length 1."""
-    return bool(abs(np.linalg.norm(quaternion) - 1.0) < 1e-6)
-
-
 ITERATIONS = 100
-"""Of the iterative solver, in a step that the exact one gives up: rare ones, of robots that thrash about on height
-fields."""
+"""Of the iterative solver, in the rare steps that the exact one gives up."""
 
 
 @dataclass(frozen=True)
 class OdeSettings:
-    """What a user of ODE can set."""
+    """Settings of ODE."""
 
     name: str = "ode"
     """As in results.csv."""
@@ -120,7 +109,7 @@ ACCURATE = OdeSettings()
 """The best that ODE can do."""
 
 WEBOTS = OdeSettings("ode-webots", cfm=1e-5, contact=ContactSettings(cfm=1e-3, last_step=False))
-"""What Webots sets unless a world says otherwise, for contacts that do not bounce (its default is to bounce by 0.5)."""
+"""Webots' defaults, but for contacts that do not bounce (its default is to bounce by 0.5)."""
 
 
 class OdeEngine:
@@ -150,12 +139,7 @@ class OdeEngine:
         self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
-        """Put the robot there, at rest; see `Engine.reset`.
-
-        Raises:
-            StictionError: something is not a number, or the quaternion not of length 1.
-
-        """
+        """Put the robot there, at rest; see `Engine.reset` and `check_pose`."""
         check_pose(joint_position, position, quaternion)
         prepare_thread(self._library)
         self._contacts.forget()
@@ -163,13 +147,7 @@ class OdeEngine:
         self._lost = False
 
     def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
-        """Advance by one timestep; see `Engine.step`.
-
-        Raises:
-            BlownUp: the robot's numbers, or torques or bounds, are none any more.
-            StictionError: a bound is negative.
-
-        """
+        """Advance by one timestep; see `Engine.step` and `check_drive`."""
         check_drive(torque, friction)
         if self._lost:
             raise BlownUp(f"the robot in the engine {self.name!r} was lost in a step before; reset it first")
@@ -182,15 +160,13 @@ class OdeEngine:
         self._lost = False
 
     def _advance(self) -> None:
-        """Take a step; where the exact solver gives it up, and leaves forces out, take it again with the iterative one.
-
-        That one puts its rows in a random order, each time from the same seed.
-        """
+        """Take a step; where the exact solver gives up, which leaves forces out, repeat it with the iterative one."""
         library, world, before = self._library, self._world, self._robot.state()
         taken_messages()
         done = library.dWorldStep(world, self.timestep)
         if taken_messages():
             self._robot.restore(before)
+            # The iterative solver shuffles its rows.
             library.dRandSetSeed(0)
             done = library.dWorldQuickStep(world, self.timestep)
         if not done:
@@ -214,6 +190,6 @@ class OdeEngine:
 
 
 def _destroy(library: ctypes.CDLL, world: int, contacts: OdeContacts) -> None:
-    """Give a world and all that is in it back, shapes before the bodies that they know."""
+    """Free a world and all that is in it, shapes before the bodies that they refer to."""
     contacts.release()
     library.dWorldDestroy(world)

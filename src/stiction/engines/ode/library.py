@@ -1,11 +1,10 @@
-"""Finds ODE 0.16 and makes it callable; says how to get it where it is missing.
+"""Finds ODE 0.16 and makes it callable.
 
 The library is a system package, or lies in the wheel of `dartpy`, which the extra `engines` installs on Linux for that
-alone: the wheel is 19 MB, ODE 1.6 MB of it. Neither DART nor any of its other libraries is loaded. ODE's licence is BSD
-or LGPL, by choice.
+alone: neither DART nor any of its other libraries is loaded. ODE's licence is BSD or LGPL, by choice.
 
-Handles (worlds, bodies, joints, geometries) are addresses. A prototype that is wrong is not noticed by ctypes: it
-passes garbage. So every function that is used is here, and no other is called.
+Handles (worlds, bodies, joints, geometries) are addresses. ctypes does not notice a wrong prototype and passes garbage,
+so every function that is used is declared here.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ Handle = c_void_p
 Vector = c_double * 4
 """dVector3: three numbers and one of padding."""
 
-LO_STOP, HI_STOP, VELOCITY, FORCE_MAX, CFM, STOP_ERP, STOP_CFM = 0, 1, 2, 5, 8, 9, 10
-"""dParamLoStop, HiStop, Vel, FMax, CFM, StopERP, StopCFM. Up to 0.11 those after the third were two lower."""
+LO_STOP, HI_STOP, VELOCITY, FORCE_MAX, CFM = 0, 1, 2, 5, 8
+"""dParamLoStop, HiStop, Vel, FMax, CFM. Up to 0.11 those after the third were two lower."""
 
 SECOND_AXIS = 0x100
 """dParamGroup2: added to a number, it means the second axis of an angular motor."""
@@ -60,20 +59,8 @@ class Surface(ctypes.Structure):
 
     _fields_ = (
         ("mode", c_int),
-        ("mu", c_double),
-        ("mu2", c_double),
-        ("rho", c_double),
-        ("rho2", c_double),
-        ("rho_n", c_double),
-        ("bounce", c_double),
-        ("bounce_velocity", c_double),
-        ("soft_erp", c_double),
-        ("soft_cfm", c_double),
-        ("motion1", c_double),
-        ("motion2", c_double),
-        ("motion_n", c_double),
-        ("slip1", c_double),
-        ("slip2", c_double),
+        *((name, c_double) for name in ("mu", "mu2", "rho", "rho2", "rho_n", "bounce", "bounce_velocity")),
+        *((name, c_double) for name in ("soft_erp", "soft_cfm", "motion1", "motion2", "motion_n", "slip1", "slip2")),
     )
 
 
@@ -103,7 +90,12 @@ MessageHandler = ctypes.CFUNCTYPE(None, c_int, c_char_p, c_void_p)
 NearCallback = ctypes.CFUNCTYPE(None, c_void_p, c_void_p, c_void_p)
 """dNearCallback: data, and two geometries whose boxes overlap."""
 
-_WORLD = {
+PROTOTYPES: dict[str, tuple[Any, tuple[Any, ...]]] = {
+    "dInitODE2": (c_int, (c_uint,)),
+    "dAllocateODEDataForThread": (c_int, (c_uint,)),
+    "dSetErrorHandler": (None, (MessageHandler,)),
+    "dSetDebugHandler": (None, (MessageHandler,)),
+    "dSetMessageHandler": (None, (MessageHandler,)),
     "dWorldCreate": (Handle, ()),
     "dWorldDestroy": (None, (Handle,)),
     "dWorldSetGravity": (None, (Handle, c_double, c_double, c_double)),
@@ -113,9 +105,6 @@ _WORLD = {
     "dWorldStep": (c_int, (Handle, c_double)),
     "dWorldQuickStep": (c_int, (Handle, c_double)),
     "dRandSetSeed": (None, (c_ulong,)),
-}
-
-_BODY = {
     "dBodyCreate": (Handle, (Handle,)),
     "dBodySetMass": (None, (Handle, POINTER(Mass))),
     "dBodySetKinematic": (None, (Handle,)),
@@ -129,9 +118,6 @@ _BODY = {
     "dBodyGetLinearVel": (POINTER(c_double), (Handle,)),
     "dBodyGetAngularVel": (POINTER(c_double), (Handle,)),
     "dBodyGetPointVel": (None, (Handle, c_double, c_double, c_double, POINTER(c_double))),
-}
-
-_JOINT = {
     "dJointCreateHinge": (Handle, (Handle, Handle)),
     "dJointCreateAMotor": (Handle, (Handle, Handle)),
     "dJointCreateContact": (Handle, (Handle, Handle, POINTER(Contact))),
@@ -148,9 +134,6 @@ _JOINT = {
     "dJointSetAMotorNumAxes": (None, (Handle, c_int)),
     "dJointSetAMotorAxis": (None, (Handle, c_int, c_int, c_double, c_double, c_double)),
     "dJointSetAMotorParam": (None, (Handle, c_int, c_double)),
-}
-
-_COLLISION = {
     "dSimpleSpaceCreate": (Handle, (Handle,)),
     "dSpaceDestroy": (None, (Handle,)),
     "dSpaceCollide": (None, (Handle, c_void_p, NearCallback)),
@@ -171,16 +154,6 @@ _COLLISION = {
     "dGeomSetCategoryBits": (None, (Handle, c_ulong)),
     "dGeomSetCollideBits": (None, (Handle, c_ulong)),
 }
-
-_LIBRARY = {
-    "dInitODE2": (c_int, (c_uint,)),
-    "dAllocateODEDataForThread": (c_int, (c_uint,)),
-    "dSetErrorHandler": (None, (MessageHandler,)),
-    "dSetDebugHandler": (None, (MessageHandler,)),
-    "dSetMessageHandler": (None, (MessageHandler,)),
-}
-
-PROTOTYPES = _LIBRARY | _WORLD | _BODY | _JOINT | _COLLISION
 """Name -> type of the result, types of the arguments. `dGetConfiguration` is asked before these are declared."""
 
 ON_MACOS = ("libode.8.dylib", "/opt/homebrew/lib/libode.8.dylib")
@@ -191,23 +164,18 @@ SYSTEM_NAMES = ON_MACOS if sys.platform == "darwin" else ("libode.so.8",)
 REMEDY = "pip install 'stiction[engines]' (Linux), apt install libode8, or brew install ode"
 """How to get it."""
 
-_said: list[str] = []
-"""What ODE has said since `taken_messages` was last called."""
+_messages: list[str] = []
+"""Messages of ODE since `taken_messages` was last called."""
 
 _handlers: list[Callable[..., None]] = []
-"""The functions that ODE calls, kept alive for as long as the process lives."""
+"""References to the functions that ODE calls, so that they are not freed."""
 
 
 @cache
 def ode_library() -> ctypes.CDLL:
-    """Return ODE, initialised and with its prototypes declared; the same object every time.
+    """Return ODE, initialised and with its prototypes declared; the same object every time. It is never closed.
 
-    It is never closed: the system takes its memory back when the process ends, and a world that somebody still holds
-    then does no harm.
-
-    Raises:
-        StictionError: there is no ODE of this version and precision.
-
+    Raises `StictionError` where there is no ODE of this version and precision.
     """
     failures = []
     for name in candidates():
@@ -222,10 +190,7 @@ def ode_library() -> ctypes.CDLL:
 
 @cache
 def library_digest() -> str | None:
-    """Return the SHA-256 of the file that ODE is loaded from: two builds of one version may round otherwise.
-
-    None where there is no ODE that can be used.
-    """
+    """Return the SHA-256 of ODE's file, since two builds of one version may round otherwise; None without ODE."""
     try:
         function = ode_library().dInitODE2
     except StictionError:
@@ -233,29 +198,19 @@ def library_digest() -> str | None:
     return hashlib.sha256(file_of(function).read_bytes()).hexdigest()
 
 
-class _Place(ctypes.Structure):
-    """`Dl_info` of the C library: where an address comes from."""
+class _AddressInfo(ctypes.Structure):
+    """`Dl_info` of the C library: the origin of an address."""
 
-    _fields_ = (
-        ("file", ctypes.c_char_p),
-        ("base", ctypes.c_void_p),
-        ("symbol", ctypes.c_char_p),
-        ("address", ctypes.c_void_p),
-    )
+    _fields_ = (("file", c_char_p), ("base", c_void_p), ("symbol", c_char_p), ("address", c_void_p))
 
 
 def file_of(function: Any) -> Path:
-    """Return the file that a function of a loaded library comes from, as the system's loader found it.
-
-    Raises:
-        StictionError: the loader does not know it.
-
-    """
-    dladdr, place = ctypes.CDLL(None).dladdr, _Place()
-    dladdr.argtypes = [ctypes.c_void_p, ctypes.POINTER(_Place)]
-    if not dladdr(ctypes.cast(function, ctypes.c_void_p), ctypes.byref(place)) or not place.file:
+    """Return the file of a function of a loaded library; raise `StictionError` where the loader does not know it."""
+    dladdr, info = ctypes.CDLL(None).dladdr, _AddressInfo()
+    dladdr.argtypes = [c_void_p, POINTER(_AddressInfo)]
+    if not dladdr(ctypes.cast(function, c_void_p), ctypes.byref(info)) or not info.file:
         raise EngineError(f"the file of {function} is not known to the system's loader; is the library still there?")
-    return Path(os.fsdecode(place.file))
+    return Path(os.fsdecode(info.file))
 
 
 def candidates() -> Iterator[str]:
@@ -305,16 +260,16 @@ def check_precision(library: ctypes.CDLL, name: str) -> None:
         configuration = library.dGetConfiguration
     except AttributeError as error:
         raise EngineError(f"{name} is not ODE") from error
-    configuration.restype, configuration.argtypes = ctypes.c_char_p, []
+    configuration.restype, configuration.argtypes = c_char_p, []
     if b"ODE_double_precision" not in configuration().split():
         raise EngineError(f"{name} was built in single precision")
 
 
 def check_numbers(library: ctypes.CDLL, name: str) -> None:
-    """Raise `StictionError` unless the numbers of joint parameters mean what they mean in 0.16.
+    """Raise `StictionError` unless the numbers of joint parameters are those of 0.16.
 
-    They moved by two after 0.11, and an older library loses friction without a word. So a motor of known strength turns
-    a body of known inertia: 3 N m on 2 kg m², wanting 1 rad/s, has it at 0.15 rad/s after 0.1 s.
+    They moved by two after 0.11, and an older library would silently ignore friction. So a motor of 3 N m turns a body
+    of 2 kg m² towards 1 rad/s: it must reach 0.15 rad/s after 0.1 s.
     """
     world = library.dWorldCreate()
     try:
@@ -336,46 +291,42 @@ def check_numbers(library: ctypes.CDLL, name: str) -> None:
 
 
 def prepare_thread(library: ctypes.CDLL) -> None:
-    """Let the calling thread use the collision detection, whose memory is a thread's own; more than once does no harm.
-
-    Raises `StictionError` where there is no memory.
-    """
+    """Allocate the collision detection's memory of the calling thread, if it has none."""
     if not library.dAllocateODEDataForThread(COLLISION_DATA):
         raise EngineError("ODE found no memory for this thread's collision detection; free some")
 
 
 def set_handlers(library: ctypes.CDLL) -> None:
-    """Take ODE's messages, which would go to standard error, and say what an error is before ODE ends the process.
+    """Record ODE's messages, which would go to standard error, and print its errors before it ends the process.
 
-    ODE calls exit() after an error and abort() after a failed assertion, whatever its handlers do. So callers see to it
-    that neither happens (`ode_check`), and the handler is the last line of defence: no process ends without a word.
+    ODE calls exit() after an error and abort() after a failed assertion, whatever its handlers do: callers must see to
+    it that neither happens.
     """
     text = _formatter()
 
-    def remember(number: int, form: bytes, arguments: int) -> None:
-        _said.append(text(form, arguments))
+    def record(number: int, form: bytes, arguments: int) -> None:
+        _messages.append(text(form, arguments))
 
-    def lament(number: int, form: bytes, arguments: int) -> None:
+    def report(number: int, form: bytes, arguments: int) -> None:
         print(f"stiction: ODE gave up and ends this process: {text(form, arguments)}", file=sys.stderr, flush=True)
 
-    last_words, message = MessageHandler(lament), MessageHandler(remember)
-    _handlers.extend((last_words, message))
-    library.dSetErrorHandler(last_words)
-    library.dSetDebugHandler(last_words)
+    error, message = MessageHandler(report), MessageHandler(record)
+    _handlers.extend((error, message))
+    library.dSetErrorHandler(error)
+    library.dSetDebugHandler(error)
     library.dSetMessageHandler(message)
 
 
 def taken_messages() -> list[str]:
-    """Return what ODE has said since the last call, and forget it."""
-    taken, _said[:] = _said[:], []
+    """Return ODE's messages since the last call, and forget them."""
+    taken, _messages[:] = _messages[:], []
     return taken
 
 
 def _formatter() -> Callable[[bytes, int], str]:
     """Return C's vsnprintf as a function of a format and the address of its arguments."""
     vsnprintf = ctypes.CDLL(None).vsnprintf
-    vsnprintf.restype = ctypes.c_int
-    vsnprintf.argtypes = [ctypes.c_char_p, ctypes.c_size_t, ctypes.c_char_p, ctypes.c_void_p]
+    vsnprintf.restype, vsnprintf.argtypes = c_int, [c_char_p, ctypes.c_size_t, c_char_p, c_void_p]
 
     def text(form: bytes, arguments: int) -> str:
         buffer = ctypes.create_string_buffer(400)

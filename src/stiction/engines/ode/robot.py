@@ -76,21 +76,21 @@ class OdeRobot:
             set_parameter(motor, c.SECOND_AXIS + c.FORCE_MAX, bound)
 
     def read(self) -> None:
-        """Take angles and speeds of the joints over from ODE."""
+        """Read angles and speeds of the joints from ODE."""
         angle, speed = self._library.dJointGetHingeAngle, self._library.dJointGetHingeAngleRate
         self.angle = self._middle + [angle(hinge) for hinge in self._hinges]
         self.speed = np.array([speed(hinge) for hinge in self._hinges])
 
     def speeds(self) -> tuple[np.ndarray, ...]:
-        """Return the speeds of the joints [rad/s], (J,), of the base [m/s], (3,), and its turning [rad/s], (3,)."""
+        """Return the speeds of the joints [rad/s], (J,), and the base's velocities [m/s, rad/s], shape (3,) each."""
         return self.speed, *self._state[2:4]
 
     def state(self) -> np.ndarray:
-        """Return a copy of all that bodies do now, shape (bodies, 13): place, quaternion, velocity, turning."""
+        """Return a copy of the bodies' state, shape (bodies, 13): position, quaternion, velocity, angular velocity."""
         return np.concatenate(self._state).reshape(-1, STATE)
 
     def restore(self, state: np.ndarray) -> None:
-        """Make the bodies do what they did when `state` was called."""
+        """Put the bodies back into a state, as from `state`."""
         library = self._library
         for body, row in zip(self._bodies, state, strict=True):
             library.dBodySetPosition(body, *row[:3])
@@ -99,20 +99,15 @@ class OdeRobot:
             library.dBodySetAngularVel(body, *row[10:])
 
     def base_motion(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return position [m] and quaternion of the base's frame, its velocity and turning in it [m/s, rad/s].
-
-        What ODE moves is the centre of mass.
-        """
-        centre, quaternion, velocity, turning = self._state[:4]
-        turn = matrix(quaternion)
-        rate = turning @ turn
-        return centre - turn @ self._com, quaternion.copy(), velocity @ turn - cross(rate, self._com), rate
+        """Return position [m] and quaternion of the base's frame, and its velocities in it [m/s], [rad/s]."""
+        # ODE's state is that of the centre of mass.
+        centre, quaternion, velocity, angular_velocity = self._state[:4]
+        rotation = matrix(quaternion)
+        rate = angular_velocity @ rotation
+        return centre - rotation @ self._com, quaternion.copy(), velocity @ rotation - cross(rate, self._com), rate
 
     def transmitted(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return |F| [N] and |T| about the centre of mass of the link behind the joint [N m] of the last step, (J,).
-
-        What the hinge's constraint and the motor give to the link, together.
-        """
+        """Return |F| [N] and |T| [N m] of the hinge's constraint and the motor on the link in the last step, (J,)."""
         given = np.linalg.norm(self._feedback[:, :, :2, :3].sum(axis=1), axis=-1)
         return given[:, 0], given[:, 1]
 
