@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from stiction.identify.consistency import beyond_chance, disagreement
-from stiction.identify.in_loop import InLoop, fit_in_loop, respond, values_of
+from stiction.identify.in_loop import InLoop, fit_in_loop, fit_late, respond
 from stiction.identify.intervals import block_count, correlation_time
 from stiction.identify.model import GRAVITY, LAWS, Law, Model
 from stiction.identify.output_error import OutputError
@@ -164,7 +164,11 @@ def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
     fits: dict[Law, Fit] = {"coulomb": base}
     fits |= {law: fit_rows(rows, Model(law, gravity, middle), strength_unknown) for law in laws[1:]}
     errors = {law: _held_out(rows, fit.model, strength_unknown, fold) for law, fit in fits.items()}
-    objections = {law: _objection(rows, fits[law], base, errors[law], errors["coulomb"]) for law in laws}
+    gains = {law: gain_of(errors[law], errors["coulomb"]) for law in laws}
+    evidence = {
+        law: evidence_of([base.residual], [fit.residual], len(fit.names) - len(base.names)) for law, fit in fits.items()
+    }
+    objections = {law: _objection(rows, fits[law], base, gains[law], evidence[law]) for law in laws}
     fair = [law for law in laws if not objections[law]] or ["coulomb"]
     best = min(fair, key=lambda law: errors[law].sum())
     chosen = next(law for law in fair if law == best or not gain_of(errors[best], errors[law]).certain)
@@ -172,21 +176,19 @@ def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
     reasons |= {"coulomb": "predicts as well as any richer law" if chosen == "coulomb" else "beaten"}
     reasons |= {chosen: "chosen"}
     size = float(np.sum(rows.torque**2))
-    return Choice(
-        fits[chosen].model,
-        tuple(
-            Candidate(
-                law,
-                len(fits[law].names),
-                float(np.sqrt(errors[law].sum() / size)),
-                gain_of(errors[law], errors["coulomb"]).mean,
-                gain_of(errors[law], errors["coulomb"]).std,
-                _evidence(fits[law], base),
-                reasons[law],
-            )
-            for law in laws
-        ),
+    candidates = tuple(
+        Candidate(
+            law=law,
+            parameters=len(fits[law].names),
+            held_out=float(np.sqrt(errors[law].sum() / size)),
+            gain=gains[law].mean,
+            gain_std=gains[law].std,
+            evidence=evidence[law],
+            verdict=reasons[law],
+        )
+        for law in laws
     )
+    return Choice(fits[chosen].model, candidates)
 
 
 def _held_out(rows: Rows, model: Model, strength_unknown: bool, fold: np.ndarray) -> np.ndarray:
@@ -214,16 +216,11 @@ def evidence_of(plain: Sequence[np.ndarray], rich: Sequence[np.ndarray], more: i
     return total - more * float(np.log(samples))
 
 
-def _evidence(fit: Fit, base: Fit) -> float:
-    """Return by how much the information criterion falls from `base` to `fit`."""
-    return evidence_of([base.residual], [fit.residual], len(fit.names) - len(base.names))
-
-
-def _objection(rows: Rows, fit: Fit, base: Fit, error: np.ndarray, reference: np.ndarray) -> str:
+def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> str:
     """Return why a law cannot be chosen, or nothing."""
     if fit is base:
         return ""
-    found = dict(zip(fit.names, fit.values, strict=True))
+    found = fit.by_name
     blurred = [name for name in fit.names if name.endswith(OF_LAWS) and fit.inflation[name] > LARGEST_INFLATION]
     if blurred:
         return f"the motion does not tell {blurred[0]}"
@@ -240,7 +237,6 @@ def _objection(rows: Rows, fit: Fit, base: Fit, error: np.ndarray, reference: np
         return "its friction would drive the joint"
     if fit.model.law == "position" and _least_friction(fit, rows) < 0:
         return "its friction would drive the joint"
-    gain, evidence = gain_of(error, reference), _evidence(fit, base)
     if not gain.certain:
         side = "lower" if gain.mean >= 0 else "higher"
         return f"held-out error {side} by {abs(gain.mean):.1%} ± {gain.std:.1%}: not beyond noise"
@@ -251,7 +247,7 @@ def _objection(rows: Rows, fit: Fit, base: Fit, error: np.ndarray, reference: np
 
 def _least_friction(fit: Fit, rows: Rows) -> float:
     """Return the least friction of a position law over the angles of the log [N m]."""
-    found = dict(zip(fit.names, fit.values, strict=True))
+    found = fit.by_name
     away = np.linspace(rows.position.min(), rows.position.max(), 50) - fit.model.middle
     friction = found["coulomb_friction"] + found["position_slope"] * away + found["position_curvature"] * away**2
     return float(friction.min())
@@ -260,14 +256,20 @@ def _least_friction(fit: Fit, rows: Rows) -> float:
 def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
     """Return the Stribeck law if simulation calls for it; base and loop: the symmetric fits, which must disagree."""
     plain = loop.symmetric
-    if plain is None or not _disagree(base, plain):
+    if plain is None:
+        return None
+    gaps = disagreement(base, plain.estimates)
+    if not any(beyond_chance(gaps[name]) for name in ("viscous_friction", "coulomb_friction") if name in gaps):
         return None
     rich = replace(base, model=Model("stribeck", base.model.gravity))
-    start = values_of(base) | {name: estimate.value for name, estimate in plain.estimates.items()}
+    start = base.by_name | plain.values
     start["static_friction"] = FIRST_RISE * start["coulomb_friction"]
     start["stribeck_velocity"] = FIRST_SPEED * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
     found = fit_in_loop(run, rich, start)
-    if found is None or not _rises(found) or _is_late(run, base, start, plain, found):
+    if found is None or not _rises(found):
+        return None
+    late = fit_late(run, base, start)
+    if late is not None and _misfit(late, plain) < _misfit(found, plain):
         return None
     gain = _gain_in_loop(run, base, rich, start)
     both = plain.counted & found.counted
@@ -275,27 +277,13 @@ def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
     evidence = evidence_of(before, after, len(rich.model.names) - len(base.model.names))
     if gain is None or not gain.certain or evidence < LEAST_EVIDENCE:
         return None
-    values = {name: found.estimates[name].value for name in rich.model.names if name in found.estimates}
-    return SimulatedLaw(found, fit_at(base.rows, rich.model, start | values), gain, evidence)
-
-
-def _disagree(base: Fit, found: OutputError) -> bool:
-    """Return whether regression and output error dispute the friction."""
-    gaps = disagreement(base, found.estimates)
-    return any(beyond_chance(gaps[name]) for name in ("viscous_friction", "coulomb_friction") if name in gaps)
+    return SimulatedLaw(found, fit_at(base.rows, rich.model, start | found.values), gain, evidence)
 
 
 def _rises(found: OutputError) -> bool:
     """Return whether friction at rest is above Coulomb friction, clearly."""
     static, coulomb = found.estimates["static_friction"], found.estimates["coulomb_friction"]
     return static.interval95[0] > coulomb.interval95[1] and static.value > LEAST_RISE * coulomb.value
-
-
-def _is_late(run: Run, base: Fit, start: dict[str, float], plain: OutputError, rich: OutputError) -> bool:
-    """Return whether a controller that is late explains the log better than friction that rises toward rest."""
-    free = replace(run, setup=replace(run.setup, unknowns=("delay",)))
-    late = fit_in_loop(free, base, start)
-    return late is not None and _misfit(late, plain) < _misfit(rich, plain)
 
 
 def _misfit(found: OutputError, plain: OutputError) -> float:
@@ -317,7 +305,7 @@ def _gain_in_loop(run: Run, base: Fit, rich: Fit, start: dict[str, float]) -> Ga
         sizes = {name: float(np.std(row[part & valid])) for name, row in plain.residuals.items()}
         blocks = np.array_split(np.flatnonzero(~part & valid), BLOCKS_OF_HALF)
         for model, found, own in zip((base.model, rich.model), (plain, richer), errors, strict=True):
-            response = respond(run, model, {name: estimate.value for name, estimate in found.estimates.items()})
+            response = respond(run, model, found.values)
             rows = {name: getattr(response, name) - getattr(run.signals, name) for name in sizes}
             squares = sum((row / max(sizes[name], 1e-300)) ** 2 for name, row in rows.items())
             own += [float(np.sum(np.asarray(squares)[block])) for block in blocks]

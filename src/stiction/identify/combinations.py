@@ -16,7 +16,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.formats.joints import PARAMETERS, Estimate
-from stiction.identify.intervals import bootstrap_reach, with_intervals
 from stiction.identify.prepare import Rows
 from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit, fit_beside
 
@@ -134,9 +133,7 @@ def times(estimate: Estimate, factor: Estimate) -> Estimate:
 def holding_torque(fit: Fit, angle: float) -> Estimate:
     """Return the torque that holds the link at an angle [rad], offset and gravity together, in the fit's unit."""
     weights = {"offset": 1.0, "gravity_sin": np.sin(angle), "gravity_cos": np.cos(angle)}
-    row = np.array([weights.get(name, 0.0) for name in fit.names])
-    reach = bootstrap_reach(fit.blocks)[fit.names.index("offset")]
-    return with_intervals(np.array([row @ fit.values]), np.array([[row @ fit.covariance @ row]]), reach)[0]
+    return fit.combination(weights, "offset")
 
 
 def missing_experiment(strength: Strength, measured: bool) -> str | None:

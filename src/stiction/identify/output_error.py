@@ -156,6 +156,11 @@ class OutputError:
     evaluations: int
     """Simulations that the search took."""
 
+    @property
+    def values(self) -> dict[str, float]:
+        """The best estimates by name."""
+        return {name: estimate.value for name, estimate in self.estimates.items()}
+
 
 def fit_output_error(
     signals: Uniform,

@@ -19,7 +19,7 @@ from stiction.formats.log import UNNAMED, Log
 from stiction.identify.choice import choose_in_loop, choose_law
 from stiction.identify.combinations import tells_strength
 from stiction.identify.consistency import Comparison, compare, compare_parts, compare_timing
-from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run, symmetric_model
+from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run
 from stiction.identify.prepare import make_rows
 from stiction.identify.record import Evidence, Prediction, make_record
 from stiction.identify.regression import INVERSE_STRENGTH, Fit, check_fit, fit_rows, predict_torque, rigid_torque
@@ -95,7 +95,7 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
 
     A payload tells k, and so does a known torque from outside, if it is large enough; else k stays unknown.
     """
-    model, strength = symmetric_model(run), run.setup.motor_strength
+    model, strength = run.model, run.setup.motor_strength
     runs = (run, *others)
     payloads = [one.setup.payload for one in runs]
     known = strength is not None or (run.measured and run.setup.torque_calibrated is not False)

@@ -20,18 +20,16 @@ from stiction.identify.combinations import (
 )
 from stiction.identify.consistency import Comparison, Drift, disagreement, find_drift, whiteness, widened
 from stiction.identify.in_loop import InLoop
-from stiction.identify.intervals import bootstrap_reach, with_intervals
 from stiction.identify.model import GRAVITY
 from stiction.identify.output_error import OutputError
 from stiction.identify.prepare import Rows
 from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit
 from stiction.identify.runs import Run
-from stiction.identify.verdict import verdict
+from stiction.identify.verdict import judge
 from stiction.joints.friction import dead_band, friction_ratio
 
 DELAY_ERROR = 0.1
-"""Share of a found delay by which its interval is widened: the loop's model is of second order in it, and long delays
-come out too long."""
+"""Share of an estimated delay by which its interval is widened: the loop's model is of second order in it."""
 
 CLEAR = 3.0
 """Standard deviations by which gravity must be there before its phase says anything."""
@@ -70,12 +68,9 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
     largest = float(np.linalg.eigvalsh(fit.covariance[np.ix_((sine, cosine), (sine, cosine))])[-1])
     if size**2 < CLEAR**2 * largest:
         return None
-    gradient = np.zeros(len(fit.names))
-    gradient[sine], gradient[cosine] = -across / size**2, -along / size**2
+    gradient = {"gravity_sin": -across / size**2, "gravity_cos": -along / size**2}
     phase = (np.arctan2(across, along) - hanging + np.pi) % (2 * np.pi) - np.pi
-    variance = gradient @ fit.covariance @ gradient
-    reach = bootstrap_reach(fit.blocks)[cosine]
-    found = with_intervals(np.array([phase]), np.array([[variance]]), reach)[0]
+    found = fit.combination(gradient, "gravity_cos", phase)
     return found if found.interval95[1] - found.value < WIDEST_BIAS else None
 
 
@@ -150,11 +145,13 @@ def make_record(evidence: Evidence) -> JointRecord:
     run, base, setup = evidence.run, evidence.base, evidence.run.setup
     strength = find_strength(base, run.measured, setup.torque_calibrated is not False, setup.motor_strength)
     estimates = widened(evidence.symmetric(), evidence.comparisons)
-    found = combine(base, estimates, strength, kd_assumed(run), _middle(run))
+    middle = float(run.signals.position.min() + run.signals.position.max()) / 2
+    found = combine(base, estimates, strength, kd_assumed(run), middle)
     scaled = evidence.loop.scaled
     if scaled is not None:
         strength = Strength(scaled.estimates["motor_strength"], "known_load")
-        found = replace(found, parameters=found.parameters | _of_base(base, scaled.estimates))
+        in_si = {name: estimate for name, estimate in scaled.estimates.items() if name in base.model.names}
+        found = replace(found, parameters=found.parameters | in_si)
     level = estimates["coulomb_friction"]
     limited = found.parameters["coulomb_friction"] if run.measured and setup.torque_calibrated is not False else level
     ratio = None
@@ -163,11 +160,9 @@ def make_record(evidence: Evidence) -> JointRecord:
     gains_fit = setup.kp is not None and setup.torque_calibrated is not False
     holding = evidence.law().get("static_friction", level)
     band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
-    axis = setup.axis or "rotary"
-    judged = verdict(found.parameters["coulomb_friction"], ratio, band, setup.test_condition, axis)
     law = _law(evidence, strength)
     known = found.parameters | _of_law(law, strength) | loop_unknowns(base, evidence.loop, setup.hanging_angle)
-    return JointRecord(
+    record = JointRecord(
         inertia=known["inertia"],
         viscous_friction=known["viscous_friction"],
         coulomb_friction=known["coulomb_friction"],
@@ -184,29 +179,19 @@ def make_record(evidence: Evidence) -> JointRecord:
         dead_band=band,
         combinations=found.combinations,
         friction_law=law,
-        axis=axis,
+        axis=setup.axis or "rotary",
         test_condition=setup.test_condition,
         torque_source=(setup.torque_source or "motor_side") if run.measured else None,
         kp=setup.kp,
         kd=setup.kd,
         torque_limit=setup.torque_limit,
-        diagnostics=_diagnostics(evidence, strength) | {"verdict": judged.to_dict()},
     )
-
-
-def _of_base(base: Fit, estimates: dict[str, Estimate]) -> dict[str, Estimate | None]:
-    """Return those of the estimates that are parameters of the symmetric equation."""
-    return {name: estimate for name, estimate in estimates.items() if name in base.model.names}
+    return replace(record, diagnostics=_diagnostics(evidence, strength) | {"verdict": judge(record).to_dict()})
 
 
 def kd_assumed(run: Run) -> float:
     """Return the kd that was taken off the viscous friction: the controller's, where torque is not measured."""
     return 0.0 if run.measured else float(run.setup.kd or 0.0)
-
-
-def _middle(run: Run) -> float:
-    """Return θ in the middle of the range [rad]."""
-    return float(run.signals.position.min() + run.signals.position.max()) / 2
 
 
 def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
@@ -218,8 +203,8 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     if fit is evidence.base:
         stated = widened(stated, evidence.comparisons)
     for name, estimate in stated.items():
-        told = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < LARGEST_INFLATION
-        if name not in fit.names or name == INVERSE_STRENGTH or not told:
+        identified = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < LARGEST_INFLATION
+        if name not in fit.names or name == INVERSE_STRENGTH or not identified:
             continue
         own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
         unitless = name in UNITLESS
@@ -229,8 +214,8 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "parameters": parameters,
         "over_strength": strength.value is None,
         "drawn": {
-            "viscous_friction": dict(zip(fit.names, fit.values.tolist())).get("viscous_friction", 0.0),
-            "symmetric": float(evidence.base.values[evidence.base.names.index("coulomb_friction")]),
+            "viscous_friction": fit.by_name.get("viscous_friction", 0.0),
+            "symmetric": evidence.base.by_name["coulomb_friction"],
         },
         "middle": fit.model.middle,
         "text": evidence.choice.text,
@@ -260,10 +245,12 @@ def _relative_error(fit: Fit, rows: Rows) -> float:
 
 def _simulated(result: OutputError | None) -> dict[str, Any] | None:
     """Return what output error found, as plain data, in units of k."""
-    if result is None:
-        return None
-    data: dict[str, Any] = {name: estimate.to_dict() for name, estimate in result.estimates.items()}
-    return data | {"relative_errors": result.relative_errors}
+    return None if result is None else _plain(result.estimates) | {"relative_errors": result.relative_errors}
+
+
+def _plain(estimates: dict[str, Estimate]) -> dict[str, Any]:
+    """Return estimates as plain data."""
+    return {name: estimate.to_dict() for name, estimate in estimates.items()}
 
 
 def _disagreement(evidence: Evidence) -> dict[str, dict[str, float]] | None:
@@ -277,13 +264,11 @@ def _disagreement(evidence: Evidence) -> dict[str, dict[str, float]] | None:
 def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     """Return the numbers behind the fit."""
     run, base, rows, loop = evidence.run, evidence.base, evidence.rows, evidence.loop
-    simulated = _simulated(loop.symmetric)
     alone = rows is run.rows
-    instrumental = None if loop.instrumental is None else loop.instrumental.estimates()
     follows = None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base)
     return {
         "method": evidence.method,
-        "seen": {name: estimate.to_dict() for name, estimate in base.estimates().items()},
+        "seen": _plain(base.estimates()),
         "strength": {"source": strength.source, "missing": missing_experiment(strength, run.measured)},
         "samples": len(run.signals.time),
         "samples_used": len(rows),
@@ -301,13 +286,11 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "position_torque": None if follows is None else asdict(follows),
         "comparisons": [comparison.to_dict() for comparison in evidence.comparisons],
         "predictions": [asdict(prediction) for prediction in evidence.predictions],
-        "drift": (find_drift(rows, base) if alone else Drift(None, "several logs were fitted together")).to_dict(),
+        "drift": asdict(find_drift(rows, base) if alone else Drift(None, "several logs were fitted together")),
         "controller_mismatch": loop.mismatch,
         "closed_loop": loop.reason,
-        "output_error": simulated,
+        "output_error": _simulated(loop.symmetric),
         "output_error_law": _simulated(loop.chosen),
         "disagreement": _disagreement(evidence) if alone else None,
-        "instrumental_variable": None
-        if instrumental is None
-        else {name: estimate.to_dict() for name, estimate in instrumental.items()},
+        "instrumental_variable": loop.instrumental and _plain(loop.instrumental.estimates()),
     }

@@ -9,7 +9,7 @@ Gautier, IEEE Transactions on Control Systems Technology 22(1), 2014.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -97,6 +97,21 @@ class Fit:
         """Covariance of the estimates, robust against correlated residuals, shape (P, P)."""
         return robust_covariance(self.blocks)
 
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The best estimates by name."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    def combination(self, weights: Mapping[str, float], like: str, value: float | None = None) -> Estimate:
+        """Return a weighted sum of the parameters, its interval as many deviations wide as that of `like`.
+
+        value: of a function of the parameters whose gradient the weights are; by default the sum itself.
+        """
+        row = np.array([weights.get(name, 0.0) for name in self.names])
+        centre = row @ self.values if value is None else value
+        reach = bootstrap_reach(self.blocks)[self.names.index(like)]
+        return with_intervals(np.array([centre]), np.array([[row @ self.covariance @ row]]), reach)[0]
+
     def scatter(self) -> dict[str, Estimate]:
         """Return each parameter with the deviation and the interval that the residual's scatter alone gives it."""
         found = with_intervals(self.values, self.covariance, bootstrap_reach(self.blocks))
@@ -164,8 +179,7 @@ def linear_jacobian(rows: Rows, names: tuple[str, ...]) -> np.ndarray:
 
 def predict_torque(fit: Fit, rows: Rows) -> np.ndarray:
     """Return the torque that a fit expects on rows that it need not have seen [N m], shape (num_rows,)."""
-    found = dict(zip(fit.names, fit.values, strict=True))
-    columns = _columns(rows, fit.model.middle)
+    found, columns = fit.by_name, _columns(rows, fit.model.middle)
     if fit.model.law == "stribeck":
         columns |= _rise(rows, found["stribeck_velocity"])
     elif fit.model.law == "load":
@@ -179,7 +193,7 @@ def rigid_torque(fit: Fit, rows: Rows) -> np.ndarray:
     columns = _columns(rows)
     payload = 0.0 if INVERSE_STRENGTH in fit.names else rows.payload
     rigid = ("inertia", "offset", *GRAVITY, INVERSE_STRENGTH)
-    return payload + sum(value * columns[name] for name, value in zip(fit.names, fit.values) if name in rigid)
+    return payload + sum(value * columns[name] for name, value in fit.by_name.items() if name in rigid)
 
 
 def check_fit(source: str, fit: Fit) -> None:
@@ -192,8 +206,7 @@ def check_fit(source: str, fit: Fit) -> None:
             f"{source}: the payload's weight cannot be told from the link's own, so the motor strength and the inertia "
             "are not known; log once without the payload as well and give that log with --repeat"
         )
-    dynamic = [name for name in ("inertia", "viscous_friction", "coulomb_friction")]
-    worst = max(dynamic, key=lambda name: fit.inflation[name])
+    worst = max(("inertia", "viscous_friction", "coulomb_friction"), key=lambda name: fit.inflation[name])
     if not fit.inflation[worst] < LARGEST_INFLATION:
         raise LogError(
             f"{source}: excitation too poor: {worst} cannot be told from the other parameters (its share of the motion "

@@ -9,6 +9,7 @@ import numpy as np
 from stiction.core.errors import LogError
 from stiction.formats.log import Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
+from stiction.identify.model import Model
 from stiction.identify.prepare import Prepared, Rows, make_rows, prepare
 from stiction.identify.regression import check_rows
 from stiction.identify.setup import IdentifySetup
@@ -43,6 +44,11 @@ class Run:
     def measured(self) -> bool:
         """Whether the log has torque; otherwise it comes from the PD law."""
         return self.signals.torque is not None
+
+    @property
+    def model(self) -> Model:
+        """The torque equation with viscous and Coulomb friction, and with gravity where it is fitted."""
+        return Model("coulomb", self.setup.fits_gravity)
 
     @property
     def gains(self) -> PDGains | None:
