@@ -3,15 +3,12 @@
 A log of positions and targets alone stays the same if I, B, f, the offset, gravity and the motor strength k all grow
 by the same factor: the motion shows I/k, f/k and (B + k·kd)/k, and nothing else. A known payload breaks the tie, for
 its weight does not grow with k, and so does a known torque from outside; measured torque does too, if its unit is N m.
-
-Such a torque hides in the inertia, for θ'' and θ are opposite in a sine: 0.2 N m of gravity on the paper's shank moves
-it by 8 %, many of its standard deviations, and leaves a residual that looks harmless. So the regression is done again
-with θ as a fifth regressor; what that changes is what the law with four lacks.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -149,24 +146,21 @@ def missing_experiment(strength: Strength, measured: bool) -> str | None:
     )
 
 
-@dataclass(frozen=True)
-class PositionTorque:
-    """Torque that follows the position, and what leaving it out costs."""
+def position_torque(rows: Rows, fit: Fit) -> dict[str, Any]:
+    """Fit the torque equation with θ beside its regressors; fit: the one without θ.
 
-    slope: float
-    """Torque over position [N m/rad]."""
-    std: float
-    """Standard deviation of the slope [N m/rad]."""
-    changes: dict[str, float]
-    """Inertia, viscous and Coulomb friction: how much each changes once the slope is fitted too, over its value [1]."""
-
-
-def position_torque(rows: Rows, fit: Fit) -> PositionTorque:
-    """Fit the torque equation with θ beside its regressors; fit: the one without θ."""
+    A torque that follows the position hides in the inertia, for θ'' and θ are opposite in a sine, and leaves a residual
+    that looks harmless. Returns `slope` and `std`, torque over position and its deviation [N m/rad], and `changes`: by
+    how much inertia, viscous and Coulomb friction change with it, each over its value [1].
+    """
     both = fit_beside(fit, "slope", rows.position - rows.position.mean())
     changes = {
         name: float(value / before - 1)
         for name, value, before in zip(PARAMETERS[:3], both.values, fit.values)
         if before != 0
     }
-    return PositionTorque(float(both.values[-1]), float(np.sqrt(both.covariance[-1, -1])), changes)
+    return {
+        "slope": float(both.values[-1]),
+        "std": float(np.sqrt(both.covariance[-1, -1])),
+        "changes": changes,
+    }

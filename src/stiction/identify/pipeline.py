@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from stiction.identify.combinations import tells_strength
 from stiction.identify.consistency import Comparison, compare, compare_parts, compare_timing
 from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run
 from stiction.identify.prepare import make_rows
-from stiction.identify.record import Evidence, Prediction, make_record
+from stiction.identify.record import Evidence, make_record
 from stiction.identify.regression import INVERSE_STRENGTH, Fit, check_fit, fit_rows, predict_torque, rigid_torque
 from stiction.identify.runs import Run, make_run
 from stiction.identify.setup import IdentifySetup
@@ -163,13 +164,17 @@ def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tu
     return (*parts, *([timing] if timing else []), *runs)
 
 
-def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[Prediction, ...]:
-    """Try the law that was chosen on the repeats, which it has not seen."""
+def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[dict[str, Any], ...]:
+    """Try the law that was chosen on the repeats, which it was not fitted to.
+
+    torque_error: |measured − predicted| over |measured| torque, at the samples that count; simulation_errors: the same
+    for the signals of a simulation of the whole log, None where it could not be done.
+    """
     found = []
     for other in others:
         residual = other.rows.torque - predict_torque(fit, other.rows)
-        size = float(np.linalg.norm(residual) / np.linalg.norm(other.rows.torque))
-        found.append(Prediction(other.source, size, predict_run(other, fit)))
+        error = float(np.linalg.norm(residual) / np.linalg.norm(other.rows.torque))
+        found.append({"source": other.source, "torque_error": error, "simulation_errors": predict_run(other, fit)})
     return tuple(found)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -75,18 +75,6 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
 
 
 @dataclass(frozen=True)
-class Prediction:
-    """How well the chosen law does on a log that it has not seen."""
-
-    source: str
-    """Name of the log."""
-    torque_error: float
-    """|measured − predicted| over |measured| torque, at the samples that count."""
-    simulation_errors: dict[str, float] | None
-    """The same for position, velocity and torque of a simulation of the whole log; None where it could not be done."""
-
-
-@dataclass(frozen=True)
 class Evidence:
     """What the estimators left behind."""
 
@@ -104,8 +92,9 @@ class Evidence:
     """What simulations gave."""
     comparisons: tuple[Comparison, ...]
     """Parts and repeats."""
-    predictions: tuple[Prediction, ...] = ()
-    """The chosen law on the repeats."""
+    predictions: tuple[dict[str, Any], ...] = ()
+    """How well the chosen law predicts each of the repeats, which it was not fitted to: `source`, the log's name,
+    `torque_error` and `simulation_errors`, shares of what was measured [1]."""
 
     @property
     def by_simulation(self) -> bool:
@@ -186,7 +175,17 @@ def make_record(evidence: Evidence) -> JointRecord:
         kd=setup.kd,
         torque_limit=setup.torque_limit,
     )
-    return replace(record, diagnostics=_diagnostics(evidence, strength) | {"verdict": judge(record).to_dict()})
+    diagnostics = _diagnostics(evidence, strength) | {"verdict": judge(record).to_dict()}
+    return replace(record, diagnostics=plain(diagnostics))
+
+
+def plain(value: Any) -> Any:
+    """Return nested dataclasses, dictionaries and sequences as dictionaries and lists, as JSON would read them."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, dict):
+        return {key: plain(part) for key, part in value.items()}
+    return [plain(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 def kd_assumed(run: Run) -> float:
@@ -244,13 +243,8 @@ def _relative_error(fit: Fit, rows: Rows) -> float:
 
 
 def _simulated(result: OutputError | None) -> dict[str, Any] | None:
-    """Return what output error found, as plain data, in units of k."""
-    return None if result is None else _plain(result.estimates) | {"relative_errors": result.relative_errors}
-
-
-def _plain(estimates: dict[str, Estimate]) -> dict[str, Any]:
-    """Return estimates as plain data."""
-    return {name: estimate.to_dict() for name, estimate in estimates.items()}
+    """Return what output error found, in units of k."""
+    return None if result is None else {**result.estimates, "relative_errors": result.relative_errors}
 
 
 def _disagreement(evidence: Evidence) -> dict[str, dict[str, float]] | None:
@@ -265,32 +259,31 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     """Return the numbers behind the fit."""
     run, base, rows, loop = evidence.run, evidence.base, evidence.rows, evidence.loop
     alone = rows is run.rows
-    follows = None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base)
     return {
         "method": evidence.method,
-        "seen": _plain(base.estimates()),
+        "seen": base.estimates(),
         "strength": {"source": strength.source, "missing": missing_experiment(strength, run.measured)},
         "samples": len(run.signals.time),
         "samples_used": len(rows),
         "duration": float(run.signals.time[-1]),
         "sampling_rate": 1 / run.signals.step,
-        "timing": None if run.signals.timing is None else asdict(run.signals.timing),
+        "timing": run.signals.timing,
         "cutoff": run.prepared.cutoff,
         "speed_threshold": run.prepared.threshold,
         "condition_number": base.condition,
         "scaled_condition_number": base.scaled_condition,
         "inflation": base.inflation,
         "relative_torque_error": _relative_error(base, rows),
-        "whiteness": asdict(whiteness(base.residual)),
+        "whiteness": whiteness(base.residual),
         "blocks": base.blocks.count,
-        "position_torque": None if follows is None else asdict(follows),
+        "position_torque": None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base),
         "comparisons": [comparison.to_dict() for comparison in evidence.comparisons],
-        "predictions": [asdict(prediction) for prediction in evidence.predictions],
-        "drift": asdict(find_drift(rows, base) if alone else Drift(None, "several logs were fitted together")),
+        "predictions": evidence.predictions,
+        "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
         "controller_mismatch": loop.mismatch,
         "closed_loop": loop.reason,
         "output_error": _simulated(loop.symmetric),
         "output_error_law": _simulated(loop.chosen),
         "disagreement": _disagreement(evidence) if alone else None,
-        "instrumental_variable": loop.instrumental and _plain(loop.instrumental.estimates()),
+        "instrumental_variable": loop.instrumental and loop.instrumental.estimates(),
     }
