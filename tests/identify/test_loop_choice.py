@@ -55,7 +55,7 @@ def test_a_law_that_cannot_be_simulated_costs_the_joint_nothing(monkeypatch: pyt
     base = fit_rows(run.rows, run.model)
     loop = close_loop(run, base, base)
     assert choose_in_loop(run, base, loop) is not None
-    monkeypatch.setattr(choice, "FIRST_RISE", 100.0)
+    monkeypatch.setattr(choice, "START_STATIC_RATIO", 100.0)
     assert choose_in_loop(run, base, loop) is None
 
 

@@ -22,7 +22,7 @@ from stiction.identify.intervals import block_count, correlation_time
 from stiction.identify.model import GRAVITY, LAWS, Law, Model
 from stiction.identify.output_error import OutputError
 from stiction.identify.prepare import Rows
-from stiction.identify.regression import LARGEST_INFLATION, Fit, fit_at, fit_rows, predict_torque
+from stiction.identify.regression import MAX_INFLATION, Fit, fit_at, fit_rows, predict_torque
 from stiction.identify.runs import Run
 
 FOLDS = 10
@@ -31,26 +31,26 @@ FOLDS = 10
 DEVIATIONS = 2.0
 """Standard deviations by which the held-out error must fall for a richer law."""
 
-LEAST_GAIN = 0.02
+MIN_GAIN = 0.02
 """Share by which the held-out error must fall: less is not worth a parameter to anybody."""
 
-LARGEST_BLUR = 30.0
+MAX_GRAVITY_INFLATION = 30.0
 """Inflation of the gravity terms beyond which the load that they stand for is guesswork."""
 
-LEAST_EVIDENCE = 6.0
+MIN_EVIDENCE = 6.0
 """Drop of the information criterion for a richer law; 6 is called strong."""
 
-OF_LAWS = ("friction", "_forward", "_backward", "stribeck_velocity", "coefficient", "slope", "curvature")
+LAW_PARAMETER_SUFFIXES = ("friction", "_forward", "_backward", "stribeck_velocity", "coefficient", "slope", "curvature")
 """How the names of the friction laws' parameters end."""
 
-LEAST_RISE = 1.2
+MIN_STATIC_RATIO = 1.2
 """Static over Coulomb friction in simulation: a controller that holds its torque for 2 ms looks like a rise by a
 tenth."""
 
 BLOCKS_OF_HALF = 5
 """Blocks of a half of the log, whose scatter gives the deviation of the gain in simulation."""
 
-FIRST_RISE, FIRST_SPEED = 1.3, 0.1
+START_STATIC_RATIO, START_STRIBECK_SHARE = 1.3, 0.1
 """Where the search by simulation begins: static over Coulomb friction, and v_s over the top speed."""
 
 
@@ -66,7 +66,7 @@ class Gain:
     @property
     def certain(self) -> bool:
         """Whether it is beyond noise and worth a parameter."""
-        return self.mean > DEVIATIONS * self.std and self.mean > LEAST_GAIN
+        return self.mean > DEVIATIONS * self.std and self.mean > MIN_GAIN
 
 
 def gain_of(error: np.ndarray, reference: np.ndarray) -> Gain:
@@ -111,7 +111,7 @@ class Choice:
         """Its law."""
         return self.model.law
 
-    def overruled(self, found: SimulatedLaw) -> Choice:
+    def with_simulated_law(self, found: SimulatedLaw) -> Choice:
         """Return the choice with the law that simulation calls for in place of viscous and Coulomb friction."""
         chosen = {
             "gain": found.gain.mean,
@@ -169,9 +169,9 @@ def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
         law: evidence_of([base.residual], [fit.residual], len(fit.names) - len(base.names)) for law, fit in fits.items()
     }
     objections = {law: _objection(rows, fits[law], base, gains[law], evidence[law]) for law in laws}
-    fair = [law for law in laws if not objections[law]] or ["coulomb"]
-    best = min(fair, key=lambda law: errors[law].sum())
-    chosen = next(law for law in fair if law == best or not gain_of(errors[best], errors[law]).certain)
+    admissible = [law for law in laws if not objections[law]] or ["coulomb"]
+    best = min(admissible, key=lambda law: errors[law].sum())
+    chosen = next(law for law in admissible if law == best or not gain_of(errors[best], errors[law]).certain)
     reasons = {law: objections[law] or "no simpler law is as good, and this one is not beyond it" for law in laws}
     reasons |= {"coulomb": "predicts as well as any richer law" if chosen == "coulomb" else "beaten"}
     reasons |= {chosen: "chosen"}
@@ -221,27 +221,29 @@ def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> 
     if fit is base:
         return ""
     found = fit.by_name
-    blurred = [name for name in fit.names if name.endswith(OF_LAWS) and fit.inflation[name] > LARGEST_INFLATION]
-    if blurred:
-        return f"the motion does not tell {blurred[0]}"
+    unidentified = [
+        name for name in fit.names if name.endswith(LAW_PARAMETER_SUFFIXES) and fit.inflation[name] > MAX_INFLATION
+    ]
+    if unidentified:
+        return f"the motion does not tell {unidentified[0]}"
     if fit.model.law == "stribeck" and found["static_friction"] <= found["coulomb_friction"]:
         return "friction does not rise toward rest"
-    if fit.model.law == "load" and max(fit.inflation.get(name, 0.0) for name in GRAVITY) > LARGEST_BLUR:
+    if fit.model.law == "load" and max(fit.inflation.get(name, 0.0) for name in GRAVITY) > MAX_GRAVITY_INFLATION:
         return "over this range of angles gravity cannot be told from the offset, so the load is not known"
     if fit.model.law == "asymmetric":
         # The offset is half the difference of the two, so one of them may be below zero.
-        driving = found["coulomb_friction_forward"] + found["coulomb_friction_backward"] < 0
+        negative = found["coulomb_friction_forward"] + found["coulomb_friction_backward"] < 0
     else:
-        driving = any(found[name] < 0 for name in fit.names if name.startswith(("coulomb", "load", "static")))
-    if driving:
+        negative = any(found[name] < 0 for name in fit.names if name.startswith(("coulomb", "load", "static")))
+    if negative:
         return "its friction would drive the joint"
     if fit.model.law == "position" and _least_friction(fit, rows) < 0:
         return "its friction would drive the joint"
     if not gain.certain:
         side = "lower" if gain.mean >= 0 else "higher"
         return f"held-out error {side} by {abs(gain.mean):.1%} ± {gain.std:.1%}: not beyond noise"
-    if evidence < LEAST_EVIDENCE:
-        return f"the information criterion does not support it ({evidence:.1f}, at least {LEAST_EVIDENCE:.0f})"
+    if evidence < MIN_EVIDENCE:
+        return f"the information criterion does not support it ({evidence:.1f}, at least {MIN_EVIDENCE:.0f})"
     return ""
 
 
@@ -263,8 +265,8 @@ def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
         return None
     rich = replace(base, model=Model("stribeck", base.model.gravity))
     start = base.by_name | plain.values
-    start["static_friction"] = FIRST_RISE * start["coulomb_friction"]
-    start["stribeck_velocity"] = FIRST_SPEED * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
+    start["static_friction"] = START_STATIC_RATIO * start["coulomb_friction"]
+    start["stribeck_velocity"] = START_STRIBECK_SHARE * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
     found = fit_in_loop(run, rich, start)
     if found is None or not _rises(found):
         return None
@@ -275,7 +277,7 @@ def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
     both = plain.counted & found.counted
     before, after = ([fit.residuals[name][both] for name in plain.residuals] for fit in (plain, found))
     evidence = evidence_of(before, after, len(rich.model.names) - len(base.model.names))
-    if gain is None or not gain.certain or evidence < LEAST_EVIDENCE:
+    if gain is None or not gain.certain or evidence < MIN_EVIDENCE:
         return None
     return SimulatedLaw(found, fit_at(base.rows, rich.model, start | found.values), gain, evidence)
 
@@ -283,7 +285,7 @@ def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
 def _rises(found: OutputError) -> bool:
     """Return whether friction at rest is above Coulomb friction, clearly."""
     static, coulomb = found.estimates["static_friction"], found.estimates["coulomb_friction"]
-    return static.interval95[0] > coulomb.interval95[1] and static.value > LEAST_RISE * coulomb.value
+    return static.interval95[0] > coulomb.interval95[1] and static.value > MIN_STATIC_RATIO * coulomb.value
 
 
 def _misfit(found: OutputError, plain: OutputError) -> float:

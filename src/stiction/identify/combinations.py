@@ -14,7 +14,7 @@ import numpy as np
 
 from stiction.formats.joints import PARAMETERS, Estimate
 from stiction.identify.prepare import Rows
-from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit, fit_beside
+from stiction.identify.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit, fit_with_column
 
 OVER_K = {
     "inertia": "I/k",
@@ -47,27 +47,17 @@ class Strength:
     """`measured`, `declared`, `known_load` or `unknown`."""
 
 
-@dataclass(frozen=True)
-class Found:
-    """What a fit says, in the units in which it may be said."""
-
-    parameters: dict[str, Estimate | None]
-    """The four standard parameters and gravity; None where the log does not tell."""
-    combinations: dict[str, Estimate]
-    """What it tells instead."""
-
-
-def tells_strength(fit: Fit) -> bool:
+def strength_identified(fit: Fit) -> bool:
     """Return whether a fit with 1/k tells it: apart from the rest, and not zero."""
     inverse = fit.estimates()[INVERSE_STRENGTH]
-    return fit.inflation[INVERSE_STRENGTH] < LARGEST_INFLATION and inverse.interval95[0] > 0
+    return fit.inflation[INVERSE_STRENGTH] < MAX_INFLATION and inverse.interval95[0] > 0
 
 
 def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | None) -> Strength:
     """Say where k comes from: torque in N m, the user's word, or a known load that the fit could tell."""
     if INVERSE_STRENGTH in fit.names:
         inverse = fit.estimates()[INVERSE_STRENGTH]
-        if tells_strength(fit):
+        if strength_identified(fit):
             low, high = inverse.interval95
             more = STRENGTH_ERROR / inverse.value
             reached = (1 / high - more, 1 / low + more)
@@ -76,22 +66,24 @@ def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | 
             )
         return Strength(None, "unknown")
     if declared is not None:
-        return Strength(exactly(declared), "declared")
-    return Strength(exactly(1.0), "measured") if measured and calibrated else Strength(None, "unknown")
+        return Strength(exact(declared), "declared")
+    return Strength(exact(1.0), "measured") if measured and calibrated else Strength(None, "unknown")
 
 
-def exactly(value: float) -> Estimate:
+def exact(value: float) -> Estimate:
     """Return a number that is taken as known."""
     return Estimate(value, 0.0, (value, value))
 
 
-def combine(fit: Fit, estimates: dict[str, Estimate], strength: Strength, damping: float, middle: float) -> Found:
-    """Turn a symmetric fit into parameters, or into combinations where k is not known.
+def combine(
+    fit: Fit, estimates: dict[str, Estimate], strength: Strength, damping: float, middle: float
+) -> tuple[dict[str, Estimate | None], dict[str, Estimate]]:
+    """Return the parameters of a symmetric fit, None where the log does not tell, and what it tells instead.
 
     estimates: the fit's estimates as they may be stated, their intervals widened where need be; damping: kd where the
     torque came from the PD law, else 0: B/k is then not said without it; middle: θ in mid-range [rad].
     """
-    clear = [name for name in OVER_K if name in estimates and fit.inflation[name] < LARGEST_INFLATION]
+    clear = [name for name in OVER_K if name in estimates and fit.inflation[name] < MAX_INFLATION]
     combinations: dict[str, Estimate] = {}
     parameters: dict[str, Estimate | None] = dict.fromkeys(PARAMETERS)
     for name in clear:
@@ -99,14 +91,14 @@ def combine(fit: Fit, estimates: dict[str, Estimate], strength: Strength, dampin
             damped = name == "viscous_friction" and damping > 0
             combinations[DAMPED if damped else OVER_K[name]] = shifted(estimates[name], damping if damped else 0.0)
         else:
-            parameters[name] = times(estimates[name], strength.value)
+            parameters[name] = product(estimates[name], strength.value)
     if "gravity_sin" in estimates:
         held = holding_torque(fit, middle)
         if strength.value is None:
             combinations[HOLDING + "/k"] = held
         else:
-            combinations[HOLDING] = times(held, strength.value)
-    return Found(parameters, combinations)
+            combinations[HOLDING] = product(held, strength.value)
+    return parameters, combinations
 
 
 def shifted(estimate: Estimate, change: float) -> Estimate:
@@ -115,7 +107,7 @@ def shifted(estimate: Estimate, change: float) -> Estimate:
     return Estimate(estimate.value + change, estimate.std, (low + change, high + change))
 
 
-def times(estimate: Estimate, factor: Estimate) -> Estimate:
+def product(estimate: Estimate, factor: Estimate) -> Estimate:
     """Return the estimate of a product; the relative errors of the two are taken as independent."""
     value = estimate.value * factor.value
     reaches = []
@@ -153,7 +145,7 @@ def position_torque(rows: Rows, fit: Fit) -> dict[str, Any]:
     that looks harmless. Returns `slope` and `std`, torque over position and its deviation [N m/rad], and `changes`: by
     how much inertia, viscous and Coulomb friction change with it, each over its value [1].
     """
-    both = fit_beside(fit, "slope", rows.position - rows.position.mean())
+    both = fit_with_column(fit, "slope", rows.position - rows.position.mean())
     changes = {
         name: float(value / before - 1)
         for name, value, before in zip(PARAMETERS[:3], both.values, fit.values)

@@ -15,7 +15,7 @@ from scipy.stats import chi2
 from stiction.formats.joints import Estimate
 from stiction.identify.intervals import correlation_time
 from stiction.identify.prepare import Prepared, Rows
-from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_beside, fit_rows
+from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_rows, fit_with_column
 
 COMPARED = ("inertia", "viscous_friction", "coulomb_friction")
 """Parameters that the parts are compared in."""
@@ -169,7 +169,7 @@ def find_drift(rows: Rows, fit: Fit) -> Drift:
         )
     values = fit.by_name
     friction = values["viscous_friction"] * rows.velocity + values["coulomb_friction"] * rows.direction
-    return Drift(fit_beside(fit, "drift", late * friction).scatter()["drift"], None)
+    return Drift(fit_with_column(fit, "drift", late * friction).scatter()["drift"], None)
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ def compare_timing(prepared: Prepared, base: Fit) -> Comparison | None:
     rate, times the time by which the torque is logged early. That column is noisy, so neither fit is the better one.
     """
     rate = np.gradient(prepared.torque - prepared.outside, prepared.step)[prepared.used]
-    plain, other = base.estimates(), fit_beside(base, "early", rate).scatter()
+    plain, other = base.estimates(), fit_with_column(base, "early", rate).scatter()
     early = other["early"].value
     if abs(early) > MAX_SHIFT * prepared.step:
         return None

@@ -23,7 +23,7 @@ from stiction.joints.pd import PDGains
 LOOP_UNKNOWNS = {"delay": "delay", "encoder_bias": "log_bias"}
 """What the user may ask for -> what the simulated loop calls it."""
 
-BLURRED = ("offset", "gravity_sin", "gravity_cos")
+CONFOUNDED = ("offset", "gravity_sin", "gravity_cos")
 """Parameters that a small range of angles does not tell apart: no harm to the others."""
 
 
@@ -158,7 +158,7 @@ def simulate_fit(
         unknown=tuple(LOOP_UNKNOWNS[name] for name in setup.unknowns if _shows(run, name)),
         known={name: value + extra.get(name, 0.0) for name, value in known.items()},
     )
-    _check_identified(found, [name for name in fit.model.names if name not in BLURRED])
+    _check_identified(found, [name for name in fit.model.names if name not in CONFOUNDED])
     return replace(found, estimates={name: shifted(e, -extra.get(name, 0.0)) for name, e in found.estimates.items()})
 
 
@@ -294,7 +294,7 @@ def _compare_parts(run: Run, base: Fit, whole: OutputError) -> tuple[Comparison,
     Gravity and offset stay as the whole log has them: the link is the same one, and a part tells them less apart.
     """
     start = base.by_name | whole.values
-    known = {name: start[name] for name in BLURRED if name in base.names}
+    known = {name: start[name] for name in CONFOUNDED if name in base.names}
     found = []
     for split in splits(run.signals.time, run.prepared.velocity):
         parts = (split.first, ~split.first)

@@ -19,7 +19,7 @@ from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import EXTRAS, START, ClosedLoop, Response
 from stiction.identify.intervals import block_count, bootstrap_reach, make_blocks, robust_covariance, with_intervals
 from stiction.identify.model import NOT_NEGATIVE, Model, nearest_joint
-from stiction.identify.timing import unsettled
+from stiction.identify.timing import settling
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Trajectory
 
@@ -204,7 +204,7 @@ def fit_output_error(
     fixed = {name: value for name, value in fixed.items() if name not in free}
     loop = ClosedLoop(signals, gains, model, fixed, velocity_delay)
     wait = int(np.ceil(SETTLING * _slowest(gains, fixed | free) / signals.step))
-    valid = signals.valid & ~unsettled(signals.bridged, np.abs(velocity) > STILL * top, wait)
+    valid = signals.valid & ~settling(signals.bridged, np.abs(velocity) > STILL * top, wait)
     search = _Search(loop, signals, valid, free, top)
     return _result(search, search.fit(), velocity)
 

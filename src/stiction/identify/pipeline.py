@@ -18,7 +18,7 @@ from stiction.core.provenance import num_threads
 from stiction.formats.joints import FitSignals, JointRecord
 from stiction.formats.log import UNNAMED, Log
 from stiction.identify.choice import choose_in_loop, choose_law
-from stiction.identify.combinations import tells_strength
+from stiction.identify.combinations import strength_identified
 from stiction.identify.consistency import Comparison, compare, compare_parts, compare_timing
 from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run
 from stiction.identify.prepare import make_rows
@@ -77,10 +77,14 @@ def identify_joint(
     loop = close_loop(run, base, chosen)
     simulated = choose_in_loop(run, base, loop) if choice.law == "coulomb" and rows is run.rows else None
     if simulated is not None:
-        choice, chosen, loop = choice.overruled(simulated), simulated.fit, replace(loop, chosen=simulated.found)
-    late = _late(run, loop)
-    if late is not None:
-        return identify_joint(log, joint, replace(setup, delay=late), repeats)
+        choice, chosen, loop = (
+            choice.with_simulated_law(simulated),
+            simulated.fit,
+            replace(loop, chosen=simulated.found),
+        )
+    delay = _found_delay(run, loop)
+    if delay is not None:
+        return identify_joint(log, joint, replace(setup, delay=delay), repeats)
     unseen = others if rows is run.rows else ()
     comparisons = _comparisons(run, base, loop, unseen)
     evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, unseen))
@@ -109,12 +113,12 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
         return fit_rows(rows, model)
     if any(payloads) or pushed:
         scaled = fit_rows(rows, model, strength_unknown=True)
-        if any(payloads) or tells_strength(scaled):
+        if any(payloads) or strength_identified(scaled):
             return scaled
     return fit_rows(run.rows, model)
 
 
-def _late(run: Run, loop: InLoop) -> float | None:
+def _found_delay(run: Run, loop: InLoop) -> float | None:
     """Return the delay that the loop showed and that the torque made from the PD law did not have [s], else None.
 
     Such torque is too early, which looks like another friction law: all of it is done again, once, with the delay.
@@ -222,7 +226,12 @@ def identify_log(
     # Of several joints each is asked for by name, or a repeat that lacks it could offer its only joint instead.
     named = bool(joints) or len(log.joints) > 1
     jobs = {
-        name: (_alone(log, name), name if named else None, setup, tuple(_alone(one, name) for one in repeats))
+        name: (
+            _single_joint(log, name),
+            name if named else None,
+            setup,
+            tuple(_single_joint(one, name) for one in repeats),
+        )
         for name in names
     }
     for name, outcome in _outcomes(jobs, min(len(jobs), workers or num_threads())):
@@ -252,7 +261,7 @@ def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Ide
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _alone(log: Log, name: str) -> Log:
+def _single_joint(log: Log, name: str) -> Log:
     """Return the log with one joint: a worker needs no more. A repeat without the joint stays whole, and is refused."""
     return replace(log, joints={name: log.joints[name]}) if name in log.joints else log
 

@@ -15,15 +15,15 @@ from stiction.identify.combinations import (
     find_strength,
     missing_experiment,
     position_torque,
+    product,
     shifted,
-    times,
 )
 from stiction.identify.consistency import Comparison, Drift, disagreement, find_drift, whiteness, widened
 from stiction.identify.in_loop import InLoop
 from stiction.identify.model import GRAVITY
 from stiction.identify.output_error import OutputError
 from stiction.identify.prepare import Rows
-from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit
+from stiction.identify.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit
 from stiction.identify.runs import Run
 from stiction.identify.verdict import judge
 from stiction.joints.friction import dead_band, friction_ratio
@@ -60,7 +60,7 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
     G sin(θ − bias − hanging) is gravity_sin sin θ + gravity_cos cos θ. hanging: true angle at which the link hangs
     straight down [rad].
     """
-    if "gravity_sin" not in fit.names or max(fit.inflation[name] for name in GRAVITY) >= LARGEST_INFLATION:
+    if "gravity_sin" not in fit.names or max(fit.inflation[name] for name in GRAVITY) >= MAX_INFLATION:
         return None
     sine, cosine = (fit.names.index(name) for name in GRAVITY)
     along, across = fit.values[sine], -fit.values[cosine]
@@ -135,14 +135,13 @@ def make_record(evidence: Evidence) -> JointRecord:
     strength = find_strength(base, run.measured, setup.torque_calibrated is not False, setup.motor_strength)
     estimates = widened(evidence.symmetric(), evidence.comparisons)
     middle = float(run.signals.position.min() + run.signals.position.max()) / 2
-    found = combine(base, estimates, strength, kd_assumed(run), middle)
+    parameters, combinations = combine(base, estimates, strength, kd_assumed(run), middle)
     scaled = evidence.loop.scaled
     if scaled is not None:
         strength = Strength(scaled.estimates["motor_strength"], "known_load")
-        in_si = {name: estimate for name, estimate in scaled.estimates.items() if name in base.model.names}
-        found = replace(found, parameters=found.parameters | in_si)
+        parameters |= {name: estimate for name, estimate in scaled.estimates.items() if name in base.model.names}
     level = estimates["coulomb_friction"]
-    limited = found.parameters["coulomb_friction"] if run.measured and setup.torque_calibrated is not False else level
+    limited = parameters["coulomb_friction"] if run.measured and setup.torque_calibrated is not False else level
     ratio = None
     if setup.torque_limit is not None and limited is not None:
         ratio = limited.scaled(friction_ratio(1.0, setup.torque_limit))
@@ -150,7 +149,7 @@ def make_record(evidence: Evidence) -> JointRecord:
     holding = evidence.law().get("static_friction", level)
     band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
     law = _law(evidence, strength)
-    known = found.parameters | _of_law(law, strength) | loop_unknowns(base, evidence.loop, setup.hanging_angle)
+    known = parameters | _law_fields(law, strength) | loop_unknowns(base, evidence.loop, setup.hanging_angle)
     record = JointRecord(
         inertia=known["inertia"],
         viscous_friction=known["viscous_friction"],
@@ -166,7 +165,7 @@ def make_record(evidence: Evidence) -> JointRecord:
         motor_strength=strength.value if strength.source == "known_load" else None,
         friction_ratio=ratio,
         dead_band=band,
-        combinations=found.combinations,
+        combinations=combinations,
         friction_law=law,
         axis=setup.axis or "rotary",
         test_condition=setup.test_condition,
@@ -202,12 +201,12 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     if fit is evidence.base:
         stated = widened(stated, evidence.comparisons)
     for name, estimate in stated.items():
-        identified = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < LARGEST_INFLATION
+        identified = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
         if name not in fit.names or name == INVERSE_STRENGTH or not identified:
             continue
         own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
         unitless = name in UNITLESS
-        parameters[name] = (own if strength.value is None or unitless else times(own, strength.value)).to_dict()
+        parameters[name] = (own if strength.value is None or unitless else product(own, strength.value)).to_dict()
     return {
         "law": fit.model.law,
         "parameters": parameters,
@@ -228,7 +227,7 @@ UNITLESS = ("stribeck_velocity", "load_coefficient")
 """Parameters that do not grow with the motor strength."""
 
 
-def _of_law(law: dict[str, Any], strength: Strength) -> dict[str, Estimate | None]:
+def _law_fields(law: dict[str, Any], strength: Strength) -> dict[str, Estimate | None]:
     """Return the fields of the record that only a richer law fills."""
     names = ("static_friction", "stribeck_velocity", "load_coefficient")
     known = {name: law["parameters"].get(name) for name in names}

@@ -66,7 +66,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
     signals = check_log(log, name, raw, setup.torque_scale)
     if signals.disturbance is not None:
         signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
-    torque, unusable = _drive(log.source, signals, setup)
+    torque, unusable = _driving_torque(log.source, signals, setup)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
     check_excitation(log.source, prepared.velocity, signals.step)
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
@@ -74,7 +74,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
 
 
-def _drive(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
+def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
     """Return the torque that drove the joint, and the samples at which it is not known.
 
     Without measured torque it is the PD law's, late by the delay; a motor at its limit does not follow that law.

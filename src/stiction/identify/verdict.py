@@ -228,7 +228,8 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None) -> V
     """
     thresholds, leg = Thresholds.of(sources), record.axis == "rotary"
     ratio, condition = record.friction_ratio, record.test_condition
-    parts, placement, level = _measured(record), (), None
+    parts, level = _measured(record), None
+    placement: tuple[Placement, ...] = ()
     if leg:
         known: dict[Quantity, Estimate | None] = {"friction_ratio": ratio, "dead_band": record.dead_band}
         places = (place(value, condition, name) for name, value in known.items() if value is not None)

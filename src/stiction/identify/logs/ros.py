@@ -155,12 +155,12 @@ def _with_targets(
     if not known.all():
         lost = int(np.count_nonzero(~known))
         notes.append(f"the first {lost} states came before the first command and are left out")
-    held = commands.values["position"][order][place[known]]
-    columns = {name: held[:, index] for index, name in enumerate(commands.names)}
+    positions = commands.values["position"][order][place[known]]
+    columns = {name: positions[:, index] for index, name in enumerate(commands.names)}
     cut = {}
     for name, signals in joints.items():
-        kept = {key: None if value is None else value[known] for key, value in vars(signals).items()}
-        cut[name] = JointSignals(**{**kept, "target": columns.get(name)})
+        cut_signals = {key: None if value is None else value[known] for key, value in vars(signals).items()}
+        cut[name] = JointSignals(**{**cut_signals, "target": columns.get(name)})
     return states.stamps[known], cut, notes
 
 
@@ -251,7 +251,7 @@ def _walk(content: bytes) -> Iterator[Packet]:
     reader = StreamReader(io.BytesIO(content), emit_chunks=True, validate_crcs=True, record_size_limit=len(content))
     schemas: dict[int, str] = {0: ""}
     channels: dict[int, Any] = {}
-    counted, promised, inflated = 0, None, 0
+    counted, declared, inflated = 0, None, 0
     for record in reader.records:
         records = [record]
         if isinstance(record, Chunk):
@@ -265,14 +265,14 @@ def _walk(content: bytes) -> Iterator[Packet]:
             elif isinstance(item, Channel):
                 channels[item.id] = item
             elif isinstance(item, Statistics):
-                promised = item.message_count
+                declared = item.message_count
             elif isinstance(item, Message):
                 counted += 1
                 channel = channels[item.channel_id]
                 topic = Topic(channel.topic, schemas[channel.schema_id])
                 yield Packet(topic, channel.message_encoding, item.log_time, item.data)
-    if promised is not None and promised != counted:
-        raise ValueError(f"{counted} messages; the file says that it has {promised}")
+    if declared is not None and declared != counted:
+        raise ValueError(f"{counted} messages; the file says that it has {declared}")
 
 
 def _inflate(chunk: Any) -> bytes:

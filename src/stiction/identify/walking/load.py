@@ -30,10 +30,10 @@ FEWEST_ROWS = 300
 WIDEST = 0.05
 """Half-width of a load coefficient's interval beyond which there is no answer [1]."""
 
-VAGUE = (1.0, 10.0, 1000.0, 2.0)
+WIDE_PRIOR = (1.0, 10.0, 1000.0, 2.0)
 """Sizes of A, B, b and c beyond any joint's: for a kind that never moves, whose columns are empty."""
 
-TENSION = 1.5
+MAX_BOUND_RATIO = 1.5
 """Errors of mass, centre of mass or specific force beyond this many of their declared bounds are no small errors."""
 
 LAW_ERROR = 0.05
@@ -51,7 +51,7 @@ class LoadFit:
     """Kind -> A, B, b and c by the names of `FRICTION`; kinds whose c is not told are missing."""
     refused: dict[str, str] = field(default_factory=dict)
     """Kind -> why its c is not told."""
-    carried: dict[str, tuple[float, Estimate]] = field(default_factory=dict)
+    under_load: dict[str, tuple[float, Estimate]] = field(default_factory=dict)
     """Kind -> mean |τ| of legs on the ground [N m], and dry friction b + c |τ| at it [N m]."""
     body: dict[str, Estimate] = field(default_factory=dict)
     """Errors of the body that were found, by the names of `BODY`."""
@@ -80,7 +80,7 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[Swin
         )
     limit = np.array(log.header.torque_limit)
     bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
-    vague = np.tile(VAGUE, len(JOINT_KINDS))
+    vague = np.tile(WIDE_PRIOR, len(JOINT_KINDS))
     late = [setup.timing_error * motion.period]
     prior = np.concatenate([vague, setup.torque_zero_error * limit, late, bounds]) / 2
     try:
@@ -89,25 +89,25 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[Swin
         return LoadFit("its steps are all alike: walk at different speeds")
     start = regressor.shape[1] - len(BODY)
     body = {name: fit.estimate(start + index) for index, name in enumerate(BODY)}
-    tense = [
+    beyond = [
         f"{name} by {estimate.value:.3g} (declared within {bound:g})"
         for (name, estimate), bound in zip(body.items(), bounds, strict=True)
-        if abs(estimate.value) > TENSION * bound
+        if abs(estimate.value) > MAX_BOUND_RATIO * bound
     ]
-    if tense:
+    if beyond:
         return LoadFit(
             "the walk does not fit the declared masses and centre of mass: it is off in "
-            f"{', '.join(tense)}: weigh the robot, and state --payload and --centre-of-mass; or the torque's unit is "
+            f"{', '.join(beyond)}: weigh the robot, and state --payload and --centre-of-mass; or the torque's unit is "
             "wrong",
             body=body,
             condition=fit.condition,
             rows=len(stance.target),
         )
     laws, refused = _laws(fit)
-    carried = {kind: _carried(kind, log, motion, spec, setup, fit) for kind in laws}
+    under_load = {kind: _friction_under_load(kind, log, motion, spec, setup, fit) for kind in laws}
     resting = regressor[-len(stance.target) :]
     partial = {kind: tuple(size * part for part in _partial(resting, fit, JOINT_KINDS.index(kind))) for kind in laws}
-    return LoadFit("", laws, refused, carried, body, fit.condition, len(stance.target), partial)
+    return LoadFit("", laws, refused, under_load, body, fit.condition, len(stance.target), partial)
 
 
 def _missing(motion: WalkMotion, setup: WalkSetup) -> str:
@@ -190,7 +190,7 @@ def _widened(estimate: Estimate, error: float) -> Estimate:
     return Estimate(estimate.value, float(std), (float(estimate.value - half), float(estimate.value + half)))
 
 
-def _carried(
+def _friction_under_load(
     kind: str, log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup, fit: BlockFit
 ) -> tuple[float, Estimate]:
     """Return the mean |τ| of a kind's joints while their feet are down [N m], and the dry friction at it [N m]."""

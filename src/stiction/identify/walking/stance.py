@@ -165,6 +165,6 @@ def _reduce(
     unknown = table[:, :, first : first + still.shape[1]] * still[:, None]
     table = table - unknown @ (np.linalg.pinv(unknown, rcond=1e-9) @ table)
     half = len(weights) // 2
-    kept = np.arange(half, len(table) - half, max(1, half))
-    kept = kept[~grow(unusable, half)[kept]]
-    return smooth(table, weights)[kept].reshape(-1, table.shape[2]), np.repeat(kept, 6)
+    used = np.arange(half, len(table) - half, max(1, half))
+    used = used[~grow(unusable, half)[used]]
+    return smooth(table, weights)[used].reshape(-1, table.shape[2]), np.repeat(used, 6)
