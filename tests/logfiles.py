@@ -15,7 +15,7 @@ from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import savemat
 
 from stiction.formats.log import JointSignals, Log, LogSetup, write_log
-from stiction.identify.logs.mcap_file import DEFINITIONS
+from stiction.identify.logs.ros import DEFINITIONS
 
 SAMPLES = 24
 TIME = np.arange(SAMPLES) * 0.005

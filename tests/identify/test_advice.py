@@ -11,9 +11,9 @@ import pytest
 
 from stiction.formats.advice import TRAINING, TRANSFER, Source, TrainedWith
 from stiction.formats.following import Following
-from stiction.formats.joints import Estimate
+from stiction.formats.joints import Estimate, JointRecord
 from stiction.identify.advice import SHIPPED, advise, shipped
-from stiction.identify.verdict import Thresholds, verdict
+from stiction.identify.verdict import Thresholds, judge
 
 RESULTS = Path(__file__).parents[2] / "results"
 
@@ -138,7 +138,8 @@ def test_rows_in_which_friction_costs_nothing_at_first_are_another_verdict() -> 
     sources = committed(harmless)
     assert Thresholds.of(shipped()).noticeable == 0.01 and Thresholds.of(sources).noticeable == 0.1
     ratio = Estimate(0.045, 0.002, (0.041, 0.05))
-    before, now = (verdict(ratio, ratio, None, "loaded", sources=one).text for one in (shipped(), sources))
+    record = JointRecord(coulomb_friction=ratio, friction_ratio=ratio, test_condition="loaded")
+    before, now = (judge(record, one).text for one in (shipped(), sources))
     assert "It may slow down" in before and "probably does not trouble" in now
     assert sources[TRANSFER].revision == shipped()[TRANSFER].revision
 

@@ -18,7 +18,6 @@ from stiction.identify.example import (
     Motor,
     example_log,
 )
-from stiction.identify.in_loop import symmetric_model
 from stiction.identify.model import Law, Model
 from stiction.identify.prepare import Rows
 from stiction.identify.regression import fit_rows
@@ -40,7 +39,7 @@ PLAIN = {"inertia": 0.02, "viscous_friction": 0.07, "coulomb_friction": 0.4, "of
 def chosen(motor: Motor, excitation: Excitation | None = None, seed: int = 0) -> Choice:
     """Choose the law of a simulated log, with the noise of a real one."""
     run = make_run(example_log(motor, excitation, seed=seed), None, IdentifySetup())
-    return choose_law(run.rows, fit_rows(run.rows, symmetric_model(run)))
+    return choose_law(run.rows, fit_rows(run.rows, run.model))
 
 
 def chosen_of(rows: Rows, gravity: bool = False) -> dict[str, Candidate]:

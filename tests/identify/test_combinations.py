@@ -10,7 +10,7 @@ import pytest
 from carried import QUIET, carrying_log, weak_log, without_torque
 from stiction.core.errors import StictionError
 from stiction.formats.joints import PARAMETERS, Estimate, JointRecord
-from stiction.identify.combinations import DAMPED, exactly, shifted, times
+from stiction.identify.combinations import DAMPED, exact, product, shifted
 from stiction.identify.example import LEG, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.setup import IdentifySetup
@@ -185,18 +185,18 @@ def test_an_offset_that_gravity_hides_is_null_and_the_holding_torque_is_known() 
     assert abs(held.value - truth) < 4 * held.std and held.std < 0.01
 
 
-def test_a_product_by_hand() -> None:
+def test_a_foundby_hand() -> None:
     """2 (1.8 to 2.2) times 0.5 (0.4 to 0.65): 1, down by √(0.1² + 0.2²) and up by √(0.1² + 0.3²).
 
     Of −2 the ends change places: a larger factor makes it more negative.
     """
     factor = Estimate(0.5, 0.05, (0.4, 0.65))
-    product = times(Estimate(2.0, 0.1, (1.8, 2.2)), factor)
-    assert product.value == 1.0 and product.std == pytest.approx((0.05**2 + 0.1**2) ** 0.5)
-    assert product.interval95 == pytest.approx((1 - 0.05**0.5, 1 + 0.1**0.5))
-    negative = times(Estimate(-2.0, 0.1, (-2.2, -1.8)), factor)
+    found = product(Estimate(2.0, 0.1, (1.8, 2.2)), factor)
+    assert found.value == 1.0 and found.std == pytest.approx((0.05**2 + 0.1**2) ** 0.5)
+    assert found.interval95 == pytest.approx((1 - 0.05**0.5, 1 + 0.1**0.5))
+    negative = product(Estimate(-2.0, 0.1, (-2.2, -1.8)), factor)
     assert negative.interval95 == pytest.approx((-1 - 0.1**0.5, -1 + 0.05**0.5))
-    assert times(product, exactly(1.0)) == product
+    assert product(found, exact(1.0)) == found
 
 
 def test_a_shift_by_hand() -> None:

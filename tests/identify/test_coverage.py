@@ -9,7 +9,7 @@ import pytest
 
 from stiction.formats.joints import PARAMETERS, Estimate
 from stiction.identify.example import GO1, SATURN_LITE, Excitation, Motor, SensorNoise, example_log
-from stiction.identify.in_loop import fit_in_loop, fit_with_instruments, symmetric_model
+from stiction.identify.in_loop import fit_in_loop, fit_with_instruments
 from stiction.identify.regression import fit_rows
 from stiction.identify.runs import make_run
 from stiction.identify.setup import IdentifySetup
@@ -32,7 +32,7 @@ def estimates(motor: Motor, seed: int, torque: bool) -> dict[str, dict[str, Esti
     if not torque:
         log = replace(log, joints={name: replace(one, torque=None) for name, one in log.joints.items()})
     run = make_run(log, None, IdentifySetup())
-    fit = fit_rows(run.rows, symmetric_model(run))
+    fit = fit_rows(run.rows, run.model)
     simulated = fit_in_loop(run, fit)
     assert simulated is not None
     if not torque:

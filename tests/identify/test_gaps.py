@@ -14,7 +14,7 @@ from stiction.identify.example import GO1, Excitation, Motor, SensorNoise, examp
 from stiction.identify.model import Model
 from stiction.identify.output_error import OutputError, fit_output_error
 from stiction.identify.prepare import prepare
-from stiction.identify.timing import near, unsettled
+from stiction.identify.timing import near, settling
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains, pd_torque
 
@@ -56,15 +56,15 @@ def test_a_joint_settles_in_motion_and_not_at_rest() -> None:
     gap, moving = np.zeros(30, bool), np.ones(30, bool)
     gap[4:6] = gap[28] = True
     moving[7:10] = False
-    assert np.flatnonzero(unsettled(gap, moving, 3)).tolist() == [6, 7, 8, 9, 10, 11, 29]
-    assert not unsettled(np.zeros(30, bool), moving, 3).any()
+    assert np.flatnonzero(settling(gap, moving, 3)).tolist() == [6, 7, 8, 9, 10, 11, 29]
+    assert not settling(np.zeros(30, bool), moving, 3).any()
 
 
 def test_short_gaps_are_not_waited_for_where_there_are_too_many() -> None:
     """Of 16 samples 8 may be given up: six after the long gap, and not five more after the short one."""
     gap = np.zeros(20, bool)
     gap[2] = gap[10:13] = True
-    assert np.flatnonzero(unsettled(gap, np.ones(20, bool), 6)).tolist() == [13, 14, 15, 16, 17, 18]
+    assert np.flatnonzero(settling(gap, np.ones(20, bool), 6)).tolist() == [13, 14, 15, 16, 17, 18]
 
 
 def test_what_the_target_did_in_a_gap_does_not_bias_output_error() -> None:

@@ -12,7 +12,7 @@ from stiction.formats.log import Log
 from stiction.identify import in_loop
 from stiction.identify.closed_loop import LoopError
 from stiction.identify.example import SATURN_LITE, example_log
-from stiction.identify.in_loop import close_loop, controller, fit_in_loop, symmetric_model
+from stiction.identify.in_loop import close_loop, controller, fit_in_loop
 from stiction.identify.model import Model
 from stiction.identify.output_error import OutputError
 from stiction.identify.pipeline import identify_joint
@@ -34,7 +34,7 @@ def test_the_reason_is_what_happened(monkeypatch: pytest.MonkeyPatch) -> None:
     If this failed, a user would look for further logs where gains or gravity are what is in the way.
     """
     run = make_run(without_torque(example_log()), None, PAYLOAD)
-    base = fit_rows(run.rows, symmetric_model(run), strength_unknown=True)
+    base = fit_rows(run.rows, run.model, strength_unknown=True)
     assert "a strength k of -" in (close_loop(run, base, base).reason or "")
     base = replace(base, values=np.abs(base.values))
     several = replace(base, rows=replace(base.rows))
@@ -52,7 +52,7 @@ def test_the_reason_is_what_happened(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_parameters_that_the_simulation_does_not_tell_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     """If this failed, the user would be told that no joint follows the log, and doubt the gains."""
     run = make_run(example_log(), None, IdentifySetup())
-    base = fit_rows(run.rows, symmetric_model(run))
+    base = fit_rows(run.rows, run.model)
     found = close_loop(run, base, base).symmetric
     assert found is not None
     blurred = replace(found, unidentified=("offset", "viscous_friction"))
@@ -68,7 +68,7 @@ def test_a_simulation_that_cannot_be_done_costs_the_joint_nothing(monkeypatch: p
     assert record.coulomb_friction is not None and record.diagnostics["output_error"] is None
     assert "output error is not done: it runs away" in record.warnings
     run = make_run(example_log(), None, IdentifySetup())
-    assert fit_in_loop(run, fit_rows(run.rows, symmetric_model(run))) is None
+    assert fit_in_loop(run, fit_rows(run.rows, run.model)) is None
 
 
 def _runs_away(*arguments: object, **words: object) -> None:
@@ -88,7 +88,7 @@ def test_without_gains_or_target_there_is_no_loop(lacking: str, said: str) -> No
     changes = {"kp": {"setup": replace(run.setup, kp=None)}, "target": {"signals": replace(run.signals, target=None)}}
     with pytest.raises(LoopError, match=said):
         controller(replace(run, **changes[lacking]))
-    base = fit_rows(run.rows, symmetric_model(run))
+    base = fit_rows(run.rows, run.model)
     loop = close_loop(replace(run, **changes[lacking]), base, base)
     assert loop.symmetric is None and loop.reason is not None and loop.reason.startswith(said)
     assert np.isfinite(base.values).all()

@@ -9,7 +9,6 @@ import pytest
 
 from stiction.formats.joints import PARAMETERS
 from stiction.identify.example import SATURN_LITE, SensorNoise, example_log
-from stiction.identify.in_loop import symmetric_model
 from stiction.identify.model import Model
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.regression import Fit, fit_instrumental, fit_rows
@@ -25,7 +24,7 @@ LOUD = SensorNoise(position=3e-4, resolution=0.0, velocity=0.0, torque=0.05, rip
 def prepared(noise: SensorNoise, seed: int = 0, cutoff: float | None = None) -> tuple[Run, Fit]:
     """Return a log of Saturn Lite's shank, ready, and its least squares."""
     run = make_run(example_log(SATURN_LITE, noise=noise, seed=seed), None, IdentifySetup(cutoff=cutoff))
-    return run, fit_rows(run.rows, symmetric_model(run))
+    return run, fit_rows(run.rows, run.model)
 
 
 def followed(run: Run, values: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 from stiction.identify import choice
 from stiction.identify.choice import choose_in_loop, choose_law, evidence_of
 from stiction.identify.example import ASYMMETRIC, GO1, SATURN_LITE, STRIBECK, Motor, example_log
-from stiction.identify.in_loop import InLoop, close_loop, symmetric_model
+from stiction.identify.in_loop import InLoop, close_loop
 from stiction.identify.intervals import correlation_time
 from stiction.identify.pipeline import identify_joint
 from stiction.identify.regression import fit_rows, predict_torque
@@ -22,7 +22,7 @@ def test_the_loop_finds_what_regression_does_not() -> None:
     """0.442 in motion, 0.65 at rest, 0.4 rad/s: regression says plain friction; the record must not."""
     log = example_log(STRIBECK, seed=7)
     run = make_run(log, None, IdentifySetup())
-    base = fit_rows(run.rows, symmetric_model(run))
+    base = fit_rows(run.rows, run.model)
     assert choose_law(run.rows, base).law == "coulomb"
     record = identify_joint(log).record
     law = record.friction_law
@@ -45,17 +45,17 @@ def test_joints_without_it_are_left_alone(motor: Motor) -> None:
 def test_without_a_loop_there_is_no_answer() -> None:
     """No gains: nothing can be simulated."""
     run = make_run(example_log(STRIBECK), None, IdentifySetup())
-    base = fit_rows(run.rows, symmetric_model(run))
+    base = fit_rows(run.rows, run.model)
     assert choose_in_loop(run, base, InLoop()) is None
 
 
 def test_a_law_that_cannot_be_simulated_costs_the_joint_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Under high friction the first guess falls so steeply that the joint would run away; the symmetric law stands."""
     run = make_run(example_log(STRIBECK, seed=7), None, IdentifySetup())
-    base = fit_rows(run.rows, symmetric_model(run))
+    base = fit_rows(run.rows, run.model)
     loop = close_loop(run, base, base)
     assert choose_in_loop(run, base, loop) is not None
-    monkeypatch.setattr(choice, "FIRST_RISE", 100.0)
+    monkeypatch.setattr(choice, "START_STATIC_RATIO", 100.0)
     assert choose_in_loop(run, base, loop) is None
 
 
@@ -70,7 +70,7 @@ def test_samples_in_a_gap_are_no_evidence() -> None:
     cut = {name: value[seen] for name, value in vars(joint).items() if isinstance(value, np.ndarray)}
     holed = replace(log, time=log.time[seen], joints={next(iter(log.joints)): replace(joint, **cut)})
     run = make_run(holed, None, IdentifySetup())
-    base = fit_rows(run.rows, symmetric_model(run))
+    base = fit_rows(run.rows, run.model)
     loop = close_loop(run, base, base)
     found = choose_in_loop(run, base, loop)
     assert found is not None and loop.symmetric is not None
@@ -98,7 +98,7 @@ def test_two_signals_by_hand() -> None:
 def test_the_equation_holds_the_simulations_values() -> None:
     """Prediction and figures draw what is stated."""
     run = make_run(example_log(STRIBECK), None, IdentifySetup())
-    base = fit_rows(run.rows, symmetric_model(run))
+    base = fit_rows(run.rows, run.model)
     found = choose_in_loop(run, base, close_loop(run, base, base))
     assert found is not None and found.gain.certain and found.evidence > 6
     stated = [found.found.estimates[name].value for name in found.fit.names]

@@ -55,10 +55,10 @@ def test_missing_samples_are_counted_exactly_in_spite_of_jitter(seed: int) -> No
     rng = np.random.default_rng(seed)
     count, step = int(rng.integers(300, 20000)), 10 ** rng.uniform(-4, -1.5)
     stamps = step * (np.arange(count) + rng.uniform(0, 0.2) * rng.standard_normal(count))
-    kept = rng.random(count) > rng.uniform(0, 0.1)
-    kept[[0, -1]] = True
-    _, timing = even_grid("x", np.sort(stamps[kept]))
-    assert timing.dropped == np.count_nonzero(~kept)
+    order = rng.random(count) > rng.uniform(0, 0.1)
+    order[[0, -1]] = True
+    _, timing = even_grid("x", np.sort(stamps[order]))
+    assert timing.dropped == np.count_nonzero(~order)
 
 
 def test_interpolation_is_of_fourth_order() -> None:
@@ -95,13 +95,13 @@ def test_duplicated_and_disordered_samples_are_mended_and_counted() -> None:
 
 def test_short_gaps_are_interpolated_and_long_ones_marked() -> None:
     """Three samples can be replaced; twenty cannot, nor their neighbours; both are counted."""
-    kept = np.ones(1000, dtype=bool)
-    kept[200:203] = kept[500:520] = False
-    grid, timing = even_grid("x", TIME[kept])
+    order = np.ones(1000, dtype=bool)
+    order[200:203] = order[500:520] = False
+    grid, timing = even_grid("x", TIME[order])
     assert timing.dropped == 23 and timing.longest_gap == pytest.approx(21 * STEP)
     out = np.flatnonzero(~grid.valid)
     assert out[0] in (498, 499) and out[-1] in (520, 521) and grid.valid[200:203].all()
-    error = np.abs(resample(grid, wave(TIME[kept])) - wave(TIME))
+    error = np.abs(resample(grid, wave(TIME[order])) - wave(TIME))
     assert error[grid.valid].max() < 1e-4 and np.isfinite(error).all() and error.max() < 1
     assert "longer gaps are not used" in timing.warnings()[0]
 

@@ -9,9 +9,9 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.formats.advice import TRAINING, TRANSFER, FrictionEffect, Source
-from stiction.formats.joints import Estimate
+from stiction.formats.joints import Estimate, JointRecord
 from stiction.identify.advice import shipped
-from stiction.identify.verdict import Thresholds, verdict
+from stiction.identify.verdict import Thresholds, Verdict, judge
 
 FRICTION = Estimate(1.0, 0.1, (0.8, 1.2))
 
@@ -19,6 +19,21 @@ FRICTION = Estimate(1.0, 0.1, (0.8, 1.2))
 def ratio(high: float) -> Estimate:
     """Return a ratio whose interval ends at `high`."""
     return Estimate(0.9 * high, 0.05 * high, (0.8 * high, high))
+
+
+def verdict(
+    coulomb: Estimate | None,
+    ratio: Estimate | None,
+    dead_band: Estimate | None,
+    condition: str | None,
+    axis: str = "rotary",
+    sources: dict[str, Source] | None = None,
+) -> Verdict:
+    """Judge a joint of which only this is known."""
+    record = JointRecord(
+        coulomb_friction=coulomb, friction_ratio=ratio, dead_band=dead_band, test_condition=condition, axis=axis
+    )
+    return judge(record, sources)
 
 
 @pytest.mark.parametrize(
@@ -73,14 +88,14 @@ def test_a_linear_axis_is_not_a_leg() -> None:
 def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
     """Trained at 20 %: friction is drawn from 0 to 24 % of the limit; little friction, or none, calls for none."""
     told = verdict(FRICTION, ratio(0.25), None, "loaded")
-    assert told.level == 0.25 and told.range == (0.0, pytest.approx(0.24))
+    assert told.level == 0.25 and told.range == [0.0, pytest.approx(0.24)]
     assert told.training == {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"}
     assert "--method deception --friction-level 0.2." in told.text and "has to cover 25 %" in told.text
     little = verdict(FRICTION, ratio(0.0098), None, "loaded")
-    assert (little.level, little.training["method"], little.range) == (0.01, "none", (0.0, 0.0))
+    assert (little.level, little.training["method"], little.range) == (0.01, "none", [0.0, 0.0])
     nothing = verdict(FRICTION, Estimate(-0.01, 0.001, (-0.02, 0.0)), None, "loaded")
     assert nothing.level == 0 and nothing.training["method"] == "none" and "--method none" in nothing.text
-    assert nothing.to_dict()["advice"] is None and nothing.range == (0.0, 0.0)
+    assert nothing.to_dict()["advice"] is None and nothing.range == [0.0, 0.0]
 
 
 MUJOCO = FrictionEffect("mujoco", 3, 1.1, noticeable=0.04, speed_loss=0.05, dead_band=0.018, onset=0.09, severe=0.3)
@@ -162,12 +177,12 @@ def test_seals_and_wear_are_worked_out_and_labelled() -> None:
     """0.3, 1.5, 2 and 3 times 10 % under load; three times 30 % is beyond training."""
     band = Estimate(0.02, 0.001, (0.018, 0.022))
     cases = verdict(FRICTION, ratio(0.1), band, "loaded").what_if
-    assert [case.level for case in cases] == [0.03, 0.15, 0.2, 0.3]
+    assert [case.friction_level for case in cases] == [0.03, 0.15, 0.2, 0.3]
     assert [case.dead_band.value for case in cases] == pytest.approx([0.006, 0.03, 0.04, 0.06])
     assert all(case.text.startswith("What if ") for case in cases) and "the paper saw 70 % less" in cases[0].text
     assert all("not measured" in case.text for case in cases[1:])
     worst = verdict(FRICTION, ratio(0.3), band, "loaded").what_if[-1]
-    assert worst.level is None and "mend the joint" in worst.text
+    assert worst.friction_level is None and "mend the joint" in worst.text
     assert verdict(FRICTION, None, None, None).what_if == ()
     assert verdict(FRICTION, ratio(0.1), band, "loaded", "linear").what_if == ()
 

@@ -5,7 +5,7 @@ It rests on `advice.json` beside this module, which the studies write from their
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -26,8 +26,10 @@ TRAINED_IN = "mujoco"
 class Advice:
     """What to train with, and what that rests on."""
 
-    training: TrainedWith
+    method: str
     """The training whose policies follow with the most seeds."""
+    asked: float
+    """Highest friction that was asked for [-]."""
     levels: tuple[float, ...]
     """Tested friction at which the trainings were compared [-]."""
     cells: Mapping[str, tuple[Following, ...]]
@@ -37,8 +39,11 @@ class Advice:
     to the highest asked for."""
     source: Source
     """The study."""
-    text: str
-    """The same in words."""
+
+    @property
+    def training(self) -> TrainedWith:
+        """How the policies of the method were trained."""
+        return self.source.methods[self.method]
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -50,13 +55,46 @@ class Advice:
         """Friction that training then draws, least and most, over the torque limit [-]."""
         return [self.training.low * self.training.level, self.training.high * self.training.level]
 
+    @property
+    def text(self) -> str:
+        """What to train with, how many seeds stand behind it, which side fails, and what was not tried."""
+        training, beyond = self.training, max(cell.friction_level for cell in self.source.cells)
+        flags = f"--method {training.method}"
+        flags += f" --friction-level {training.level:g}" if training.level > 0 else ""
+        if any(cell.follow for cell in self.cells[self.method]):
+            reason = f"{self.method} follows with the most seeds"
+        else:
+            reason = (
+                f"no training method follows with any seed there, and {self.method} deviates least from the command"
+            )
+        compared = "; ".join(f"{name} {_by_level(cells)}" for name, cells in self.cells.items())
+        parts = [
+            f"For up to {_percent(round(self.asked, 4))}, {reason}: train with {flags}.",
+            f"Seeds that follow, {BAND} of the command both ways, {_levels_text(self.levels)}, in the simulator of the "
+            f"training: {compared}.",
+        ]
+        if training.level > 0 and training.level != self.asked:
+            parts.append(
+                f"Those policies were trained at level {training.level:g}; training at {self.asked:.2g} itself has not "
+                "been tried."
+            )
+        if self.asked > beyond:
+            parts.append(f"Nothing was tested beyond {_percent(beyond)}.")
+        if self.elsewhere:
+            seeds = max(cell.seeds for cell in self.elsewhere)
+            parts.append(
+                f"In other engines and on virtual robots at {_percent(self.elsewhere[0].friction_level)}, pairs of a "
+                f"seed and a place: {_bracketed(together(self.elsewhere))}, of "
+                f"{'one seed' if seeds == 1 else f'{seeds} seeds'}."
+            )
+        return " ".join(parts)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for `training.json`: the counts, and the command and revision that they came from."""
         return {
             "levels": list(self.levels),
             "seeds_that_follow": {
-                name: {level_text("coulomb", cell.friction_level): cell.text for cell in own}
-                for name, own in self.cells.items()
+                name: {_percent(cell.friction_level): cell.text for cell in own} for name, own in self.cells.items()
             },
             "elsewhere": {cell.engine: cell.text for cell in self.elsewhere},
             "command": self.source.command,
@@ -81,87 +119,41 @@ def advise(low: float, high: float, sources: Mapping[str, Source] | None = None)
     """
     sources = shipped() if sources is None else sources
     source = sources[TRAINING]
-    tested = sorted({cell.friction_level for cell in source.cells})
+    tested = {cell.friction_level for cell in source.cells}
     first, last = (_nearest(tested, end) for end in (low, high))
-    levels = tuple(level for level in tested if first <= level <= last)
+    levels = tuple(level for level in sorted(tested) if first <= level <= last)
     cells = {
         name: tuple(cell for cell in source.cells if cell.method == name and cell.friction_level in levels)
         for name in source.methods
     }
-    best = max(cells, key=lambda name: _rank(cells[name]))
+    best = max(cells, key=lambda name: (sum(c.follow for c in cells[name]), -sum(c.deviation for c in cells[name])))
     others = [cell for cell in sources[TRANSFER].cells if cell.method == best and cell.engine != TRAINED_IN]
-    top = _nearest(sorted({cell.friction_level for cell in others}), high) if others else high
-    elsewhere = tuple(cell for cell in others if cell.friction_level == top)
-    text = _text(source.methods[best], best, levels, cells, elsewhere, high, tested[-1])
-    return Advice(source.methods[best], levels, cells, elsewhere, source, text)
+    top = _nearest({cell.friction_level for cell in others}, high) if others else high
+    return Advice(best, high, levels, cells, tuple(cell for cell in others if cell.friction_level == top), source)
 
 
-def _nearest(tested: Sequence[float], level: float) -> float:
+def _nearest(tested: Set[float], level: float) -> float:
     """Return the tested level nearest to one; of two as near the lower."""
     return min(tested, key=lambda one: (round(abs(one - level), 9), one))
 
 
-def _rank(cells: Sequence[Following]) -> tuple[int, float]:
-    """Return what a training is chosen by: seeds that follow, and less deviation."""
-    return sum(cell.follow for cell in cells), -sum(cell.deviation for cell in cells)
-
-
-def _text(
-    training: TrainedWith,
-    name: str,
-    levels: Sequence[float],
-    cells: Mapping[str, Sequence[Following]],
-    elsewhere: Sequence[Following],
-    high: float,
-    beyond: float,
-) -> str:
-    """Say what to train with, how many seeds stand behind it, which side fails, and what was not tried.
-
-    beyond: highest level that was tested [-].
-    """
-    nobody = "" if any(cell.follow for cell in cells[name]) else "no training method follows with any seed there, and "
-    parts = [
-        f"For up to {level_text('coulomb', round(high, 4))}, {nobody}{name} "
-        + ("deviates least from the command: " if nobody else "follows with the most seeds: ")
-        + f"train with {_flags(training)}.",
-        f"Seeds that follow, {BAND} of the command both ways, {_levels_text(levels)}, in the simulator of the "
-        "training: " + "; ".join(f"{one} {_by_level(own)}" for one, own in cells.items()) + ".",
-    ]
-    if training.level > 0 and training.level != high:
-        parts.append(
-            f"Those policies were trained at level {training.level:g}; training at {high:.2g} itself has not been "
-            "tried."
-        )
-    if high > beyond:
-        parts.append(f"Nothing was tested beyond {level_text('coulomb', beyond)}.")
-    if elsewhere:
-        at, seeds = level_text("coulomb", elsewhere[0].friction_level), max(cell.seeds for cell in elsewhere)
-        parts.append(
-            f"In other engines and on virtual robots at {at}, pairs of a seed and a place: "
-            f"{_bracketed(together(elsewhere))}, of {'one seed' if seeds == 1 else f'{seeds} seeds'}."
-        )
-    return " ".join(parts)
-
-
-def _flags(training: TrainedWith) -> str:
-    """Return the flags of `stiction train`."""
-    return f"--method {training.method}" + (f" --friction-level {training.level:g}" if training.level > 0 else "")
+def _percent(level: float) -> str:
+    """Return a level of Coulomb friction as people read it."""
+    return level_text("coulomb", level)
 
 
 def _levels_text(levels: Sequence[float]) -> str:
     """Return the tested levels in words."""
     if len(levels) == 1:
-        return f"at the nearest level that was tested, {level_text('coulomb', levels[0])}"
-    return f"at the levels that were tested from {level_text('coulomb', levels[0])} to " + (
-        level_text("coulomb", levels[-1])
-    )
+        return f"at the nearest level that was tested, {_percent(levels[0])}"
+    return f"at the levels that were tested from {_percent(levels[0])} to {_percent(levels[-1])}"
 
 
 def _by_level(cells: Sequence[Following]) -> str:
     """Return the counts of a training, with their level where there are several."""
     if len(cells) == 1:
         return _bracketed(cells[0].text)
-    return ", ".join(f"{_bracketed(cell.text)} at {level_text('coulomb', cell.friction_level)}" for cell in cells)
+    return ", ".join(f"{_bracketed(cell.text)} at {_percent(cell.friction_level)}" for cell in cells)
 
 
 def _bracketed(text: str) -> str:

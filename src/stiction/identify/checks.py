@@ -143,7 +143,7 @@ def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None
     if name == "target":
         return
     near = np.diff(grid.stamps) < 1.5 * grid.step
-    changes = np.where(near, np.diff(values[grid.kept]), 0.0)
+    changes = np.where(near, np.diff(values[grid.order]), 0.0)
     sizes = np.abs(changes)
     if name == "torque":
         back = np.append(np.where(changes[1:] * changes[:-1] < 0, sizes[1:], 0.0), 0.0)
@@ -151,7 +151,7 @@ def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None
     usual = float(np.percentile(np.abs(changes), 99))
     worst = int(np.argmax(sizes))
     if usual > 0 and sizes[worst] > LARGEST_JUMP * usual:
-        before, after = grid.kept[worst], grid.kept[worst + 1]
+        before, after = grid.order[worst], grid.order[worst + 1]
         raise LogError(
             f"{where} jumps from {values[before]:.6g} to {values[after]:.6g} at sample {after + 1}, over "
             f"{LARGEST_JUMP:.0f} times its usual step; cut damaged samples out or log again"

@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from stiction.identify.consistency import beyond_chance, disagreement
-from stiction.identify.in_loop import InLoop, fit_in_loop, respond, values_of
+from stiction.identify.in_loop import InLoop, fit_in_loop, fit_late, respond
 from stiction.identify.intervals import block_count, correlation_time
 from stiction.identify.model import GRAVITY, LAWS, Law, Model
 from stiction.identify.output_error import OutputError
 from stiction.identify.prepare import Rows
-from stiction.identify.regression import LARGEST_INFLATION, Fit, fit_at, fit_rows, predict_torque
+from stiction.identify.regression import MAX_INFLATION, Fit, fit_at, fit_rows, predict_torque
 from stiction.identify.runs import Run
 
 FOLDS = 10
@@ -31,26 +31,26 @@ FOLDS = 10
 DEVIATIONS = 2.0
 """Standard deviations by which the held-out error must fall for a richer law."""
 
-LEAST_GAIN = 0.02
+MIN_GAIN = 0.02
 """Share by which the held-out error must fall: less is not worth a parameter to anybody."""
 
-LARGEST_BLUR = 30.0
+MAX_GRAVITY_INFLATION = 30.0
 """Inflation of the gravity terms beyond which the load that they stand for is guesswork."""
 
-LEAST_EVIDENCE = 6.0
+MIN_EVIDENCE = 6.0
 """Drop of the information criterion for a richer law; 6 is called strong."""
 
-OF_LAWS = ("friction", "_forward", "_backward", "stribeck_velocity", "coefficient", "slope", "curvature")
+LAW_PARAMETER_SUFFIXES = ("friction", "_forward", "_backward", "stribeck_velocity", "coefficient", "slope", "curvature")
 """How the names of the friction laws' parameters end."""
 
-LEAST_RISE = 1.2
+MIN_STATIC_RATIO = 1.2
 """Static over Coulomb friction in simulation: a controller that holds its torque for 2 ms looks like a rise by a
 tenth."""
 
 BLOCKS_OF_HALF = 5
 """Blocks of a half of the log, whose scatter gives the deviation of the gain in simulation."""
 
-FIRST_RISE, FIRST_SPEED = 1.3, 0.1
+START_STATIC_RATIO, START_STRIBECK_SHARE = 1.3, 0.1
 """Where the search by simulation begins: static over Coulomb friction, and v_s over the top speed."""
 
 
@@ -66,7 +66,7 @@ class Gain:
     @property
     def certain(self) -> bool:
         """Whether it is beyond noise and worth a parameter."""
-        return self.mean > DEVIATIONS * self.std and self.mean > LEAST_GAIN
+        return self.mean > DEVIATIONS * self.std and self.mean > MIN_GAIN
 
 
 def gain_of(error: np.ndarray, reference: np.ndarray) -> Gain:
@@ -111,7 +111,7 @@ class Choice:
         """Its law."""
         return self.model.law
 
-    def overruled(self, found: SimulatedLaw) -> Choice:
+    def with_simulated_law(self, found: SimulatedLaw) -> Choice:
         """Return the choice with the law that simulation calls for in place of viscous and Coulomb friction."""
         chosen = {
             "gain": found.gain.mean,
@@ -164,29 +164,31 @@ def choose_law(rows: Rows, base: Fit, strength_unknown: bool = False) -> Choice:
     fits: dict[Law, Fit] = {"coulomb": base}
     fits |= {law: fit_rows(rows, Model(law, gravity, middle), strength_unknown) for law in laws[1:]}
     errors = {law: _held_out(rows, fit.model, strength_unknown, fold) for law, fit in fits.items()}
-    objections = {law: _objection(rows, fits[law], base, errors[law], errors["coulomb"]) for law in laws}
-    fair = [law for law in laws if not objections[law]] or ["coulomb"]
-    best = min(fair, key=lambda law: errors[law].sum())
-    chosen = next(law for law in fair if law == best or not gain_of(errors[best], errors[law]).certain)
+    gains = {law: gain_of(errors[law], errors["coulomb"]) for law in laws}
+    evidence = {
+        law: evidence_of([base.residual], [fit.residual], len(fit.names) - len(base.names)) for law, fit in fits.items()
+    }
+    objections = {law: _objection(rows, fits[law], base, gains[law], evidence[law]) for law in laws}
+    admissible = [law for law in laws if not objections[law]] or ["coulomb"]
+    best = min(admissible, key=lambda law: errors[law].sum())
+    chosen = next(law for law in admissible if law == best or not gain_of(errors[best], errors[law]).certain)
     reasons = {law: objections[law] or "no simpler law is as good, and this one is not beyond it" for law in laws}
     reasons |= {"coulomb": "predicts as well as any richer law" if chosen == "coulomb" else "beaten"}
     reasons |= {chosen: "chosen"}
     size = float(np.sum(rows.torque**2))
-    return Choice(
-        fits[chosen].model,
-        tuple(
-            Candidate(
-                law,
-                len(fits[law].names),
-                float(np.sqrt(errors[law].sum() / size)),
-                gain_of(errors[law], errors["coulomb"]).mean,
-                gain_of(errors[law], errors["coulomb"]).std,
-                _evidence(fits[law], base),
-                reasons[law],
-            )
-            for law in laws
-        ),
+    candidates = tuple(
+        Candidate(
+            law=law,
+            parameters=len(fits[law].names),
+            held_out=float(np.sqrt(errors[law].sum() / size)),
+            gain=gains[law].mean,
+            gain_std=gains[law].std,
+            evidence=evidence[law],
+            verdict=reasons[law],
+        )
+        for law in laws
     )
+    return Choice(fits[chosen].model, candidates)
 
 
 def _held_out(rows: Rows, model: Model, strength_unknown: bool, fold: np.ndarray) -> np.ndarray:
@@ -214,44 +216,40 @@ def evidence_of(plain: Sequence[np.ndarray], rich: Sequence[np.ndarray], more: i
     return total - more * float(np.log(samples))
 
 
-def _evidence(fit: Fit, base: Fit) -> float:
-    """Return by how much the information criterion falls from `base` to `fit`."""
-    return evidence_of([base.residual], [fit.residual], len(fit.names) - len(base.names))
-
-
-def _objection(rows: Rows, fit: Fit, base: Fit, error: np.ndarray, reference: np.ndarray) -> str:
+def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> str:
     """Return why a law cannot be chosen, or nothing."""
     if fit is base:
         return ""
-    found = dict(zip(fit.names, fit.values, strict=True))
-    blurred = [name for name in fit.names if name.endswith(OF_LAWS) and fit.inflation[name] > LARGEST_INFLATION]
-    if blurred:
-        return f"the motion does not tell {blurred[0]}"
+    found = fit.by_name
+    unidentified = [
+        name for name in fit.names if name.endswith(LAW_PARAMETER_SUFFIXES) and fit.inflation[name] > MAX_INFLATION
+    ]
+    if unidentified:
+        return f"the motion does not tell {unidentified[0]}"
     if fit.model.law == "stribeck" and found["static_friction"] <= found["coulomb_friction"]:
         return "friction does not rise toward rest"
-    if fit.model.law == "load" and max(fit.inflation.get(name, 0.0) for name in GRAVITY) > LARGEST_BLUR:
+    if fit.model.law == "load" and max(fit.inflation.get(name, 0.0) for name in GRAVITY) > MAX_GRAVITY_INFLATION:
         return "over this range of angles gravity cannot be told from the offset, so the load is not known"
     if fit.model.law == "asymmetric":
         # The offset is half the difference of the two, so one of them may be below zero.
-        driving = found["coulomb_friction_forward"] + found["coulomb_friction_backward"] < 0
+        negative = found["coulomb_friction_forward"] + found["coulomb_friction_backward"] < 0
     else:
-        driving = any(found[name] < 0 for name in fit.names if name.startswith(("coulomb", "load", "static")))
-    if driving:
+        negative = any(found[name] < 0 for name in fit.names if name.startswith(("coulomb", "load", "static")))
+    if negative:
         return "its friction would drive the joint"
     if fit.model.law == "position" and _least_friction(fit, rows) < 0:
         return "its friction would drive the joint"
-    gain, evidence = gain_of(error, reference), _evidence(fit, base)
     if not gain.certain:
         side = "lower" if gain.mean >= 0 else "higher"
         return f"held-out error {side} by {abs(gain.mean):.1%} ± {gain.std:.1%}: not beyond noise"
-    if evidence < LEAST_EVIDENCE:
-        return f"the information criterion does not support it ({evidence:.1f}, at least {LEAST_EVIDENCE:.0f})"
+    if evidence < MIN_EVIDENCE:
+        return f"the information criterion does not support it ({evidence:.1f}, at least {MIN_EVIDENCE:.0f})"
     return ""
 
 
 def _least_friction(fit: Fit, rows: Rows) -> float:
     """Return the least friction of a position law over the angles of the log [N m]."""
-    found = dict(zip(fit.names, fit.values, strict=True))
+    found = fit.by_name
     away = np.linspace(rows.position.min(), rows.position.max(), 50) - fit.model.middle
     friction = found["coulomb_friction"] + found["position_slope"] * away + found["position_curvature"] * away**2
     return float(friction.min())
@@ -260,42 +258,34 @@ def _least_friction(fit: Fit, rows: Rows) -> float:
 def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
     """Return the Stribeck law if simulation calls for it; base and loop: the symmetric fits, which must disagree."""
     plain = loop.symmetric
-    if plain is None or not _disagree(base, plain):
+    if plain is None:
+        return None
+    gaps = disagreement(base, plain.estimates)
+    if not any(beyond_chance(gaps[name]) for name in ("viscous_friction", "coulomb_friction") if name in gaps):
         return None
     rich = replace(base, model=Model("stribeck", base.model.gravity))
-    start = values_of(base) | {name: estimate.value for name, estimate in plain.estimates.items()}
-    start["static_friction"] = FIRST_RISE * start["coulomb_friction"]
-    start["stribeck_velocity"] = FIRST_SPEED * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
+    start = base.by_name | plain.values
+    start["static_friction"] = START_STATIC_RATIO * start["coulomb_friction"]
+    start["stribeck_velocity"] = START_STRIBECK_SHARE * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
     found = fit_in_loop(run, rich, start)
-    if found is None or not _rises(found) or _is_late(run, base, start, plain, found):
+    if found is None or not _rises(found):
+        return None
+    late = fit_late(run, base, start)
+    if late is not None and _misfit(late, plain) < _misfit(found, plain):
         return None
     gain = _gain_in_loop(run, base, rich, start)
     both = plain.counted & found.counted
     before, after = ([fit.residuals[name][both] for name in plain.residuals] for fit in (plain, found))
     evidence = evidence_of(before, after, len(rich.model.names) - len(base.model.names))
-    if gain is None or not gain.certain or evidence < LEAST_EVIDENCE:
+    if gain is None or not gain.certain or evidence < MIN_EVIDENCE:
         return None
-    values = {name: found.estimates[name].value for name in rich.model.names if name in found.estimates}
-    return SimulatedLaw(found, fit_at(base.rows, rich.model, start | values), gain, evidence)
-
-
-def _disagree(base: Fit, found: OutputError) -> bool:
-    """Return whether regression and output error dispute the friction."""
-    gaps = disagreement(base, found.estimates)
-    return any(beyond_chance(gaps[name]) for name in ("viscous_friction", "coulomb_friction") if name in gaps)
+    return SimulatedLaw(found, fit_at(base.rows, rich.model, start | found.values), gain, evidence)
 
 
 def _rises(found: OutputError) -> bool:
     """Return whether friction at rest is above Coulomb friction, clearly."""
     static, coulomb = found.estimates["static_friction"], found.estimates["coulomb_friction"]
-    return static.interval95[0] > coulomb.interval95[1] and static.value > LEAST_RISE * coulomb.value
-
-
-def _is_late(run: Run, base: Fit, start: dict[str, float], plain: OutputError, rich: OutputError) -> bool:
-    """Return whether a controller that is late explains the log better than friction that rises toward rest."""
-    free = replace(run, setup=replace(run.setup, unknowns=("delay",)))
-    late = fit_in_loop(free, base, start)
-    return late is not None and _misfit(late, plain) < _misfit(rich, plain)
+    return static.interval95[0] > coulomb.interval95[1] and static.value > MIN_STATIC_RATIO * coulomb.value
 
 
 def _misfit(found: OutputError, plain: OutputError) -> float:
@@ -317,7 +307,7 @@ def _gain_in_loop(run: Run, base: Fit, rich: Fit, start: dict[str, float]) -> Ga
         sizes = {name: float(np.std(row[part & valid])) for name, row in plain.residuals.items()}
         blocks = np.array_split(np.flatnonzero(~part & valid), BLOCKS_OF_HALF)
         for model, found, own in zip((base.model, rich.model), (plain, richer), errors, strict=True):
-            response = respond(run, model, {name: estimate.value for name, estimate in found.estimates.items()})
+            response = respond(run, model, found.values)
             rows = {name: getattr(response, name) - getattr(run.signals, name) for name in sizes}
             squares = sum((row / max(sizes[name], 1e-300)) ** 2 for name, row in rows.items())
             own += [float(np.sum(np.asarray(squares)[block])) for block in blocks]

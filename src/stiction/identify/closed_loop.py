@@ -64,7 +64,7 @@ class ClosedLoop:
         self.goal = np.asarray(signals.target, float)
         self.rate = np.gradient(self.goal, signals.step)
 
-    def at(self, values: np.ndarray, time: float) -> np.ndarray:
+    def delayed(self, values: np.ndarray, time: float) -> np.ndarray:
         """Return `values` of shape (num_samples,) or (num_samples, n) as they were `time` seconds before."""
         if time == 0.0:
             return values
@@ -100,49 +100,56 @@ class ClosedLoop:
                 f"{kd:.4g} and inertia {joint.inertia:.4g} expected 0 to {0.5 * joint.inertia / kd:.3g} s"
             )
         joint = replace(joint, inertia=joint.inertia - late, viscous=joint.viscous - kp * delay)
-        signals, target = self.signals, self.at(self.goal, delay)
+        signals, target = self.signals, self.delayed(self.goal, delay)
         start = values["start_position"], values["start_velocity"]
         try:
             motion = simulate(joint, gains, signals.step, target, *start, signals.disturbance, guess)
         except StictionError as error:
             raise LoopError(f"output error is not done: {error}") from error
-        asked = self._asked(gains, target, motion, delay)
+        commanded = self._commanded(gains, target, motion, delay)
         limit = gains.torque_limit / gains.strength
-        return Response(motion, motion.position + values["log_bias"], np.clip(asked, -limit, limit), joint, gains)
+        return Response(motion, motion.position + values["log_bias"], np.clip(commanded, -limit, limit), joint, gains)
 
-    def _asked(self, gains: PDGains, target: np.ndarray, motion: Trajectory, delay: float) -> np.ndarray:
+    def _commanded(self, gains: PDGains, target: np.ndarray, motion: Trajectory, delay: float) -> np.ndarray:
         """Return what the controller asks for, before any limit [N m], shape (num_samples,)."""
-        velocity = self.at(motion.velocity, delay + self.velocity_delay)
-        return gains.kp * (target - self.at(motion.position, delay)) - gains.kd * velocity
+        velocity = self.delayed(motion.velocity, delay + self.velocity_delay)
+        return gains.kp * (target - self.delayed(motion.position, delay)) - gains.kd * velocity
 
     def derivatives(self, response: Response, free: dict[str, float], names: tuple[str, ...]) -> np.ndarray:
         """Return the derivatives of position and torque by `names`, shape (2, num_samples, num_names)."""
         values, signals, motion = self.fixed | free, self.signals, response.motion
         delay, strength = values["delay"], values["motor_strength"]
         kp, kd, late = self.gains.kp, self.gains.kd, delay + self.velocity_delay
-        target = self.at(self.goal, delay)
-        cut = course(response.joint, response.gains, signals.step, target, motion, signals.disturbance)
-        torques = parameter_torques(self.model, values, response.joint, cut)
-        nothing, free_motor = np.zeros_like(cut.load), cut.side == 0
+        target = self.delayed(self.goal, delay)
+        pieces = course(response.joint, response.gains, signals.step, target, motion, signals.disturbance)
+        torques = parameter_torques(self.model, values, response.joint, pieces)
+        zero, unsaturated = np.zeros_like(pieces.load), pieces.side == 0
         grid = np.arange(len(target))
-        rate = np.interp(cut.instant, grid, self.at(self.rate, delay))
-        torques |= dict.fromkeys((*START, "log_bias"), nothing)
+        rate = np.interp(pieces.instant, grid, self.delayed(self.rate, delay))
+        torques |= dict.fromkeys((*START, "log_bias"), zero)
         torques["delay"] = strength * (
-            (kd - kp * delay) * cut.acceleration + kp * cut.velocity - kp * free_motor * rate
+            (kd - kp * delay) * pieces.acceleration + kp * pieces.velocity - kp * unsaturated * rate
         )
-        torques["motor_strength"] = strength_torque(self.gains, cut) + (
-            (kd * late - 0.5 * kp * delay**2) * cut.acceleration + kp * delay * cut.velocity
+        torques["motor_strength"] = strength_torque(self.gains, pieces) + (
+            (kd * late - 0.5 * kp * delay**2) * pieces.acceleration + kp * delay * pieces.velocity
         )
         start = np.array([[name == wanted for name in names] for wanted in START], float)
-        changes = vary(response.joint, response.gains, cut, np.stack([torques[name] for name in names], axis=2), start)
-        asked = -kp * self.at(changes[0], delay) - kd * self.at(changes[1], late)
+        changes = vary(
+            response.joint, response.gains, pieces, np.stack([torques[name] for name in names], axis=2), start
+        )
+        commanded = -kp * self.delayed(changes[0], delay) - kd * self.delayed(changes[1], late)
         if "delay" in names:
-            speed, growth = self.at(motion.velocity, delay), self.at(np.gradient(motion.velocity, signals.step), late)
-            asked[:, names.index("delay")] += kp * (speed - self.at(self.rate, delay)) + kd * growth
-        asked[np.abs(self._asked(response.gains, target, motion, delay)) * strength > self.gains.torque_limit] = 0.0
+            speed, growth = (
+                self.delayed(motion.velocity, delay),
+                self.delayed(np.gradient(motion.velocity, signals.step), late),
+            )
+            commanded[:, names.index("delay")] += kp * (speed - self.delayed(self.rate, delay)) + kd * growth
+        commanded[
+            np.abs(self._commanded(response.gains, target, motion, delay)) * strength > self.gains.torque_limit
+        ] = 0.0
         if "log_bias" in names:
             changes[0][:, names.index("log_bias")] += 1.0
-        return np.stack([changes[0], asked])
+        return np.stack([changes[0], commanded])
 
 
 LARGEST_MISMATCH = 0.15

@@ -3,22 +3,18 @@
 A log of positions and targets alone stays the same if I, B, f, the offset, gravity and the motor strength k all grow
 by the same factor: the motion shows I/k, f/k and (B + k·kd)/k, and nothing else. A known payload breaks the tie, for
 its weight does not grow with k, and so does a known torque from outside; measured torque does too, if its unit is N m.
-
-Such a torque hides in the inertia, for θ'' and θ are opposite in a sine: 0.2 N m of gravity on the paper's shank moves
-it by 8 %, many of its standard deviations, and leaves a residual that looks harmless. So the regression is done again
-with θ as a fifth regressor; what that changes is what the law with four lacks.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from stiction.formats.joints import PARAMETERS, Estimate
-from stiction.identify.intervals import bootstrap_reach, with_intervals
 from stiction.identify.prepare import Rows
-from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit, fit_beside
+from stiction.identify.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit, fit_with_column
 
 OVER_K = {
     "inertia": "I/k",
@@ -51,27 +47,17 @@ class Strength:
     """`measured`, `declared`, `known_load` or `unknown`."""
 
 
-@dataclass(frozen=True)
-class Found:
-    """What a fit says, in the units in which it may be said."""
-
-    parameters: dict[str, Estimate | None]
-    """The four standard parameters and gravity; None where the log does not tell."""
-    combinations: dict[str, Estimate]
-    """What it tells instead."""
-
-
-def tells_strength(fit: Fit) -> bool:
+def strength_identified(fit: Fit) -> bool:
     """Return whether a fit with 1/k tells it: apart from the rest, and not zero."""
     inverse = fit.estimates()[INVERSE_STRENGTH]
-    return fit.inflation[INVERSE_STRENGTH] < LARGEST_INFLATION and inverse.interval95[0] > 0
+    return fit.inflation[INVERSE_STRENGTH] < MAX_INFLATION and inverse.interval95[0] > 0
 
 
 def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | None) -> Strength:
     """Say where k comes from: torque in N m, the user's word, or a known load that the fit could tell."""
     if INVERSE_STRENGTH in fit.names:
         inverse = fit.estimates()[INVERSE_STRENGTH]
-        if tells_strength(fit):
+        if strength_identified(fit):
             low, high = inverse.interval95
             more = STRENGTH_ERROR / inverse.value
             reached = (1 / high - more, 1 / low + more)
@@ -80,22 +66,24 @@ def find_strength(fit: Fit, measured: bool, calibrated: bool, declared: float | 
             )
         return Strength(None, "unknown")
     if declared is not None:
-        return Strength(exactly(declared), "declared")
-    return Strength(exactly(1.0), "measured") if measured and calibrated else Strength(None, "unknown")
+        return Strength(exact(declared), "declared")
+    return Strength(exact(1.0), "measured") if measured and calibrated else Strength(None, "unknown")
 
 
-def exactly(value: float) -> Estimate:
+def exact(value: float) -> Estimate:
     """Return a number that is taken as known."""
     return Estimate(value, 0.0, (value, value))
 
 
-def combine(fit: Fit, estimates: dict[str, Estimate], strength: Strength, damping: float, middle: float) -> Found:
-    """Turn a symmetric fit into parameters, or into combinations where k is not known.
+def combine(
+    fit: Fit, estimates: dict[str, Estimate], strength: Strength, damping: float, middle: float
+) -> tuple[dict[str, Estimate | None], dict[str, Estimate]]:
+    """Return the parameters of a symmetric fit, None where the log does not tell, and what it tells instead.
 
     estimates: the fit's estimates as they may be stated, their intervals widened where need be; damping: kd where the
     torque came from the PD law, else 0: B/k is then not said without it; middle: θ in mid-range [rad].
     """
-    clear = [name for name in OVER_K if name in estimates and fit.inflation[name] < LARGEST_INFLATION]
+    clear = [name for name in OVER_K if name in estimates and fit.inflation[name] < MAX_INFLATION]
     combinations: dict[str, Estimate] = {}
     parameters: dict[str, Estimate | None] = dict.fromkeys(PARAMETERS)
     for name in clear:
@@ -103,14 +91,14 @@ def combine(fit: Fit, estimates: dict[str, Estimate], strength: Strength, dampin
             damped = name == "viscous_friction" and damping > 0
             combinations[DAMPED if damped else OVER_K[name]] = shifted(estimates[name], damping if damped else 0.0)
         else:
-            parameters[name] = times(estimates[name], strength.value)
+            parameters[name] = product(estimates[name], strength.value)
     if "gravity_sin" in estimates:
         held = holding_torque(fit, middle)
         if strength.value is None:
             combinations[HOLDING + "/k"] = held
         else:
-            combinations[HOLDING] = times(held, strength.value)
-    return Found(parameters, combinations)
+            combinations[HOLDING] = product(held, strength.value)
+    return parameters, combinations
 
 
 def shifted(estimate: Estimate, change: float) -> Estimate:
@@ -119,7 +107,7 @@ def shifted(estimate: Estimate, change: float) -> Estimate:
     return Estimate(estimate.value + change, estimate.std, (low + change, high + change))
 
 
-def times(estimate: Estimate, factor: Estimate) -> Estimate:
+def product(estimate: Estimate, factor: Estimate) -> Estimate:
     """Return the estimate of a product; the relative errors of the two are taken as independent."""
     value = estimate.value * factor.value
     reaches = []
@@ -134,9 +122,7 @@ def times(estimate: Estimate, factor: Estimate) -> Estimate:
 def holding_torque(fit: Fit, angle: float) -> Estimate:
     """Return the torque that holds the link at an angle [rad], offset and gravity together, in the fit's unit."""
     weights = {"offset": 1.0, "gravity_sin": np.sin(angle), "gravity_cos": np.cos(angle)}
-    row = np.array([weights.get(name, 0.0) for name in fit.names])
-    reach = bootstrap_reach(fit.blocks)[fit.names.index("offset")]
-    return with_intervals(np.array([row @ fit.values]), np.array([[row @ fit.covariance @ row]]), reach)[0]
+    return fit.combination(weights, "offset")
 
 
 def missing_experiment(strength: Strength, measured: bool) -> str | None:
@@ -152,24 +138,21 @@ def missing_experiment(strength: Strength, measured: bool) -> str | None:
     )
 
 
-@dataclass(frozen=True)
-class PositionTorque:
-    """Torque that follows the position, and what leaving it out costs."""
+def position_torque(rows: Rows, fit: Fit) -> dict[str, Any]:
+    """Fit the torque equation with θ beside its regressors; fit: the one without θ.
 
-    slope: float
-    """Torque over position [N m/rad]."""
-    std: float
-    """Standard deviation of the slope [N m/rad]."""
-    changes: dict[str, float]
-    """Inertia, viscous and Coulomb friction: how much each changes once the slope is fitted too, over its value [1]."""
-
-
-def position_torque(rows: Rows, fit: Fit) -> PositionTorque:
-    """Fit the torque equation with θ beside its regressors; fit: the one without θ."""
-    both = fit_beside(fit, "slope", rows.position - rows.position.mean())
+    A torque that follows the position hides in the inertia, for θ'' and θ are opposite in a sine, and leaves a residual
+    that looks harmless. Returns `slope` and `std`, torque over position and its deviation [N m/rad], and `changes`: by
+    how much inertia, viscous and Coulomb friction change with it, each over its value [1].
+    """
+    both = fit_with_column(fit, "slope", rows.position - rows.position.mean())
     changes = {
         name: float(value / before - 1)
         for name, value, before in zip(PARAMETERS[:3], both.values, fit.values)
         if before != 0
     }
-    return PositionTorque(float(both.values[-1]), float(np.sqrt(both.covariance[-1, -1])), changes)
+    return {
+        "slope": float(both.values[-1]),
+        "std": float(np.sqrt(both.covariance[-1, -1])),
+        "changes": changes,
+    }

@@ -1,26 +1,21 @@
-"""Would the same joint say the same again? Halves of the log, its slow and fast parts, drift, and what is left over.
+"""Consistency of a fit: halves of the log, its slow and fast parts, repeats, drift, timing, whiteness of the residual.
 
 Each part is fitted by itself with viscous and Coulomb friction. Where the parts disagree beyond their intervals the
-law lacks something, and the intervals, which know scatter only, are too narrow for it.
-
-What acts is then the logged torque of half an update before, and the log has B wrong by what kp and the inertia make of
-that time. The equation is fitted again with the torque free to move by a fraction of a sample: one more column, the
-torque's rate. The column is noisy, so its fit is no better than the plain one; but where the two disagree the truth may
-be with either, and the intervals must admit both.
+law lacks something, and the intervals, which know scatter only, are widened until they admit both.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
 from stiction.formats.joints import Estimate
-from stiction.identify.intervals import bootstrap_reach, correlation_time, with_intervals
+from stiction.identify.intervals import correlation_time
 from stiction.identify.prepare import Prepared, Rows
-from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_beside, fit_rows
+from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, Fit, fit_rows, fit_with_column
 
 COMPARED = ("inertia", "viscous_friction", "coulomb_friction")
 """Parameters that the parts are compared in."""
@@ -34,8 +29,8 @@ SMALLEST_GAP = 0.02
 LARGEST_GAP = 0.03
 """Relative disagreement of two estimators that matters, if it is also beyond `LARGEST_SIGMAS`."""
 
-FURTHEST = 1.5
-"""Samples by which torque may be early or late: more is a law that is not the joint's, for want of a better."""
+MAX_SHIFT = 1.5
+"""Samples by which torque may be early or late: more means that the friction law is wrong, not the timing."""
 
 TIMING = "timing"
 """Label of a comparison with a log whose torque may be late or early."""
@@ -89,16 +84,8 @@ class Comparison:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
-        return {
-            "label": self.label,
-            "alternative": self.alternative,
-            "parts": list(self.parts),
-            "values": {name: [one.to_dict(), two.to_dict()] for name, (one, two) in self.values.items()},
-            "sigmas": {name: self.sigmas(name) for name in self.values},
-            "disputed": list(self.disputed),
-            "speed": self.speed,
-            "friction": [estimate.to_dict() for estimate in self.friction],
-        }
+        sigmas = {name: self.sigmas(name) for name in self.values}
+        return asdict(self) | {"sigmas": sigmas, "disputed": list(self.disputed)}
 
 
 @dataclass(frozen=True)
@@ -140,7 +127,7 @@ def compare(label: str, parts: tuple[str, str], one: Rows, other: Rows, fit: Fit
 
     Where 1/k is unknown it is what `fit` found, for both: the rows of a run without payload do not tell it.
     """
-    inverse = dict(zip(fit.names, fit.values)).get(INVERSE_STRENGTH, 1.0)
+    inverse = fit.by_name.get(INVERSE_STRENGTH, 1.0)
     parted = [replace(rows, payload=inverse * rows.payload, load=inverse * rows.load) for rows in (one, other)]
     fits = [fit_rows(rows, fit.model) for rows in parted]
     both = [found.estimates() for found in fits]
@@ -156,10 +143,7 @@ def common_speed(one: np.ndarray, other: np.ndarray) -> float:
 
 def friction_at(fit: Fit, speed: float) -> Estimate:
     """Return B θ' + b_c of a symmetric fit at a speed [rad/s], with its interval [N m]."""
-    weights = np.array([{"viscous_friction": speed, "coulomb_friction": 1.0}.get(name, 0.0) for name in fit.names])
-    variance = weights @ fit.covariance @ weights
-    reach = bootstrap_reach(fit.blocks)[fit.names.index("coulomb_friction")]
-    return with_intervals(np.array([weights @ fit.values]), np.array([[variance]]), reach)[0]
+    return fit.combination({"viscous_friction": speed, "coulomb_friction": 1.0}, "coulomb_friction")
 
 
 @dataclass(frozen=True)
@@ -170,10 +154,6 @@ class Drift:
     """Change of all friction over its mean [1]; None where the log cannot tell."""
     reason: str | None
     """Why it cannot."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        return {"change": None if self.change is None else self.change.to_dict(), "reason": self.reason}
 
 
 def find_drift(rows: Rows, fit: Fit) -> Drift:
@@ -187,9 +167,9 @@ def find_drift(rows: Rows, fit: Fit) -> Drift:
         return Drift(
             None, f"the motion itself changes over the log (speed follows time with a correlation of {tied:.2f})"
         )
-    found = dict(zip(fit.names, fit.values, strict=True))
-    friction = found["viscous_friction"] * rows.velocity + found["coulomb_friction"] * rows.direction
-    return Drift(fit_beside(fit, "drift", late * friction).scatter()["drift"], None)
+    values = fit.by_name
+    friction = values["viscous_friction"] * rows.velocity + values["coulomb_friction"] * rows.direction
+    return Drift(fit_with_column(fit, "drift", late * friction).scatter()["drift"], None)
 
 
 @dataclass(frozen=True)
@@ -256,30 +236,20 @@ def beyond_chance(gap: dict[str, float]) -> bool:
     return gap["sigmas"] > LARGEST_SIGMAS and gap["relative"] > LARGEST_GAP
 
 
-@dataclass(frozen=True)
-class Skew:
-    """What a log says about the time between torque and angle."""
-
-    early: Estimate
-    """How much earlier the torque is logged than it acts [s]."""
-    estimates: dict[str, Estimate]
-    """The equation's parameters with that taken into account."""
-
-
-def fit_skew(prepared: Prepared, base: Fit) -> Skew:
-    """Fit the equation of `base`, whose rows are those of `prepared`, with the torque free to move in time."""
-    rate = np.gradient(prepared.torque - prepared.outside, prepared.step)[prepared.used]
-    found = fit_beside(base, "early", rate).scatter()
-    return Skew(found.pop("early"), found)
-
-
 def compare_timing(prepared: Prepared, base: Fit) -> Comparison | None:
-    """Set the fit beside the one whose torque may move in time; None where it would move further than clocks do."""
-    skew, plain = fit_skew(prepared, base), base.estimates()
-    if abs(skew.early.value) > FURTHEST * prepared.step:
+    """Compare a fit with one whose torque may be early or late; None where it would move further than clocks do.
+
+    base: fitted to the rows of `prepared`. What acts in a sampled controller is the logged torque of half an update
+    before, and B is off by what kp and the inertia make of that time. The other fit has one more column, the torque's
+    rate, times the time by which the torque is logged early. That column is noisy, so neither fit is the better one.
+    """
+    rate = np.gradient(prepared.torque - prepared.outside, prepared.step)[prepared.used]
+    plain, other = base.estimates(), fit_with_column(base, "early", rate).scatter()
+    early = other["early"].value
+    if abs(early) > MAX_SHIFT * prepared.step:
         return None
-    parts = ("as logged", f"torque {1e3 * skew.early.value:.2g} ms later")
-    values = {name: (plain[name], skew.estimates[name]) for name in COMPARED}
+    parts = ("as logged", f"torque {1e3 * early:.2g} ms later")
+    values = {name: (plain[name], other[name]) for name in COMPARED}
     speed = float(np.quantile(np.abs(base.rows.velocity), 0.9))
-    moved = replace(base, values=np.array([skew.estimates[name].value for name in base.names]))
+    moved = replace(base, values=np.array([other[name].value for name in base.names]))
     return Comparison(TIMING, parts, values, speed, (friction_at(base, speed), friction_at(moved, speed)), True)

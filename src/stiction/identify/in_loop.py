@@ -23,7 +23,7 @@ from stiction.joints.pd import PDGains
 LOOP_UNKNOWNS = {"delay": "delay", "encoder_bias": "log_bias"}
 """What the user may ask for -> what the simulated loop calls it."""
 
-BLURRED = ("offset", "gravity_sin", "gravity_cos")
+CONFOUNDED = ("offset", "gravity_sin", "gravity_cos")
 """Parameters that a small range of angles does not tell apart: no harm to the others."""
 
 
@@ -94,14 +94,16 @@ def _mismatch(run: Run) -> float | None:
     return controller_mismatch(run.signals, controller(run), late, run.prepared.cutoff, biased)
 
 
-def values_of(fit: Fit) -> dict[str, float]:
-    """Return a fit's values by name."""
-    return dict(zip(fit.names, fit.values.tolist(), strict=True))
-
-
 def fit_with_instruments(run: Run, base: Fit) -> Fit | None:
     """Regress with instruments from simulations; None where no simulation follows the log."""
-    return fit_instrumental(run.prepared, run.setup.payload, base, lambda values: _follow(run, base, values))
+
+    def simulate(values: np.ndarray) -> np.ndarray | None:
+        try:
+            return respond(run, base.model, replace(base, values=values).by_name).position
+        except StictionError:
+            return None
+
+    return fit_instrumental(run.prepared, run.setup.payload, base, simulate)
 
 
 def fit_in_loop(
@@ -116,6 +118,11 @@ def fit_in_loop(
         return simulate_fit(run, fit, start, part, known)
     except LoopError:
         return None
+
+
+def fit_late(run: Run, base: Fit, start: dict[str, float]) -> OutputError | None:
+    """Fit the symmetric law, from `start`, under a controller that may be late; None where that cannot be done."""
+    return fit_in_loop(replace(run, setup=replace(run.setup, unknowns=("delay",))), base, start)
 
 
 def simulate_fit(
@@ -136,7 +143,7 @@ def simulate_fit(
 
     """
     setup, extra, signals = run.setup, _payload(run), _signals(run)
-    start, known = start or values_of(fit), dict(known or {})
+    start, known = start or fit.by_name, dict(known or {})
     model = replace(fit.model, gravity=fit.model.gravity or bool(extra))
     if extra and not fit.model.gravity:
         known |= dict.fromkeys(GRAVITY, 0.0)
@@ -151,7 +158,7 @@ def simulate_fit(
         unknown=tuple(LOOP_UNKNOWNS[name] for name in setup.unknowns if _shows(run, name)),
         known={name: value + extra.get(name, 0.0) for name, value in known.items()},
     )
-    _check_identified(found, [name for name in fit.model.names if name not in BLURRED])
+    _check_identified(found, [name for name in fit.model.names if name not in CONFOUNDED])
     return replace(found, estimates={name: shifted(e, -extra.get(name, 0.0)) for name, e in found.estimates.items()})
 
 
@@ -168,8 +175,8 @@ def fit_strength(run: Run, base: Fit) -> OutputError:
         raise LoopError("output error is not done where only several logs together tell the strength k")
     if base.model.gravity:
         raise LoopError("output error is not done where the strength k and gravity on the link are unknown together")
-    payload, strength = run.setup.payload, 1 / values_of(base)[INVERSE_STRENGTH]
-    start = {name: strength * value for name, value in values_of(base).items() if name != INVERSE_STRENGTH}
+    payload, strength = run.setup.payload, 1 / base.by_name[INVERSE_STRENGTH]
+    start = {name: strength * value for name, value in base.by_name.items() if name != INVERSE_STRENGTH}
     if not strength > 0:
         raise LoopError(
             f"output error is not done: the regression finds a strength k of {strength:.3g}, expected above 0"
@@ -231,15 +238,6 @@ def _shows(run: Run, unknown: str) -> bool:
     return unknown == "delay" or (run.measured and run.setup.hanging_angle is None)
 
 
-def _follow(run: Run, fit: Fit, values: np.ndarray) -> np.ndarray | None:
-    """Return the position that the loop would have had with these values, or None where no joint has them."""
-    try:
-        response = respond(run, fit.model, values_of(replace(fit, values=values)))
-    except StictionError:
-        return None
-    return response.position
-
-
 def respond(run: Run, model: Model, values: dict[str, float]) -> Response:
     """Simulate the whole of a run with the joint's own values, the payload's added.
 
@@ -263,7 +261,7 @@ def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
     if INVERSE_STRENGTH in fit.names:
         return None
     try:
-        response = respond(run, fit.model, values_of(fit))
+        response = respond(run, fit.model, fit.by_name)
     except StictionError:
         return None
     pairs = {
@@ -277,11 +275,6 @@ def predict_run(run: Run, fit: Fit) -> dict[str, float] | None:
         name: float(np.linalg.norm((simulated - measured)[valid]) / np.linalg.norm(measured[valid]))
         for name, (simulated, measured) in pairs.items()
     }
-
-
-def symmetric_model(run: Run) -> Model:
-    """Return the symmetric torque equation for a run."""
-    return Model("coulomb", run.setup.fits_gravity)
 
 
 def compare_in_loop(run: Run, base: Fit, whole: OutputError | None) -> tuple[Comparison, ...]:
@@ -300,19 +293,16 @@ def _compare_parts(run: Run, base: Fit, whole: OutputError) -> tuple[Comparison,
 
     Gravity and offset stay as the whole log has them: the link is the same one, and a part tells them less apart.
     """
-    start = values_of(base) | {name: estimate.value for name, estimate in whole.estimates.items()}
-    known = {name: start[name] for name in BLURRED if name in base.names}
+    start = base.by_name | whole.values
+    known = {name: start[name] for name in CONFOUNDED if name in base.names}
     found = []
     for split in splits(run.signals.time, run.prepared.velocity):
         parts = (split.first, ~split.first)
-        fits = [fit_in_loop(run, base, start, part, known) for part in parts]
-        if fits[0] is None or fits[1] is None:
+        one, other = (fit_in_loop(run, base, start, part, known) for part in parts)
+        if one is None or other is None:
             continue
-        both = [fit.estimates for fit in fits if fit is not None]
-        values = {name: (both[0][name], both[1][name]) for name in COMPARED}
         speed = common_speed(*(run.prepared.velocity[part] for part in parts))
-        one, other = (_friction(estimates, speed) for estimates in both)
-        found.append(Comparison(split.label, split.parts, values, speed, (one, other)))
+        found.append(_comparison(split.label, split.parts, one, other, speed))
     return tuple(found)
 
 
@@ -320,16 +310,26 @@ def _compare_delay(run: Run, base: Fit, whole: OutputError) -> tuple[Comparison,
     """Set the fit beside one whose controller may be late, unless that was declared or asked for."""
     if run.setup.delay is not None or run.setup.unknowns:
         return ()
-    free = replace(run, setup=replace(run.setup, unknowns=("delay",)))
-    start = values_of(base) | {name: estimate.value for name, estimate in whole.estimates.items()}
-    late = fit_in_loop(free, base, start)
+    late = fit_late(run, base, base.by_name | whole.values)
     if late is None or "delay" not in late.estimates:
         return ()
-    values = {name: (whole.estimates[name], late.estimates[name]) for name in COMPARED}
     speed = float(np.quantile(np.abs(run.prepared.velocity), 0.9))
-    one, other = _friction(whole.estimates, speed), _friction(late.estimates, speed)
-    parts = ("as declared", f"controller {1e3 * late.estimates['delay'].value:.2g} ms late")
-    return (Comparison(TIMING, parts, values, speed, (one, other), True),)
+    parts = ("as declared", f"controller {1e3 * late.values['delay']:.2g} ms late")
+    return (_comparison(TIMING, parts, whole, late, speed, True),)
+
+
+def _comparison(
+    label: str,
+    parts: tuple[str, str],
+    one: OutputError,
+    other: OutputError,
+    speed: float,
+    alternative: bool = False,
+) -> Comparison:
+    """Compare two fits by output error, also in their friction at a speed [rad/s]."""
+    values = {name: (one.estimates[name], other.estimates[name]) for name in COMPARED}
+    friction = _friction(one.estimates, speed), _friction(other.estimates, speed)
+    return Comparison(label, parts, values, speed, friction, alternative)
 
 
 def _friction(estimates: dict[str, Estimate], speed: float) -> Estimate:
@@ -337,5 +337,4 @@ def _friction(estimates: dict[str, Estimate], speed: float) -> Estimate:
     viscous, coulomb = estimates["viscous_friction"], estimates["coulomb_friction"]
     value = viscous.value * speed + coulomb.value
     std = float(np.hypot(viscous.std * speed, coulomb.std))
-    reach = 2 * std
-    return Estimate(value, std, (value - reach, value + reach))
+    return Estimate(value, std, (value - 2 * std, value + 2 * std))

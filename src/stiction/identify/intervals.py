@@ -23,7 +23,7 @@ MOST_BLOCKS = 30
 FEWEST_BLOCKS = 8
 """Fewer blocks say too little about their own spread."""
 
-MEMORIES = 8.0
+BLOCK_MEMORIES = 8.0
 """Length of a block in correlation times of the residual."""
 
 DRAWS = 999
@@ -70,7 +70,7 @@ def correlation_time(residual: np.ndarray) -> float:
 
 def block_count(residual: np.ndarray) -> int:
     """Return how many blocks to cut a series into so that each outlasts the residual's memory."""
-    wanted = int(len(residual) / (MEMORIES * correlation_time(residual)))
+    wanted = int(len(residual) / (BLOCK_MEMORIES * correlation_time(residual)))
     return int(np.clip(wanted, FEWEST_BLOCKS, MOST_BLOCKS))
 
 

@@ -81,53 +81,53 @@ class Model:
         return Joint(of["inertia"], of.get("viscous_friction", 0.0), friction, offset, gravity)
 
 
-def parameter_torques(model: Model, values: dict[str, float], joint: Joint, cut: Course) -> dict[str, np.ndarray]:
+def parameter_torques(model: Model, values: dict[str, float], joint: Joint, course: Course) -> dict[str, np.ndarray]:
     """Return for each of the model's parameters the torque of a unit change at both ends of each step.
 
     values: the model's parameters; joint: what was simulated; cut: its motion. Arrays of shape (2, num_steps).
     """
-    ones = np.ones_like(cut.position)
-    sign, forward, backward = cut.sign * ones, (cut.sign > 0) * ones, (cut.sign < 0) * ones
+    ones = np.ones_like(course.position)
+    sign, forward, backward = course.sign * ones, (course.sign > 0) * ones, (course.sign < 0) * ones
     torques = {
-        "inertia": -cut.acceleration,
-        "viscous_friction": -cut.velocity,
-        "viscous_friction_forward": -cut.velocity * forward,
-        "viscous_friction_backward": -cut.velocity * backward,
+        "inertia": -course.acceleration,
+        "viscous_friction": -course.velocity,
+        "viscous_friction_forward": -course.velocity * forward,
+        "viscous_friction_backward": -course.velocity * backward,
         "coulomb_friction": -sign,
         "coulomb_friction_forward": -forward,
         "coulomb_friction_backward": backward,
         "offset": -ones,
-        "load_coefficient": -sign * np.abs(cut.load),
+        "load_coefficient": -sign * np.abs(course.load),
     }
     if "stribeck_velocity" in model.names:
-        torques |= _stribeck(values, sign, cut)
+        torques |= _stribeck(values, sign, course)
     if "position_slope" in model.names:
-        torques |= _at_angle(values, sign, cut, joint, model.middle)
+        torques |= _at_angle(values, sign, course, joint, model.middle)
     if joint.gravity is not None:
-        share = 1.0 - sign * joint.friction.load_coefficient * np.sign(cut.load)
-        torques |= {"gravity_sin": -np.sin(cut.position) * share, "gravity_cos": -np.cos(cut.position) * share}
+        share = 1.0 - sign * joint.friction.load_coefficient * np.sign(course.load)
+        torques |= {"gravity_sin": -np.sin(course.position) * share, "gravity_cos": -np.cos(course.position) * share}
     return {name: torques[name] for name in model.names}
 
 
-def _stribeck(values: dict[str, float], sign: np.ndarray, cut: Course) -> dict[str, np.ndarray]:
+def _stribeck(values: dict[str, float], sign: np.ndarray, course: Course) -> dict[str, np.ndarray]:
     """Return the torques of the three parameters of the chain of secants."""
     knots, heights = np.array(KNOTS), np.array(SECANTS)
     slopes = np.append(np.diff(heights) / np.diff(knots), 0.0)
-    speed = np.abs(cut.velocity) / values["stribeck_velocity"]
-    height = heights[cut.piece] + slopes[cut.piece] * (speed - knots[cut.piece])
+    speed = np.abs(course.velocity) / values["stribeck_velocity"]
+    height = heights[course.piece] + slopes[course.piece] * (speed - knots[course.piece])
     fall = (values["static_friction"] - values["coulomb_friction"]) / values["stribeck_velocity"]
     return {
         "coulomb_friction": -sign * (1.0 - height),
         "static_friction": -sign * height,
-        "stribeck_velocity": sign * fall * slopes[cut.piece] * speed,
+        "stribeck_velocity": sign * fall * slopes[course.piece] * speed,
     }
 
 
 def _at_angle(
-    values: dict[str, float], sign: np.ndarray, cut: Course, joint: Joint, middle: float
+    values: dict[str, float], sign: np.ndarray, course: Course, joint: Joint, middle: float
 ) -> dict[str, np.ndarray]:
     """Return the torques of the three parameters of friction over the angle: none where it is cut off at zero."""
-    away, there = cut.position - middle, joint.friction.at_angle(cut.position) > -values["coulomb_friction"]
+    away, there = course.position - middle, joint.friction.at_angle(course.position) > -values["coulomb_friction"]
     return {
         "coulomb_friction": -sign * there,
         "position_slope": -sign * there * away,
@@ -135,6 +135,6 @@ def _at_angle(
     }
 
 
-def strength_torque(gains: PDGains, cut: Course) -> np.ndarray:
+def strength_torque(gains: PDGains, course: Course) -> np.ndarray:
     """Return the torque of a unit change of the motor's strength, shape (2, num_steps); none at the torque limit."""
-    return (cut.side == 0) * (gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity)
+    return (course.side == 0) * (gains.kp * (course.target - course.position) - gains.kd * course.velocity)

@@ -3,10 +3,7 @@
 The residual is simulated − measured (the paper minimises reference − measurement, which measures the controller). In a
 closed loop the position hardly depends on the parameters and the torque does, so both are fitted, each in units of its
 own residual's size; without torque, the position alone. No derivative of a noisy signal enters. The state at the first
-sample is fitted with the rest: taken from the first few samples it would cost precision everywhere.
-
-Stick and slip leave corners in the cost that no step size resolves. A search that asks the cost itself whether it still
-falls spends most of its time on them; this one stops where its linear model promises nothing more that matters.
+sample is fitted with the rest.
 """
 
 from __future__ import annotations
@@ -22,55 +19,58 @@ from stiction.identify.checks import Uniform
 from stiction.identify.closed_loop import EXTRAS, START, ClosedLoop, Response
 from stiction.identify.intervals import block_count, bootstrap_reach, make_blocks, robust_covariance, with_intervals
 from stiction.identify.model import NOT_NEGATIVE, Model, nearest_joint
-from stiction.identify.timing import unsettled
+from stiction.identify.timing import settling
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Trajectory
 
-MOST_TRIALS = 40
+MAX_ITERATIONS = 40
 """Points tried before the search ends where it is."""
 
-MOST_REFUSALS = 5
-"""Steps in a row, each shorter than the last, that make the cost larger: a corner, and the search ends on it."""
+MAX_REJECTED_STEPS = 5
+"""Steps in a row, each shorter than the last, that raise the cost: a corner, and the search ends on it."""
 
-FAINTEST = 1e-12
-"""Curvature, over the largest one in units of the diagonal, under which a direction is left alone."""
+RELATIVE_CURVATURE_FLOOR = 1e-12
+"""Curvature, over the largest one with columns of unit length, under which a direction is left alone."""
 
 
-def descend(
+# Not scipy.optimize.least_squares: stick and slip leave corners in the cost that no step size resolves, and a search
+# that asks the cost itself whether it still falls spends most of its time on them. This one stops where its linear
+# model predicts no further decrease that matters.
+def levenberg_marquardt(
     residual: Callable[[np.ndarray], np.ndarray],
     jacobian: Callable[[np.ndarray], np.ndarray],
     start: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
-    enough: Callable[[float], float],
+    tolerance: Callable[[float], float],
 ) -> np.ndarray:
-    """Return the point, shape (num_parameters,), at which half the sum of squares is least.
+    """Return the point, shape (num_parameters,), at which half the sum of squared residuals is least.
 
     residual: point -> shape (num_rows,); jacobian: point -> shape (num_rows, num_parameters); lower, upper: bounds,
-    shape (num_parameters,) each; enough: cost -> promised fall of the cost that is not worth another step.
+    shape (num_parameters,) each; tolerance: cost -> predicted decrease of the cost that is not worth another step.
     """
     point = np.clip(start, lower, upper)
     rows, slopes = residual(point), jacobian(point)
-    cost, damping, growth, refused = 0.5 * float(rows @ rows), 1e-4, 2.0, 0
-    for _ in range(MOST_TRIALS):
-        step, promised = _step(slopes, rows, (point >= upper).astype(int) - (point <= lower), damping)
-        if promised <= enough(cost) or refused > MOST_REFUSALS:
+    cost, damping, growth, rejected = 0.5 * float(rows @ rows), 1e-4, 2.0, 0
+    for _ in range(MAX_ITERATIONS):
+        step, predicted = _damped_step(slopes, rows, (point >= upper).astype(int) - (point <= lower), damping)
+        if predicted <= tolerance(cost) or rejected > MAX_REJECTED_STEPS:
             break
         trial = np.clip(point + step, lower, upper)
-        tried = residual(trial)
-        found = 0.5 * float(tried @ tried)
-        if found < cost:
-            # The better the model foretold the cost, the less the next step is held back (Nielsen's rule).
-            damping *= max(0.1, 1.0 - (2.0 * (cost - found) / promised - 1.0) ** 3)
-            point, rows, cost, slopes = trial, tried, found, jacobian(trial)
-            growth, refused = 2.0, 0
+        trial_rows = residual(trial)
+        trial_cost = 0.5 * float(trial_rows @ trial_rows)
+        if trial_cost < cost:
+            # The better the model predicted the cost, the less the next step is damped (Nielsen's rule).
+            damping *= max(0.1, 1.0 - (2.0 * (cost - trial_cost) / predicted - 1.0) ** 3)
+            point, rows, cost, slopes = trial, trial_rows, trial_cost, jacobian(trial)
+            growth, rejected = 2.0, 0
         else:
-            damping, growth, refused = max(growth * damping, 1e-4), 2.0 * growth, refused + 1
+            damping, growth, rejected = max(growth * damping, 1e-4), 2.0 * growth, rejected + 1
     return point
 
 
-def _step(slopes: np.ndarray, rows: np.ndarray, bound: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
-    """Return the damped step from a point, and the fall of the cost that the linear model promises for it.
+def _damped_step(slopes: np.ndarray, rows: np.ndarray, bound: np.ndarray, damping: float) -> tuple[np.ndarray, float]:
+    """Return the damped step from a point, and the decrease of the cost that the linear model predicts for it.
 
     bound: -1 for parameters at their lower bound and 1 for those at their upper one, else 0, shape (num_parameters,);
     from a bound they move away only.
@@ -83,32 +83,32 @@ def _step(slopes: np.ndarray, rows: np.ndarray, bound: np.ndarray, damping: floa
         return step, 0.0
     units = scale[moving]
     values, directions = np.linalg.eigh(curvature[np.ix_(moving, moving)] / np.outer(units, units))
-    seen = values > FAINTEST * values[-1]
-    wanted = np.where(seen, directions.T @ (gradient[moving] / units), 0.0)
-    moved = wanted / np.where(seen, values + damping, 1.0)
+    known = values > RELATIVE_CURVATURE_FLOOR * values[-1]
+    gradient = np.where(known, directions.T @ (gradient[moving] / units), 0.0)
+    moved = gradient / np.where(known, values + damping, 1.0)
     step[moving] = -(directions @ moved) / units
-    return step, float(np.sum(moved * wanted - 0.5 * np.where(seen, values, 0.0) * moved**2))
+    return step, float(np.sum(moved * gradient - 0.5 * np.where(known, values, 0.0) * moved**2))
 
 
-FIRST_CHANGE = 1e-3
+COST_TOLERANCE = 1e-3
 """The first fit, whose residuals weigh position against torque in the second, ends at this relative change of cost."""
 
-LAST_CHANGE = 1e-2
+CHI2_TOLERANCE = 1e-2
 """The second ends where chi² would fall by less than this: a tenth of a standard deviation."""
 
-LARGEST_PREDICTION = 0.2
+MAX_EXTRAPOLATION = 0.2
 """Change of the motion up to which its derivatives are trusted to predict it, as the guess of a simulation [rad]."""
 
-LARGEST_CONDITION = 1e6
+MAX_CONDITION = 1e6
 """Condition number of the Jacobian with unit columns beyond which parameters are not told apart."""
 
-PART = 1e-3
+MIN_SHARE = 1e-3
 """Share of a parameter in a direction that nothing is known of, from which on it is not identified."""
 
-WIDEST = {"delay": 0.02, "log_bias": 0.5, "motor_strength": 0.5}
+MAX_STD = {"delay": 0.02, "log_bias": 0.5, "motor_strength": 0.5}
 """Standard deviation beyond which an unknown of the loop counts as not identified: its prior knowledge is better."""
 
-FIRST_SAMPLES = 10
+START_SAMPLES = 10
 """Samples that show the start; where none of them counts the start is taken as it was measured."""
 
 STILL = 0.02
@@ -117,17 +117,17 @@ STILL = 0.02
 SETTLING = 5.0
 """Time constants of the loop after which a simulation has forgotten a gap: less than a hundredth of it is left."""
 
-MOST_PHASES = 300_000
+MAX_PHASES = 300_000
 """Phases of stick and slip after which the search ends where it is: half a minute. Ordinary logs need a tenth of it."""
 
-HOPELESS = 1e3
+FAILED_RESIDUAL = 1e3
 """Residual, in units of its size, where there is no such joint."""
 
 STRIBECK_SPEEDS = (0.005, 0.5)
 """Stribeck velocities that the search may try, as shares of the top speed: under the first, the fall of the friction is
 over before it shows; over the second, it looks like less viscous friction."""
 
-LOWEST = dict.fromkeys((*NOT_NEGATIVE, "delay"), 0.0)
+LOWER_BOUNDS = dict.fromkeys((*NOT_NEGATIVE, "delay"), 0.0)
 """Bounds; inertia and motor strength stay above a hundredth of where they start."""
 
 
@@ -136,8 +136,7 @@ class OutputError:
     """A joint whose simulation follows the log."""
 
     estimates: dict[str, Estimate]
-    """What was identified of the model's parameters and of the loop's unknowns. Without torque in units in which the
-    motor's strength is 1."""
+    """What was identified of the model's parameters and of the loop's unknowns; without torque, over the strength k."""
     unidentified: tuple[str, ...]
     """Names of what was to be fitted and does not show in this log, or not apart from the others."""
     simulated: Trajectory
@@ -149,12 +148,11 @@ class OutputError:
     residuals: dict[str, np.ndarray]
     """Simulated − measured for position and, where there is, torque; zero at samples that do not count. Shape
     (num_samples,) each."""
-    names: tuple[str, ...]
-    """What the columns of the Jacobian belong to, the start included: as many as together hold all that is known."""
-    jacobian: dict[str, np.ndarray]
-    """Derivatives of the residuals by `names`, shape (num_samples, num_names) each."""
-    evaluations: int
-    """Simulations that the search took."""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """The best estimates by name."""
+        return {name: estimate.value for name, estimate in self.estimates.items()}
 
 
 def fit_output_error(
@@ -200,13 +198,13 @@ def fit_output_error(
     if still:
         begin["start_velocity"] = 0.0
     # The start is forgotten where its samples do not count, and a joint that starts from rest has no speed to fit.
-    forgotten = set(START) if not signals.valid[:FIRST_SAMPLES].any() else {"start_velocity"} if still else set()
+    forgotten = set(START) if not signals.valid[:START_SAMPLES].any() else {"start_velocity"} if still else set()
     fixed |= {name: value for name, value in begin.items() if name in forgotten}
     free |= {name: value for name, value in begin.items() if name not in forgotten}
     fixed = {name: value for name, value in fixed.items() if name not in free}
     loop = ClosedLoop(signals, gains, model, fixed, velocity_delay)
     wait = int(np.ceil(SETTLING * _slowest(gains, fixed | free) / signals.step))
-    valid = signals.valid & ~unsettled(signals.bridged, np.abs(velocity) > STILL * top, wait)
+    valid = signals.valid & ~settling(signals.bridged, np.abs(velocity) > STILL * top, wait)
     search = _Search(loop, signals, valid, free, top)
     return _result(search, search.fit(), velocity)
 
@@ -232,7 +230,7 @@ class _Search:
             self.measured["torque"] = signals.torque
         self.valid = valid
         self.weights = dict.fromkeys(self.measured, 1.0)
-        self.evaluations = self.phases = 0
+        self.phases = 0
         self._latest: tuple[bytes, Response] | None = None
         self._accepted: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
@@ -243,9 +241,8 @@ class _Search:
             if self._accepted is not None:
                 at, guess, both = self._accepted
                 change = both[0] @ (values - at)
-                if np.abs(change).max() < LARGEST_PREDICTION:
+                if np.abs(change).max() < MAX_EXTRAPOLATION:
                     guess = guess + change
-            self.evaluations += 1
             self._latest = values.tobytes(), self.loop.run(dict(zip(self.names, values)), guess)
             self.phases += len(self._latest[1].motion.phases)
         return self._latest[1]
@@ -258,51 +255,42 @@ class _Search:
             for name, measured in self.measured.items()
         }
 
-    def jacobian(self, values: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the derivatives of the residuals, shape (num_samples, num_names) each."""
+    def weighted(self, values: np.ndarray) -> np.ndarray:
+        """Return all residuals in units of their sizes; a joint that cannot be simulated gives `FAILED_RESIDUAL`."""
+        try:
+            rows = self.residuals(values)
+        except StictionError:
+            return np.full(len(self.measured) * len(self.valid), FAILED_RESIDUAL)
+        return np.concatenate([self.weights[name] * row for name, row in rows.items()])
+
+    def slopes(self, values: np.ndarray) -> np.ndarray:
+        """Return the derivatives of `weighted`, shape (num_rows, num_names)."""
         response = self.respond(values)
         if self._accepted is None or not np.array_equal(self._accepted[0], values):
             both = self.loop.derivatives(response, dict(zip(self.names, values)), self.names)
             self._accepted = np.array(values), response.motion.position, both
         both = np.where(self.valid[:, None], self._accepted[2], 0.0)
-        return dict(zip(self.measured, both))
+        return np.concatenate([self.weights[name] * rows for name, rows in zip(self.measured, both)])
 
-    def weighted(self, values: np.ndarray) -> np.ndarray:
-        """Return all residuals in units of their sizes; a joint that cannot be is hopeless, not an error."""
-        try:
-            rows = self.residuals(values)
-        except StictionError:
-            return np.full(len(self.measured) * len(self.valid), HOPELESS)
-        return np.concatenate([self.weights[name] * row for name, row in rows.items()])
-
-    def slopes(self, values: np.ndarray) -> np.ndarray:
-        """Return the derivatives of `weighted`."""
-        return np.concatenate([self.weights[name] * rows for name, rows in self.jacobian(values).items()])
-
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the least and the largest values that the search may try, shape (num_names,) each."""
-        lower = np.array([LOWEST.get(name, -np.inf) for name in self.names])
+    def fit(self) -> np.ndarray:
+        """Return the values with which the simulation follows the log best."""
+        values = np.array(self.start)
+        lower = np.array([LOWER_BOUNDS.get(name, -np.inf) for name in self.names])
         upper = np.full(len(self.names), np.inf)
         for place, name in enumerate(self.names):
             if name in ("inertia", "motor_strength"):
                 lower[place] = 1e-2 * self.start[place]
             elif name == "stribeck_velocity":
                 lower[place], upper[place] = (share * self.top_speed for share in STRIBECK_SPEEDS)
-        return lower, upper
-
-    def fit(self) -> np.ndarray:
-        """Return the values with which the simulation follows the log best."""
-        values = np.array(self.start)
-        lower, upper = self.bounds()
-        changes: tuple[Callable[[float], float], ...] = (
-            lambda cost: FIRST_CHANGE * cost if self.phases < MOST_PHASES else np.inf,
-            lambda cost: 0.5 * LAST_CHANGE if self.phases < MOST_PHASES else np.inf,
+        tolerances: tuple[Callable[[float], float], ...] = (
+            lambda cost: COST_TOLERANCE * cost if self.phases < MAX_PHASES else np.inf,
+            lambda cost: 0.5 * CHI2_TOLERANCE if self.phases < MAX_PHASES else np.inf,
         )
-        for enough in changes:
+        for tolerance in tolerances:
             for name, row in self.residuals(values).items():
                 size = float(np.std(row[self.valid]))
                 self.weights[name] = 1.0 / max(size, 1e-9 * float(np.std(self.measured[name])))
-            values = descend(self.weighted, self.slopes, values, lower, upper, enough)
+            values = levenberg_marquardt(self.weighted, self.slopes, values, lower, upper, tolerance)
         return values
 
 
@@ -317,27 +305,26 @@ def unidentified(jacobian: np.ndarray, names: tuple[str, ...]) -> tuple[list[int
     lost = {name for place, name in enumerate(names) if length[place] == 0}
     while kept:
         _, sizes, directions = np.linalg.svd(np.linalg.qr(jacobian[:, kept] / length[kept], mode="r"))
-        if sizes[-1] * LARGEST_CONDITION > sizes[0]:
+        if sizes[-1] * MAX_CONDITION > sizes[0]:
             break
         parts = np.abs(directions[-1])
-        lost |= {names[kept[place]] for place in np.flatnonzero(parts > PART)}
+        lost |= {names[kept[place]] for place in np.flatnonzero(parts > MIN_SHARE)}
         del kept[int(np.argmax(parts))]
     return kept, lost
 
 
 def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> OutputError:
     """Put intervals to the values, and measure how well the simulation follows."""
-    response, rows, columns = search.respond(values), search.residuals(values), search.jacobian(values)
+    response, rows = search.respond(values), search.residuals(values)
     weighted, slopes = search.weighted(values), search.slopes(values)
     kept, lost = unidentified(slopes, search.names)
-    names = tuple(search.names[place] for place in kept)
     count = min(block_count(row[search.valid]) for row in rows.values())
     samples, counted = int(search.valid.sum()), np.tile(search.valid, len(rows))
     block = np.tile(np.arange(samples) * count // samples, len(rows))
     blocks = make_blocks(slopes[counted][:, kept], weighted[counted], block)
     bounded = with_intervals(values[kept], robust_covariance(blocks), bootstrap_reach(blocks))
-    found = dict(zip(names, bounded, strict=True))
-    lost |= {name for name, widest in WIDEST.items() if name in found and not found[name].std < widest}
+    found = {search.names[place]: estimate for place, estimate in zip(kept, bounded, strict=True)}
+    lost |= {name for name, widest in MAX_STD.items() if name in found and not found[name].std < widest}
     motion = response.motion
     simulated = Trajectory(response.position, motion.velocity, response.torque, motion.phases)
     compared = {name: (rows[name], measured) for name, measured in search.measured.items()}
@@ -352,7 +339,4 @@ def _result(search: _Search, values: np.ndarray, velocity: np.ndarray) -> Output
         },
         counted=search.valid,
         residuals=rows,
-        names=names,
-        jacobian={name: column[:, kept] for name, column in columns.items()},
-        evaluations=search.evaluations,
     )

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
 
@@ -17,11 +18,11 @@ from stiction.core.provenance import num_threads
 from stiction.formats.joints import FitSignals, JointRecord
 from stiction.formats.log import UNNAMED, Log
 from stiction.identify.choice import choose_in_loop, choose_law
-from stiction.identify.combinations import tells_strength
+from stiction.identify.combinations import strength_identified
 from stiction.identify.consistency import Comparison, compare, compare_parts, compare_timing
-from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run, symmetric_model
+from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run
 from stiction.identify.prepare import make_rows
-from stiction.identify.record import Evidence, Prediction, make_record
+from stiction.identify.record import Evidence, make_record
 from stiction.identify.regression import INVERSE_STRENGTH, Fit, check_fit, fit_rows, predict_torque, rigid_torque
 from stiction.identify.runs import Run, make_run
 from stiction.identify.setup import IdentifySetup
@@ -76,10 +77,14 @@ def identify_joint(
     loop = close_loop(run, base, chosen)
     simulated = choose_in_loop(run, base, loop) if choice.law == "coulomb" and rows is run.rows else None
     if simulated is not None:
-        choice, chosen, loop = choice.overruled(simulated), simulated.fit, replace(loop, chosen=simulated.found)
-    late = _late(run, loop)
-    if late is not None:
-        return identify_joint(log, joint, replace(setup, delay=late), repeats)
+        choice, chosen, loop = (
+            choice.with_simulated_law(simulated),
+            simulated.fit,
+            replace(loop, chosen=simulated.found),
+        )
+    delay = _found_delay(run, loop)
+    if delay is not None:
+        return identify_joint(log, joint, replace(setup, delay=delay), repeats)
     unseen = others if rows is run.rows else ()
     comparisons = _comparisons(run, base, loop, unseen)
     evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, unseen))
@@ -95,7 +100,7 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
 
     A payload tells k, and so does a known torque from outside, if it is large enough; else k stays unknown.
     """
-    model, strength = symmetric_model(run), run.setup.motor_strength
+    model, strength = run.model, run.setup.motor_strength
     runs = (run, *others)
     payloads = [one.setup.payload for one in runs]
     known = strength is not None or (run.measured and run.setup.torque_calibrated is not False)
@@ -108,12 +113,12 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
         return fit_rows(rows, model)
     if any(payloads) or pushed:
         scaled = fit_rows(rows, model, strength_unknown=True)
-        if any(payloads) or tells_strength(scaled):
+        if any(payloads) or strength_identified(scaled):
             return scaled
     return fit_rows(run.rows, model)
 
 
-def _late(run: Run, loop: InLoop) -> float | None:
+def _found_delay(run: Run, loop: InLoop) -> float | None:
     """Return the delay that the loop showed and that the torque made from the PD law did not have [s], else None.
 
     Such torque is too early, which looks like another friction law: all of it is done again, once, with the delay.
@@ -163,13 +168,17 @@ def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tu
     return (*parts, *([timing] if timing else []), *runs)
 
 
-def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[Prediction, ...]:
-    """Try the law that was chosen on the repeats, which it has not seen."""
+def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[dict[str, Any], ...]:
+    """Try the law that was chosen on the repeats, which it was not fitted to.
+
+    torque_error: |measured − predicted| over |measured| torque, at the samples that count; simulation_errors: the same
+    for the signals of a simulation of the whole log, None where it could not be done.
+    """
     found = []
     for other in others:
         residual = other.rows.torque - predict_torque(fit, other.rows)
-        size = float(np.linalg.norm(residual) / np.linalg.norm(other.rows.torque))
-        found.append(Prediction(other.source, size, predict_run(other, fit)))
+        error = float(np.linalg.norm(residual) / np.linalg.norm(other.rows.torque))
+        found.append({"source": other.source, "torque_error": error, "simulation_errors": predict_run(other, fit)})
     return tuple(found)
 
 
@@ -217,7 +226,12 @@ def identify_log(
     # Of several joints each is asked for by name, or a repeat that lacks it could offer its only joint instead.
     named = bool(joints) or len(log.joints) > 1
     jobs = {
-        name: (_alone(log, name), name if named else None, setup, tuple(_alone(one, name) for one in repeats))
+        name: (
+            _single_joint(log, name),
+            name if named else None,
+            setup,
+            tuple(_single_joint(one, name) for one in repeats),
+        )
         for name in names
     }
     for name, outcome in _outcomes(jobs, min(len(jobs), workers or num_threads())):
@@ -247,7 +261,7 @@ def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Ide
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _alone(log: Log, name: str) -> Log:
+def _single_joint(log: Log, name: str) -> Log:
     """Return the log with one joint: a worker needs no more. A repeat without the joint stays whole, and is refused."""
     return replace(log, joints={name: log.joints[name]}) if name in log.joints else log
 

@@ -161,11 +161,11 @@ def _clear_samples(
     unclear = (np.abs(velocity) < threshold) | unusable
     unclear[1:] |= np.diff(np.sign(velocity)) != 0
     reach = max(1, round(1 / (cutoff * step)))
-    blurred = np.convolve(unclear, np.ones(2 * reach + 1), "same") > 0.5
-    blurred[: 2 * reach] = blurred[-2 * reach :] = True
+    excluded = np.convolve(unclear, np.ones(2 * reach + 1), "same") > 0.5
+    excluded[: 2 * reach] = excluded[-2 * reach :] = True
     every = max(1, int(1 / (2 * cutoff * step)))
-    kept = np.arange(0, len(velocity), every)
-    return kept[~blurred[kept]]
+    decimated = np.arange(0, len(velocity), every)
+    return decimated[~excluded[decimated]]
 
 
 @dataclass(frozen=True)
@@ -227,7 +227,7 @@ def make_rows(runs: Sequence[Prepared], payloads: Sequence[Payload | None], stre
     parts: dict[str, list[np.ndarray]] = {}
     begin = 0.0
     for index, (run, payload) in enumerate(zip(runs, payloads, strict=True)):
-        weight, asked = _payload(run, payload)
+        weight, total = _payload(run, payload)
         signals = {
             "position": run.position,
             "velocity": run.velocity,
@@ -235,7 +235,7 @@ def make_rows(runs: Sequence[Prepared], payloads: Sequence[Payload | None], stre
             "direction": run.direction,
             "torque": run.torque - run.outside,
             "load": (weight - run.outside) / strength,
-            "payload": (asked - run.outside) / strength,
+            "payload": (total - run.outside) / strength,
             "time": run.time + begin,
             "run": np.full(len(run.torque), index),
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,23 +15,21 @@ from stiction.identify.combinations import (
     find_strength,
     missing_experiment,
     position_torque,
+    product,
     shifted,
-    times,
 )
 from stiction.identify.consistency import Comparison, Drift, disagreement, find_drift, whiteness, widened
 from stiction.identify.in_loop import InLoop
-from stiction.identify.intervals import bootstrap_reach, with_intervals
 from stiction.identify.model import GRAVITY
 from stiction.identify.output_error import OutputError
 from stiction.identify.prepare import Rows
-from stiction.identify.regression import INVERSE_STRENGTH, LARGEST_INFLATION, Fit
+from stiction.identify.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit
 from stiction.identify.runs import Run
-from stiction.identify.verdict import verdict
+from stiction.identify.verdict import judge
 from stiction.joints.friction import dead_band, friction_ratio
 
 DELAY_ERROR = 0.1
-"""Share of a found delay by which its interval is widened: the loop's model is of second order in it, and long delays
-come out too long."""
+"""Share of an estimated delay by which its interval is widened: the loop's model is of second order in it."""
 
 CLEAR = 3.0
 """Standard deviations by which gravity must be there before its phase says anything."""
@@ -62,7 +60,7 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
     G sin(θ − bias − hanging) is gravity_sin sin θ + gravity_cos cos θ. hanging: true angle at which the link hangs
     straight down [rad].
     """
-    if "gravity_sin" not in fit.names or max(fit.inflation[name] for name in GRAVITY) >= LARGEST_INFLATION:
+    if "gravity_sin" not in fit.names or max(fit.inflation[name] for name in GRAVITY) >= MAX_INFLATION:
         return None
     sine, cosine = (fit.names.index(name) for name in GRAVITY)
     along, across = fit.values[sine], -fit.values[cosine]
@@ -70,25 +68,10 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
     largest = float(np.linalg.eigvalsh(fit.covariance[np.ix_((sine, cosine), (sine, cosine))])[-1])
     if size**2 < CLEAR**2 * largest:
         return None
-    gradient = np.zeros(len(fit.names))
-    gradient[sine], gradient[cosine] = -across / size**2, -along / size**2
+    gradient = {"gravity_sin": -across / size**2, "gravity_cos": -along / size**2}
     phase = (np.arctan2(across, along) - hanging + np.pi) % (2 * np.pi) - np.pi
-    variance = gradient @ fit.covariance @ gradient
-    reach = bootstrap_reach(fit.blocks)[cosine]
-    found = with_intervals(np.array([phase]), np.array([[variance]]), reach)[0]
+    found = fit.combination(gradient, "gravity_cos", phase)
     return found if found.interval95[1] - found.value < WIDEST_BIAS else None
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """How well the chosen law does on a log that it has not seen."""
-
-    source: str
-    """Name of the log."""
-    torque_error: float
-    """|measured − predicted| over |measured| torque, at the samples that count."""
-    simulation_errors: dict[str, float] | None
-    """The same for position, velocity and torque of a simulation of the whole log; None where it could not be done."""
 
 
 @dataclass(frozen=True)
@@ -109,8 +92,9 @@ class Evidence:
     """What simulations gave."""
     comparisons: tuple[Comparison, ...]
     """Parts and repeats."""
-    predictions: tuple[Prediction, ...] = ()
-    """The chosen law on the repeats."""
+    predictions: tuple[dict[str, Any], ...] = ()
+    """How well the chosen law predicts each of the repeats, which it was not fitted to: `source`, the log's name,
+    `torque_error` and `simulation_errors`, shares of what was measured [1]."""
 
     @property
     def by_simulation(self) -> bool:
@@ -150,24 +134,23 @@ def make_record(evidence: Evidence) -> JointRecord:
     run, base, setup = evidence.run, evidence.base, evidence.run.setup
     strength = find_strength(base, run.measured, setup.torque_calibrated is not False, setup.motor_strength)
     estimates = widened(evidence.symmetric(), evidence.comparisons)
-    found = combine(base, estimates, strength, kd_assumed(run), _middle(run))
+    middle = float(run.signals.position.min() + run.signals.position.max()) / 2
+    parameters, combinations = combine(base, estimates, strength, kd_assumed(run), middle)
     scaled = evidence.loop.scaled
     if scaled is not None:
         strength = Strength(scaled.estimates["motor_strength"], "known_load")
-        found = replace(found, parameters=found.parameters | _of_base(base, scaled.estimates))
+        parameters |= {name: estimate for name, estimate in scaled.estimates.items() if name in base.model.names}
     level = estimates["coulomb_friction"]
-    limited = found.parameters["coulomb_friction"] if run.measured and setup.torque_calibrated is not False else level
+    limited = parameters["coulomb_friction"] if run.measured and setup.torque_calibrated is not False else level
     ratio = None
     if setup.torque_limit is not None and limited is not None:
         ratio = limited.scaled(friction_ratio(1.0, setup.torque_limit))
     gains_fit = setup.kp is not None and setup.torque_calibrated is not False
     holding = evidence.law().get("static_friction", level)
     band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
-    axis = setup.axis or "rotary"
-    judged = verdict(found.parameters["coulomb_friction"], ratio, band, setup.test_condition, axis)
     law = _law(evidence, strength)
-    known = found.parameters | _of_law(law, strength) | loop_unknowns(base, evidence.loop, setup.hanging_angle)
-    return JointRecord(
+    known = parameters | _law_fields(law, strength) | loop_unknowns(base, evidence.loop, setup.hanging_angle)
+    record = JointRecord(
         inertia=known["inertia"],
         viscous_friction=known["viscous_friction"],
         coulomb_friction=known["coulomb_friction"],
@@ -182,31 +165,31 @@ def make_record(evidence: Evidence) -> JointRecord:
         motor_strength=strength.value if strength.source == "known_load" else None,
         friction_ratio=ratio,
         dead_band=band,
-        combinations=found.combinations,
+        combinations=combinations,
         friction_law=law,
-        axis=axis,
+        axis=setup.axis or "rotary",
         test_condition=setup.test_condition,
         torque_source=(setup.torque_source or "motor_side") if run.measured else None,
         kp=setup.kp,
         kd=setup.kd,
         torque_limit=setup.torque_limit,
-        diagnostics=_diagnostics(evidence, strength) | {"verdict": judged.to_dict()},
     )
+    diagnostics = _diagnostics(evidence, strength) | {"verdict": judge(record).to_dict()}
+    return replace(record, diagnostics=plain(diagnostics))
 
 
-def _of_base(base: Fit, estimates: dict[str, Estimate]) -> dict[str, Estimate | None]:
-    """Return those of the estimates that are parameters of the symmetric equation."""
-    return {name: estimate for name, estimate in estimates.items() if name in base.model.names}
+def plain(value: Any) -> Any:
+    """Return nested dataclasses, dictionaries and sequences as dictionaries and lists, as JSON would read them."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, dict):
+        return {key: plain(part) for key, part in value.items()}
+    return [plain(part) for part in value] if isinstance(value, list | tuple) else value
 
 
 def kd_assumed(run: Run) -> float:
     """Return the kd that was taken off the viscous friction: the controller's, where torque is not measured."""
     return 0.0 if run.measured else float(run.setup.kd or 0.0)
-
-
-def _middle(run: Run) -> float:
-    """Return θ in the middle of the range [rad]."""
-    return float(run.signals.position.min() + run.signals.position.max()) / 2
 
 
 def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
@@ -218,19 +201,19 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     if fit is evidence.base:
         stated = widened(stated, evidence.comparisons)
     for name, estimate in stated.items():
-        told = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < LARGEST_INFLATION
-        if name not in fit.names or name == INVERSE_STRENGTH or not told:
+        identified = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
+        if name not in fit.names or name == INVERSE_STRENGTH or not identified:
             continue
         own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
         unitless = name in UNITLESS
-        parameters[name] = (own if strength.value is None or unitless else times(own, strength.value)).to_dict()
+        parameters[name] = (own if strength.value is None or unitless else product(own, strength.value)).to_dict()
     return {
         "law": fit.model.law,
         "parameters": parameters,
         "over_strength": strength.value is None,
         "drawn": {
-            "viscous_friction": dict(zip(fit.names, fit.values.tolist())).get("viscous_friction", 0.0),
-            "symmetric": float(evidence.base.values[evidence.base.names.index("coulomb_friction")]),
+            "viscous_friction": fit.by_name.get("viscous_friction", 0.0),
+            "symmetric": evidence.base.by_name["coulomb_friction"],
         },
         "middle": fit.model.middle,
         "text": evidence.choice.text,
@@ -244,7 +227,7 @@ UNITLESS = ("stribeck_velocity", "load_coefficient")
 """Parameters that do not grow with the motor strength."""
 
 
-def _of_law(law: dict[str, Any], strength: Strength) -> dict[str, Estimate | None]:
+def _law_fields(law: dict[str, Any], strength: Strength) -> dict[str, Estimate | None]:
     """Return the fields of the record that only a richer law fills."""
     names = ("static_friction", "stribeck_velocity", "load_coefficient")
     known = {name: law["parameters"].get(name) for name in names}
@@ -259,11 +242,8 @@ def _relative_error(fit: Fit, rows: Rows) -> float:
 
 
 def _simulated(result: OutputError | None) -> dict[str, Any] | None:
-    """Return what output error found, as plain data, in units of k."""
-    if result is None:
-        return None
-    data: dict[str, Any] = {name: estimate.to_dict() for name, estimate in result.estimates.items()}
-    return data | {"relative_errors": result.relative_errors}
+    """Return what output error found, in units of k."""
+    return None if result is None else {**result.estimates, "relative_errors": result.relative_errors}
 
 
 def _disagreement(evidence: Evidence) -> dict[str, dict[str, float]] | None:
@@ -277,37 +257,32 @@ def _disagreement(evidence: Evidence) -> dict[str, dict[str, float]] | None:
 def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     """Return the numbers behind the fit."""
     run, base, rows, loop = evidence.run, evidence.base, evidence.rows, evidence.loop
-    simulated = _simulated(loop.symmetric)
     alone = rows is run.rows
-    instrumental = None if loop.instrumental is None else loop.instrumental.estimates()
-    follows = None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base)
     return {
         "method": evidence.method,
-        "seen": {name: estimate.to_dict() for name, estimate in base.estimates().items()},
+        "seen": base.estimates(),
         "strength": {"source": strength.source, "missing": missing_experiment(strength, run.measured)},
         "samples": len(run.signals.time),
         "samples_used": len(rows),
         "duration": float(run.signals.time[-1]),
         "sampling_rate": 1 / run.signals.step,
-        "timing": None if run.signals.timing is None else asdict(run.signals.timing),
+        "timing": run.signals.timing,
         "cutoff": run.prepared.cutoff,
         "speed_threshold": run.prepared.threshold,
         "condition_number": base.condition,
         "scaled_condition_number": base.scaled_condition,
         "inflation": base.inflation,
         "relative_torque_error": _relative_error(base, rows),
-        "whiteness": asdict(whiteness(base.residual)),
+        "whiteness": whiteness(base.residual),
         "blocks": base.blocks.count,
-        "position_torque": None if follows is None else asdict(follows),
+        "position_torque": None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base),
         "comparisons": [comparison.to_dict() for comparison in evidence.comparisons],
-        "predictions": [asdict(prediction) for prediction in evidence.predictions],
-        "drift": (find_drift(rows, base) if alone else Drift(None, "several logs were fitted together")).to_dict(),
+        "predictions": evidence.predictions,
+        "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
         "controller_mismatch": loop.mismatch,
         "closed_loop": loop.reason,
-        "output_error": simulated,
+        "output_error": _simulated(loop.symmetric),
         "output_error_law": _simulated(loop.chosen),
         "disagreement": _disagreement(evidence) if alone else None,
-        "instrumental_variable": None
-        if instrumental is None
-        else {name: estimate.to_dict() for name, estimate in instrumental.items()},
+        "instrumental_variable": loop.instrumental and loop.instrumental.estimates(),
     }

@@ -7,8 +7,8 @@ the entries of its own condition and leaves the others out.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from dataclasses import dataclass
+from typing import Literal
 
 from stiction.formats.joints import Estimate
 
@@ -136,10 +136,6 @@ class Placement:
     """The smallest entry above."""
     text: str
     """The same in one sentence."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        return asdict(self)
 
 
 def place(estimate: Estimate, condition: str | None, quantity: Quantity = "friction_ratio") -> Placement | None:

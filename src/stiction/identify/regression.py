@@ -9,7 +9,7 @@ Gautier, IEEE Transactions on Control Systems Technology 22(1), 2014.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -33,7 +33,7 @@ from stiction.identify.setup import Payload
 FEWEST_ROWS = 50
 """Fewer say nothing about their own scatter."""
 
-LARGEST_INFLATION = 100.0
+MAX_INFLATION = 100.0
 """How many times longer a column may be than what the others leave of it; beyond, the parameter is not told apart."""
 
 LOAD_ROUNDS = 3
@@ -97,6 +97,21 @@ class Fit:
         """Covariance of the estimates, robust against correlated residuals, shape (P, P)."""
         return robust_covariance(self.blocks)
 
+    @property
+    def by_name(self) -> dict[str, float]:
+        """The best estimates by name."""
+        return dict(zip(self.names, self.values.tolist(), strict=True))
+
+    def combination(self, weights: Mapping[str, float], like: str, value: float | None = None) -> Estimate:
+        """Return a weighted sum of the parameters, its interval as many deviations wide as that of `like`.
+
+        value: of a function of the parameters whose gradient the weights are; by default the sum itself.
+        """
+        row = np.array([weights.get(name, 0.0) for name in self.names])
+        centre = row @ self.values if value is None else value
+        reach = bootstrap_reach(self.blocks)[self.names.index(like)]
+        return with_intervals(np.array([centre]), np.array([[row @ self.covariance @ row]]), reach)[0]
+
     def scatter(self) -> dict[str, Estimate]:
         """Return each parameter with the deviation and the interval that the residual's scatter alone gives it."""
         found = with_intervals(self.values, self.covariance, bootstrap_reach(self.blocks))
@@ -124,7 +139,7 @@ def fit_rows(rows: Rows, model: Model, strength_unknown: bool = False) -> Fit:
     if speed:
         columns |= _rise(rows, speed)
     elif model.law == "load":
-        columns |= {"load_coefficient": _carried(rows, names, columns) * rows.direction}
+        columns |= {"load_coefficient": _load_size(rows, names, columns) * rows.direction}
     linear = [name for name in names if name != "stribeck_velocity"]
     values, residual = _solve(rows, linear, columns)
     found = dict(zip(linear, values, strict=True))
@@ -136,7 +151,7 @@ def fit_rows(rows: Rows, model: Model, strength_unknown: bool = False) -> Fit:
     return Fit(model, names, np.array([found[name] for name in names]), jacobian, residual, rows)
 
 
-def fit_beside(fit: Fit, name: str, column: np.ndarray) -> Fit:
+def fit_with_column(fit: Fit, name: str, column: np.ndarray) -> Fit:
     """Fit the equation of `fit` again by least squares with one more parameter; column: its derivative, shape (R,)."""
     torque = fit.jacobian @ fit.values + fit.residual
     jacobian = np.column_stack([fit.jacobian, column])
@@ -164,14 +179,14 @@ def linear_jacobian(rows: Rows, names: tuple[str, ...]) -> np.ndarray:
 
 def predict_torque(fit: Fit, rows: Rows) -> np.ndarray:
     """Return the torque that a fit expects on rows that it need not have seen [N m], shape (num_rows,)."""
-    found = dict(zip(fit.names, fit.values, strict=True))
-    columns = _columns(rows, fit.model.middle)
+    found, columns = fit.by_name, _columns(rows, fit.model.middle)
     if fit.model.law == "stribeck":
         columns |= _rise(rows, found["stribeck_velocity"])
     elif fit.model.law == "load":
         columns |= {"load_coefficient": _load(rows, found, columns) * rows.direction}
     payload = 0.0 if INVERSE_STRENGTH in found else rows.payload
-    return payload + sum(value * columns[name] for name, value in found.items() if name != "stribeck_velocity")
+    terms = (value * columns[name] for name, value in found.items() if name != "stribeck_velocity")
+    return payload + sum(terms, np.zeros(len(rows)))
 
 
 def rigid_torque(fit: Fit, rows: Rows) -> np.ndarray:
@@ -179,7 +194,9 @@ def rigid_torque(fit: Fit, rows: Rows) -> np.ndarray:
     columns = _columns(rows)
     payload = 0.0 if INVERSE_STRENGTH in fit.names else rows.payload
     rigid = ("inertia", "offset", *GRAVITY, INVERSE_STRENGTH)
-    return payload + sum(value * columns[name] for name, value in zip(fit.names, fit.values) if name in rigid)
+    return payload + sum(
+        (value * columns[name] for name, value in fit.by_name.items() if name in rigid), np.zeros(len(rows))
+    )
 
 
 def check_fit(source: str, fit: Fit) -> None:
@@ -187,17 +204,16 @@ def check_fit(source: str, fit: Fit) -> None:
 
     And if the link has gravity of its own that pulls on it just as the payload does, in every run that was fitted.
     """
-    if not fit.inflation.get(INVERSE_STRENGTH, 0.0) < LARGEST_INFLATION:
+    if not fit.inflation.get(INVERSE_STRENGTH, 0.0) < MAX_INFLATION:
         raise LogError(
             f"{source}: the payload's weight cannot be told from the link's own, so the motor strength and the inertia "
             "are not known; log once without the payload as well and give that log with --repeat"
         )
-    dynamic = [name for name in ("inertia", "viscous_friction", "coulomb_friction")]
-    worst = max(dynamic, key=lambda name: fit.inflation[name])
-    if not fit.inflation[worst] < LARGEST_INFLATION:
+    worst = max(("inertia", "viscous_friction", "coulomb_friction"), key=lambda name: fit.inflation[name])
+    if not fit.inflation[worst] < MAX_INFLATION:
         raise LogError(
             f"{source}: excitation too poor: {worst} cannot be told from the other parameters (its share of the motion "
-            f"is 1/{fit.inflation[worst]:.3g} of its own, at least 1/{LARGEST_INFLATION:.0f} is needed); use at least "
+            f"is 1/{fit.inflation[worst]:.3g} of its own, at least 1/{MAX_INFLATION:.0f} is needed); use at least "
             "two frequencies and both directions"
         )
 
@@ -238,15 +254,15 @@ def _solve(rows: Rows, names: list[str], columns: dict[str, np.ndarray]) -> tupl
     return values, torque - regressor @ values
 
 
-def _carried(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray]) -> np.ndarray:
+def _load_size(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray]) -> np.ndarray:
     """Return the size of the load that the gear carries, gravity and what is known from outside, shape (R,)."""
     trial = dict(columns)
-    carried = np.abs(rows.load)
+    load = np.abs(rows.load)
     for _ in range(LOAD_ROUNDS):
-        trial["load_coefficient"] = carried * rows.direction
+        trial["load_coefficient"] = load * rows.direction
         found = dict(zip(names, _solve(rows, list(names), trial)[0], strict=True))
-        carried = _load(rows, found, columns)
-    return carried
+        load = _load(rows, found, columns)
+    return load
 
 
 def _load(rows: Rows, found: dict[str, float], columns: dict[str, np.ndarray]) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from stiction.core.errors import LogError
 from stiction.formats.log import Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
+from stiction.identify.model import Model
 from stiction.identify.prepare import Prepared, Rows, make_rows, prepare
 from stiction.identify.regression import check_rows
 from stiction.identify.setup import IdentifySetup
@@ -45,6 +46,11 @@ class Run:
         return self.signals.torque is not None
 
     @property
+    def model(self) -> Model:
+        """The torque equation with viscous and Coulomb friction, and with gravity where it is fitted."""
+        return Model("coulomb", self.setup.fits_gravity)
+
+    @property
     def gains(self) -> PDGains | None:
         """The controller, where kp and kd are known."""
         if self.setup.kp is None or self.setup.kd is None:
@@ -60,7 +66,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
     signals = check_log(log, name, raw, setup.torque_scale)
     if signals.disturbance is not None:
         signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
-    torque, unusable = _drive(log.source, signals, setup)
+    torque, unusable = _driving_torque(log.source, signals, setup)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
     check_excitation(log.source, prepared.velocity, signals.step)
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
@@ -68,7 +74,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
 
 
-def _drive(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
+def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
     """Return the torque that drove the joint, and the samples at which it is not known.
 
     Without measured torque it is the PD law's, late by the delay; a motor at its limit does not follow that law.

@@ -96,7 +96,7 @@ class Grid:
     """Time between points of the grid [s]."""
     times: np.ndarray
     """The grid, from zero [s], shape (num_points,)."""
-    kept: np.ndarray
+    order: np.ndarray
     """Indices of the log's samples that count, in the order of their stamps, shape (num_kept,)."""
     stamps: np.ndarray
     """Their stamps, from zero [s], shape (num_kept,)."""
@@ -114,16 +114,16 @@ def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
     """
     samples = len(time)
     setbacks = np.maximum.accumulate(time) - time
-    kept = np.argsort(time, kind="stable")
-    fresh = np.concatenate(([True], np.diff(time[kept]) > 0))
-    kept = kept[fresh]
-    duplicated, disordered = samples - len(kept), int(np.count_nonzero(setbacks > 0))
-    _refuse_standing(source, samples, len(kept))
-    stamps = time[kept] - time[kept[0]]
+    order = np.argsort(time, kind="stable")
+    fresh = np.concatenate(([True], np.diff(time[order]) > 0))
+    order = order[fresh]
+    duplicated, disordered = samples - len(order), int(np.count_nonzero(setbacks > 0))
+    _refuse_standing(source, samples, len(order))
+    stamps = time[order] - time[order[0]]
     step = _middle_step(source, stamps)
     _refuse_backwards(source, setbacks, disordered, step)
     step, points = _refined(stamps, step)
-    dropped = max(0, points + 1 - len(kept))
+    dropped = max(0, points + 1 - len(order))
     if dropped > LARGEST_LOSS * points:
         raise LogError(
             f"{source}: {dropped} of {points + 1} samples are missing at one every {step:.4g} s; expected at most "
@@ -145,7 +145,7 @@ def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
         longest_gap=float(intervals.max()),
         synthetic=even,
     )
-    return Grid(step, times, kept, stamps, _valid(times, stamps, step), even), timing
+    return Grid(step, times, order, stamps, _valid(times, stamps, step), even), timing
 
 
 def _refuse_standing(source: str, samples: int, fresh: int) -> None:
@@ -231,19 +231,19 @@ def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarra
     fourth order in the step; long gaps are bridged by straight lines. command: the signal may be stairs, held between
     changes, and then is held here.
     """
-    kept = values[grid.kept]
-    if grid.on_grid and len(kept) == len(grid.times):
-        return kept.copy()
-    if command and is_stairs(kept):
+    order = values[grid.order]
+    if grid.on_grid and len(order) == len(grid.times):
+        return order.copy()
+    if command and is_stairs(order):
         place = np.searchsorted(grid.stamps, grid.times + EVEN * grid.step, side="right") - 1
-        return kept[np.clip(place, 0, len(kept) - 1)]
-    result = np.interp(grid.times, grid.stamps, kept)
+        return order[np.clip(place, 0, len(order) - 1)]
+    result = np.interp(grid.times, grid.stamps, order)
     breaks = np.flatnonzero(np.diff(grid.stamps) > (LONGEST_BRIDGE + 1.5) * grid.step) + 1
-    for part in np.split(np.arange(len(kept)), breaks):
+    for part in np.split(np.arange(len(order)), breaks):
         if len(part) < 4:
             continue
         inside = (grid.times >= grid.stamps[part[0]]) & (grid.times <= grid.stamps[part[-1]])
-        spline = make_interp_spline(grid.stamps[part], kept[part], k=3)
+        spline = make_interp_spline(grid.stamps[part], order[part], k=3)
         result[inside] = spline(grid.times[inside])
     return result
 
@@ -263,7 +263,7 @@ def near(bridged: np.ndarray, reach: int) -> np.ndarray:
     return np.convolve(bridged, np.ones(2 * reach + 1), "full")[reach : reach + len(bridged)] > 0.5
 
 
-def unsettled(bridged: np.ndarray, moving: np.ndarray, wait: int) -> np.ndarray:
+def settling(bridged: np.ndarray, moving: np.ndarray, wait: int) -> np.ndarray:
     """Return True for samples after a gap up to the one by which the joint was in motion for `wait` samples.
 
     What the target did in the gap is not known, so a simulation leaves the gap elsewhere than the joint did. In motion

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from stiction.core.errors import StictionError
@@ -44,7 +44,7 @@ WITHOUT_FRICTION: dict[str, Any] = {"method": "none", "level": 0.0, "law": "coul
 """The fields of `FrictionCfg` where there is no friction to train for."""
 
 PLACES = {"mujoco": "in the simulator that trained them", "physx": "in PhysX", "ode-webots": "in ODE"}
-"""Engine -> how people call it; where there is a plus in its name, it has a virtual robot."""
+"""Engine -> how people call it; a plus in its name means a virtual robot."""
 
 COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
 """Small numbers in words."""
@@ -149,56 +149,32 @@ class WhatIf:
     """f/τ_max then [1]."""
     dead_band: Estimate | None
     """f/kp then [rad]."""
-    level: float | None
+    friction_level: float | None
     """Friction that a training has to cover then [-]; None where there is none."""
     text: str
     """The same in one sentence."""
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain data for JSON."""
-        estimates = {"friction_ratio": self.friction_ratio, "dead_band": self.dead_band}
-        return {
-            "case": self.case,
-            "factor": self.factor,
-            **{name: estimate and estimate.to_dict() for name, estimate in estimates.items()},
-            "friction_level": self.level,
-            "text": self.text,
-        }
 
-
-def what_if(
-    ratio: Estimate | None, dead_band: Estimate | None, condition: str | None, thresholds: Thresholds
-) -> tuple[WhatIf, ...]:
-    """Return every case of `WHAT_IF` for f/τ_max [1] and f/kp [rad]; nothing where neither is known."""
-    if ratio is None and dead_band is None:
+def what_if(record: JointRecord, thresholds: Thresholds) -> tuple[WhatIf, ...]:
+    """Return every case of `WHAT_IF` for a joint; nothing where neither its ratio nor its dead band is known."""
+    if record.friction_ratio is None and record.dead_band is None:
         return ()
-    return tuple(_case(*case, ratio, dead_band, condition, thresholds) for case in WHAT_IF)
-
-
-def _case(
-    case: str,
-    factor: float,
-    origin: str,
-    ratio: Estimate | None,
-    dead_band: Estimate | None,
-    condition: str | None,
-    thresholds: Thresholds,
-) -> WhatIf:
-    """Return the joint with `factor` times its friction."""
-    ratio = ratio and ratio.scaled(factor)
-    dead_band = dead_band and dead_band.scaled(factor)
-    level = friction_level(ratio, condition) if ratio else None
-    numbers = [f"{100 * ratio.value:.3g} % of the torque limit"] if ratio else []
-    numbers += [f"dead band {dead_band.value:.3g} rad"] if dead_band else []
-    text = f"What if {case} ({origin}): {', '.join(numbers)}"
-    if ratio and level is not None:
-        text += f". {thresholds.effect(max(ratio.interval95[1], 0.0))}; " + (
-            f"to cover: {level:.2f}"
-            if level < TRAINABLE
-            else f"to cover {level:.2f} is beyond training, mend the joint"
-        )
-        level = level if level < TRAINABLE else None
-    return WhatIf(case, factor, ratio, dead_band, level, text + ".")
+    found = []
+    for case, factor, origin in WHAT_IF:
+        ratio = record.friction_ratio and record.friction_ratio.scaled(factor)
+        dead_band = record.dead_band and record.dead_band.scaled(factor)
+        level = friction_level(ratio, record.test_condition) if ratio else None
+        numbers = [f"{100 * ratio.value:.3g} % of the torque limit"] if ratio else []
+        numbers += [f"dead band {dead_band.value:.3g} rad"] if dead_band else []
+        text = f"What if {case} ({origin}): {', '.join(numbers)}"
+        if ratio and level is not None:
+            trainable = level < TRAINABLE
+            text += f". {thresholds.effect(max(ratio.interval95[1], 0.0))}; to cover" + (
+                f": {level:.2f}" if trainable else f" {level:.2f} is beyond training, mend the joint"
+            )
+            level = level if trainable else None
+        found.append(WhatIf(case, factor, ratio, dead_band, level, text + "."))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
@@ -218,12 +194,11 @@ class Verdict:
     """What to train with; None where there is nothing to cover."""
 
     @property
-    def range(self) -> tuple[float, float] | None:
+    def range(self) -> list[float] | None:
         """Friction that training then draws, as shares of the torque limit, lowest and highest."""
         if self.advice is None:
-            return None if self.level is None else (0.0, 0.0)
-        low, high = self.advice.range
-        return low, high
+            return None if self.level is None else [0.0, 0.0]
+        return self.advice.range
 
     @property
     def training(self) -> dict[str, Any] | None:
@@ -236,46 +211,38 @@ class Verdict:
         """Return plain data for the diagnostics of `joints.json`."""
         return {
             "friction_level": self.level,
-            "range": None if self.range is None else list(self.range),
+            "range": self.range,
             "training": self.training,
             "advice": self.advice and self.advice.to_dict(),
             "text": self.text,
-            "placement": [item.to_dict() for item in self.placement],
-            "what_if": [item.to_dict() for item in self.what_if],
+            "placement": [asdict(item) for item in self.placement],
+            "what_if": [asdict(item) for item in self.what_if],
         }
 
 
-def verdict(
-    coulomb: Estimate | None,
-    ratio: Estimate | None,
-    dead_band: Estimate | None,
-    condition: str | None,
-    axis: str = "rotary",
-    sources: Mapping[str, Source] | None = None,
-) -> Verdict:
-    """Judge a joint by f/τ_max and f/kp with their intervals.
+def judge(record: JointRecord, sources: Mapping[str, Source] | None = None) -> Verdict:
+    """Judge a joint by its ratio f/τ_max and its dead band f/kp, with their intervals; newton metres may be null.
 
-    coulomb: f [N m], or None where only ratios are known, from a log without torque; ratio: f/τ_max [1]; dead_band:
-    f/kp [rad]; condition: `bare_motor`, `in_air`, `loaded` or None; axis: `rotary` or `linear`. What is None is said to
-    be unknown. A linear axis is not compared with legs, and no training is proposed for it. sources: what the studies
-    found, as of `advise`; by default what comes with the package.
+    A linear axis is not compared with legs, and no training is proposed for it. sources: what the studies found, as of
+    `advise`; by default what comes with the package.
     """
-    thresholds, leg = Thresholds.of(sources), axis == "rotary"
-    parts = [*_measured(coulomb, ratio, dead_band, condition, leg)]
+    thresholds, leg = Thresholds.of(sources), record.axis == "rotary"
+    ratio, condition = record.friction_ratio, record.test_condition
+    parts, level = _measured(record), None
     placement: tuple[Placement, ...] = ()
     if leg:
-        known: dict[Quantity, Estimate | None] = {"friction_ratio": ratio, "dead_band": dead_band}
+        known: dict[Quantity, Estimate | None] = {"friction_ratio": ratio, "dead_band": record.dead_band}
         places = (place(value, condition, name) for name, value in known.items() if value is not None)
         placement = tuple(item for item in places if item is not None)
         parts += [item.text for item in placement]
-    level = friction_level(ratio, condition) if leg and ratio is not None else None
-    if ratio is not None and leg:
-        parts += _judgement(ratio, dead_band, condition, thresholds)
-    if leg and condition != "loaded":
-        parts.append(
-            "This is a lower bound for a leg that carries the robot: friction grows with load, and only a log under a "
-            "known load can tell by how much."
-        )
+        if ratio is not None:
+            level = friction_level(ratio, condition)
+            parts += _simulated_effect(ratio, record.dead_band, condition, thresholds)
+        if condition != "loaded":
+            parts.append(
+                "This is a lower bound for a leg that carries the robot: friction grows with load, and only a log "
+                "under a known load can tell by how much."
+            )
     if level is not None and level >= TRAINABLE:
         parts.append(
             f"To cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}: mend the joint."
@@ -284,15 +251,13 @@ def verdict(
     advice = advise(max(ratio.interval95[0], 0.0), level, sources) if level and ratio is not None else None
     if level is not None:
         parts.append(_proposal(level, condition, advice))
-    cases = what_if(ratio, dead_band, condition, thresholds) if leg else ()
-    return Verdict(level, " ".join(parts), placement, cases, advice)
+    return Verdict(level, " ".join(parts), placement, what_if(record, thresholds) if leg else (), advice)
 
 
-def _measured(
-    coulomb: Estimate | None, ratio: Estimate | None, dead_band: Estimate | None, condition: str | None, leg: bool
-) -> list[str]:
+def _measured(record: JointRecord) -> list[str]:
     """Say what was found, under which condition, and what is not known."""
-    measured = CONDITIONS.get(condition or "", "under a condition that was not stated")
+    coulomb, ratio, dead_band = record.coulomb_friction, record.friction_ratio, record.dead_band
+    condition = CONDITIONS.get(record.test_condition or "", "under a condition that was not stated")
     parts, known = [], coulomb or ratio or dead_band
     if known is not None and known.interval95[0] <= 0:
         parts.append("No dry friction can be told from zero in this log.")
@@ -301,9 +266,9 @@ def _measured(
             "Without the motor's torque limit it cannot be said whether this friction matters: --torque-limit."
         )
     else:
-        parts.append(f"Dry friction takes {_span(ratio, 100, ' %')} of the torque limit, measured {measured}.")
+        parts.append(f"Dry friction takes {_span(ratio, 100, ' %')} of the torque limit, measured {condition}.")
     if dead_band is not None:
-        band = _span(dead_band, 1, " rad" if leg else " m")
+        band = _span(dead_band, 1, " rad" if record.axis == "rotary" else " m")
         parts.append(f"The joint ignores position errors up to f/kp, {band}, at the gains of the log.")
     if coulomb is None and known is not None:
         parts.append(
@@ -313,7 +278,9 @@ def _measured(
     return parts
 
 
-def _judgement(ratio: Estimate, dead_band: Estimate | None, condition: str | None, thresholds: Thresholds) -> list[str]:
+def _simulated_effect(
+    ratio: Estimate, dead_band: Estimate | None, condition: str | None, thresholds: Thresholds
+) -> list[str]:
     """Say what friction of at most the interval's upper end did to policies in simulation."""
     high, effect = max(ratio.interval95[1], 0.0), thresholds.effect
     parts = [f"{effect(high)}. {thresholds.text}"]
@@ -342,11 +309,6 @@ def _span(estimate: Estimate, factor: float, unit: str) -> str:
     return f"{value}{unit} (95 %: {low * factor:.3g} to {high * factor:.3g})"
 
 
-def judge(record: JointRecord) -> Verdict:
-    """Return the verdict on a record, from its ratio and dead band; newton metres may be null."""
-    return verdict(record.coulomb_friction, record.friction_ratio, record.dead_band, record.test_condition, record.axis)
-
-
 def propose(file: JointsFile) -> dict[str, Any]:
     """Return what `stiction train --friction-from` reads, as plain data.
 
@@ -360,21 +322,20 @@ def propose(file: JointsFile) -> dict[str, Any]:
         if record.friction_ratio is not None and record.axis == "rotary"
     }
     beyond = [name for name, level in levels.items() if level >= TRAINABLE]
-    worst = max(levels, key=lambda name: levels[name], default=None)
-    settings, advice = None, None
-    if worst is None:
+    proposed = Verdict(None, "")
+    if not levels:
         text = "no rotary joint has a ratio of friction to torque limit: identify with --torque-limit"
     elif beyond:
         text = f"{', '.join(beyond)} would need level {TRAINABLE:g} or more, which leaves nothing to walk with: mend it"
     else:
-        advice = _advice(file, levels, worst)
-        settings = WITHOUT_FRICTION if advice is None else advice.settings
-        text = _reason(file, levels, worst) + ("" if advice is None else f". {advice.text}")
+        worst = max(levels, key=lambda name: levels[name])
+        proposed = judge(file.joints[worst])
+        text = _reason(file, levels, worst) + (f". {proposed.advice.text}" if proposed.advice else "")
     return {
-        "friction": settings,
-        "range": None if settings is None else [0.0, 0.0] if advice is None else advice.range,
+        "friction": proposed.training,
+        "range": proposed.range,
         "text": text,
-        "advice": advice and advice.to_dict(),
+        "advice": proposed.advice and proposed.advice.to_dict(),
         "joints": {
             name: {
                 "friction_ratio": record.friction_ratio and record.friction_ratio.to_dict(),
@@ -385,12 +346,6 @@ def propose(file: JointsFile) -> dict[str, Any]:
             for name, record in file.joints.items()
         },
     }
-
-
-def _advice(file: JointsFile, levels: dict[str, float], worst: str) -> Advice | None:
-    """Return what to train with, from what was measured of the worst joint to its level; None without friction."""
-    ratio = file.joints[worst].friction_ratio
-    return None if ratio is None or not levels[worst] else advise(max(ratio.interval95[0], 0.0), levels[worst])
 
 
 def _reason(file: JointsFile, levels: dict[str, float], worst: str) -> str:

@@ -134,7 +134,7 @@ def _fit(record: JointRecord) -> list[str]:
             f"{unexplained:.0%} of the torque is not explained by inertia and friction: gravity, a load, or noise; "
             "intervals cover noise, not a model that lacks something"
         )
-    found += _follows(record.diagnostics["position_torque"])
+    found += _position_torque(record.diagnostics["position_torque"])
     if record.diagnostics["blocks"] == FEWEST_BLOCKS:
         found.append(
             f"the residual's memory is long for this log: intervals rest on {FEWEST_BLOCKS} blocks only; log for longer"
@@ -142,7 +142,7 @@ def _fit(record: JointRecord) -> list[str]:
     return found
 
 
-def _follows(follows: dict[str, Any] | None) -> list[str]:
+def _position_torque(follows: dict[str, Any] | None) -> list[str]:
     """Warn of torque that follows the position where no gravity was fitted."""
     if follows is None or abs(follows["slope"]) <= LARGEST_SIGMAS * follows["std"]:
         return []

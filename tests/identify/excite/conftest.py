@@ -26,4 +26,4 @@ def made() -> Excitation:
 def task(made: Excitation) -> Task:
     """Return the task of the design at the gains that were chosen."""
     gains = made.record.gains
-    return make_task(SETUP).at(PDGains(gains["kp"], gains["kd"]))
+    return make_task(SETUP).with_gains(PDGains(gains["kp"], gains["kd"]))

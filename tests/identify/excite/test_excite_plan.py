@@ -62,7 +62,7 @@ def test_limits_hold_for_every_joint_that_was_thought_possible(made: Excitation,
     assert target is not None
     rng = np.random.default_rng(0)
     inside = [task.values * np.array([*2 ** rng.uniform(-1, 1, 3), 1.0]) for _ in range(10)]
-    for values in [*task.believed(), *inside]:
+    for values in [*task.candidates(), *inside]:
         run = task.run(values, target)
         assert min(run.position.min(), target.min()) > -0.6 and max(run.position.max(), target.max()) < 0.6
         assert np.abs(run.velocity).max() < 8.0 and np.abs(run.torque).max() < 45.0
@@ -76,9 +76,11 @@ def test_a_tight_limit_is_the_one_that_is_kept() -> None:
     base = ExciteSetup(torque_limit=45.0, coulomb=0.44, duration=8.0, rate=250.0)
     for name, wrong in (("speed", {"speed_limit": 2.0}), ("torque", {"torque_limit": 2.5, "spread": 1.2})):
         task = make_task(replace(base, **wrong).filled())
-        pattern = task.fitted(design.pattern_of(task, design.starters()[1]), task.believed())
+        pattern = task.within_limits(design.pattern_of(task, design.starters()[1]), task.candidates())
         assert pattern is not None
-        runs = [task.use(task.target(pattern), task.run(values, task.target(pattern))) for values in task.believed()]
+        runs = [
+            task.limit_use(task.target(pattern), task.run(values, task.target(pattern))) for values in task.candidates()
+        ]
         worst = {key: max(use[key] for use in runs) for key in runs[0]}
         assert 0.8 * SHARE < worst[name] <= SHARE * 1.0001 and max(worst, key=lambda key: worst[key]) in (
             name,
@@ -181,7 +183,7 @@ def test_the_same_seed_gives_the_same_motion(task: Task, monkeypatch: pytest.Mon
 
 def test_the_time_for_a_wanted_deviation_follows_from_its_square(made: Excitation, task: Task) -> None:
     """A third of the deviation takes nine patterns; and one is the least."""
-    beliefs = [task.information(values, pattern_of(made)) for values in task.believed()]
+    beliefs = [task.information(values, pattern_of(made)) for values in task.candidates()]
     friction = max(float(belief.relative[2]) for belief in beliefs)
     assert duration_for(task, beliefs, friction / 2.999) == 9 * 8.0
     assert duration_for(task, beliefs, 0.5) == made.record.wanted["duration"] == 8.0

@@ -12,8 +12,7 @@ from mcap.writer import CompressionType
 import logfiles
 from stiction.core.errors import LogError
 from stiction.identify.logs import open_log
-from stiction.identify.logs.mcap_file import Topic
-from stiction.identify.logs.ros import choose_topics
+from stiction.identify.logs.ros import Topic, choose_topics
 
 STATE, ARRAY, TRAJECTORY = (
     "sensor_msgs/msg/JointState",

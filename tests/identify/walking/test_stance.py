@@ -67,7 +67,7 @@ def test_coefficients_are_within_their_intervals(logs: list[WalkLog]) -> None:
             low, high = law["load_coefficient"].interval95
             assert high - low < 0.11
             inside.append(low <= LOAD[kind] <= high)
-            torque, friction = found.carried[kind]
+            torque, friction = found.under_load[kind]
             truth = BASE[JOINT_KINDS.index(kind)] + LOAD[kind] * torque
             inside.append(friction.interval95[0] <= truth <= friction.interval95[1])
     assert told >= 9

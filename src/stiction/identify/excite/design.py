@@ -61,8 +61,8 @@ def pattern_of(task: Task, point: np.ndarray) -> Pattern:
     """Return the motion at a point of the unit cube, shape (11,).
 
     Coordinates: share of the slow part; its frequency; of each sine frequency, amplitude and phase. Both
-    parts swing through the whole room, for a small slow swing would see the friction of one place only; `Task.fitted`
-    makes them fit.
+    parts swing through the whole room, for a small slow swing would see the friction of one angle only;
+    `Task.within_limits` scales them down.
     """
     frequencies, amplitudes, phases = np.reshape(point[2:], (3, WAVES))
     slowest, fastest = 2 * task.rate / task.count, frequency_limit(task)
@@ -85,7 +85,7 @@ def frequency_limit(task: Task) -> float:
 
 def score(task: Task, point: np.ndarray) -> float:
     """Return the largest relative standard deviation, over the extreme joints, for the motion at `point`."""
-    pattern = task.fitted(pattern_of(task, point), [task.lively()])
+    pattern = task.within_limits(pattern_of(task, point), [task.least_damped()])
     if pattern is None:
         return OUT_OF_REACH
     worst = max(task.information(values, pattern, fast=True).worst for values in task.extremes())
@@ -98,18 +98,18 @@ def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
     Gravity enters at the end, when the motion is made to fit the limits.
     Raises `StictionError` if no motion within the limits shows anything.
     """
-    known, light = starters(), task.weightless()
+    known, light = starters(), task.without_gravity()
     drawn = seed_streams(seed, ["first"])["first"].random((POPULATION - len(known), known.shape[1]))
     done = 0
 
-    def counted(point: np.ndarray) -> float:
+    def objective(point: np.ndarray) -> float:
         nonlocal done
         done += 1
         progress(min(1.0, done / (POPULATION * (GENERATIONS + 1))))
         return score(light, point)
 
     found = differential_evolution(
-        counted,
+        objective,
         [(0.0, 1.0)] * known.shape[1],
         init=np.concatenate([known, drawn]),
         maxiter=GENERATIONS,
@@ -120,8 +120,8 @@ def search(task: Task, seed: int, progress: Callable[[float], None]) -> Pattern:
     )
     if found.fun >= OUT_OF_REACH:
         raise ConfigurationError(nothing_moves(task))
-    pattern = light.fitted(pattern_of(light, found.x), light.believed())
-    pattern = pattern and task.fitted(pattern, task.believed())
+    pattern = light.within_limits(pattern_of(light, found.x), light.candidates())
+    pattern = pattern and task.within_limits(pattern, task.candidates())
     if pattern is None:
         raise ConfigurationError(nothing_moves(task))
     return pattern
@@ -147,7 +147,7 @@ LEAST_REACH = 0.7
 LARGEST_SAG = 0.25
 """How far the link may hang below its target, in units of the swing, before a loop does not track."""
 
-WORTH = 0.9
+REQUIRED_REDUCTION = 0.9
 """Gains are changed only where the criterion falls below this share of what the given gains reach."""
 
 
@@ -163,17 +163,17 @@ def softened(gains: PDGains, factor: float) -> PDGains:
 
 def try_gains(task: Task, gains: PDGains) -> GainTrial:
     """Judge gains by the best of a few motions that need no search; a link that sags too much does not track."""
-    sag = task.at(gains).sag
-    task = task.at(gains).weightless()
-    extremes, lively = task.extremes(), task.lively()
+    sag = task.with_gains(gains).sag
+    task = task.with_gains(gains).without_gravity()
+    extremes, least_damped = task.extremes(), task.least_damped()
     best, reach = None, 0.0
     for point in starters():
-        pattern = task.fitted(pattern_of(task, point), [*extremes, lively])
+        pattern = task.within_limits(pattern_of(task, point), [*extremes, least_damped])
         if pattern is None:
             continue
         worst = max(task.information(values, pattern, fast=True).worst for values in extremes)
         if np.isfinite(worst) and (best is None or worst < best):
-            best, reach = worst, task.reach(task.target(pattern), task.believed()[-1:])
+            best, reach = worst, task.reach(task.target(pattern), task.candidates()[-1:])
     tracks = best is not None and reach >= LEAST_REACH and sag <= LARGEST_SAG * task.room
     return GainTrial(gains.kp, gains.kd, best, reach, tracks)
 
@@ -193,9 +193,11 @@ def choose_gains(task: Task, fixed: bool, progress: Callable[[float], None]) -> 
     best = min(scores)
     if trials[0].worst is None and (fixed or not np.isfinite(best)):
         raise ConfigurationError(nothing_moves(task))
-    if fixed or not np.isfinite(best) or scores[0] <= best / WORTH:
+    if fixed or not np.isfinite(best) or scores[0] <= best / REQUIRED_REDUCTION:
         return pairs[0], tuple(trials)
-    return next(gains for gains, worst in zip(pairs, scores, strict=True) if worst <= best / WORTH), tuple(trials)
+    return next(gains for gains, worst in zip(pairs, scores, strict=True) if worst <= best / REQUIRED_REDUCTION), tuple(
+        trials
+    )
 
 
 def check_dead_band(task: Task) -> None:

@@ -43,10 +43,10 @@ SWEEP = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
 def one_sines(task: Task, amplitude: float) -> tuple[OneSine, ...]:
     """Return what single sines of the design's amplitude [rad] tell, those that fit and move the joint."""
     found = []
-    task = task.weightless()
+    task = task.without_gravity()
     extremes = task.extremes()
     for frequency in np.geomspace(SLOWEST, max(frequency_limit(task), 4 * SLOWEST), SINES):
-        pattern = task.fitted(sine(float(frequency), amplitude), [*extremes, task.lively()])
+        pattern = task.within_limits(sine(float(frequency), amplitude), [*extremes, task.least_damped()])
         if pattern is None:
             continue
         nominal = task.information(task.values, pattern)
@@ -68,9 +68,9 @@ def one_sines(task: Task, amplitude: float) -> tuple[OneSine, ...]:
 def gain_sweep(task: Task, pattern: Pattern) -> tuple[GainPoint, ...]:
     """Return what a motion tells of the nominal joint's friction at lower and at higher gains than the task's."""
     points = []
-    task = task.weightless()
+    task = task.without_gravity()
     for factor in SWEEP:
-        stiffer = task.at(softened(task.gains, factor))
+        stiffer = task.with_gains(softened(task.gains, factor))
         blind = replace(stiffer, noise=replace(task.noise, torque=None))
         seeing = replace(stiffer, noise=replace(task.noise, torque=task.noise.torque or LogNoise().torque))
         points.append(
@@ -116,11 +116,11 @@ def design_excitation(
     """
     asked = make_task(setup)
     gains, trials = choose_gains(asked, setup.fixed_gains, lambda share: progress("gains", share))
-    task = asked.at(gains)
+    task = asked.with_gains(gains)
     pattern = search(task, setup.seed, lambda share: progress("motion", share))
     signals, reached = simulate_range(task, pattern)
-    beliefs = [task.information(v, pattern, fast=index > 0) for index, v in enumerate(task.believed())]
-    if not all(np.isfinite(belief.worst) for belief in beliefs):
+    informations = [task.information(v, pattern, fast=index > 0) for index, v in enumerate(task.candidates())]
+    if not all(np.isfinite(belief.worst) for belief in informations):
         raise ConfigurationError(nothing_moves(task))
     sines = one_sines(task, max(pattern.slow_amplitude, pattern.fast_peak))
     sweep = gain_sweep(task, pattern)
@@ -138,15 +138,15 @@ def design_excitation(
             zip(("low", "high", "speed", "torque"), (*task.limits.position, task.limits.speed, task.limits.torque))
         ),
         reached=reached,
-        predicted=predictions(beliefs),
-        correlation=beliefs[0].correlation(1, 2),
-        d_criterion=beliefs[0].d_criterion,
-        worst=max(belief.worst for belief in beliefs),
-        wanted={"relative": setup.wanted, "duration": duration_for(task, beliefs, setup.wanted)},
+        predicted=predictions(informations),
+        correlation=informations[0].correlation(1, 2),
+        d_criterion=informations[0].d_criterion,
+        worst=max(belief.worst for belief in informations),
+        wanted={"relative": setup.wanted, "duration": duration_for(task, informations, setup.wanted)},
         sines=sines,
         trials=trials,
         sweep=sweep,
-        warnings=tuple(cautions(task, setup, trials, beliefs)),
+        warnings=tuple(cautions(task, setup, trials, informations)),
         command=command,
     )
     sidecar = LogSetup(
@@ -165,14 +165,14 @@ def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[st
 
     Raises `StictionError` should the repeated pattern leave the limits where a single one did not.
     """
-    target = task.whole(pattern)
-    runs = [task.run(values, target) for values in task.believed()]
+    target = task.full_target(pattern)
+    runs = [task.run(values, target) for values in task.candidates()]
     ranges = {
-        f"{name}_{end}": choose(np.stack([getattr(made, name) for made in runs]), axis=0)
+        f"{name}_{end}": choose(np.stack([getattr(motion, name) for motion in runs]), axis=0)
         for name in ("position", "velocity", "torque")
         for end, choose in (("low", np.min), ("high", np.max))
     }
-    if max(max(task.use(target, made).values()) for made in runs) > 1:
+    if max(max(task.limit_use(target, motion).values()) for motion in runs) > 1:
         raise ConfigurationError(nothing_moves(task))
     reached = {
         "low": float(min(ranges["position_low"].min(), target.min())),
@@ -185,23 +185,23 @@ def simulate_range(task: Task, pattern: Pattern) -> tuple[DesignSignals, dict[st
     return DesignSignals(time, target, first.position, first.velocity, first.torque, **ranges), reached
 
 
-def duration_for(task: Task, beliefs: list[Information], wanted: float) -> float:
+def duration_for(task: Task, informations: list[Information], wanted: float) -> float:
     """Return the length in whole patterns [s] at which every joint's Coulomb friction is known to `wanted` [1].
 
     beliefs: what the whole log tells about each joint; the variance falls as one over the time.
     """
-    worst = max(float(belief.relative[2]) for belief in beliefs)
+    worst = max(float(belief.relative[2]) for belief in informations)
     return task.count / task.rate * max(1, ceil(task.repeats * (worst / wanted) ** 2))
 
 
-def predictions(beliefs: list[Information]) -> tuple[Predicted, ...]:
+def predictions(informations: list[Information]) -> tuple[Predicted, ...]:
     """Return each parameter's predicted deviation, nominal (the first belief) and worst."""
-    nominal = beliefs[0]
+    nominal = informations[0]
     found = []
     for index, name in enumerate(nominal.names):
         value, std = float(nominal.values[index]), float(nominal.std[index])
         relative = std / abs(value) if value else None
-        worst = max(float(b.std[index] / abs(b.values[index])) for b in beliefs) if value else None
+        worst = max(float(b.std[index] / abs(b.values[index])) for b in informations) if value else None
         found.append(Predicted(name, value, std, relative, worst))
     return tuple(found)
 
@@ -227,7 +227,9 @@ def advice(task: Task, gains: PDGains, trials: tuple[GainTrial, ...], fixed: boo
     return f"Run at {own}, as given: lower gains do not track, or show less than a tenth more."
 
 
-def cautions(task: Task, setup: ExciteSetup, trials: tuple[GainTrial, ...], beliefs: list[Information]) -> list[str]:
+def cautions(
+    task: Task, setup: ExciteSetup, trials: tuple[GainTrial, ...], informations: list[Information]
+) -> list[str]:
     """Return what the reader must know before running the log."""
     found = []
     chosen = next((trial for trial in trials if trial.kp == task.gains.kp), None)
@@ -245,7 +247,7 @@ def cautions(task: Task, setup: ExciteSetup, trials: tuple[GainTrial, ...], beli
             "the encoder's step is larger than the noise: rounding is counted as white noise, which it is not in slow "
             "motion; the real deviations may be larger"
         )
-    if max(float(belief.relative[:JUDGED].max()) for belief in beliefs) < NEGLIGIBLE:
+    if max(float(belief.relative[:JUDGED].max()) for belief in informations) < NEGLIGIBLE:
         found.append(
             "white noise leaves less than half a per cent: noise that the loop feeds back, friction that is not quite "
             "Coulomb's, timing and cogging will decide how right the result is. Read the predictions as a comparison "

@@ -139,7 +139,7 @@ class Task:
         low, high = self.limits.position
         return SHARE * min(high - self.start, self.start - low)
 
-    def believed(self) -> list[np.ndarray]:
+    def candidates(self) -> list[np.ndarray]:
         """Return the nominal parameters and the eight corners of their range; gravity goes with the inertia."""
         corners = []
         for factors in product((1 / self.spread, self.spread), repeat=3):
@@ -155,15 +155,15 @@ class Task:
         Each is small there, what hides it large. Viscous friction is hidden by dry friction, and whether by a light or
         by a heavy joint depends on the motion: light ones overshoot less, heavy ones follow less.
         """
-        corners = self.believed()
+        corners = self.candidates()
         return corners if len(corners) == 1 else [corners[index] for index in (2, 3, 4, 6)]
 
-    def lively(self) -> np.ndarray:
+    def least_damped(self) -> np.ndarray:
         """Return the corner with the least damping for its inertia: it overshoots most."""
-        corners = self.believed()
+        corners = self.candidates()
         return corners[5] if len(corners) > 1 else corners[0]
 
-    def weightless(self) -> Task:
+    def without_gravity(self) -> Task:
         """Return the task without gravity, which takes ten times longer to simulate and changes little for a search."""
         return replace(self, values=self.values[:4])
 
@@ -172,7 +172,7 @@ class Task:
         """How far the heaviest link in the range may hang below its target [rad]."""
         return float(np.hypot(*self.values[4:])) * self.spread / self.gains.kp if len(self.values) > 4 else 0.0
 
-    def at(self, gains: PDGains) -> Task:
+    def with_gains(self, gains: PDGains) -> Task:
         """Return the task under other gains."""
         return replace(self, gains=gains)
 
@@ -180,7 +180,7 @@ class Task:
         """Return one pattern as a target [rad], shape (count,)."""
         return self.start + pattern.offsets(self.count, self.rate)
 
-    def whole(self, pattern: Pattern) -> np.ndarray:
+    def full_target(self, pattern: Pattern) -> np.ndarray:
         """Return the whole log's target [rad], shape (total + 1,): the patterns, and the start pose at the end."""
         offsets = np.tile(pattern.offsets(self.count, self.rate), self.repeats)
         return self.start + np.concatenate([offsets, np.zeros(self.total + 1 - len(offsets))])
@@ -189,24 +189,24 @@ class Task:
         """Simulate one joint that follows a target."""
         return run(values, self.gains, 1 / self.rate, target)
 
-    def use(self, target: np.ndarray, made: Trajectory, part: slice = slice(None)) -> dict[str, float]:
+    def limit_use(self, target: np.ndarray, motion: Trajectory, part: slice = slice(None)) -> dict[str, float]:
         """Return the share of each limit that a part of a motion uses; position counts from the start pose."""
         low, high = self.limits.position
-        reach = np.stack([target[part], made.position[part]]) - self.start
+        reach = np.stack([target[part], motion.position[part]]) - self.start
         return {
             "position": float(np.maximum(reach / (high - self.start), reach / (low - self.start)).max(initial=1e-9)),
-            "speed": float(np.abs(made.velocity[part]).max(initial=1e-9)) / self.limits.speed,
-            "torque": float(np.abs(made.torque[part]).max(initial=1e-9)) / self.limits.torque,
+            "speed": float(np.abs(motion.velocity[part]).max(initial=1e-9)) / self.limits.speed,
+            "torque": float(np.abs(motion.torque[part]).max(initial=1e-9)) / self.limits.torque,
         }
 
-    def fitted(self, pattern: Pattern, beliefs: list[np.ndarray]) -> Pattern | None:
+    def within_limits(self, pattern: Pattern, joints: list[np.ndarray]) -> Pattern | None:
         """Return the pattern, each part made small enough for the limits, or None if that cannot be done."""
         split = pattern.slow_count(self.count)
         for _ in range(SCALINGS):
             target = self.target(pattern)
-            runs = [self.run(values, target) for values in beliefs]
+            runs = [self.run(values, target) for values in joints]
             slow, fast = (
-                max((max(self.use(target, made, part).values()) for made in runs), default=0.0)
+                max((max(self.limit_use(target, motion, part).values()) for motion in runs), default=0.0)
                 for part in (slice(0, split), slice(split, None))
             )
             if max(slow, fast) <= SHARE * (1 + 1e-9):
@@ -218,9 +218,9 @@ class Task:
             )
         return None
 
-    def reach(self, target: np.ndarray, beliefs: list[np.ndarray]) -> float:
+    def reach(self, target: np.ndarray, joints: list[np.ndarray]) -> float:
         """Return the range of the joint's motion over that of the target, the smallest of any of the joints [1]."""
-        return min(float(np.ptp(self.run(values, target).position)) for values in beliefs) / float(np.ptp(target))
+        return min(float(np.ptp(self.run(values, target).position)) for values in joints) / float(np.ptp(target))
 
     def information(self, values: np.ndarray, pattern: Pattern, fast: bool = False) -> Information:
         """Return what the log of all patterns tells about one joint: that of one pattern, times their number.

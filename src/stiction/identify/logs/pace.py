@@ -12,8 +12,7 @@ from __future__ import annotations
 
 import math
 import pickletools
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -76,21 +75,77 @@ class Tensor:
     """Distance between neighbours in each dimension, in numbers."""
 
 
-@dataclass
-class Machine:
-    """The stack machine, reduced to what builds data."""
+def read_index(program: bytes) -> Any:
+    """Return what the index describes: dict, list, tuple, number, text, None, or `Tensor` of these.
 
-    stack: list[Any] = field(default_factory=list)
-    """What was built and not used yet."""
-    marks: list[int] = field(default_factory=list)
-    """Heights of the stack at the open marks."""
-    memo: dict[int, Any] = field(default_factory=dict)
-    """What may be used again."""
+    Raises `NotPlainError` for anything beyond plain data, and `ValueError` and its like for a damaged index.
+    """
+    machine = _Machine()
+    for opcode, argument, _ in pickletools.genops(program):
+        if opcode.name == "STOP":
+            return machine.take(1)[0]
+        machine.follow(opcode.name, argument)
+    raise NotPlainError("no end")
 
-    def since_mark(self) -> list[Any]:
+
+class _Machine:
+    """The stack machine of pickles, reduced to the instructions that build data."""
+
+    def __init__(self) -> None:
+        self.stack: list[Any] = []
+        self.marks: list[int] = []
+        self.memo: dict[int, Any] = {}
+
+    def follow(self, name: str, argument: Any) -> None:
+        """Follow one instruction; refuse all that build no data."""
+        stack = self.stack
+        match name:
+            case "PROTO" | "FRAME":
+                pass
+            case "BINUNICODE" | "SHORT_BINUNICODE" | "BININT" | "BININT1" | "BININT2" | "LONG1" | "BINFLOAT":
+                stack.append(argument)
+            case "NONE" | "NEWTRUE" | "NEWFALSE":
+                stack.append({"NONE": None, "NEWTRUE": True, "NEWFALSE": False}[name])
+            case "EMPTY_DICT":
+                stack.append({})
+            case "EMPTY_LIST":
+                stack.append([])
+            case "EMPTY_TUPLE":
+                stack.append(())
+            case "MARK":
+                self.marks.append(len(stack))
+            case "TUPLE":
+                stack.append(self.since_mark())
+            case "TUPLE1" | "TUPLE2" | "TUPLE3":
+                stack.append(self.take(int(name[-1])))
+            case "BINPUT" | "LONG_BINPUT":
+                self.memo[argument] = stack[-1]
+            case "MEMOIZE":
+                self.memo[len(self.memo)] = stack[-1]
+            case "BINGET" | "LONG_BINGET":
+                stack.append(self.memo[argument])
+            case "SETITEM" | "SETITEMS":
+                self.set_items(self.take(2) if name == "SETITEM" else self.since_mark())
+            case "APPEND" | "APPENDS":
+                elements = self.take(1) if name == "APPEND" else self.since_mark()
+                if not isinstance(stack[-1], list):
+                    raise NotPlainError("an element without a list")
+                stack[-1].extend(elements)
+            case "GLOBAL":
+                stack.append(Name(argument))
+            case "STACK_GLOBAL":
+                stack.append(Name(" ".join(map(str, self.take(2)))))
+            case "BINPERSID":
+                stack.append(_storage(*self.take(1)))
+            case "REDUCE":
+                stack.append(_called(*self.take(2)))
+            case _:
+                raise NotPlainError(f"instruction {name}")
+
+    def since_mark(self) -> tuple[Any, ...]:
         """Take what lies above the last mark."""
         height = self.marks.pop()
-        taken = self.stack[height:]
+        taken = tuple(self.stack[height:])
         del self.stack[height:]
         return taken
 
@@ -102,40 +157,16 @@ class Machine:
         del self.stack[-count:]
         return taken
 
-    def put_items(self, items: list[Any]) -> None:
+    def set_items(self, items: tuple[Any, ...]) -> None:
         """Put keys and values into the dictionary on top."""
         target = self.stack[-1]
         if not isinstance(target, dict) or not all(isinstance(key, str | int) for key in items[::2]):
             raise NotPlainError("entries that are not named by text")
         target.update(zip(items[::2], items[1::2], strict=True))
 
-    def put_elements(self, elements: list[Any]) -> None:
-        """Put values into the list on top."""
-        if not isinstance(self.stack[-1], list):
-            raise NotPlainError("an element without a list")
-        self.stack[-1].extend(elements)
 
-
-def read_index(program: bytes) -> Any:
-    """Return what the index describes: dict, list, tuple, number, text, None, or `Tensor` of these.
-
-    Raises `NotPlainError` for anything beyond plain data, and `ValueError` and its like for a damaged index.
-    """
-    machine = Machine()
-    for opcode, argument, _ in pickletools.genops(program):
-        if opcode.name == "STOP":
-            (value,) = machine.take(1)
-            return value
-        follow = STEPS.get(opcode.name)
-        if follow is None:
-            raise NotPlainError(f"instruction {opcode.name}")
-        follow(machine, argument)
-    raise NotPlainError("no end")
-
-
-def _persistent(machine: Machine) -> Storage:
+def _storage(reference: Any) -> Storage:
     """Return the storage that a reference means."""
-    (reference,) = machine.take(1)
     if not isinstance(reference, tuple) or len(reference) != 5 or reference[0] != "storage":
         raise NotPlainError("a reference to something else than a storage")
     _, kind, key, _, size = reference
@@ -147,9 +178,8 @@ def _persistent(machine: Machine) -> Storage:
     return Storage(key, STORAGES[name], size)
 
 
-def _call(machine: Machine) -> Any:
-    """Return what one of the two calls would have built."""
-    function, arguments = machine.take(2)
+def _called(function: Any, arguments: Any) -> Any:
+    """Return what one of the two calls that are understood would have built."""
     text = function.text if isinstance(function, Name) else "something that is no function"
     if text == ORDERED and arguments == ():
         return {}
@@ -163,49 +193,6 @@ def _call(machine: Machine) -> Any:
         raise NotPlainError("a tensor with other fields than expected")
     return Tensor(storage, offset, shape, stride)
 
-
-def _keep(machine: Machine, place: int) -> None:
-    """Remember what is on top."""
-    machine.memo[place] = machine.stack[-1]
-
-
-def _push(machine: Machine, value: Any) -> None:
-    """Put a value on the stack."""
-    machine.stack.append(value)
-
-
-Step = Callable[[Machine, Any], None]
-
-STEPS: dict[str, Step] = {
-    **dict.fromkeys(("PROTO", "FRAME"), lambda machine, argument: None),
-    **dict.fromkeys(
-        ("BINUNICODE", "SHORT_BINUNICODE", "BININT", "BININT1", "BININT2", "LONG1", "BINFLOAT"),
-        lambda machine, argument: _push(machine, argument),
-    ),
-    "NONE": lambda machine, argument: _push(machine, None),
-    "NEWTRUE": lambda machine, argument: _push(machine, True),
-    "NEWFALSE": lambda machine, argument: _push(machine, False),
-    "EMPTY_DICT": lambda machine, argument: _push(machine, {}),
-    "EMPTY_LIST": lambda machine, argument: _push(machine, []),
-    "EMPTY_TUPLE": lambda machine, argument: _push(machine, ()),
-    "MARK": lambda machine, argument: machine.marks.append(len(machine.stack)),
-    "TUPLE": lambda machine, argument: _push(machine, tuple(machine.since_mark())),
-    "TUPLE1": lambda machine, argument: _push(machine, machine.take(1)),
-    "TUPLE2": lambda machine, argument: _push(machine, machine.take(2)),
-    "TUPLE3": lambda machine, argument: _push(machine, machine.take(3)),
-    **dict.fromkeys(("BINPUT", "LONG_BINPUT"), _keep),
-    "MEMOIZE": lambda machine, argument: _keep(machine, len(machine.memo)),
-    **dict.fromkeys(("BINGET", "LONG_BINGET"), lambda machine, argument: _push(machine, machine.memo[argument])),
-    "SETITEM": lambda machine, argument: machine.put_items(list(machine.take(2))),
-    "SETITEMS": lambda machine, argument: machine.put_items(machine.since_mark()),
-    "APPEND": lambda machine, argument: machine.put_elements(list(machine.take(1))),
-    "APPENDS": lambda machine, argument: machine.put_elements(machine.since_mark()),
-    "GLOBAL": lambda machine, argument: _push(machine, Name(argument)),
-    "STACK_GLOBAL": lambda machine, argument: _push(machine, Name(" ".join(map(str, machine.take(2))))),
-    "BINPERSID": lambda machine, argument: _push(machine, _persistent(machine)),
-    "REDUCE": lambda machine, argument: _push(machine, _call(machine)),
-}
-"""Instruction -> what it does here."""
 
 NAMES = ("joint_names", "joint_order")
 """Entries that list the joints' names, in files that have one."""

@@ -79,7 +79,7 @@ def fit_blocks(
     grams = np.stack([scaled[part].T @ scaled[part] for part in parts])
     sums = np.stack([scaled[part].T @ target[part] for part in parts])
     total = sums.sum(axis=0)
-    knowledge, size = _knowledge(scaled, target, scale, prior)
+    knowledge, size = _prior_weights(scaled, target, scale, prior)
     gram = grams.sum(axis=0) + np.diag(knowledge)
     values = np.linalg.solve(gram, total)
     without = np.linalg.solve(gram - grams, (total - sums)[..., None])[..., 0]
@@ -97,7 +97,7 @@ def fit_blocks(
     )
 
 
-def _knowledge(
+def _prior_weights(
     scaled: np.ndarray, target: np.ndarray, scale: np.ndarray, prior: np.ndarray | None
 ) -> tuple[np.ndarray, float]:
     """Return the weight of each prior in the normal equations of scaled columns, (P,), and the residual's size."""

@@ -30,10 +30,10 @@ FEWEST_ROWS = 300
 WIDEST = 0.05
 """Half-width of a load coefficient's interval beyond which there is no answer [1]."""
 
-VAGUE = (1.0, 10.0, 1000.0, 2.0)
+WIDE_PRIOR = (1.0, 10.0, 1000.0, 2.0)
 """Sizes of A, B, b and c beyond any joint's: for a kind that never moves, whose columns are empty."""
 
-TENSION = 1.5
+MAX_BOUND_RATIO = 1.5
 """Errors of mass, centre of mass or specific force beyond this many of their declared bounds are no small errors."""
 
 LAW_ERROR = 0.05
@@ -45,15 +45,15 @@ the coefficient by which its interval is widened [1]. A choice."""
 class LoadFit:
     """Friction of each kind of joint with and without load; or a refusal."""
 
-    refusal: str
+    refusal: str = ""
     """Why there is nothing; empty if there is something."""
-    laws: dict[str, dict[str, Estimate]]
+    laws: dict[str, dict[str, Estimate]] = field(default_factory=dict)
     """Kind -> A, B, b and c by the names of `FRICTION`; kinds whose c is not told are missing."""
-    refused: dict[str, str]
+    refused: dict[str, str] = field(default_factory=dict)
     """Kind -> why its c is not told."""
-    carried: dict[str, tuple[float, Estimate]]
+    under_load: dict[str, tuple[float, Estimate]] = field(default_factory=dict)
     """Kind -> mean |τ| of legs on the ground [N m], and dry friction b + c |τ| at it [N m]."""
-    body: dict[str, Estimate]
+    body: dict[str, Estimate] = field(default_factory=dict)
     """Errors of the body that were found, by the names of `BODY`."""
     condition: float | None = None
     """Condition number of the regressor with unit columns."""
@@ -67,7 +67,7 @@ class LoadFit:
 def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[SwingRows], setup: WalkSetup) -> LoadFit:
     """Find what the load adds to friction, or say why that cannot be known from this log."""
     if refusal := _missing(motion, setup):
-        return LoadFit(refusal, {}, {}, {}, {})
+        return LoadFit(refusal)
     trunk = Trunk.of(spec, setup.payload, setup.centre_of_mass)
     stance = stance_rows(log, motion, spec, trunk, setup)
     thin = max(1, len(hann_weights(setup.smoothing, motion.period)) // 2)
@@ -76,39 +76,38 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[Swin
     if len(stance.target) < FEWEST_ROWS or len(np.unique(blocks)) < FEWEST_SWINGS:
         return LoadFit(
             f"{len(stance.target)} equations of the base in {len(np.unique(blocks))} half seconds; expected at least "
-            f"{FEWEST_ROWS} and {FEWEST_SWINGS}: log for longer",
-            *({}, {}, {}, {}),
+            f"{FEWEST_ROWS} and {FEWEST_SWINGS}: log for longer"
         )
     limit = np.array(log.header.torque_limit)
     bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
-    vague = np.tile(VAGUE, len(JOINT_KINDS))
+    vague = np.tile(WIDE_PRIOR, len(JOINT_KINDS))
     late = [setup.timing_error * motion.period]
     prior = np.concatenate([vague, setup.torque_zero_error * limit, late, bounds]) / 2
     try:
         fit = fit_blocks(regressor, target, blocks, systematic, prior)
     except np.linalg.LinAlgError:
-        return LoadFit("its steps are all alike: walk at different speeds", {}, {}, {}, {})
+        return LoadFit("its steps are all alike: walk at different speeds")
     start = regressor.shape[1] - len(BODY)
     body = {name: fit.estimate(start + index) for index, name in enumerate(BODY)}
-    tense = [
+    beyond = [
         f"{name} by {estimate.value:.3g} (declared within {bound:g})"
         for (name, estimate), bound in zip(body.items(), bounds, strict=True)
-        if abs(estimate.value) > TENSION * bound
+        if abs(estimate.value) > MAX_BOUND_RATIO * bound
     ]
-    if tense:
+    if beyond:
         return LoadFit(
             "the walk does not fit the declared masses and centre of mass: it is off in "
-            f"{', '.join(tense)}: weigh the robot, and state --payload and --centre-of-mass; or the torque's unit is "
+            f"{', '.join(beyond)}: weigh the robot, and state --payload and --centre-of-mass; or the torque's unit is "
             "wrong",
-            *({}, {}, {}, body),
+            body=body,
             condition=fit.condition,
             rows=len(stance.target),
         )
     laws, refused = _laws(fit)
-    carried = {kind: _carried(kind, log, motion, spec, setup, fit) for kind in laws}
+    under_load = {kind: _friction_under_load(kind, log, motion, spec, setup, fit) for kind in laws}
     resting = regressor[-len(stance.target) :]
     partial = {kind: tuple(size * part for part in _partial(resting, fit, JOINT_KINDS.index(kind))) for kind in laws}
-    return LoadFit("", laws, refused, carried, body, fit.condition, len(stance.target), partial)
+    return LoadFit("", laws, refused, under_load, body, fit.condition, len(stance.target), partial)
 
 
 def _missing(motion: WalkMotion, setup: WalkSetup) -> str:
@@ -132,14 +131,12 @@ def _stack(
     """Return regressor, target, sample and systematic change of all equations, and the size of stance's residual [N].
 
     Each family of equations is over the size of its residual. Columns: A, B, b, c of each kind, every motor's torque
-    zero, the torque's lateness, the body's errors. Every `thin`-th swing equation is
-    taken: neighbours share their samples.
+    zero, the torque's lateness, the body's errors. Every `thin`-th swing equation is taken: neighbours share samples.
     """
-    joints, friction = stance.zero.shape[1], stance.friction.shape[1]
-    width = friction + joints + 1 + stance.body.shape[1]
+    friction, joints = len(JOINT_KINDS) * len(FRICTION), len(swing)
     blocks = []
     for number, rows in enumerate(swing):
-        part = np.zeros((len(rows.torque), width))
+        part = np.zeros((len(rows.torque), stance.regressor.shape[1]))
         first = number % JOINTS_PER_LEG * len(FRICTION)
         signals = (rows.acceleration, rows.velocity, rows.direction, rows.load)
         part[:, first : first + len(FRICTION)] = np.stack(signals, axis=1)
@@ -150,21 +147,16 @@ def _stack(
         (
             np.concatenate(blocks),
             np.concatenate([rows.torque[::thin] for rows in swing]),
-            np.concatenate([rows.sample[::thin] for rows in swing]),
             np.concatenate([rows.systematic[0, ::thin] for rows in swing]),
+            np.concatenate([rows.sample[::thin] for rows in swing]),
         ),
-        (
-            np.concatenate([stance.friction, stance.zero, stance.late, stance.body], axis=1),
-            stance.target,
-            stance.sample,
-            stance.links,
-        ),
+        (stance.regressor, stance.target, stance.links, stance.sample),
     )
     sizes = [_residual_size(regressor, target) for regressor, target, _, _ in families]
-    regressor = np.concatenate([family[0] / size for family, size in zip(families, sizes, strict=True)])
-    target = np.concatenate([family[1] / size for family, size in zip(families, sizes, strict=True)])
-    systematic = np.concatenate([family[3] / size for family, size in zip(families, sizes, strict=True)])
-    return regressor, target, np.concatenate([family[2] for family in families]), systematic[None], sizes[1]
+    regressor, target, systematic = (
+        np.concatenate([family[part] / size for family, size in zip(families, sizes, strict=True)]) for part in range(3)
+    )
+    return regressor, target, np.concatenate([family[3] for family in families]), systematic[None], sizes[1]
 
 
 def _residual_size(regressor: np.ndarray, target: np.ndarray) -> float:
@@ -179,21 +171,26 @@ def _laws(fit: BlockFit) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]
     laws, refused = {}, {}
     for number, kind in enumerate(JOINT_KINDS):
         law = {name: fit.estimate(len(FRICTION) * number + index) for index, name in enumerate(FRICTION)}
-        load = law["load_coefficient"]
-        half = float(np.hypot((load.interval95[1] - load.interval95[0]) / 2, LAW_ERROR * load.value))
+        load = _widened(law["load_coefficient"], LAW_ERROR * law["load_coefficient"].value)
+        half = load.interval95[1] - load.value
         if half > WIDEST:
             refused[kind] = (
                 f"the interval of the {kind}s' load coefficient, ±{half:.2g}, is too wide to tell anything: log for "
                 "longer, walk so that these joints move while they carry load"
             )
             continue
-        std = float(np.hypot(load.std, LAW_ERROR * load.value / 2))
-        law["load_coefficient"] = Estimate(load.value, std, (load.value - half, load.value + half))
-        laws[kind] = law
+        laws[kind] = law | {"load_coefficient": load}
     return laws, refused
 
 
-def _carried(
+def _widened(estimate: Estimate, error: float) -> Estimate:
+    """Return an estimate with an independent error at its 95 % bound in its interval."""
+    low, high = estimate.interval95
+    half, std = np.hypot((high - low) / 2, error), np.hypot(estimate.std, error / 2)
+    return Estimate(estimate.value, float(std), (float(estimate.value - half), float(estimate.value + half)))
+
+
+def _friction_under_load(
     kind: str, log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup, fit: BlockFit
 ) -> tuple[float, Estimate]:
     """Return the mean |τ| of a kind's joints while their feet are down [N m], and the dry friction at it [N m]."""
@@ -202,11 +199,8 @@ def _carried(
     weights, first = np.zeros(len(fit.values)), len(FRICTION) * number
     weights[first + FRICTION.index("coulomb_friction")] = 1.0
     weights[first + FRICTION.index("load_coefficient")] = torque
-    found = fit.combination(weights)
     slope = float(fit.values[first + FRICTION.index("load_coefficient")])
-    half = float(np.hypot((found.interval95[1] - found.interval95[0]) / 2, LAW_ERROR * slope * torque))
-    std = float(np.hypot(found.std, LAW_ERROR * slope * torque / 2))
-    return torque, Estimate(found.value, std, (found.value - half, found.value + half))
+    return torque, _widened(fit.combination(weights), LAW_ERROR * slope * torque)
 
 
 def _partial(regressor: np.ndarray, fit: BlockFit, kind: int) -> tuple[np.ndarray, np.ndarray]:

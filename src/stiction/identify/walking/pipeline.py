@@ -103,7 +103,7 @@ def _record(
     }
     law = load.laws.get(kind)
     if law is not None:
-        torque, friction = load.carried[kind]
+        torque, friction = load.under_load[kind]
         settings["load_coefficient"] = law["load_coefficient"]
         settings["combinations"] = {f"coulomb_friction + {torque:.3g} N m * load_coefficient": friction}
         settings["friction_law"] = {"law": "load", "load": "|motor torque| [N m]"} | {
@@ -119,8 +119,8 @@ def _record(
         "load": {
             "refusal": load.refusal or load.refused.get(kind, ""),
             "equations": load.rows,
-            "carried_torque": load.carried[kind][0] if law is not None else None,
-            "carried_friction": load.carried[kind][1].to_dict() if law is not None else None,
+            "carried_torque": load.under_load[kind][0] if law is not None else None,
+            "carried_friction": load.under_load[kind][1].to_dict() if law is not None else None,
         },
     }
     if swing.fit is None:

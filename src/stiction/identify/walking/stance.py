@@ -52,14 +52,9 @@ ARM = 0.3
 class StanceRows:
     """The base's equations, R rows: six for each sample used, smoothed."""
 
-    friction: np.ndarray
-    """Columns A, B, b, c of hip, thigh and shank, shape (R, 12)."""
-    zero: np.ndarray
-    """Columns of each motor's torque at no current, shape (R, J)."""
-    late: np.ndarray
-    """Column of the torques' lateness, [N/s], shape (R, 1)."""
-    body: np.ndarray
-    """Columns of the body's errors, `BODY`, shape (R, 7)."""
+    regressor: np.ndarray
+    """Columns A, B, b, c of hip, thigh and shank; of each motor's torque at no current; of the torques' lateness; of
+    the body's errors, `BODY`; shape (R, 12 + J + 1 + 7)."""
     target: np.ndarray
     """What friction has to explain [N], shape (R,)."""
     links: np.ndarray
@@ -104,16 +99,7 @@ def stance_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk,
     table[:, 3:] /= ARM
     unusable = body.stretched | (still.sum(axis=1) > MOST_STILL)
     rows, sample = _reduce(table, still, unusable, hann_weights(setup.smoothing, motion.period))
-    friction, zero = len(JOINT_KINDS) * len(FRICTION), len(JOINT_KINDS) * len(FRICTION) + spec.num_joints
-    return StanceRows(
-        friction=rows[:, :friction],
-        zero=rows[:, friction:zero],
-        late=rows[:, zero : zero + 1],
-        body=rows[:, zero + 1 : -2],
-        target=rows[:, -2],
-        links=rows[:, -1],
-        sample=sample,
-    )
+    return StanceRows(regressor=rows[:, :-2].copy(), target=rows[:, -2], links=rows[:, -1], sample=sample)
 
 
 def _body(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk, setup: WalkSetup) -> _Body:
@@ -179,6 +165,6 @@ def _reduce(
     unknown = table[:, :, first : first + still.shape[1]] * still[:, None]
     table = table - unknown @ (np.linalg.pinv(unknown, rcond=1e-9) @ table)
     half = len(weights) // 2
-    kept = np.arange(half, len(table) - half, max(1, half))
-    kept = kept[~grow(unusable, half)[kept]]
-    return smooth(table, weights)[kept].reshape(-1, table.shape[2]), np.repeat(kept, 6)
+    used = np.arange(half, len(table) - half, max(1, half))
+    used = used[~grow(unusable, half)[used]]
+    return smooth(table, weights)[used].reshape(-1, table.shape[2]), np.repeat(used, 6)

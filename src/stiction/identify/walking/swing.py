@@ -17,7 +17,7 @@ tells it are the steps of the torque, whenever the policy acts.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -158,37 +158,34 @@ def fit_swing(rows: list[SwingRows], torque_limit: float, period: float, setup: 
     torque_limit: of these joints' motors [N m]; period: of the log [s].
     """
     used = [joint for joint in rows if len(joint.torque)]
-    names = tuple(joint.joint for joint in rows)
     count = sum(len(joint.torque) for joint in used)
     number = len(np.unique(np.concatenate([joint.swing for joint in used]))) if used else 0
+    found = SwingFit(tuple(joint.joint for joint in rows), None, "", count, number)
     if count < FEWEST_ROWS or number < FEWEST_SWINGS:
-        return SwingFit(
-            names,
-            None,
+        reason = (
             f"{number} swings and {count} samples in which it clearly moves; expected at least {FEWEST_SWINGS} and "
-            f"{FEWEST_ROWS}: log for longer, or walk so that this joint moves (hips: sideways, turning)",
-            count,
-            number,
+            f"{FEWEST_ROWS}: log for longer, or walk so that this joint moves (hips: sideways, turning)"
         )
+        return replace(found, refusal=reason)
     try:
         fit = _fit(used, torque_limit * setup.torque_zero_error / 2, period * setup.timing_error / 2)
     except np.linalg.LinAlgError:
-        return SwingFit(names, None, "its swings are all alike: walk at different speeds", count, number)
+        return replace(found, refusal="its swings are all alike: walk at different speeds")
     rotor = fit.estimate(PARAMETERS.index("armature"))
     if rotor.value <= 0:
         reason = (
             f"its rotor would have an inertia of {rotor.value:.3g} kg m², which must be positive: is the torque the "
             "motor's, in N m, with the sign of the angle, and the robot's geometry right?"
         )
-        return SwingFit(names, None, reason, count, number)
+        return replace(found, refusal=reason)
     low, high = fit.estimate(PARAMETERS.index("coulomb_friction")).interval95
     if not high - low <= 2 * WIDEST * torque_limit:
         reason = (
             f"the interval of its dry friction, {low:.3g} to {high:.3g} N m, is too wide to tell anything: dry and "
             "viscous friction and offset look alike: log for longer, at different speeds and in different directions"
         )
-        return SwingFit(names, None, reason, count, number)
-    return SwingFit(names, fit, "", count, number)
+        return replace(found, refusal=reason)
+    return replace(found, fit=fit)
 
 
 def _fit(used: list[SwingRows], zero: float, late: float) -> BlockFit:
