@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Annotated
 
 import tyro
@@ -53,8 +53,9 @@ def main(arguments: list[str]) -> int:
     from stiction.robots.catalog import find_robot
 
     spec = find_robot(options.task.robot)
+    task = replace(options.task, rewards=options.task.rewards.for_robot(spec))
     note = Console(stderr=True, quiet=options.json)
-    rows = check_randomization(options.task, spec, lambda what: note.print(f"measuring: {what}"))
+    rows = check_randomization(task, spec, lambda what: note.print(f"measuring: {what}"))
     failed = [row for row in rows if not row.ok]
     if options.json:
         print(json.dumps({"robot": spec.name, "ok": not failed, "rows": [asdict(r) | {"ok": r.ok} for r in rows]}))

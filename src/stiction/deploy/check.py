@@ -14,19 +14,21 @@ from stiction.deploy.wear import WearMonitor
 from stiction.formats.bundle import Bundle, Golden, read_bundle
 from stiction.formats.contract import Contract
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 
-def robot_of(contract: Contract, robot: str | None = None) -> RobotSpec:
+def robot_of(contract: Contract, robot: str | None = None) -> Robot:
     """Return the robot that a contract was made for, checked against it.
 
-    A bundle is data: its robot is looked up among the shipped ones only. A robot of one's own is named by `robot`, as
-    `package.module:NAME`, since looking it up runs that module.
+    It is the contract's own; of an older bundle the shipped one of its name. `robot` names another one to use in its
+    place: a path, or `package.module:NAME`, which runs that module.
 
     Raises:
         StictionError: the robot is unknown, or its joints or torque limits are not those of the contract.
 
     """
+    if robot is None and contract.anatomy is not None:
+        return contract.anatomy
     if robot is None and not contract.robot.partition("@")[0].isidentifier():
         raise RobotError(
             f"the bundle is for the robot {contract.robot!r}, which is not a shipped one; "

@@ -38,7 +38,7 @@ class ObservationBuilder:
         standing: np.ndarray,
         batch: tuple[int, ...] = (),
         known_friction: np.ndarray | None = None,
-        action_scale: float | None = None,
+        action_scale: float | np.ndarray | None = None,
     ) -> None:
         """Start with an empty history.
 

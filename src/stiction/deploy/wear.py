@@ -28,7 +28,7 @@ BODY_MOMENTS = 13
 class Moments:
     """Turns two neighbouring frames into the features whose means over a window are the monitor's input."""
 
-    def __init__(self, layout: ObservationLayout, action_scale: float) -> None:
+    def __init__(self, layout: ObservationLayout, action_scale: float | np.ndarray) -> None:
         """Find the terms in a frame. `action_scale`: joint angle per unit of action [rad]."""
         ends = np.cumsum([term.size for term in layout.terms])
         self._at = {t.name: (slice(end - t.size, end), t.scale) for t, end in zip(layout.terms, ends, strict=True)}
@@ -78,7 +78,7 @@ class WearMonitor:
 
         """
         self.model = model
-        self._moments = Moments(contract.observation, contract.action_scale)
+        self._moments = Moments(contract.observation, contract.scale)
         self._frame = contract.observation.frame_size
         size = JOINT_MOMENTS * contract.num_joints + BODY_MOMENTS
         if model.joint_names != contract.joint_names or len(model.center) != size:

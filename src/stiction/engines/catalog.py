@@ -17,7 +17,7 @@ from stiction.core.errors import EngineError, StictionError, unknown_name
 from stiction.core.plugins import find_named
 from stiction.engines.engine import Body, Engine, Make
 from stiction.engines.ground import Ground, flat
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 TIMESTEP = 0.002
 """Physics step at which engines are compared [s]: the bounds of the conformance suite are made for it."""
@@ -135,7 +135,7 @@ def binaries(name: str) -> dict[str, str | None]:
     return found if file is None else found | {module: hashlib.sha256(Path(file).read_bytes()).hexdigest()}
 
 
-def what_is_missing(name: str, robot: RobotSpec) -> str | None:
+def what_is_missing(name: str, robot: Robot) -> str | None:
     """Return why a robot cannot be had in an engine here and what to do, in one line; None where it can."""
     try:
         make_engine(name, Body.nominal(robot), flat(), TIMESTEP)

@@ -20,7 +20,7 @@ import numpy as np
 
 from stiction.core.errors import EngineError
 from stiction.engines.ground import Ground
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 FASTEST = 1e4
 """A base or a joint that is faster has blown up [m/s, rad/s]."""
@@ -48,7 +48,7 @@ def check_speed(engine: str, *speeds: np.ndarray) -> None:
 class Body:
     """The robot as an engine builds it: shape, masses, rotors and viscous friction."""
 
-    spec: RobotSpec
+    spec: Robot
     """Shape, masses, limits of the angles."""
     armature: np.ndarray
     """Rotor inertia at the joints, I [kg m²], shape (J,)."""
@@ -62,7 +62,7 @@ class Body:
     """Whether the base is bolted to a stand, where `reset` put it."""
 
     @classmethod
-    def nominal(cls, spec: RobotSpec, fixed: bool = False) -> Body:
+    def nominal(cls, spec: Robot, fixed: bool = False) -> Body:
         """Return the robot of the data sheet."""
         return cls(spec, spec.joint_values("armature"), spec.joint_values("damping"), fixed=fixed)
 

@@ -15,7 +15,7 @@ import numpy as np
 from stiction.core.rotation import UPRIGHT, into_frame
 from stiction.engines.engine import TOUCH, Body, Motion, check_speed
 from stiction.engines.ground import Ground, HeightField
-from stiction.robots.box_legs import GROUND, OBSTACLE, build
+from stiction.robots.mjcf import GROUND, OBSTACLE, build
 from stiction.robots.model import GRAVITY
 
 # MuJoCo would write every instability to a file in the current folder and to the terminal; `step` raises instead.
@@ -36,7 +36,7 @@ class MujocoEngine:
         timestep: of the physics [s]; contact_time: in which contacts give way [s], by default as in training.
         """
         self.body, self.timestep = body, timestep
-        self._legs, self._joints = len(body.spec.legs), body.spec.num_joints
+        self._legs, self._joints = len(body.spec.feet), body.spec.num_joints
         spec = build(body.spec, timestep, ground.half_sizes, joint_sensors=True)
         spec.option.gravity = [0.0, 0.0, -GRAVITY]
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
@@ -60,7 +60,7 @@ class MujocoEngine:
         if contact_time is not None:
             model.geom_solref[:, 0] = contact_time
         mujoco.mj_setConst(model, self._data)
-        self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
+        self.reset(body.spec.joint_values("default_position"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest; see `Engine.reset`."""

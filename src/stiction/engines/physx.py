@@ -61,7 +61,7 @@ class PhysxEngine:
             raise EngineError(f"ground friction {body.ground_friction}; the engine 'physx' takes 0 to 2")
         self.body, self.ground, self.timestep = body, ground, timestep
         self._lever = cross_matrix(np.array(body.base_com))
-        self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
+        self.reset(body.spec.joint_values("default_position"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest; see `Engine.reset`."""
@@ -200,7 +200,7 @@ class PhysxEngine:
 
     def _pushes(self) -> np.ndarray:
         """Return the normal force on each foot in the last step [N], shape (legs,)."""
-        push = np.zeros(len(self.body.spec.legs))
+        push = np.zeros(len(self.body.spec.feet))
         if not self._stepped:
             return push
         for contact in self._system.get_contacts():

@@ -26,7 +26,7 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import BenchFriction, bench_friction, joint_kinds, kind_average
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.virtual.bench import JOINTS, Bench, make_bench
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.hidden import draw
@@ -42,7 +42,7 @@ def case_of(walk: Walk) -> Case | None:
     return Case(walk.robot, walk.simulator.cell, parse_level(walk.level))
 
 
-def bench_of(walk: Walk, spec: RobotSpec) -> Bench | None:
+def bench_of(walk: Walk, spec: Robot) -> Bench | None:
     """Return the bench of the robot of a walk; None for the robot of the data sheet."""
     case = case_of(walk)
     return None if case is None else Bench(walk.simulator.spec.name, case, spec)
@@ -108,7 +108,7 @@ def _same_robot(walk: Walk) -> tuple[Any, ...]:
     return walk.policy, walk.simulator, walk.level, walk.robot
 
 
-def _known(walk: Walk, contract: Contract, spec: RobotSpec, cfg: GridCfg, out: Path) -> tuple[float, ...] | None:
+def _known(walk: Walk, contract: Contract, spec: Robot, cfg: GridCfg, out: Path) -> tuple[float, ...] | None:
     """Return the friction that the policy of a walk is given; None: what its contract says, or none."""
     given, case, bench, law = parse_source(cfg.base.known_friction), case_of(walk), bench_of(walk, spec), cfg.base.law
     if not contract.knows_friction or given.source == "contract":
@@ -126,17 +126,19 @@ def _known(walk: Walk, contract: Contract, spec: RobotSpec, cfg: GridCfg, out: P
     return tuple(share.tolist())
 
 
-def true_friction(case: Case, spec: RobotSpec) -> np.ndarray:
+def true_friction(case: Case, spec: Robot) -> np.ndarray:
     """Return the mean f/τ_max over the joints of each kind that a virtual robot has without load, shape (kinds,)."""
     share = case.robot(draw(spec, case.seed)).friction.share
     friction = case.level.coulomb(spec) * share / spec.joint_values("torque_limit")
-    return friction @ kind_average(spec.joint_names)
+    return friction @ kind_average([joint.kind for joint in spec.joints])
 
 
 def _identified(bench: Bench, contract: Contract, out: Path) -> BenchFriction:
     """Return the friction of each kind of joint that a bench identified."""
     file, spec = load_joints(out / bench.label / JOINTS), bench.spec
-    return bench_friction(file, spec.joint_names, spec.joint_values("torque_limit"), nominal_known(contract, spec))
+    return bench_friction(
+        file, spec.joint_names, contract.kinds, spec.joint_values("torque_limit"), nominal_known(contract, spec)
+    )
 
 
 def benches_of(walks: Iterable[Walk], bundles: Sequence[Bundle], cfg: GridCfg, robot: str | None = None) -> list[Bench]:

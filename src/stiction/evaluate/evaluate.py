@@ -31,7 +31,7 @@ from stiction.formats.results import ResultRow
 from stiction.formats.walk import Recording
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
 from stiction.locomotion.config import NoiseCfg
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.sim.fleet import Fleet
 
 ENGINE = "mujoco"
@@ -179,7 +179,7 @@ def evaluate_bundle(
 class Driven:
     """What a policy's robots did."""
 
-    spec: RobotSpec
+    spec: Robot
     """The robot."""
     weight: float
     """Its weight [N]."""
@@ -230,7 +230,7 @@ def drive_bundle(
     return drive(policy, bundle.contract, spec, cfg, threads, progress)
 
 
-def batch_policy(bundle: Bundle, spec: RobotSpec, cfg: EvaluationCfg, friction: np.ndarray) -> Policy:
+def batch_policy(bundle: Bundle, spec: Robot, cfg: EvaluationCfg, friction: np.ndarray) -> Policy:
     """Return a bundle's policy for N robots; friction: of their joints, as from `friction_at`, shape (N, J)."""
     known = known_to(bundle.contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
     return load_policy(bundle.contract, bundle.policy, (len(friction),), known_friction=known)
@@ -239,7 +239,7 @@ def batch_policy(bundle: Bundle, spec: RobotSpec, cfg: EvaluationCfg, friction: 
 def drive(
     policy: Driver,
     contract: Contract,
-    spec: RobotSpec,
+    spec: Robot,
     cfg: EvaluationCfg,
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,

@@ -22,7 +22,7 @@ import torch
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
 from stiction.core.provenance import seed_streams
-from stiction.deploy.check import BundleCheck, check_bundle
+from stiction.deploy.check import BundleCheck, check_bundle, robot_of
 from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
 from stiction.evaluate.known_friction import nominal_known
@@ -30,14 +30,14 @@ from stiction.evaluate.rollout import Driver, Rollout, RolloutStep
 from stiction.formats.bundle import Golden, write_bundle
 from stiction.formats.contract import METHODS, Contract
 from stiction.formats.joints import load_joints
-from stiction.formats.known_friction import TERM, bench_friction, joint_kinds, told_text
+from stiction.formats.known_friction import TERM, bench_friction, told_text
 from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.friction import LAWS, has_coefficient, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH, compensated
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 if TYPE_CHECKING:
     from stiction.rma.config import TrainCfg
@@ -125,7 +125,7 @@ COMMAND_BOUND = (0.6, 0.3, 0.6)
 """Half-widths of the random commands: forward, sideways [m/s], turn [rad/s]."""
 
 
-def record_golden(contract: Contract, policy: Driver, spec: RobotSpec, seed: int = 0) -> Golden:
+def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0) -> Golden:
     """Drive one robot with the contract's nominal joints and return what it measured and what the policy computed.
 
     policy: a batch of one; seed: of noise, initial states and commands.
@@ -211,8 +211,8 @@ def with_bench(contract: Contract, path: Path, say: Callable[[str], None] = lamb
             "--task.known-friction"
         )
     file, limits = load_joints(path), contract.array("torque_limit")
-    nominal = nominal_known(contract, find_robot(contract.robot))
-    found = bench_friction(file, contract.joint_names, limits, nominal)
+    nominal = nominal_known(contract, robot_of(contract))
+    found = bench_friction(file, contract.joint_names, contract.kinds, limits, nominal)
     if len(found.missing) == contract.num_joints:
         raise FileError(
             f"{path} has {', '.join(file.joints)}, and no friction of {', '.join(contract.joint_names[:3])} and so on; "
@@ -261,7 +261,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         return tuple(spec.joint_values(name).tolist())
 
     contract = Contract(
-        robot=task.robot,
+        robot=spec.name,
         terrain=task.terrain.kind,
         method=task.friction.method,
         seed=cfg.seed,
@@ -274,9 +274,9 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         control_period=task.control_period,
         decimation=task.decimation,
         physics_timestep=task.timestep,
-        kp=of_joints("stiffness"),
-        kd=of_joints("derivative"),
-        standing=of_joints("standing"),
+        kp=of_joints("kp"),
+        kd=of_joints("kd"),
+        standing=of_joints("default_position"),
         lower=of_joints("lower"),
         upper=of_joints("upper"),
         torque_limit=of_joints("torque_limit"),
@@ -284,7 +284,8 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         damping=tuple(joints.damping.tolist()),
         friction=tuple(joints.frictionloss.tolist()),
         observation=task.layout(spec),
-        action_scale=spec.action_scale,
+        action_scale=spec.action_scale if isinstance(spec.action_scale, float) else tuple(spec.action_scale.tolist()),
+        anatomy=spec,
         action_clip=task.action_clip,
         compensation=friction_angle(task.friction, joints, spec),
         compensation_width=COMPENSATION_WIDTH,
@@ -295,7 +296,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
     )
     if not contract.knows_friction:
         return contract
-    nominal = zip(joint_kinds(spec.joint_names), nominal_known(contract, spec).tolist(), strict=True)
+    nominal = zip(spec.joint_kinds, nominal_known(contract, spec).tolist(), strict=True)
     return replace(contract, known_friction=dict(nominal))
 
 
@@ -315,7 +316,7 @@ def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: 
     if out.exists():
         raise BundleError(f"{out} exists already; choose another --out or remove it")
     model = export_network(module, contract.observation.size)
-    golden = record_golden(contract, TrainedPolicy(module, contract), find_robot(contract.robot), contract.seed)
+    golden = record_golden(contract, TrainedPolicy(module, contract), robot_of(contract), contract.seed)
     return check_bundle(write_bundle(out, contract, model, golden, write_card(contract), wear))
 
 
@@ -395,6 +396,8 @@ class TrainedPolicy:
         """
         self._module, self._contract, layout = module.eval(), contract, contract.observation
         self._standing = to_tensor(contract.array("standing"))
+        scale = contract.scale
+        self._scale = scale if isinstance(scale, float) else to_tensor(scale)
         self._frames, self._history = FrameBuilder(layout, self._standing), History(num, layout)
         decay = layout.slow_kept
         self._slow = None if decay is None else SlowMeans(num, contract.num_joints, decay)
@@ -423,12 +426,12 @@ class TrainedPolicy:
         }
         contract = self._contract
         if self._slow is not None:
-            error = self._standing + contract.action_scale * self._last_action - raw["joint_position"]
+            error = self._standing + self._scale * self._last_action - raw["joint_position"]
             raw |= self._slow.push(error, raw["joint_velocity"], self._fresh)
         observation = self._history.push(self._frames(raw), self._fresh)
         self._fresh = torch.zeros_like(self._fresh)
         action = self._module(observation).clamp(-contract.action_clip, contract.action_clip)
-        target = self._standing + contract.action_scale * action
+        target = self._standing + self._scale * action
         if contract.compensation is not None:
             angle = to_tensor(contract.array("compensation"))
             target = compensated(target, raw["joint_position"], angle, contract.compensation_width)

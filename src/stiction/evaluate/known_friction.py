@@ -18,7 +18,7 @@ from stiction.formats.contract import Contract
 from stiction.formats.known_friction import kind_average
 from stiction.joints.friction import MAX_LEVEL, Law
 from stiction.locomotion.friction import friction_share
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 Source = Literal["contract", "true", "bench"]
 """Where the friction comes from, if it is not a number."""
@@ -58,14 +58,14 @@ def parse_source(text: str) -> FrictionSource:
     return parsed
 
 
-def nominal_known(contract: Contract, spec: RobotSpec) -> np.ndarray:
+def nominal_known(contract: Contract, spec: Robot) -> np.ndarray:
     """Return the nominal friction of training, mean f/τ_max of each kind of joint [-], shape (kinds,)."""
     share = friction_share(contract.friction_law, contract.array("friction"), spec)
-    return share @ kind_average(contract.joint_names)
+    return share @ kind_average(contract.kinds)
 
 
 def known_to(
-    contract: Contract, spec: RobotSpec, given: FrictionSource, law: Law, friction: np.ndarray
+    contract: Contract, spec: Robot, given: FrictionSource, law: Law, friction: np.ndarray
 ) -> np.ndarray | None:
     """Return the friction that a policy is given on N robots of the data sheet, f/τ_max by kind [-], shape (N, kinds).
 
@@ -74,7 +74,7 @@ def known_to(
     """
     if not contract.knows_friction or given.source == "contract":
         return None
-    average = kind_average(contract.joint_names)
+    average = kind_average(contract.kinds)
     if not isinstance(given.source, str):
         return np.full((len(friction), average.shape[1]), given.source)
     return given.factor * friction_share(law.name, friction, spec) @ average

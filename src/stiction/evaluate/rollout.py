@@ -18,7 +18,7 @@ from stiction.formats.contract import Contract
 from stiction.formats.walk import Recording
 from stiction.joints.friction import Law, has_coefficient
 from stiction.locomotion.config import NoiseCfg
-from stiction.robots.model import DELAY_SAMPLES, RobotSpec
+from stiction.robots.model import DELAY_SAMPLES, Robot
 from stiction.robots.physics import EXACT, PhysicsCfg
 from stiction.robots.terrain import Terrain
 from stiction.sim.fleet import Fleet
@@ -64,7 +64,7 @@ class Rollout:
         self,
         contract: Contract,
         policy: Driver,
-        spec: RobotSpec,
+        spec: Robot,
         friction: np.ndarray,
         generators: Sequence[np.random.Generator],
         threads: int = 1,
@@ -168,7 +168,7 @@ def record(
         period,
         velocity=zeros(3),
         position=zeros(2),
-        contact=zeros(len(fleet.spec.legs), dtype=bool),
+        contact=zeros(len(fleet.spec.feet), dtype=bool),
         power=zeros(),
         square_acceleration=zeros(),
         upright=zeros(dtype=bool),

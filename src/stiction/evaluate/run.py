@@ -28,7 +28,7 @@ from stiction.evaluate.grid import GridCfg, Unit, Walk, plan, units
 from stiction.evaluate.metrics import Metrics, measure
 from stiction.formats.bundle import Bundle
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import GRAVITY, RobotSpec
+from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual import trial as trials
 from stiction.virtual.cases import Case, DataSheet, parse_level
 from stiction.virtual.trial import TIMESTEP, CommandSource, RobotCase, World
@@ -81,7 +81,7 @@ def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None
     return list(evaluate_bundle(bundle, cell, robot).episodes[0])
 
 
-def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: RobotSpec) -> Metrics:
+def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> Metrics:
     """Walk one robot in one engine."""
     engine, ground = one.simulator.spec, cfg.course
     aside, askew = (0.0, 0.0) if ground.is_flat else starts(cfg.seed, one.episode + 1)[-1].tolist()
@@ -109,7 +109,7 @@ def walk_once(
     world: World,
     cfg: EvaluationCfg,
     episode: int,
-    spec: RobotSpec,
+    spec: Robot,
     friction: np.ndarray | None = None,
     seed: int = 0,
     known: np.ndarray | None = None,

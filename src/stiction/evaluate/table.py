@@ -16,7 +16,7 @@ from stiction.evaluate.metrics import Metrics, combine
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.results import ResultRow
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.virtual.cases import parse_level
 
 
@@ -102,7 +102,7 @@ def real_law(walk: Walk) -> str:
     return walk.law + bench + (f"+load{level.load:g}" if level.load else "")
 
 
-def number(walk: Walk, torque_limit: np.ndarray, spec: RobotSpec) -> float:
+def number(walk: Walk, torque_limit: np.ndarray, spec: Robot) -> float:
     """Return the friction level of a walk as a number; of a virtual robot the mean over joints of f/τ_max [-]."""
     if walk.robot is None:
         return float(walk.level)

@@ -34,8 +34,8 @@ from stiction.rma.figures import Board
 from stiction.rma.phase import PhaseRunner, torch_threads
 from stiction.rma.run import RunDirectory
 from stiction.rma.runner import multiply_adds, ppo_cfg
-from stiction.robots.box_legs import build
-from stiction.robots.model import RobotSpec
+from stiction.robots.mjcf import build
+from stiction.robots.model import Robot
 from stiction.robots.physics import EXACT, FAST, PhysicsCfg
 from stiction.robots.terrain import REACH, STEPS, half_sizes, stair_height
 from stiction.sim.native import NativeSimulation
@@ -175,7 +175,7 @@ GROUNDS = ("plane", "boxes", "height field, wide cells", "height field, square c
 """What is measured; the others are compared with the first. Square cells fit any ground, wide ones steps along x."""
 
 
-def ground_model(spec: RobotSpec, ground: str) -> mujoco.MjModel:
+def ground_model(spec: Robot, ground: str) -> mujoco.MjModel:
     """Return a robot on one of `GROUNDS`; the steps go along x, and are as wide as the square stairs."""
     model = build(spec, 0.005)
     if ground == "boxes":
@@ -202,7 +202,7 @@ def ground_model(spec: RobotSpec, ground: str) -> mujoco.MjModel:
     return model.compile()
 
 
-def measure_grounds(spec: RobotSpec, num: int, blocks: int, threads: int) -> dict[str, Any]:
+def measure_grounds(spec: Robot, num: int, blocks: int, threads: int) -> dict[str, Any]:
     """Return control steps a second on every ground, by block and as medians, and their ratios to the plane's.
 
     The robots stand all over the stairs and follow the same random targets; each block goes through all grounds in
@@ -217,7 +217,7 @@ def measure_grounds(spec: RobotSpec, num: int, blocks: int, threads: int) -> dic
     for _ in range(blocks):
         noise = rng.standard_normal((20, num, spec.num_joints))
         for name, batch in batches.items():
-            targets, standing = batch.bind("ctrl"), spec.joint_values("standing")
+            targets, standing = batch.bind("ctrl"), spec.joint_values("default_position")
             start = time.perf_counter()
             for step in noise:
                 targets[:] = standing + 0.5 * spec.action_scale * step

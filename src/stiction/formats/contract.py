@@ -18,9 +18,12 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import BundleError, unknown_name
-from stiction.formats.known_friction import TERM, joint_kinds
+from stiction.core.names import kinds_of
+from stiction.formats.known_friction import TERM
 from stiction.formats.plain import build, is_integer, is_number, is_text, parse_object
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
+from stiction.robots.model import Robot
+from stiction.robots.record import robot_from
 
 HISTORY_LENGTH = 11
 """H = 10 in the paper, but its set runs from t-H to t: eleven frames, the current one included."""
@@ -159,7 +162,7 @@ SCHEMA_VERSION = 2
 """Version of contract.json. Version 1 is read as well; any other is refused."""
 
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(
-    ("stribeck", "actuator", "known_friction", "known_friction_file", "phases"), 2
+    ("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy"), 2
 )
 """Field that came later -> the last version in which it may be missing; it is then its default."""
 
@@ -222,8 +225,8 @@ class Contract:
     laws `load` and `effort` the coefficient of each joint [-]; `friction_level` is their mean."""
     observation: ObservationLayout
     """Terms, scales, clips and history of the network's input."""
-    action_scale: float
-    """Joint angle per unit of action [rad]."""
+    action_scale: float | tuple[float, ...]
+    """Joint angle per unit of action [rad]: one number, or one of each joint."""
     action_clip: float
     """Symmetric bound of the network's output [-]."""
     revision: str
@@ -253,6 +256,11 @@ class Contract:
     phases: int | None = None
     """Phases of the training: 1, what walked in training is what is deployed; 2, a teacher and its student. None: the
     bundle is older than this field."""
+    anatomy: Robot | None = None
+    """The whole robot: links, masses, limits, and of each joint its place and axis in the base's frame (x forward, y
+    left, z up) where all angles are zero; an angle grows by the right-hand rule about the axis. With it the joints that
+    are held, and the maker's order, signs and offsets where somebody said them. None: the bundle is older than this
+    field, and the shipped robot of the name is meant."""
     compensation_width: float = 0.05
     """Distance of the target at which all of it is added [rad]."""
     schema_version: int = SCHEMA_VERSION
@@ -267,7 +275,7 @@ class Contract:
         _expect(right, "control_period", self.control_period, f"{period}, 'decimation' times 'physics_timestep'")
         _check_joints(self)
         _check_friction(self)
-        _check_observation(self.observation, self.joint_names)
+        _check_observation(self.observation, self.num_joints, len(set(self.kinds)))
         _check_known_friction(self)
 
     @property
@@ -282,9 +290,21 @@ class Contract:
 
     @property
     def told_friction(self) -> np.ndarray | None:
-        """What it is told [-], shape (kinds,), in the order of `joint_kinds`; None where there is nothing to tell."""
+        """What it is told [-], shape (kinds,), in the order of the joints; None where there is nothing to tell."""
         told = self.known_friction
-        return None if told is None else np.array([told[kind] for kind in joint_kinds(self.joint_names)])
+        return None if told is None else np.array([told[kind] for kind in dict.fromkeys(self.kinds)])
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What each joint is; of an older bundle, as its name tells."""
+        if self.anatomy is None:
+            return kinds_of(self.joint_names)
+        return tuple(joint.kind for joint in self.anatomy.joints)
+
+    @property
+    def scale(self) -> float | np.ndarray:
+        """Joint angle per unit of action [rad]: one number, or one of each joint, shape (num_joints,)."""
+        return np.array(self.action_scale) if isinstance(self.action_scale, tuple) else self.action_scale
 
     @property
     def num_joints(self) -> int:
@@ -312,6 +332,9 @@ def read_contract(text: bytes) -> Contract:
     later = {name for name, last in LATER.items() if version in range(1, last + 1)}
     if version == 1:
         data["schema_version"] = SCHEMA_VERSION
+    anatomy = data.pop("anatomy", None)
+    if anatomy is not None:
+        data["anatomy"] = robot_from(anatomy, "contract.json: anatomy")
     return build(Contract, data, "contract.json", BundleError, {field.name for field in fields(Contract)} - later)
 
 
@@ -362,9 +385,7 @@ RULES: dict[str, Rule] = {
     "friction_law": _one_of(*simulated_laws()),
     **dict.fromkeys(("seed", "decimation"), COUNT),
     "phases": _one_of(1, 2, None),
-    **dict.fromkeys(
-        ("control_period", "physics_timestep", "action_scale", "action_clip", "compensation_width"), POSITIVE
-    ),
+    **dict.fromkeys(("control_period", "physics_timestep", "action_clip", "compensation_width"), POSITIVE),
     "friction_level": NOT_NEGATIVE,
     "friction_range": (_is_range, "two numbers, 0 <= low <= high"),
     "action_offset": _one_of("standing"),
@@ -398,9 +419,26 @@ def _check_joints(contract: Contract) -> None:
         _expect(right, field, values, f"{expected} for each of the {len(names)} joints")
     for name, lower, standing, upper in zip(names, contract.lower, contract.standing, contract.upper, strict=True):
         _expect(lower < standing < upper, "standing", f"{standing} at {name}", f"an angle within ({lower}, {upper})")
+    scale = contract.action_scale
+    scales = scale if isinstance(scale, tuple) else (scale,)
+    right = len(scales) in ((len(names),) if isinstance(scale, tuple) else (1,)) and all(map(_positive, scales))
+    _expect(right, "action_scale", scale, f"a positive number, or one for each of the {len(names)} joints")
+    _check_anatomy(contract)
     added = contract.compensation
     right = added is None or (len(added) == len(names) and all(map(_not_negative, added)))
     _expect(right, "compensation", added, f"null, or a number >= 0 for each of the {len(names)} joints")
+
+
+def _check_anatomy(contract: Contract) -> None:
+    """Check that the robot is the one whose joints, limits and gains the contract has."""
+    robot = contract.anatomy
+    if robot is None:
+        return
+    names = robot.joint_names
+    _expect(names == contract.joint_names, "anatomy", names, f"the joints {contract.joint_names}")
+    for field in ("torque_limit", "lower", "upper", "kp", "kd"):
+        same = np.allclose(robot.joint_values(field), contract.array(field))
+        _expect(same, f"anatomy.{field}", robot.joint_values(field).tolist(), f"{getattr(contract, field)}")
 
 
 def _check_friction(contract: Contract) -> None:
@@ -421,11 +459,11 @@ def _check_friction(contract: Contract) -> None:
     _expect(agrees, "friction_level", contract.friction_level, f"{mean:g}, {what}")
 
 
-def _check_observation(layout: ObservationLayout, joint_names: tuple[str, ...]) -> None:
+def _check_observation(layout: ObservationLayout, num_joints: int, num_kinds: int) -> None:
     """Check that every term has the size and the numbers that a runtime can build."""
     of_joints = ("joint_position", "joint_velocity", "last_action", *SLOW_TERMS)
-    sizes = {"angular_velocity": 3, "roll_pitch": 2, "command": 3, TERM: len(joint_kinds(joint_names))}
-    sizes |= dict.fromkeys(of_joints, len(joint_names))
+    sizes = {"angular_velocity": 3, "roll_pitch": 2, "command": 3, TERM: num_kinds}
+    sizes |= dict.fromkeys(of_joints, num_joints)
     names = [term.name for term in layout.terms]
     _expect(len(set(names)) == len(names) > 0, "observation.terms", names, "different terms, at least one")
     for term in layout.terms:
@@ -440,7 +478,7 @@ def _check_observation(layout: ObservationLayout, joint_names: tuple[str, ...]) 
 
 def _check_known_friction(contract: Contract) -> None:
     """Check that what the policy is told is of its kinds of joints, and that only one that listens is told."""
-    told, kinds = contract.known_friction, joint_kinds(contract.joint_names)
+    told, kinds = contract.known_friction, tuple(dict.fromkeys(contract.kinds))
     if not contract.knows_friction or told is None:
         _expect(told is None, "known_friction", told, f"null: the observation has no term {TERM!r}")
         file = contract.known_friction_file

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import FileError, unknown_name
+from stiction.core.names import kind_of
 from stiction.formats.log import AXES, TEST_CONDITIONS
 from stiction.formats.plain import is_number, read_object, take_version, write_object
 from stiction.formats.tables import read_npz_arrays
@@ -183,9 +184,12 @@ class JointsFile:
         """Every joint's warnings, with the joint's name in front."""
         return tuple(f"{name}: {text}" for name, record in self.joints.items() for text in record.warnings)
 
-    def key(self, joint: str) -> str | None:
-        """Return the name that `FL_shank` is recorded under: its own, else its kind, `shank`; None where neither is."""
-        return next((name for name in (joint, joint.rpartition("_")[2]) if name in self.joints), None)
+    def key(self, joint: str, kind: str | None = None) -> str | None:
+        """Return the name that `FL_shank` is recorded under: its own, else its kind, `shank`; None where neither is.
+
+        kind: of the joint, where its name does not tell.
+        """
+        return next((name for name in (joint, kind or kind_of(joint)) if name in self.joints), None)
 
     def record(self, joint: str) -> JointRecord:
         """Return the record of `FL_shank`: under that name, else under its kind, `shank`; else raise `FileError`."""

@@ -1,6 +1,6 @@
 """What a policy is told of its joints' dry friction: f/τ_max of each kind of joint, as a bench identifies it.
 
-A kind is what a joint's name ends in: `FL_shank` and `RR_shank` are shanks. Joints of a kind are alike by design, one
+`FL_shank` and `RR_shank` are of a kind. Joints of a kind are alike by design, one
 number each is what a log of one leg already gives, and a robot's own joints differ from it as training lets them.
 """
 
@@ -18,20 +18,12 @@ TERM = "known_friction"
 """Name of the observation's term."""
 
 
-def joint_kinds(joint_names: Sequence[str]) -> tuple[str, ...]:
-    """Return the kinds of joints in the order in which the names have them: `hip`, `thigh`, `shank`."""
-    return tuple(dict.fromkeys(map(kind_of, joint_names)))
+def kind_average(kinds: Sequence[str]) -> np.ndarray:
+    """Return the matrix that makes means over the joints of a kind, shape (joints, kinds): values @ matrix.
 
-
-def kind_of(joint: str) -> str:
-    """Return the kind of a joint: `shank` of `FL_shank`."""
-    return joint.rpartition("_")[2]
-
-
-def kind_average(joint_names: Sequence[str]) -> np.ndarray:
-    """Return the matrix that makes means over the joints of a kind, shape (joints, kinds): values @ matrix."""
-    kinds = joint_kinds(joint_names)
-    member = np.array([[kind_of(name) == kind for kind in kinds] for name in joint_names], dtype=np.float64)
+    kinds: of each joint; columns are in the order in which they come first.
+    """
+    member = np.array([[own == kind for kind in dict.fromkeys(kinds)] for own in kinds], dtype=np.float64)
     return member / member.sum(axis=0)
 
 
@@ -48,12 +40,16 @@ class BenchFriction:
 
     @property
     def array(self) -> np.ndarray:
-        """What is said [-], shape (kinds,), in the order of `joint_kinds`."""
+        """What is said [-], shape (kinds,), in the order in which the joints have them."""
         return np.array(list(self.share.values()))
 
 
 def bench_friction(
-    file: JointsFile, joint_names: Sequence[str], torque_limit: np.ndarray, nominal: np.ndarray
+    file: JointsFile,
+    joint_names: Sequence[str],
+    kinds: Sequence[str],
+    torque_limit: np.ndarray,
+    nominal: np.ndarray,
 ) -> BenchFriction:
     """Return the mean f/τ_max of each kind of joint as it was identified; below zero it is zero.
 
@@ -63,6 +59,7 @@ def bench_friction(
     Args:
         file: the `joints.json`.
         joint_names: the robot's, in its order.
+        kinds: of each joint.
         torque_limit: of each joint [N m], shape (joints,).
         nominal: f/τ_max of each kind in training, shape (kinds,).
 
@@ -70,15 +67,15 @@ def bench_friction(
         StictionError: a joint was identified as a linear axis.
 
     """
-    shares: dict[str, list[float]] = {kind: [] for kind in joint_kinds(joint_names)}
+    shares: dict[str, list[float]] = {kind: [] for kind in kinds}
     missing: dict[str, list[str]] = {kind: [] for kind in shares}
-    for name, limit in zip(joint_names, torque_limit, strict=True):
-        key = file.key(name)
+    for name, kind, limit in zip(joint_names, kinds, torque_limit, strict=True):
+        key = file.key(name, kind)
         share = None if key is None else _share(name, file.joints[key], float(limit))
         if share is None:
-            missing[kind_of(name)].append(name)
+            missing[kind].append(name)
         else:
-            shares[kind_of(name)].append(share)
+            shares[kind].append(share)
     values, notes = {}, []
     for (kind, known), other in zip(shares.items(), nominal, strict=True):
         values[kind] = float(np.mean(known)) if known else float(other)

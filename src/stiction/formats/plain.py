@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from stiction.core.errors import FileError
@@ -89,13 +90,16 @@ def _value(hint: Any, value: Any, where: str, error: type[FileError]) -> Any:
     inner = get_args(hint)
     if type(None) in inner:
         return None if value is None else _value(inner[0], value, where, error)
+    if get_origin(hint) is UnionType:
+        choice = next((item for item in inner if (get_origin(item) is tuple) == isinstance(value, list)), inner[0])
+        return _value(choice, value, where, error)
     if get_origin(hint) is tuple:
         if not isinstance(value, list):
             raise error(f"{where} is {str(value)[:80]}; expected a list")
         return tuple(_value(inner[0], item, where, error) for item in value)
     if get_origin(hint) is Mapping and isinstance(value, dict):
         return {name: _value(inner[1], item, f"{where}.{name}", error) for name, item in value.items()}
-    nested = isinstance(hint, type) and dataclasses.is_dataclass(hint)
+    nested = isinstance(hint, type) and dataclasses.is_dataclass(hint) and not isinstance(value, hint)
     return build(hint, value, where, error) if nested else value
 
 

@@ -20,6 +20,7 @@ from typing import Literal
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.names import kind_of
 
 
 @dataclass(frozen=True)
@@ -208,7 +209,7 @@ def kinds(joint_names: tuple[str, ...], share: str) -> tuple[tuple[str, ...], ..
     """Return the joints that share weights, in order of first appearance; `share`: see `ActuatorCfg`."""
     found: dict[str, list[str]] = {}
     for name in joint_names:
-        found.setdefault(name.rpartition("_")[2] if share == "kind" else "", []).append(name)
+        found.setdefault(kind_of(name) if share == "kind" else "", []).append(name)
     return tuple(map(tuple, found.values()))
 
 

@@ -10,7 +10,6 @@ from tyro.conf import arg
 
 from stiction.core.errors import ConfigurationError
 from stiction.formats.contract import HISTORY_LENGTH, ObservationLayout, proprioception
-from stiction.formats.known_friction import joint_kinds
 from stiction.joints.net import ActuatorNet
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.rewards import RewardCfg
@@ -217,7 +216,7 @@ class TaskCfg:
 
     def layout(self, robot: Robot) -> ObservationLayout:
         """Return what a policy for a robot observes."""
-        kinds = len(joint_kinds(robot.joint_names)) if self.known_friction else 0
+        kinds = len(robot.joint_kinds) if self.known_friction else 0
         decay = None if self.slow_means is None else math.exp(-self.control_period / self.slow_means)
         return proprioception(robot.num_joints, self.history, kinds, decay)
 

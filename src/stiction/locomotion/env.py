@@ -133,7 +133,7 @@ class LocomotionEnv(VecEnv):
         self.last_action = torch.zeros(num_envs, self.num_actions)
         self.last_velocity = torch.zeros(num_envs, self.num_actions)
         self.air_time = torch.zeros(num_envs, len(self.spec.feet))
-        self.kind_average = torch.from_numpy(kind_average(self.spec.joint_names)).float()
+        self.kind_average = torch.from_numpy(kind_average([joint.kind for joint in self.spec.joints])).float()
         self.bench_error = torch.ones(num_envs, self.kind_average.shape[1])
         self._reset(torch.arange(num_envs))
         self._observation = self._observe(torch.ones(num_envs, dtype=torch.bool))

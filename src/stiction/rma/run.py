@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,11 @@ from stiction.formats.actuator import FILE, actuator_file, read_actuator
 from stiction.formats.results import read_metrics
 from stiction.joints.net import ActuatorNet
 from stiction.rma.config import TrainCfg
-from stiction.robots.catalog import find_robot
+from stiction.robots.catalog import find_robot, is_shipped
+from stiction.robots.record import write_robot
+
+ROBOT = "robot.json"
+"""A run's copy of a robot that does not come with the package."""
 
 _TENSOR = "__tensor__"
 
@@ -134,7 +139,7 @@ class RunDirectory:
 
     @classmethod
     def create(cls, path: Path, cfg: TrainCfg, command: str, identified: dict[str, Any] | None) -> RunDirectory:
-        """Start a run in an empty or new folder, with a copy of its Actuator Net if it has one.
+        """Start a run in an empty or new folder, with copies of its Actuator Net and of a robot that is not shipped.
 
         Raises `StictionError` where a run is there already, or the net cannot be read or does not fit the task.
         """
@@ -143,9 +148,10 @@ class RunDirectory:
                 f"{path} holds a run already; resume it with --resume, or name another folder with --out"
             )
         run = cls(path)
+        robot = find_robot(cfg.task.robot)
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
         if cfg.actuator is not None:
-            cfg.task.check_net(read_actuator(Path(cfg.actuator)), find_robot(cfg.task.robot))
+            cfg.task.check_net(read_actuator(Path(cfg.actuator)), robot)
             file = actuator_file(Path(cfg.actuator))
             name = file.resolve().parent.name if file.name == FILE else file.name
             header["actuator"] = {"name": name, "sha256": _sha256(file)}
@@ -153,6 +159,8 @@ class RunDirectory:
             run.checkpoints.mkdir(parents=True, exist_ok=True)
             if cfg.actuator is not None:
                 (path / FILE).write_bytes(file.read_bytes())
+            if not is_shipped(cfg.task.robot):
+                write_robot(robot, path / ROBOT)
             write_json(path / "config.json", header | {"config": to_plain(cfg)})
         except OSError as error:
             raise FileError(f"the run's folder {path} cannot be made: {error.strerror}; name another --out") from error
@@ -183,8 +191,10 @@ class RunDirectory:
         return data
 
     def config(self) -> TrainCfg:
-        """Return the configuration the run was started with."""
-        return from_plain(TrainCfg, self.header()["config"], str(self.path / "config.json"))
+        """Return the configuration the run was started with; a robot of one's own is the run's copy of it."""
+        cfg = from_plain(TrainCfg, self.header()["config"], str(self.path / "config.json"))
+        copy = self.path / ROBOT
+        return replace(cfg, task=replace(cfg.task, robot=str(copy))) if copy.is_file() else cfg
 
     @property
     def finished(self) -> bool:

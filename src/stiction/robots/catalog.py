@@ -11,6 +11,7 @@ import stiction.robots.shipped as shipped
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.plugins import find_named
 from stiction.robots.model import Robot
+from stiction.robots.record import read_robot
 
 if TYPE_CHECKING:
     from stiction.robots.derive import Derived
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 VARIATIONS = ("kp", "torque")
 """What `NAME@...` can multiply: gains, torque limits."""
 
-FILES = (".yaml", ".yml", ".xml", ".urdf")
+FILES = (".yaml", ".yml", ".xml", ".urdf", ".json")
 """Endings of files that describe a robot."""
 
 
@@ -30,8 +31,9 @@ def robot_names() -> list[str]:
 def find_robot(name: str) -> Robot:
     """Return the robot called `name`.
 
-    name: a shipped robot; the path of a `robot.yaml`, a MuJoCo or a URDF file; or `package.module[:VARIABLE]`, a
-    `Robot` (or a function without arguments that returns a `mujoco.MjSpec`) anywhere on the Python path.
+    name: a shipped robot; the path of a `robot.yaml`, a MuJoCo or URDF file, or a `robot.json`; or
+    `package.module[:VARIABLE]`, a `Robot` (or a function without arguments that returns a `mujoco.MjSpec`) anywhere on
+    the Python path.
 
     `NAME@kp=0.5,torque=2` is that robot with its gains kp halved (kd by the root of it, which keeps the damping ratio)
     or its torque limits doubled: what an experiment varies, and still one word in every file.
@@ -40,6 +42,11 @@ def find_robot(name: str) -> Robot:
     """
     plain, _, variation = name.partition("@")
     return vary(_find(plain), name, variation) if "@" in name else _find(name)
+
+
+def is_shipped(name: str) -> bool:
+    """Return whether a robot, varied or not, comes with the package: its name alone finds it anywhere."""
+    return name.partition("@")[0] in robot_names()
 
 
 def vary(robot: Robot, name: str, variation: str) -> Robot:
@@ -63,12 +70,14 @@ def load_robot(path: Path) -> Derived:
 
     Raises `RobotError` where the file is none, or does not say enough.
     """
-    from stiction.robots.derive import derive
+    from stiction.robots.derive import Derived, derive
     from stiction.robots.description import Description, read_description
     from stiction.robots.source import read_source
 
     if not path.is_file():
         raise RobotError(f"robot {str(path)!r}: there is no such file")
+    if path.suffix == ".json":
+        return Derived(read_robot(path), (), ())
     if path.suffix in (".xml", ".urdf"):
         return derive(read_source(path), Description(source="a robot.yaml"))
     said = read_description(path)
@@ -90,6 +99,8 @@ def _find(name: str) -> Robot:
 
     Raises `StictionError` where there is no such robot.
     """
+    if name.endswith(".json"):
+        return read_robot(Path(name))
     if name.endswith(FILES):
         return load_robot(Path(name)).robot
     module_name, _, variable = name.partition(":")

@@ -24,6 +24,7 @@ import mujoco
 import numpy as np
 
 from stiction.core.errors import RobotError, unknown_name
+from stiction.core.names import kind_of
 from stiction.robots.anatomy import Anatomy, Part, dissect, hinges
 from stiction.robots.description import Description
 from stiction.robots.hold import hold
@@ -48,12 +49,6 @@ SOLE = 0.01
 
 STANDING_KEYS = ("home", "standing", "stand")
 """Keyframes that are taken for the standing pose where nothing is said."""
-
-SIDES = {
-    *("fl", "fr", "rl", "rr", "lf", "rf", "lh", "rh", "hl", "hr", "bl", "br", "ml", "mr", "lm", "rm", "lr"),
-    *("l", "r", "left", "right", "front", "rear", "hind", "back", "middle", "mid", "joint", "jnt", "leg"),
-}
-"""Words in a joint's name that say where it is, not what."""
 
 
 @dataclass(frozen=True)
@@ -261,12 +256,6 @@ def _joint(
             "action_scale", "rad", TORQUE_SHARE * torque / kp, f"rule: {TORQUE_SHARE:g} torque_limit / kp"
         ),
     )
-
-
-def kind_of(name: str) -> str:
-    """Return what a joint is, from its name without the words that say where: `FL_hip_joint` is a `hip`."""
-    words = [word for word in re.split(r"[_\-. ]+", name.lower()) if word]
-    return "_".join(word for word in words if word not in SIDES and not word.isdigit()) or name.lower()
 
 
 def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:

@@ -45,7 +45,15 @@ def read_robot(path: Path) -> Robot:
         raise RobotError(f"{path}: is no JSON: {error}") from error
     if not isinstance(content, dict) or content.pop("version", None) != VERSION:
         raise RobotError(f"{path}: is no robot of version {VERSION}; write it with this version of stiction")
-    robot = _as(Robot, content, str(path))
+    return robot_from(content, str(path))
+
+
+def robot_from(content: Any, where: str) -> Robot:
+    """Return the robot of plain data, as `asdict` makes it; `where`: it came from, for messages.
+
+    Raises `RobotError` naming the entry that is wrong.
+    """
+    robot = _as(Robot, content, where)
     assert isinstance(robot, Robot)
     return robot
 

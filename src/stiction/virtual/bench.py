@@ -36,7 +36,7 @@ from stiction.formats.walk import WalkHeader, WalkLog
 from stiction.identify.excite.task import Pattern
 from stiction.identify.pipeline import REFUSED, identify_log
 from stiction.identify.verdict import propose
-from stiction.robots.model import JOINT_KINDS, RobotSpec
+from stiction.robots.model import JOINT_KINDS, Robot
 from stiction.virtual.cases import Case
 from stiction.virtual.robot import VirtualRobot
 from stiction.virtual.trial import World
@@ -79,7 +79,7 @@ class BenchCfg:
             )
 
 
-def bench_log(port: Port, spec: RobotSpec, cfg: BenchCfg | None = None) -> Log:
+def bench_log(port: Port, spec: Robot, cfg: BenchCfg | None = None) -> Log:
     """Move every joint of a robot that is bolted to its bench and return the log, with its sidecar.
 
     Raises `StictionError` where the robot is not that of the data sheet `spec`.
@@ -87,13 +87,13 @@ def bench_log(port: Port, spec: RobotSpec, cfg: BenchCfg | None = None) -> Log:
     cfg = cfg or BenchCfg()
     if port.joint_names != spec.joint_names:
         raise RobotError(f"the robot has the joints {port.joint_names}, its data sheet {spec.joint_names}")
-    kp = cfg.stiffness * spec.joint_values("stiffness")
-    kd = cfg.stiffness**0.5 * spec.joint_values("derivative")
+    kp = cfg.stiffness * spec.joint_values("kp")
+    kd = cfg.stiffness**0.5 * spec.joint_values("kd")
     count = round(cfg.seconds / port.period / 2)
     offsets = np.tile(cfg.motion.offsets(count, 1.0 / port.period), 2)
     joints: dict[str, JointSignals] = {}
     for number in map(JOINT_KINDS.index, cfg.kinds):
-        path = np.tile(spec.joint_values("standing"), (len(offsets), 1))
+        path = np.tile(spec.joint_values("default_position"), (len(offsets), 1))
         path[:, number :: len(JOINT_KINDS)] += offsets[:, None]
         readings = _play(port, path, kp, kd)
         for joint in range(number, spec.num_joints, len(JOINT_KINDS)):
@@ -139,7 +139,7 @@ class Bench:
     """Name in the catalogue of engines."""
     case: Case
     """The robot."""
-    spec: RobotSpec
+    spec: Robot
     """Its data sheet."""
     cfg: BenchCfg = field(default_factory=BenchCfg)
     """How its log is made."""
@@ -191,9 +191,7 @@ def write_found(joints: JointsFile, folder: Path) -> None:
     write_training(folder / TRAINING, propose(joints))
 
 
-def walk_log(
-    steps: Sequence[ControlStep], bundle: Bundle, spec: RobotSpec, recorded_in: str, command: str = ""
-) -> WalkLog:
+def walk_log(steps: Sequence[ControlStep], bundle: Bundle, spec: Robot, recorded_in: str, command: str = "") -> WalkLog:
     """Return the log of a walk, with nothing of the robot's hidden truth.
 
     steps: of the pilot, T control periods, at least one; spec: the data sheet; recorded_in: name of the engine;

@@ -24,7 +24,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.engines.friction import JointFriction
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.virtual.hidden import GROUPS, Hidden
 
 REST = tuple(name for name in GROUPS if name != "friction")
@@ -63,7 +63,7 @@ class Level:
         """Whether there is no friction at all."""
         return self.share == 0 and self.load == 0
 
-    def coulomb(self, spec: RobotSpec) -> np.ndarray:
+    def coulomb(self, spec: Robot) -> np.ndarray:
         """Return the friction of every joint before its own share [N m], shape (J,)."""
         if self.share is None:
             return spec.joint_values("frictionloss")
@@ -129,7 +129,7 @@ class Case:
         """Return what the robot `hidden` is in this cell."""
         return hidden.only(self.groups)
 
-    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
+    def friction(self, hidden: Hidden, spec: Robot, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
         return self.robot(hidden).friction.at(self.level.coulomb(spec), self.level.load, timestep)
 
@@ -169,7 +169,7 @@ class DataSheet:
         """Return a robot in which nothing is hidden."""
         return hidden.only(())
 
-    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
+    def friction(self, hidden: Hidden, spec: Robot, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
         unit = np.ones(spec.num_joints) if has_coefficient(self.law.name) else spec.joint_values("torque_limit")
         return JointFriction.under(self.law, self.level * unit, timestep)

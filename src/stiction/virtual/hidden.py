@@ -1,6 +1,6 @@
 """The hidden truth of a virtual robot, group by group: no code that trains, identifies or drives may read it.
 
-Such code knows the robot by its data sheet (`RobotSpec`), by the logs of its bench, and by its sensors through a
+Such code knows the robot by its data sheet (`Robot`), by the logs of its bench, and by its sensors through a
 `Port`. Only this folder, and code that computes metrics, hold a `Hidden`.
 """
 
@@ -15,7 +15,7 @@ from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.provenance import seed_streams
 from stiction.engines.engine import Body
 from stiction.engines.friction import JointFriction, Term
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.virtual.motor import Motors
 from stiction.virtual.sensors import SensorErrors
 
@@ -109,7 +109,7 @@ class Hidden:
         perfect = Hidden.perfect(len(self.gears))
         return replace(perfect, **{name: getattr(self, name) for name in groups})
 
-    def body(self, spec: RobotSpec, fixed: bool = False) -> Body:
+    def body(self, spec: Robot, fixed: bool = False) -> Body:
         """Return the robot as an engine builds it; `spec`: the data sheet, `fixed`: bolted to a bench."""
         masses = {name: getattr(self.masses, name) for name in ("base", "hip_link", "thigh_link", "shank_link")}
         links = {name: replace(link := getattr(spec, name), mass=link.mass * by) for name, by in masses.items()}
@@ -179,7 +179,7 @@ BASE_COM = (0.03, 0.01, 0.02)
 """Half-widths along x, y, z [m]."""
 
 
-def draw(spec: RobotSpec, seed: int) -> Hidden:
+def draw(spec: Robot, seed: int) -> Hidden:
     """Return the robot of a seed; every group has its own random stream, so that a change in one shifts no other."""
     streams = seed_streams(seed, [f"virtual robot, {group}" for group in GROUPS])
     by = {group: streams[f"virtual robot, {group}"] for group in GROUPS}

@@ -193,7 +193,7 @@ class VirtualRobot:
         self._reported: deque[np.ndarray] = deque(maxlen=self._steps)
         self.handle = RobotHandle(self._names, period, lambda: self._reading, self._exchange)
         """For what drives the robot."""
-        standing = spec.joint_values("standing")
+        standing = spec.joint_values("default_position")
         self.place(standing, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
 
     def place(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:

@@ -19,13 +19,13 @@ from stiction.engines.ground import Ground, flat
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import Recording
 from stiction.locomotion.config import NoiseCfg
-from stiction.robots.model import RobotSpec, leans_too_far, too_low
+from stiction.robots.model import Robot, leans_too_far, too_low
 from stiction.virtual.hidden import Hidden, draw
 from stiction.virtual.robot import PERIOD, GroundTruth, VirtualRobot, Wear
 from stiction.virtual.sensors import INITIAL_ANGLE, Noisy
 
 
-def fallen(motion: Motion, spec: RobotSpec, ground: float) -> bool:
+def fallen(motion: Motion, spec: Robot, ground: float) -> bool:
     """Return whether a robot has fallen, by the rule of the training (`Fleet.fallen`); ground: height under it [m]."""
     return bool(
         leans_too_far(motion.base_quaternion) or too_low(motion.base_position[2] - ground, spec.standing_height)
@@ -35,7 +35,7 @@ def fallen(motion: Motion, spec: RobotSpec, ground: float) -> bool:
 class TruthRecorder:
     """Records what one robot does, control step by control step, from its ground truth."""
 
-    def __init__(self, ground_truth: Callable[[], GroundTruth], spec: RobotSpec, period: float) -> None:
+    def __init__(self, ground_truth: Callable[[], GroundTruth], spec: Robot, period: float) -> None:
         """Begin with the robot in place.
 
         ground_truth: as `VirtualRobot.ground_truth`; spec: the data sheet; period: of control [s].
@@ -96,7 +96,7 @@ class RobotCase(Protocol):
     def robot(self, hidden: Hidden) -> Hidden:
         """Return what of a robot is real."""
 
-    def friction(self, hidden: Hidden, spec: RobotSpec, timestep: float) -> JointFriction:
+    def friction(self, hidden: Hidden, spec: Robot, timestep: float) -> JointFriction:
         """Return the dry friction of its joints; `timestep`: of the physics [s]."""
 
 
@@ -123,16 +123,16 @@ class World:
         """Return the height of the ground at x, y [m], shape (2,)."""
         return float(self.ground.height(place[None])[0])
 
-    def on_bench(self, case: RobotCase, spec: RobotSpec, generator: np.random.Generator) -> VirtualRobot:
+    def on_bench(self, case: RobotCase, spec: Robot, generator: np.random.Generator) -> VirtualRobot:
         """Build a robot bolted to a stand, its legs in the air; arguments as of `robot`."""
         robot = self.robot(case, spec, generator, fixed=True)
-        robot.place(spec.joint_values("standing"), np.array([0.0, 0.0, 3.0 * spec.standing_height]), UPRIGHT)
+        robot.place(spec.joint_values("default_position"), np.array([0.0, 0.0, 3.0 * spec.standing_height]), UPRIGHT)
         return robot
 
     def robot(
         self,
         case: RobotCase,
-        spec: RobotSpec,
+        spec: Robot,
         generator: np.random.Generator,
         wear: Wear | None = None,
         fixed: bool = False,
@@ -166,7 +166,7 @@ def walk(
     steps: int,
     episode: int = 0,
     wear: Wear | None = None,
-    spec: RobotSpec | None = None,
+    spec: Robot | None = None,
     friction: np.ndarray | None = None,
     seed: int = 0,
     known: np.ndarray | None = None,

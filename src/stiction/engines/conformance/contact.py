@@ -16,7 +16,7 @@ from stiction.engines.conformance.rig import HELD, Act, Figure, drive, hold, sti
 from stiction.engines.engine import Body, Make, Motion
 from stiction.engines.ground import Ground, course, sampled
 from stiction.engines.mujoco_engine import MujocoEngine
-from stiction.robots.model import GRAVITY, RobotSpec
+from stiction.robots.model import GRAVITY, Robot
 from stiction.robots.terrain import LANDING, RAMP
 from stiction.robots.tree import SHANK_RADIUS, links
 
@@ -42,15 +42,15 @@ def stand(make: Make, body: Body, timestep: float, act: Act, angles: np.ndarray)
 
 
 @cache
-def reference(spec: RobotSpec) -> Motion:
+def reference(spec: Robot) -> Motion:
     """Return the motion of MuJoCo at small steps under its controllers."""
-    body, angles = Body.nominal(spec), spec.joint_values("standing")
+    body, angles = Body.nominal(spec), spec.joint_values("default_position")
     return stand(MujocoEngine, body, FINE, hold(body, angles), angles)
 
 
-def standing(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def standing(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A table of all legs, then the robot under its controllers."""
-    body, angles = Body.nominal(spec), spec.joint_values("standing")
+    body, angles = Body.nominal(spec), spec.joint_values("default_position")
     table = stand(make, body, timestep, still(body), angles)
     motion, truth = stand(make, body, timestep, hold(body, angles), angles), reference(spec)
     down = round(LANDED / timestep)
@@ -68,11 +68,11 @@ def standing(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]
     )
 
 
-def foot_contact(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def foot_contact(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A robot with locked joints on some of its feet, until each was lifted once: exactly the others touch."""
     wrong = 0
     for lifted, centre in _lifts(spec):
-        angles = spec.joint_values("standing").reshape(-1, 3)
+        angles = spec.joint_values("default_position").reshape(-1, 3)
         angles[lifted, 1:] += RAISED
         body = replace(Body.nominal(spec), base_com=centre)
         motion = stand(make, body, timestep, still(body), angles.ravel())
@@ -80,7 +80,7 @@ def foot_contact(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, 
     return (Figure("feet that read wrong", float(wrong), "1", 0.0),)
 
 
-def _lifts(spec: RobotSpec) -> list[tuple[np.ndarray, tuple[float, float, float]]]:
+def _lifts(spec: Robot) -> list[tuple[np.ndarray, tuple[float, float, float]]]:
     """Return which legs are lifted, bool, (legs,), and the trunk's centre of mass then [m], trial by trial.
 
     One contact group, then the other, where each can carry the robot; else, on four legs, one leg at a time, with the
@@ -97,7 +97,7 @@ def _lifts(spec: RobotSpec) -> list[tuple[np.ndarray, tuple[float, float, float]
     return lifts
 
 
-def on_its_back(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def on_its_back(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A robot that lies on its back rests on the box of its trunk, and no foot touches."""
     body = Body.nominal(spec)
     half = spec.base.size[2] / 2
@@ -127,7 +127,7 @@ COURSE = (3.0, 3.0)
 """Half the extent of the height field [m]."""
 
 
-def terrain(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def terrain(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A table on the landing of the stairs, on a slope made of boxes, and on the same slope as a height field."""
     stairs, slope = course("stairs", STEP), course("slope", ANGLE)
     figures = [
@@ -139,7 +139,7 @@ def terrain(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
     return tuple(figures)
 
 
-def _landing(make: Make, spec: RobotSpec, timestep: float, name: str, ground: Ground) -> Figure:
+def _landing(make: Make, spec: Robot, timestep: float, name: str, ground: Ground) -> Figure:
     """Return the height of a table on level ground above where it should be."""
     body = Body.nominal(spec)
     top = float(ground.height(np.zeros((1, 2)))[0]) + spec.standing_height
@@ -148,7 +148,7 @@ def _landing(make: Make, spec: RobotSpec, timestep: float, name: str, ground: Gr
 
 
 def _on_slope(
-    make: Make, spec: RobotSpec, timestep: float, ground: Ground, angle: float, friction: float, seconds: float
+    make: Make, spec: Robot, timestep: float, ground: Ground, angle: float, friction: float, seconds: float
 ) -> Motion:
     """Return the motion of a table on a slope, in the frame of the slope: x up, z normal to it, from its middle [m]."""
     body = replace(Body.nominal(spec), ground_friction=friction)
@@ -160,7 +160,7 @@ def _on_slope(
     return replace(motion, base_position=into_frame(turn, motion.base_position - middle))
 
 
-def _slope(make: Make, spec: RobotSpec, timestep: float, name: str, ground: Ground) -> list[Figure]:
+def _slope(make: Make, spec: Robot, timestep: float, name: str, ground: Ground) -> list[Figure]:
     """Return how a table stands on a slope that is not too steep for its feet."""
     motion = _on_slope(make, spec, timestep, ground, ANGLE, 1.0, TERRAIN_SECONDS)
     place = motion.base_position[-1]
@@ -171,7 +171,7 @@ def _slope(make: Make, spec: RobotSpec, timestep: float, name: str, ground: Grou
     ]
 
 
-def foot_friction(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def foot_friction(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A table that slides down a slope is accelerated by g (sin α - μ cos α), on boxes."""
     motion = _on_slope(make, spec, timestep, course("slope", STEEP), STEEP, SLIPPERY, SLIDE)
     steps = len(motion.base_position) - 1
@@ -181,7 +181,7 @@ def foot_friction(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure,
     return (Figure("speed of the slide", float(speed / wanted - 1.0), "1", 0.05),)
 
 
-def shank_contact(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def shank_contact(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A shank that swings against a bar in the air, between knee and foot, stops there."""
     height, stop = 1.0, spec.thigh.standing + spec.shank.standing
     joint = links(spec)[-2].origin + links(spec)[-3].origin
@@ -190,7 +190,7 @@ def shank_contact(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure,
     behind = np.array([-np.cos(stop), 0.0, np.sin(stop)])
     bar = knee + spec.shank_link.size[2] / 2 * _leaning(stop) + (BAR[2] + SHANK_RADIUS) * behind
     ground = Ground(np.array([BAR]), bar[None], about(1, stop + np.pi / 2)[None])
-    angles = spec.joint_values("standing")
+    angles = spec.joint_values("default_position")
     angles[-1] -= SWING
     torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
     torque[-1], bound[-1] = 1.0, 0.2

@@ -12,7 +12,7 @@ from stiction.engines.conformance.rig import Figure, drive, still, test_friction
 from stiction.engines.engine import Body, Make, Motion
 from stiction.engines.ground import flat
 from stiction.engines.mujoco_engine import MujocoEngine
-from stiction.robots.model import GRAVITY, RobotSpec
+from stiction.robots.model import GRAVITY, Robot
 from stiction.robots.tree import Link, links
 
 FINE = 1e-4
@@ -29,11 +29,11 @@ OFF_CENTRE = (0.10, 0.05, 0.03)
 """Centre of mass of the trunk [m], so that it is not the origin of the frame."""
 
 
-def fly(make: Make, spec: RobotSpec, timestep: float, friction: float, hold: float) -> Motion:
+def fly(make: Make, spec: Robot, timestep: float, friction: float, hold: float) -> Motion:
     """Return a flight, step by step; torques change every `hold` seconds, a multiple of the timestep."""
     body = replace(Body.nominal(spec), base_com=OFF_CENTRE)
     phase, every = np.linspace(0.0, SPREAD, spec.num_joints), round(hold / timestep)
-    push, bound = PUSH * spec.joint_values("stiffness"), np.full(spec.num_joints, friction)
+    push, bound = PUSH * spec.joint_values("kp"), np.full(spec.num_joints, friction)
 
     def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
         middle = (number // every + 0.5) * hold
@@ -43,14 +43,14 @@ def fly(make: Make, spec: RobotSpec, timestep: float, friction: float, hold: flo
 
 
 @cache
-def reference(spec: RobotSpec, timestep: float, friction: float) -> Motion:
+def reference(spec: Robot, timestep: float, friction: float) -> Motion:
     """Return the flight in MuJoCo at small steps, every `timestep`, torques held over it."""
     motion = fly(MujocoEngine, spec, FINE, friction, timestep)
     every = round(timestep / FINE)
     return Motion(**{part.name: getattr(motion, part.name)[::every] for part in fields(Motion)})
 
 
-def free_flight(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def free_flight(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """Motion of joints and trunk, and joint loads, without and with dry friction."""
     truth, motion = reference(spec, timestep, 0.0), fly(make, spec, timestep, 0.0, timestep)
     friction = test_friction(spec)
@@ -71,7 +71,7 @@ def free_flight(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, .
     )
 
 
-def base_velocity(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def base_velocity(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """Velocities of the base against differences of its place and orientation: those of its frame, seen in it."""
     motion = fly(make, spec, timestep, 0.0, timestep)
     place, turn = motion.base_position, motion.base_quaternion
@@ -86,16 +86,16 @@ def base_velocity(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure,
     )
 
 
-def long_fall(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def long_fall(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A fall of 1.5 s: no drag, and no largest speed."""
     body = Body.nominal(spec)
     motion = drive(make, body, timestep, 1.5, still(body), 20.0)
     return (Figure("speed", float(-motion.base_linear_velocity[-1, 2] / (GRAVITY * 1.5) - 1.0), "1", 1e-3),)
 
 
-def joint_order(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def joint_order(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """Response of every joint and of the trunk to a torque at each joint, all legs at different angles."""
-    angles = spec.joint_values("standing") + np.random.default_rng(0).uniform(-0.15, 0.15, spec.num_joints)
+    angles = spec.joint_values("default_position") + np.random.default_rng(0).uniform(-0.15, 0.15, spec.num_joints)
     found, wanted = (_responses(maker, spec, timestep, angles) for maker in (make, MujocoEngine))
     error = np.abs(found - wanted).max(axis=0) / np.abs(wanted).max(axis=0)
     engine = make(Body.nominal(spec), flat(), timestep)
@@ -108,7 +108,7 @@ def joint_order(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, .
     )
 
 
-def _responses(make: Make, spec: RobotSpec, timestep: float, angles: np.ndarray) -> np.ndarray:
+def _responses(make: Make, spec: Robot, timestep: float, angles: np.ndarray) -> np.ndarray:
     """Return velocities of joints and trunk after a step of 1 N m at each joint, less those of the fall; (J, J + 6)."""
     body = replace(Body.nominal(spec), damping=np.zeros(spec.num_joints), base_com=OFF_CENTRE)
     engine = make(body, flat(), timestep)
@@ -121,11 +121,11 @@ def _responses(make: Make, spec: RobotSpec, timestep: float, angles: np.ndarray)
     return np.array(rows[1:]) - rows[0]
 
 
-def hanging_legs(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def hanging_legs(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """Loads of the joints of a robot on a stand: the weight behind each of them."""
     body = Body.nominal(spec, fixed=True)
     motion = drive(make, body, timestep, 0.2, still(body), HEIGHT)
-    force, torque = hanging_weight(links(spec), spec.joint_values("standing"))
+    force, torque = hanging_weight(links(spec), spec.joint_values("default_position"))
     return (
         Figure("force", float(np.abs(motion.joint_force[-1] / force - 1.0).max()), "1", 0.01),
         Figure("torque", float(np.abs(motion.joint_torque[-1] - torque).max() / torque.max()), "1", 0.02),

@@ -18,7 +18,7 @@ from stiction.engines.engine import Body, Make, Motion
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, Trajectory, simulate
-from stiction.robots.model import RobotSpec, box_inertia
+from stiction.robots.model import Robot, box_inertia
 
 Pair = tuple[float, float]
 """Torque and bound of friction [N m]."""
@@ -42,7 +42,7 @@ SLOW, AMPLITUDE, LEVEL = 0.5, 0.3, 0.1
 """Of the controlled joint: frequency [Hz] and amplitude [rad] of its target, friction over the torque limit [-]."""
 
 
-def shank_inertia(spec: RobotSpec) -> float:
+def shank_inertia(spec: Robot) -> float:
     """Return the inertia of a shank about its knee, rotor included [kg m²]: a uniform box on a hinge at its end."""
     link = spec.shank_link
     about_centre = box_inertia(link.mass, link.size)[1]
@@ -50,7 +50,7 @@ def shank_inertia(spec: RobotSpec) -> float:
 
 
 def exact(
-    spec: RobotSpec, gains: PDGains, friction: float, timestep: float, target: np.ndarray, load: np.ndarray
+    spec: Robot, gains: PDGains, friction: float, timestep: float, target: np.ndarray, load: np.ndarray
 ) -> Trajectory:
     """Return the shank's motion in closed form, from rest at the first target; all of shape (samples,)."""
     joint = Joint(shank_inertia(spec), spec.shank.damping, Coulomb(friction))
@@ -58,10 +58,10 @@ def exact(
 
 
 def _drive(
-    make: Make, spec: RobotSpec, timestep: float, start: float, joint: Callable[[int, float, float], Pair]
+    make: Make, spec: Robot, timestep: float, start: float, joint: Callable[[int, float, float], Pair]
 ) -> Motion:
     """Return the motion of the last shank alone, under `joint(number, q, q')` -> torque and bound of friction [N m]."""
-    angles = spec.joint_values("standing")
+    angles = spec.joint_values("default_position")
     angles[-1] = start
     torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
 
@@ -91,7 +91,7 @@ class BreakAway:
     """The exact motion."""
 
 
-def break_away(make: Make, spec: RobotSpec, timestep: float) -> BreakAway:
+def break_away(make: Make, spec: Robot, timestep: float) -> BreakAway:
     """Return the motion of a joint under `PROFILE` in an engine, and the exact one."""
     friction = test_friction(spec)
     times, levels = np.array(PROFILE).T
@@ -106,7 +106,7 @@ def break_away(make: Make, spec: RobotSpec, timestep: float) -> BreakAway:
     return BreakAway(friction, grid, load, motion.joint_position[:, -1], motion.joint_velocity[:, -1], truth)
 
 
-def friction_of_one_joint(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def friction_of_one_joint(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """Hold, break away and decay of a joint under a known torque."""
     seen = break_away(make, spec, timestep)
     angle, speed, load, truth = seen.angle, seen.speed, seen.load, seen.truth
@@ -125,7 +125,7 @@ def friction_of_one_joint(make: Make, spec: RobotSpec, timestep: float) -> tuple
     )
 
 
-def changing_friction(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def changing_friction(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A bound that is lowered for a while releases a joint under a constant torque, and stops it when it rises again.
 
     In between q' = (τ - f) / B (1 - exp(-B t / I)).
@@ -147,14 +147,14 @@ def changing_friction(make: Make, spec: RobotSpec, timestep: float) -> tuple[Fig
     )
 
 
-def joint_limit(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def joint_limit(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A joint that is driven against the end of its range stays there."""
     upper = spec.shank.upper
     motion = _drive(make, spec, timestep, upper - 0.5, lambda number, angle, speed: (AGAINST, 0.0))
     return (Figure("angle past the limit", float(motion.joint_position[-1, -1] - upper), "rad", 0.03),)
 
 
-def friction_under_control(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def friction_under_control(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """Stick and slip of a joint that follows a slow sine under its controller, against the exact motion."""
     steps = round(END / timestep)
     friction = LEVEL * spec.shank.torque_limit

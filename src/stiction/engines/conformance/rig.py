@@ -10,7 +10,7 @@ import numpy as np
 from stiction.core.rotation import UPRIGHT
 from stiction.engines.engine import Body, Engine, Make, Motion
 from stiction.engines.ground import Ground, flat
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 Act = Callable[[int, Motion], tuple[np.ndarray, np.ndarray]]
 """Number of a step and the motion before it -> torques and bounds of friction [N m], shape (J,)."""
@@ -43,11 +43,11 @@ class Figure:
         return f"{self.name}: {self.value:.3g} {self.unit} (within {self.tolerance:g}){verdict}"
 
 
-Check = Callable[[Make, RobotSpec, float], tuple[Figure, ...]]
+Check = Callable[[Make, Robot, float], tuple[Figure, ...]]
 """Measures one thing of an engine: what makes it, the robot, timestep [s] -> figures."""
 
 
-def test_friction(spec: RobotSpec) -> float:
+def test_friction(spec: Robot) -> float:
     """Return the dry friction that joints are tested with [N m]: the shank's by the data sheet, or 1 % of its limit."""
     return spec.shank.frictionloss or 0.01 * spec.shank.torque_limit
 
@@ -79,7 +79,7 @@ def drive(
     """
     engine = make(body, flat() if ground is None else ground, timestep)
     start = np.array([0.0, 0.0, position]) if np.ndim(position) == 0 else np.asarray(position)
-    engine.reset(body.spec.joint_values("standing") if angles is None else angles, start, quaternion)
+    engine.reset(body.spec.joint_values("default_position") if angles is None else angles, start, quaternion)
     return record(engine, round(seconds / timestep), act)
 
 

@@ -23,13 +23,13 @@ from stiction.engines.conformance import contact, flight, joint
 from stiction.engines.conformance.rig import Check, Figure, hold, record
 from stiction.engines.engine import BlownUp, Body, Engine, Make, Motion
 from stiction.engines.ground import course, flat
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 STEPS = 200
 """Steps that are compared."""
 
 
-def determinism(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+def determinism(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A robot that stumbles onto rough ground, three times."""
     body = Body.nominal(spec)
     ground = course("rough", 0.1)
@@ -46,7 +46,7 @@ def _stumble(engine: Engine) -> Motion:
     """Return the motion of a robot that falls onto the ground, follows noise, and has friction that changes."""
     spec = engine.body.spec
     noise = np.random.default_rng(0).standard_normal((STEPS, spec.num_joints))
-    angles = spec.joint_values("standing")
+    angles = spec.joint_values("default_position")
     engine.reset(angles, np.array([0.0, 0.0, spec.standing_height + 0.15]), UPRIGHT)
 
     def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
@@ -93,16 +93,16 @@ class Measured:
     """The figure."""
 
 
-def conformance(make: Make, spec: RobotSpec, timestep: float = TIMESTEP) -> Iterator[Measured]:
+def conformance(make: Make, spec: Robot, timestep: float = TIMESTEP) -> Iterator[Measured]:
     """Run every check on a robot in engines that `make(body, ground, timestep)` makes; yield the figures one by one.
 
     A check in which the robot blows up yields one figure that is NaN, and so does not pass. Raises `StictionError`
     where the checks cannot be run with such a timestep or robot.
     """
     check_timestep(timestep)
-    if len(spec.legs) <= contact.CARRIERS:
+    if len(spec.feet) <= contact.CARRIERS:
         raise RobotError(
-            f"conformance with the robot {spec.name!r}: it has {len(spec.legs)} legs; expected at least "
+            f"conformance with the robot {spec.name!r}: it has {len(spec.feet)} legs; expected at least "
             f"{contact.CARRIERS + 1}, it stands on all but one"
         )
     for name, check in CHECKS.items():
@@ -124,12 +124,12 @@ def check_timestep(timestep: float) -> None:
         )
 
 
-def steps_per_second(make: Make, spec: RobotSpec, timestep: float = TIMESTEP, seconds: float = 2.0) -> float:
+def steps_per_second(make: Make, spec: Robot, timestep: float = TIMESTEP, seconds: float = 2.0) -> float:
     """Return physics steps, each with a reading of the motion, per second of processor time of a standing robot.
 
     seconds: simulated time.
     """
-    body, angles = Body.nominal(spec), spec.joint_values("standing")
+    body, angles = Body.nominal(spec), spec.joint_values("default_position")
     engine = make(body, flat(), timestep)
     engine.reset(angles, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
     act, friction = hold(body, angles), 0.1 * spec.joint_values("torque_limit")

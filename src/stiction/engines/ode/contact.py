@@ -89,7 +89,7 @@ class OdeContacts:
     ) -> None:
         """Add the shapes of robot and ground."""
         self._library, self._world, self._settings = library, world, settings
-        self._friction, self._legs = body.ground_friction, len(body.spec.legs)
+        self._friction, self._legs = body.ground_friction, len(body.spec.feet)
         self._owners: dict[int, Owner] = {}
         self._meshes: list[tuple[int, np.ndarray, np.ndarray]] = []
         self._of_robot, self._of_ground = library.dSimpleSpaceCreate(None), library.dSimpleSpaceCreate(None)

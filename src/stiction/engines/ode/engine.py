@@ -136,7 +136,7 @@ class OdeEngine:
         self._robot = OdeRobot(library, world, body, timestep)
         self._contacts = OdeContacts(library, world, self._robot, body, ground, settings.contact)
         weakref.finalize(self, _destroy, library, world, self._contacts)
-        self.reset(body.spec.joint_values("standing"), np.zeros(3), UPRIGHT)
+        self.reset(body.spec.joint_values("default_position"), np.zeros(3), UPRIGHT)
 
     def reset(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest; see `Engine.reset` and `check_pose`."""

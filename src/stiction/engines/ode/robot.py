@@ -46,7 +46,7 @@ class OdeRobot:
         if body.fixed:
             library.dBodySetKinematic(self.base)
         self.links = [self._add_link(world, link.mass, link.inertia) for link in self._links]
-        """Bodies behind the joints, in the order of `RobotSpec.joint_names`."""
+        """Bodies behind the joints, in the order of `Robot.joint_names`."""
         self._feedback = np.zeros((len(self.links), 2, 4, 4))
         joints = self._add_joints(world, (upper - lower) / 2)
         self._hinges, self._motors = [hinge for hinge, _ in joints], [motor for _, motor in joints]

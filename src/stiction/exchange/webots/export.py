@@ -1,6 +1,6 @@
 """Turns a policy bundle into a Webots project: protos/, worlds/, controllers/, plugins/. Not run in Webots.
 
-The project is made of the robot's `RobotSpec` (shape, masses, limits) and of the bundle's contract (gains, rotor
+The project is made of the robot's `Robot` (shape, masses, limits) and of the bundle's contract (gains, rotor
 inertia and viscous friction of the joints, rates). The bundle is checked before it is copied, and the copy after.
 
 Webots has no rotor inertia. Lumped into the link it would be wrong: a rotor turns against its link, not with it. In
@@ -40,7 +40,7 @@ from stiction.exchange.webots.world import ROBOT, joint_friction, milliseconds, 
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.contract import Contract
 from stiction.joints.friction import MAX_LEVEL, level_text
-from stiction.robots.model import JOINT_KINDS, RobotSpec
+from stiction.robots.model import JOINT_KINDS, Robot
 from stiction.robots.terrain import STEEPEST
 from stiction.robots.tree import links
 
@@ -51,7 +51,7 @@ FIXED = (f"{PLUGIN}.c", "Makefile")
 """Files that are the same for every robot; they lie beside this module."""
 
 
-def write_table(spec: RobotSpec, contract: Contract) -> str:
+def write_table(spec: Robot, contract: Contract) -> str:
     """Return the text of `joints.h`: Δt [s] and, for every joint, the links before and behind it and I [kg m²]."""
     inertia = dict(zip(spec.joint_names, contract.armature, strict=True))
     tree, rows = links(spec), []
@@ -69,7 +69,7 @@ def write_table(spec: RobotSpec, contract: Contract) -> str:
     )
 
 
-def plugin_files(spec: RobotSpec, contract: Contract) -> dict[str, str]:
+def plugin_files(spec: Robot, contract: Contract) -> dict[str, str]:
     """Return name -> text of the files of the plugin's folder."""
     beside = resources.files(__package__)
     return {name: beside.joinpath(name).read_text("utf-8") for name in FIXED} | {TABLE: write_table(spec, contract)}
@@ -139,7 +139,7 @@ velocity control it does nothing (cyberbotics/webots#2483). A change acts from t
 """
 
 
-def write_readme(spec: RobotSpec, bundle: Bundle, cfg: WebotsCfg) -> str:
+def write_readme(spec: Robot, bundle: Bundle, cfg: WebotsCfg) -> str:
     """Return the text of README.md."""
     contract = bundle.contract
     rows = []
@@ -247,7 +247,7 @@ def export_webots(source: Path, out: Path, cfg: WebotsCfg | None = None, robot: 
     return WebotsProject(out, spec.name, bundle, cfg, tuple(files))
 
 
-def check_fit(spec: RobotSpec, contract: Contract) -> None:
+def check_fit(spec: Robot, contract: Contract) -> None:
     """Raise `StictionError` where robot and contract differ in what the PROTO takes from one and the controller from
     the other, or where Webots cannot take the contract's physics step: a controller steps in whole milliseconds.
     """
@@ -265,7 +265,7 @@ def check_fit(spec: RobotSpec, contract: Contract) -> None:
         )
 
 
-def _write(folder: Path, spec: RobotSpec, bundle: Bundle, source: Path, cfg: WebotsCfg) -> None:
+def _write(folder: Path, spec: Robot, bundle: Bundle, source: Path, cfg: WebotsCfg) -> None:
     """Write the project's files into an empty folder."""
     contract = bundle.contract
     friction = joint_friction(spec, cfg.friction_level)

@@ -1,4 +1,4 @@
-"""The robot of a `RobotSpec` as a Webots PROTO, its joints as a policy's contract has them. Not run in Webots.
+"""The robot of a `Robot` as a Webots PROTO, its joints as a policy's contract has them. Not run in Webots.
 
 What stands where in Webots, and its source (docs/reference, and src/webots/nodes for what the documents leave out):
 
@@ -31,8 +31,8 @@ import numpy as np
 
 from stiction.exchange.webots.controller import CHANNEL, GPS, GYRO, IMU, RECEIVER, SENSOR
 from stiction.formats.contract import Contract
-from stiction.robots.box_legs import FEET, SHANK, THIGH, TRUNK
-from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, JointSpec, LegSpec, RobotSpec, box_inertia
+from stiction.robots.mjcf import FEET, SHANK, THIGH, TRUNK
+from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, JointSpec, LegSpec, Robot, box_inertia
 from stiction.robots.tree import SHANK_RADIUS, THIGH_RADIUS, Link, foot_position, links
 
 HEADER = "#VRML_SIM R2023b utf8"
@@ -130,7 +130,7 @@ def stops(joint: JointSpec) -> tuple[float, float]:
     return max(joint.lower - joint.standing, -FARTHEST), min(joint.upper - joint.standing, FARTHEST)
 
 
-def write_proto(spec: RobotSpec, contract: Contract) -> str:
+def write_proto(spec: Robot, contract: Contract) -> str:
     """Return the text of the PROTO.
 
     spec: shape, masses, limits; contract: viscous friction of the joints, in the order of `spec.joint_names`.
@@ -154,7 +154,7 @@ def write_proto(spec: RobotSpec, contract: Contract) -> str:
     )
 
 
-def _robot(spec: RobotSpec, damping: dict[str, float]) -> Node:
+def _robot(spec: Robot, damping: dict[str, float]) -> Node:
     """Return the trunk with its legs and sensors."""
     box = Node("Box", {"size": tuple(spec.base.size)})
     devices: list[Value] = [
@@ -178,7 +178,7 @@ def _robot(spec: RobotSpec, damping: dict[str, float]) -> Node:
     )
 
 
-def _hang(spec: RobotSpec, damping: dict[str, float], number: int) -> Node:
+def _hang(spec: Robot, damping: dict[str, float], number: int) -> Node:
     """Return the hinge of link `number` of the robot's tree, with all that hangs on it."""
     tree = links(spec)
     link, leg, kind = tree[number], spec.legs[number // JOINTS_PER_LEG], JOINT_KINDS[number % JOINTS_PER_LEG]
@@ -198,7 +198,7 @@ def _hang(spec: RobotSpec, damping: dict[str, float], number: int) -> Node:
     return _hinge(link.joint, kind, joint, parameters, Node("Solid", solid, define=link.name))
 
 
-def _shapes(spec: RobotSpec, leg: LegSpec, link: Link, kind: str) -> tuple[list[Value], Node | None]:
+def _shapes(spec: Robot, leg: LegSpec, link: Link, kind: str) -> tuple[list[Value], Node | None]:
     """Return what there is to see of a link, and what of it collides: of a shank its bone and its foot."""
     middle = vector(link.com)
     if kind == "thigh":

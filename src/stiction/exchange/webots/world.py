@@ -19,8 +19,8 @@ import numpy as np
 from stiction.exchange.webots.controller import PLUGIN
 from stiction.exchange.webots.proto import HEADER, Node, Value, comment, friction_field, proto_name, text, vector, write
 from stiction.locomotion.terrain import START
-from stiction.robots.box_legs import STONES
-from stiction.robots.model import JOINT_KINDS, RobotSpec
+from stiction.robots.mjcf import STONES
+from stiction.robots.model import JOINT_KINDS, Robot
 from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, Terrain
 
 ROBOT = "ROBOT"
@@ -33,7 +33,7 @@ FLOOR = (60.0, 60.0, 1.0)
 """Extent of the floor [m]; its top is at 0."""
 
 
-def joint_friction(spec: RobotSpec, level: float) -> dict[str, float]:
+def joint_friction(spec: Robot, level: float) -> dict[str, float]:
     """Return the dry friction of each kind of joint [N m] at a level, a fraction of its torque limit [-]."""
     return {kind: level * getattr(spec, kind).torque_limit for kind in JOINT_KINDS}
 
@@ -48,7 +48,7 @@ def stairs(step_height: float) -> tuple[np.ndarray, np.ndarray]:
     return 2 * terrain.boxes, terrain.position[0]
 
 
-def write_world(spec: RobotSpec, timestep: float, friction: Mapping[str, float], step_height: float = 0.0) -> str:
+def write_world(spec: Robot, timestep: float, friction: Mapping[str, float], step_height: float = 0.0) -> str:
     """Return the text of a world: the robot on flat ground, or before stairs.
 
     timestep: physics step [s]; friction: of each kind of joint [N m]; step_height: [m], of stairs, 0 for none.
@@ -71,7 +71,7 @@ def write_world(spec: RobotSpec, timestep: float, friction: Mapping[str, float],
     return f"{HEADER}\n{about}\n{extern}\n\n" + "".join(f"{write(node)}\n" for node in nodes)
 
 
-def _info(spec: RobotSpec, timestep: float) -> Node:
+def _info(spec: Robot, timestep: float) -> Node:
     """Return the settings of the world."""
     silent: dict[str, Value] = {sound: "" for sound in ("bumpSound", "rollSound", "slideSound")}
     contact = Node("ContactProperties", {"coulombFriction": [GROUND_FRICTION], "bounce": 0, **silent})
@@ -93,7 +93,7 @@ def milliseconds(timestep: float) -> float:
     return round(1000 * timestep, 9)
 
 
-def _scenery(spec: RobotSpec, start: float) -> list[Node]:
+def _scenery(spec: Robot, start: float) -> list[Node]:
     """Return view, light and floor; the view looks along x, 0.3 rad down, and follows the robot."""
     return [
         Node(

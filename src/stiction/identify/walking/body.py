@@ -14,8 +14,8 @@ from functools import cache
 import mujoco
 import numpy as np
 
-from stiction.robots.box_legs import build_model
-from stiction.robots.model import JOINTS_PER_LEG, RobotSpec, box_inertia
+from stiction.robots.mjcf import build_model
+from stiction.robots.model import JOINTS_PER_LEG, Robot, box_inertia
 
 AT_ORIGIN = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """Position and quaternion of the base."""
@@ -56,7 +56,7 @@ class LinkEffort:
 
 
 @cache
-def _legs(spec: RobotSpec) -> mujoco.MjModel:
+def _legs(spec: Robot) -> mujoco.MjModel:
     """Return the robot's links alone: a base without mass, no rotors, no friction, no gravity, nothing to touch."""
     model = build_model(spec)
     base = model.body("base").id
@@ -69,7 +69,7 @@ def _legs(spec: RobotSpec) -> mujoco.MjModel:
     return model
 
 
-def link_effort(spec: RobotSpec, joints: JointMotion, base: BaseMotion) -> LinkEffort:
+def link_effort(spec: Robot, joints: JointMotion, base: BaseMotion) -> LinkEffort:
     """Return torques and wrench that move the legs' links as they move, their feet in the air."""
     model = _legs(spec)
     data = mujoco.MjData(model)
@@ -85,7 +85,7 @@ def link_effort(spec: RobotSpec, joints: JointMotion, base: BaseMotion) -> LinkE
     return LinkEffort(effort[:, 6:], effort[:, :6])
 
 
-def foot_positions(spec: RobotSpec, position: np.ndarray) -> np.ndarray:
+def foot_positions(spec: Robot, position: np.ndarray) -> np.ndarray:
     """Return the centres of the feet in the base frame [m], shape (T, L, 3), at joint angles of shape (T, J)."""
     model = _legs(spec)
     data = mujoco.MjData(model)
@@ -99,7 +99,7 @@ def foot_positions(spec: RobotSpec, position: np.ndarray) -> np.ndarray:
     return found
 
 
-def point_jacobians(spec: RobotSpec, position: np.ndarray, points: np.ndarray) -> np.ndarray:
+def point_jacobians(spec: Robot, position: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Return J of a point of each shank, v = J θ', shape (T, L, 3, 3): rows x y z, columns hip thigh shank.
 
     position: joint angles [rad], shape (T, J); points: where they are now, in the base frame [m], shape (T, L, 3).
@@ -133,7 +133,7 @@ class Trunk:
     """Principal moments about the centre of mass, along the base's axes [kg m²]."""
 
     @classmethod
-    def of(cls, spec: RobotSpec, payload: float = 0.0, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Trunk:
+    def of(cls, spec: Robot, payload: float = 0.0, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Trunk:
         """Return a robot's bare trunk, or with `payload` [kg] on it and its centre of mass at `centre` [m].
 
         The payload is taken as spread over the trunk's box.

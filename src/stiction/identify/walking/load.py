@@ -19,7 +19,7 @@ from stiction.identify.walking.motion import WalkMotion, feet_down, hann_weights
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.stance import BODY, FRICTION, StanceRows, stance_rows
 from stiction.identify.walking.swing import FEWEST_SWINGS, SwingRows
-from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
+from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, Robot
 
 BLOCK = 0.5
 """Length of a block [s], one or two steps of a walk."""
@@ -64,7 +64,7 @@ class LoadFit:
     slope c. For the page."""
 
 
-def fit_load(log: WalkLog, motion: WalkMotion, spec: RobotSpec, swing: list[SwingRows], setup: WalkSetup) -> LoadFit:
+def fit_load(log: WalkLog, motion: WalkMotion, spec: Robot, swing: list[SwingRows], setup: WalkSetup) -> LoadFit:
     """Find what the load adds to friction, or say why that cannot be known from this log."""
     if refusal := _missing(motion, setup):
         return LoadFit(refusal)
@@ -191,7 +191,7 @@ def _widened(estimate: Estimate, error: float) -> Estimate:
 
 
 def _friction_under_load(
-    kind: str, log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup, fit: BlockFit
+    kind: str, log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup, fit: BlockFit
 ) -> tuple[float, Estimate]:
     """Return the mean |τ| of a kind's joints while their feet are down [N m], and the dry friction at it [N m]."""
     number = JOINT_KINDS.index(kind)

@@ -20,7 +20,7 @@ from stiction.core.rotation import up_in_frames
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.body import BaseMotion, JointMotion, foot_positions
 from stiction.identify.walking.setup import WalkSetup
-from stiction.robots.model import GRAVITY, RobotSpec
+from stiction.robots.model import GRAVITY, Robot
 
 SHORTEST = 1.0
 """Shortest walk that is looked at [s]."""
@@ -58,7 +58,7 @@ class WalkMotion:
         return len(self.torque)
 
 
-def walk_motion(log: WalkLog, spec: RobotSpec) -> WalkMotion:
+def walk_motion(log: WalkLog, spec: Robot) -> WalkMotion:
     """Return the motion in a log of the robot `spec`.
 
     Raises `LogError` where the log is not of this robot, too short or too slow, or its torque has the joint friction
@@ -158,7 +158,7 @@ def grow(mask: np.ndarray, samples: int) -> np.ndarray:
     return grown
 
 
-def feet_down(log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup) -> np.ndarray:
+def feet_down(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) -> np.ndarray:
     """Return whether each foot may bear load, bool, shape (T, L): as logged, else by height above the lowest foot."""
     if log.foot_contact is not None:
         return log.foot_contact

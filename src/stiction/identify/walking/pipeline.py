@@ -18,7 +18,7 @@ from stiction.identify.walking.motion import WalkMotion, feet_down, walk_motion
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.swing import PARAMETERS, SwingFit, SwingRows, fit_swing, swing_rows
 from stiction.joints.friction import dead_band, friction_ratio
-from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
+from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, Robot
 
 GAIT_SHOWN = 4.0
 """Length of the gait that the page draws [s]."""
@@ -41,7 +41,7 @@ class WalkIdentification:
     """For the page."""
 
 
-def identify_walk(log: WalkLog, spec: RobotSpec, setup: WalkSetup | None = None) -> WalkIdentification:
+def identify_walk(log: WalkLog, spec: Robot, setup: WalkSetup | None = None) -> WalkIdentification:
     """Identify the joints of a walking robot.
 
     A joint's own swings are asked first. Where they do not tell, the joints of its kind are taken to be alike and their
@@ -72,15 +72,15 @@ def identify_walk(log: WalkLog, spec: RobotSpec, setup: WalkSetup | None = None)
     return WalkIdentification(JointsFile(records), load, _walk_fit(log, motion, spec, setup, rows, chosen, load))
 
 
-def _number(name: str, spec: RobotSpec) -> int:
+def _number(name: str, spec: Robot) -> int:
     """Return the number of a joint, or of the first one of a kind."""
     return JOINT_KINDS.index(name) if name in JOINT_KINDS else spec.joint_names.index(name)
 
 
-def standing_inertia(spec: RobotSpec) -> np.ndarray:
+def standing_inertia(spec: Robot) -> np.ndarray:
     """Return the inertia that the links put on each joint in the standing pose, all others held [kg m²], shape (J,)."""
     each = np.eye(spec.num_joints)
-    standing, still = np.tile(spec.joint_values("standing"), (len(each), 1)), np.zeros((len(each), 3))
+    standing, still = np.tile(spec.joint_values("default_position"), (len(each), 1)), np.zeros((len(each), 3))
     joints = JointMotion(standing, np.zeros_like(each), each)
     return link_effort(spec, joints, BaseMotion(still, still, still)).torque.diagonal()
 
@@ -151,7 +151,7 @@ def _warnings(
     swing: SwingFit,
     record: JointRecord,
     own: list[SwingFit],
-    spec: RobotSpec,
+    spec: Robot,
     log: WalkLog,
     motion: WalkMotion,
     load: LoadFit,
@@ -194,7 +194,7 @@ def _warnings(
 def _walk_fit(
     log: WalkLog,
     motion: WalkMotion,
-    spec: RobotSpec,
+    spec: Robot,
     setup: WalkSetup,
     rows: list[SwingRows],
     chosen: dict[str, SwingFit],

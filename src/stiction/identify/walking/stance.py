@@ -30,7 +30,7 @@ from stiction.formats.walk import WalkLog
 from stiction.identify.walking.body import Trunk, foot_positions, link_effort, point_jacobians, trunk_wrench
 from stiction.identify.walking.motion import WalkMotion, feet_down, grow, hann_weights, slow_samples, smooth
 from stiction.identify.walking.setup import WalkSetup
-from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, RobotSpec
+from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, Robot
 
 FRICTION = ("armature", "viscous_friction", "coulomb_friction", "load_coefficient")
 """Parameters of each kind, A, B, b and c: joints of one kind share their friction here."""
@@ -79,7 +79,7 @@ class _Body:
     """Where a leg that may be down is too straight to tell its force, bool, shape (T,)."""
 
 
-def stance_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk, setup: WalkSetup) -> StanceRows:
+def stance_rows(log: WalkLog, motion: WalkMotion, spec: Robot, trunk: Trunk, setup: WalkSetup) -> StanceRows:
     """Return the base's equations of a walk."""
     body = _body(log, motion, spec, trunk, setup)
     resting = [slow_samples(rate, setup, motion.period) for rate in motion.rate.T]
@@ -102,7 +102,7 @@ def stance_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk,
     return StanceRows(regressor=rows[:, :-2].copy(), target=rows[:, -2], links=rows[:, -1], sample=sample)
 
 
-def _body(log: WalkLog, motion: WalkMotion, spec: RobotSpec, trunk: Trunk, setup: WalkSetup) -> _Body:
+def _body(log: WalkLog, motion: WalkMotion, spec: Robot, trunk: Trunk, setup: WalkSetup) -> _Body:
     """Return what the legs and the trunk need, and how the joints of legs that may be down act on the body."""
     margin = round(setup.swing_margin / motion.period)
     down = np.stack([grow(foot, margin) for foot in feet_down(log, motion, spec, setup).T], axis=1)

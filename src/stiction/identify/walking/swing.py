@@ -26,7 +26,7 @@ from stiction.identify.walking.blocks import BlockFit, fit_blocks
 from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
 from stiction.identify.walking.motion import WalkMotion, feet_down, grow, hann_weights, slow_samples, smooth, swings
 from stiction.identify.walking.setup import WalkSetup
-from stiction.robots.model import JOINTS_PER_LEG, RobotSpec
+from stiction.robots.model import JOINTS_PER_LEG, Robot
 
 PARAMETERS = ("armature", "viscous_friction", "coulomb_friction", "lateness")
 """What every joint of a fit shares; each joint has an offset of its own besides."""
@@ -69,13 +69,13 @@ class SwingRows:
     """Number of the sample in the log, shape (R,)."""
 
 
-def swing_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSetup) -> list[SwingRows]:
+def swing_rows(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) -> list[SwingRows]:
     """Return the equations of every joint, in the order of the robot's joints."""
     down = feet_down(log, motion, spec, setup)
     links = link_effort(spec, motion.joints, motion.base).torque
     systematic = _systematic(spec, motion, links, setup)
     rows: list[SwingRows] = []
-    for index in range(len(spec.legs)):
+    for index in range(len(spec.feet)):
         phase = swings(down[:, index], round(setup.swing_margin / motion.period))
         phase = np.where(phase > 0, phase + index * len(motion), 0)
         for number in range(JOINTS_PER_LEG * index, JOINTS_PER_LEG * (index + 1)):
@@ -84,7 +84,7 @@ def swing_rows(log: WalkLog, motion: WalkMotion, spec: RobotSpec, setup: WalkSet
 
 
 def _joint_rows(
-    spec: RobotSpec,
+    spec: Robot,
     motion: WalkMotion,
     number: int,
     links: np.ndarray,
@@ -121,14 +121,14 @@ def _joint_rows(
     )
 
 
-def _systematic(spec: RobotSpec, motion: WalkMotion, links: np.ndarray, setup: WalkSetup) -> np.ndarray:
+def _systematic(spec: Robot, motion: WalkMotion, links: np.ndarray, setup: WalkSetup) -> np.ndarray:
     """Return the change of the torques left for the joints by heavier links and wrong specific force, (4, T, J)."""
     share = setup.link_mass_error if motion.measured_torque else np.hypot(setup.link_mass_error, setup.strength_error)
     error = setup.specific_force_error if motion.measured_acceleration else setup.neglected_acceleration
     return np.concatenate([share * links[None], error * _specific_force_effects(spec, motion.joints.position)])
 
 
-def _specific_force_effects(spec: RobotSpec, position: np.ndarray) -> np.ndarray:
+def _specific_force_effects(spec: Robot, position: np.ndarray) -> np.ndarray:
     """Return the change of the links' torques per m/s² of specific force along x, y, z [kg m], shape (3, T, J)."""
     held = JointMotion(position, np.zeros_like(position), np.zeros_like(position))
     still = np.zeros((len(position), 3))

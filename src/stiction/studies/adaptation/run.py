@@ -117,7 +117,7 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
         return done
     latents = latent_effects(run, cfg.evaluation, threads, lambda share: progress(f"{name}: latents", share))
     contract, actor = contract_of(train, header), load_actor(directory, "student")
-    moments = Moments(contract.observation, contract.action_scale)
+    moments = Moments(contract.observation, contract.scale)
     found = identified_values(header)
     probes: list[dict[str, Any]] = []
     walks: dict[Per, FrictionWalk] = {}

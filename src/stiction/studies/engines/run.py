@@ -14,7 +14,7 @@ from stiction.core.errors import ConfigurationError, EngineError
 from stiction.engines.catalog import ENGINES, make_engine, what_is_missing
 from stiction.engines.conformance import flight, joint
 from stiction.engines.conformance.suite import CHECKS, Measured, check_timestep, conformance, steps_per_second
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.studies.engines.walks import FigureRow, PaceRow, Traces
 
 ROUNDS = 3
@@ -31,7 +31,7 @@ class Engines:
     """Names of the others -> why not and how to get them, one line each."""
 
 
-def find_engines(asked: Sequence[str] | None, spec: RobotSpec) -> Engines:
+def find_engines(asked: Sequence[str] | None, spec: Robot) -> Engines:
     """Return the engines to study a robot in: those asked for, or all; of all, what is not here is named and left out.
 
     Raises:
@@ -56,7 +56,7 @@ def check_timesteps(timesteps: Sequence[float]) -> None:
         check_timestep(timestep)
 
 
-def figure_rows(name: str, spec: RobotSpec, timestep: float, progress: Callable[[float], None]) -> list[FigureRow]:
+def figure_rows(name: str, spec: Robot, timestep: float, progress: Callable[[float], None]) -> list[FigureRow]:
     """Run the suite on a robot in an engine; `progress` is called with the share of the suite that is done."""
     rows, order = [], list(CHECKS)
     for measured in conformance(partial(make_engine, name), spec, timestep):
@@ -81,7 +81,7 @@ def _row(name: str, timestep: float, measured: Measured) -> FigureRow:
     )
 
 
-def traces(names: Sequence[str], spec: RobotSpec, timestep: float) -> Traces:
+def traces(names: Sequence[str], spec: Robot, timestep: float) -> Traces:
     """Return the joint that breaks away and the free flight, in every engine at one timestep."""
     makers = {name: partial(make_engine, name) for name in names}
     joints = {name: joint.break_away(make, spec, timestep) for name, make in makers.items()}
@@ -99,7 +99,7 @@ def traces(names: Sequence[str], spec: RobotSpec, timestep: float) -> Traces:
     )
 
 
-def pace_rows(names: Sequence[str], spec: RobotSpec, timestep: float, seconds: float = 1.0) -> list[PaceRow]:
+def pace_rows(names: Sequence[str], spec: Robot, timestep: float, seconds: float = 1.0) -> list[PaceRow]:
     """Return how fast the engines step, side by side: `ROUNDS` times one after the other, `seconds` simulated each."""
     paces: dict[str, list[float]] = {name: [] for name in names}
     for _ in range(ROUNDS):

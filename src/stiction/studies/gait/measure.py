@@ -21,7 +21,7 @@ from stiction.evaluate.metrics import moving_steps, set_share, speed_ratio
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import Recording
 from stiction.locomotion.rewards import RewardCfg
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 SHORTEST = 0.06
 """A foot that leaves the ground, or touches it, for less than this has bounced or scuffed: no lift-off, no touch-down
@@ -306,9 +306,9 @@ class Walked:
     """Control period [s]."""
 
 
-def foot_order(spec: RobotSpec) -> list[int]:
+def foot_order(spec: Robot) -> list[int]:
     """Return the legs left before right, each side from front to rear."""
-    return sorted(range(len(spec.legs)), key=lambda leg: (-spec.legs[leg].side, -spec.legs[leg].mount[0]))
+    return sorted(range(len(spec.feet)), key=lambda leg: (-spec.legs[leg].side, -spec.legs[leg].mount[0]))
 
 
 def walk_gaits(
@@ -336,7 +336,7 @@ def walk_gaits(
     return [_measure(bundle, variant, driven.spec, command, part) for _, command, part in driven.parts]
 
 
-def _measure(bundle: Bundle, variant: str, spec: RobotSpec, command: Command, part: Recording) -> Walked:
+def _measure(bundle: Bundle, variant: str, spec: Robot, command: Command, part: Recording) -> Walked:
     """Return the gait of one command that asks for motion."""
     moving = moving_steps(part, command)
     assert moving is not None

@@ -10,7 +10,7 @@ from stiction.core.statistics import t_interval
 from stiction.evaluate.methods import FED, FORWARD
 from stiction.evaluate.samples import Condition, Evidence
 from stiction.joints.friction import has_coefficient
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.studies.friction.evaluation import onset_level
 from stiction.studies.replication.plan import FRICTION, NOMINAL, REST, ROBOT
 from stiction.studies.replication.records import FEWEST_LEVELS, BudgetPoint, ForwardPoint, Onset
@@ -53,7 +53,7 @@ def _point(evidence: Evidence, method: str, condition: Condition) -> BudgetPoint
     return BudgetPoint(*where, len(points), float(np.mean(points)), low, high, each)
 
 
-def onsets(evidence: Evidence, spec: RobotSpec) -> list[Onset]:
+def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
     """Return where every method slows under 80 % of the command. `spec`: the robot, for the dead band of its shank.
 
     The onset is found for each seed and then averaged: a mean of curves has another one. A seed that stays above counts

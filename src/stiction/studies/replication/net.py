@@ -27,7 +27,7 @@ from stiction.evaluate.walk_logs import SHORTEST
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import write_walk
 from stiction.joints.net import ActuatorCfg
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.studies.actuator.config import BACKWARD, RUNS
 from stiction.virtual.bench import walk_log
 from stiction.virtual.cases import Case
@@ -48,7 +48,7 @@ class WalkedNet:
     """Name in the catalogue of engines."""
     case: Case
     """The robot."""
-    spec: RobotSpec
+    spec: Robot
     """Its data sheet."""
     policy: Bundle
     """f0, which walks."""

@@ -14,7 +14,7 @@ from stiction.evaluate.methods import method_of
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.results import DIRECTIONS
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.studies.friction.manifest import MANIFEST, Condition, Run
 from stiction.studies.replication.net import WalkedNet
 from stiction.studies.replication.records import CAUSES
@@ -231,12 +231,12 @@ TAKEN = ("none", "direct", "deception", "finetune", "iterative", "compensation")
 """Conditions of the experiment that the comparison takes: one a training method, none of its ablations."""
 
 
-def known_bench(spec: RobotSpec) -> Bench:
+def known_bench(spec: Robot) -> Bench:
     """Return the bench of the robot that training knows; spec: its data sheet."""
     return Bench("physx", KNOWN, spec)
 
 
-def walked_net(spec: RobotSpec, policy: Bundle) -> WalkedNet:
+def walked_net(spec: Robot, policy: Bundle) -> WalkedNet:
     """Return the Actuator Net of the robot that training knows; spec: its data sheet; policy: f0, which walks on it."""
     return WalkedNet("physx", KNOWN, spec, policy)
 

@@ -27,7 +27,7 @@ from stiction.formats.contract import Contract
 from stiction.formats.following import following
 from stiction.formats.results import COLUMNS, ResultRow, read_summary
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.studies.claims import Verdict, changed_verdicts
 from stiction.studies.replication.budget import beside_forward, budget, onsets
 from stiction.studies.replication.claims import judge_all
@@ -204,7 +204,7 @@ def replicate(
     return judged(records, spec, made)
 
 
-def judged(records: Sequence[PartRecord], spec: RobotSpec, summary: dict[str, Any]) -> Replication:
+def judged(records: Sequence[PartRecord], spec: Robot, summary: dict[str, Any]) -> Replication:
     """Return what rows come to. records: no row twice; spec: the policies' robot; summary: how the rows were made."""
     evidence = Evidence.of(row for record in records for row in record.details)
     verdicts, read = judge_all(evidence)
@@ -294,7 +294,7 @@ def _trained(contract: Contract) -> str:
     return f"{contract.robot} on {contract.terrain} with {friction}"
 
 
-def check_engines(parts: Sequence[Part], spec: RobotSpec) -> None:
+def check_engines(parts: Sequence[Part], spec: Robot) -> None:
     """Raise `StictionError` where an engine of a part is not installed: before anything walks, or is trained."""
     for name in dict.fromkeys(one.spec.name for part in parts for one in part.grid.simulators if not one.is_batch):
         if why := what_is_missing(name, spec):

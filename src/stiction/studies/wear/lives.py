@@ -23,7 +23,7 @@ from stiction.evaluate.command import Command
 from stiction.formats.bundle import Bundle
 from stiction.formats.following import pace
 from stiction.formats.wear import LEVEL
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.virtual.cases import Case
 from stiction.virtual.hidden import draw
 from stiction.virtual.robot import Wear
@@ -400,9 +400,7 @@ def ratios(speed: np.ndarray, period: float, settle: float, window: float, every
     return [(end * period, float(total[end] - total[end - width]) / width) for end in ends]
 
 
-def listen(
-    trial: Trial, bundle: Bundle, spec: RobotSpec, case: Case, wear: Wear, settle: float
-) -> list[dict[str, Any]]:
+def listen(trial: Trial, bundle: Bundle, spec: Robot, case: Case, wear: Wear, settle: float) -> list[dict[str, Any]]:
     """Return what the bundle's monitor says of what the policy saw after `settle` [s]; nothing without one.
 
     The target is the joint that wears, or the level where several do. The truth is the referee's to know.
