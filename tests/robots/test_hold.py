@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.robots.hold import hold, merge, quaternion_of
+from stiction.core.rotation import matrix, quaternion_of
+from stiction.robots.hold import hold, merge
 from stiction.robots.mjcf import build_model
 from stiction.robots.model import Body, link_poses
 from stiction.robots.shipped import g1
@@ -74,8 +75,6 @@ def test_what_cannot_be_held_is_refused() -> None:
 @pytest.mark.parametrize("number", range(4))
 def test_quaternions_come_back(number: int) -> None:
     """Also where w is zero, and a formula with a division by it would fail."""
-    from stiction.core.rotation import matrix
-
     quaternion = np.eye(4)[number] + 0.01 * np.arange(4)
     quaternion /= np.linalg.norm(quaternion)
     np.testing.assert_allclose(matrix(np.array(quaternion_of(matrix(quaternion)))), matrix(quaternion), atol=1e-12)

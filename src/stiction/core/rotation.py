@@ -121,3 +121,39 @@ def cross_matrix(vector: np.ndarray) -> np.ndarray:
     """Return the matrix, shape (3, 3), that takes u to the cross product vector x u."""
     x, y, z = vector
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
+    """Return the quaternion w, x, y, z of a rotation matrix, shape (3, 3); w is not negative.
+
+    Of the four squares that follow from the diagonal the largest is taken (Shepperd), so that nothing small divides.
+    """
+    m = rotation
+    squares = np.array([1 + m[0, 0] + m[1, 1] + m[2, 2], 1 + m[0, 0] - m[1, 1] - m[2, 2]])
+    squares = np.append(squares, [1 - m[0, 0] + m[1, 1] - m[2, 2], 1 - m[0, 0] - m[1, 1] + m[2, 2]])
+    products = np.array(
+        [
+            [squares[0], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
+            [m[2, 1] - m[1, 2], squares[1], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
+            [m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], squares[2], m[1, 2] + m[2, 1]],
+            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], squares[3]],
+        ]
+    )
+    row = products[int(np.argmax(squares))]
+    row = row / np.linalg.norm(row)
+    w, x, y, z = (float(value) for value in (row if row[0] >= 0 else -row))
+    return w, x, y, z
+
+
+def product(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Return the quaternion of a turn by `second` and then by `first`, shape (4,) each."""
+    w, x, y, z = first
+    a, b, c, d = second
+    return np.array(
+        [
+            w * a - x * b - y * c - z * d,
+            w * b + x * a + y * d - z * c,
+            w * c - x * d + y * a + z * b,
+            w * d + x * c - y * b + z * a,
+        ]
+    )

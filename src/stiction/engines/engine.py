@@ -56,10 +56,15 @@ class Body:
     """Viscous friction, B [N m s/rad], shape (J,)."""
     ground_friction: float = 1.0
     """Coulomb coefficient between feet and ground [-], whatever the ground is made of; trunk and shanks have 1."""
-    base_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Centre of mass of the trunk in the base's frame [m]."""
+    base_shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Where the trunk's centre of mass is, away from that of `spec` [m]."""
     fixed: bool = False
     """Whether the base is bolted to a stand, where `reset` put it."""
+
+    @property
+    def base_com(self) -> np.ndarray:
+        """Centre of mass of the trunk in the base's frame [m], shape (3,)."""
+        return np.add(self.spec.base.com, self.base_shift)
 
     @classmethod
     def nominal(cls, spec: Robot, fixed: bool = False) -> Body:
@@ -69,7 +74,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Motion:
-    """State of a robot. Joints in the order of `spec.joint_names`, legs in that of `spec.legs`.
+    """State of a robot. Joints in the order of `spec.joint_names`, feet in that of `spec.feet`.
 
     Contact, force and torque are those of the last step, as a sensor's are, and zero right after a reset.
     """

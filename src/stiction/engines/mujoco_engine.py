@@ -15,7 +15,7 @@ import numpy as np
 from stiction.core.rotation import UPRIGHT, into_frame
 from stiction.engines.engine import TOUCH, Body, Motion, check_speed
 from stiction.engines.ground import Ground, HeightField
-from stiction.robots.mjcf import GROUND, OBSTACLE, build
+from stiction.robots.mjcf import GROUND, OBSTACLE, build, foot_geometries
 from stiction.robots.model import GRAVITY
 
 # MuJoCo would write every instability to a file in the current folder and to the terminal; `step` raises instead.
@@ -53,7 +53,7 @@ class MujocoEngine:
         self._free = 0 if body.fixed else 6
         model.dof_armature[self._free :], model.dof_damping[self._free :] = body.armature, body.damping
         model.dof_frictionloss[:] = 0.0
-        model.geom_friction[[model.geom(name).id for name in body.spec.foot_names], 0] = body.ground_friction
+        model.geom_friction[[model.geom(name).id for name in foot_geometries(body.spec)], 0] = body.ground_friction
         for number, (place, turn) in enumerate(zip(ground.positions, ground.quaternions, strict=True)):
             box = model.geom(f"obstacle{number}").id
             model.geom_pos[box], model.geom_quat[box] = place, turn

@@ -11,16 +11,17 @@ repeat its motion.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import EngineError
-from stiction.core.rotation import UPRIGHT, about, cross_matrix, into_frame, matrix
+from stiction.core.rotation import UPRIGHT, about, cross_matrix, into_frame, matrix, product
 from stiction.engines.engine import FASTEST, TOUCH, Body, Motion, check_speed
 from stiction.engines.ground import Ground
-from stiction.robots.model import GRAVITY, box_inertia
-from stiction.robots.tree import SHANK_RADIUS, foot_position, links
+from stiction.robots.model import GRAVITY
+from stiction.robots.shapes import Contact, Shape
 
 BRAKE = 1e5
 """Damping of the drive that is dry friction [N m s/rad]: below its bound a joint creeps by the torque over this."""
@@ -33,6 +34,8 @@ CAP = 10 * FASTEST
 """Largest velocity of a link [m/s, rad/s]; sapien's default would limit a free fall to 10 m/s."""
 
 FEET_AND_TRUNK, OBSTACLE, SHANK = (1, 1), (2, 3), (2, 0)
+BITS: dict[Contact, tuple[int, int]] = {"ground": FEET_AND_TRUNK, "obstacles": SHANK}
+ALONG_X = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
 """What a shape is and what it meets, as bits: two shapes touch if a bit of one's first is in the other's second."""
 
 
@@ -109,12 +112,14 @@ class PhysxEngine:
         body, spec, pose = self.body, self.body.spec, self._sapien.Pose
         builder = self._scene.create_articulation_builder()
         base = builder.create_link_builder()
-        base.set_mass_and_inertia(spec.base.mass, pose(p=body.base_com), box_inertia(spec.base.mass, spec.base.size))
+        moments, axes = spec.base.principal
+        base.set_mass_and_inertia(spec.base.mass, pose(p=body.base_com, q=axes), moments)
         built: list[Any] = []
-        for link in links(spec):
+        for joint, link in zip(spec.joints, spec.links, strict=True):
             part = builder.create_link_builder(built[link.parent] if link.parent >= 0 else base)
-            part.set_joint_name(link.joint)
-            part.set_mass_and_inertia(link.mass, pose(p=link.com), link.inertia)
+            part.set_joint_name(joint.name)
+            moments, axes = link.principal
+            part.set_mass_and_inertia(link.mass, pose(p=link.com, q=axes), moments)
             # A hinge of PhysX turns about the x axis of its frame.
             turn = _turn_to(link.axis)
             frames = pose(p=link.origin, q=turn), pose(q=turn)
@@ -135,7 +140,7 @@ class PhysxEngine:
         self._joints = [joints[name][1] for name in spec.joint_names]
         self._links = [joint.child_link for joint in self._joints]
         self._rows = np.array([link.index for link in self._links])
-        centres = [into_frame(_turn_to(link.axis), link.com) for link in links(spec)]
+        centres = [into_frame(_turn_to(link.axis), np.array(link.com)) for link in spec.links]
         self._centres = np.array([cross_matrix(centre) for centre in centres])
         lower, upper = spec.joint_values("lower"), spec.joint_values("upper")
         for number, joint in enumerate(self._joints):
@@ -147,21 +152,37 @@ class PhysxEngine:
         self._add_shapes()
 
     def _add_shapes(self) -> None:
-        """Give the robot what can touch: trunk, shanks, feet."""
-        physx, pose, spec = self._sapien.physx, self._sapien.Pose, self.body.spec
-        trunk = physx.PhysxCollisionShapeBox([extent / 2 for extent in spec.base.size], self._hull)
-        _attach(self._robot.get_root(), trunk, FEET_AND_TRUNK)
-        length = spec.shank_link.size[2]
+        """Give the robot what can touch, and remember its feet."""
+        spec = self.body.spec
+        for shape in spec.base.shapes:
+            self._add_shape(self._robot.get_root(), shape, self._hull)
         self._feet: dict[Any, int] = {}
-        for leg, link in enumerate(self._links[2::3]):
-            shank = physx.PhysxCollisionShapeCapsule(SHANK_RADIUS, length / 2, self._hull)
-            # A capsule of PhysX lies along x.
-            shank.set_local_pose(pose(p=[0.0, 0.0, -length / 2], q=[np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0]))
-            _attach(link, shank, SHANK)
-            foot = physx.PhysxCollisionShapeSphere(spec.foot_radius, self._rubber)
-            foot.set_local_pose(pose(p=foot_position(spec)))
-            _attach(link, foot, FEET_AND_TRUNK)
-            self._feet[foot] = leg
+        for number, (link, component) in enumerate(zip(spec.links, self._links, strict=True)):
+            for shape in link.shapes:
+                self._add_shape(component, shape, self._hull)
+            for foot, own in enumerate(spec.feet):
+                if own.link == number:
+                    self._feet |= {self._add_shape(component, shape, self._rubber): foot for shape in own.shapes}
+
+    def _add_shape(self, component: Any, shape: Shape, material: Any) -> Any:
+        """Attach one shape where it can touch, and return it."""
+        if shape.contact == "nothing":
+            return None
+        physx, (a, b, c) = self._sapien.physx, shape.size
+        quaternion = np.array(shape.quaternion)
+        if shape.kind == "sphere":
+            built = physx.PhysxCollisionShapeSphere(a, material)
+        elif shape.kind == "box":
+            built = physx.PhysxCollisionShapeBox([a, b, c], material)
+        elif shape.kind == "hull":
+            corners = np.array(shape.vertices, np.float32)
+            built = physx.PhysxCollisionShapeConvexMesh(corners, np.ones(3, np.float32), material)
+        else:
+            make = physx.PhysxCollisionShapeCapsule if shape.kind == "capsule" else physx.PhysxCollisionShapeCylinder
+            built, quaternion = make(a, b, material), product(quaternion, ALONG_X)
+        built.set_local_pose(self._sapien.Pose(p=shape.position, q=quaternion))
+        _attach(component, built, BITS[shape.contact])
+        return built
 
     def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
         """Advance by one timestep; see `Engine.step`."""
@@ -228,6 +249,9 @@ def _attach(component: Any, shape: Any, bits: tuple[int, int]) -> None:
     component.attach(shape)
 
 
-def _turn_to(axis: np.ndarray) -> np.ndarray:
-    """Return the quaternion that turns the x axis to a unit vector in the plane of x and y."""
-    return about(2, np.arctan2(axis[1], axis[0]))
+def _turn_to(axis: Sequence[float]) -> np.ndarray:
+    """Return a quaternion that turns the x axis to a unit vector, shape (4,)."""
+    x, y, z = axis
+    if z == 0.0:
+        return about(2, np.arctan2(y, x))
+    return product(about(2, np.arctan2(y, x)), about(1, -np.arcsin(np.clip(z, -1.0, 1.0))))

@@ -140,7 +140,7 @@ class Randomizer:
         self.law = JointFriction(fleet, friction.joint_law)
         share = friction_share(friction.law, nominal.frictionloss, fleet.spec)
         self.nominal_share = torch.from_numpy(share).float()
-        self.base_mass = fleet.spec.base.mass
+        self.base_mass, self.base_com = fleet.spec.base.mass, np.array(fleet.spec.base.com)
         cfg.check_robot(fleet.spec)
         self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float()
         num, joints = fleet.num_envs, fleet.spec.num_joints
@@ -197,7 +197,7 @@ class Randomizer:
             self.motors.strength[rows] = strength
         fleet.set_ground_friction(values["ground_friction"][:, 0], rows)
         fleet.base_mass[rows] = self.base_mass + values["payload"][:, 0]
-        fleet.base_com[rows] = values["center_of_mass"]
+        fleet.base_com[rows] = self.base_com + values["center_of_mass"]
         fleet.set_const(rows)
 
     def friction_share(self) -> torch.Tensor:

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from stiction.core.errors import RobotError, unknown_name
+from stiction.core.rotation import quaternion_of
 from stiction.robots.model import Body, HeldJoint, Link, Robot, link_poses
 from stiction.robots.shapes import Shape, Vector
 
@@ -116,28 +117,6 @@ def _moved(shape: Shape, place: Place) -> Shape:
         return shape
     w, x, y, z = quaternion_of(rotation @ shape.rotation)
     return replace(shape, position=_vector(position + rotation @ np.array(shape.position)), quaternion=(w, x, y, z))
-
-
-def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
-    """Return the quaternion w, x, y, z of a rotation matrix, shape (3, 3); w is not negative.
-
-    Of the four squares that follow from the diagonal the largest is taken (Shepperd), so that nothing small divides.
-    """
-    m = rotation
-    squares = np.array([1 + m[0, 0] + m[1, 1] + m[2, 2], 1 + m[0, 0] - m[1, 1] - m[2, 2]])
-    squares = np.append(squares, [1 - m[0, 0] + m[1, 1] - m[2, 2], 1 - m[0, 0] - m[1, 1] + m[2, 2]])
-    products = np.array(
-        [
-            [squares[0], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
-            [m[2, 1] - m[1, 2], squares[1], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
-            [m[0, 2] - m[2, 0], m[0, 1] + m[1, 0], squares[2], m[1, 2] + m[2, 1]],
-            [m[1, 0] - m[0, 1], m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], squares[3]],
-        ]
-    )
-    row = products[int(np.argmax(squares))]
-    row = row / np.linalg.norm(row)
-    w, x, y, z = (float(value) for value in (row if row[0] >= 0 else -row))
-    return w, x, y, z
 
 
 def _vector(values: np.ndarray) -> Vector:

@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from stiction.core.errors import RobotError
-from stiction.core.rotation import about_vector, matrix, uprightness
+from stiction.core.rotation import about_vector, matrix, quaternion_of, uprightness
 from stiction.robots.shapes import Shape, Vector
 
 GRAVITY = 9.81
@@ -47,6 +47,15 @@ class Body:
         """The inertia as a matrix [kg m²], shape (3, 3)."""
         xx, yy, zz, xy, xz, yz = self.inertia
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    @property
+    def principal(self) -> tuple[np.ndarray, np.ndarray]:
+        """Principal moments [kg m²], shape (3,), and the quaternion of their axes; along the frame's where they lie."""
+        if not any(self.inertia[3:]):
+            return np.array(self.inertia[:3]), np.array([1.0, 0.0, 0.0, 0.0])
+        moments, axes = np.linalg.eigh(self.inertia_matrix)
+        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        return moments, np.array(quaternion_of(axes))
 
 
 @dataclass(frozen=True)

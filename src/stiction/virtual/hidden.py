@@ -117,7 +117,7 @@ class Hidden:
             spec=replace(spec, **links),
             armature=spec.joint_values("armature") * self.motors.armature,
             damping=spec.joint_values("damping") * self.motors.damping,
-            base_com=self.masses.base_com,
+            base_shift=self.masses.base_com,
             fixed=fixed,
         )
 

@@ -11,14 +11,14 @@ from functools import cache
 
 import numpy as np
 
-from stiction.core.rotation import UPRIGHT, about, angle_between, into_frame
-from stiction.engines.conformance.rig import HELD, Act, Figure, drive, hold, still
+from stiction.core.rotation import UPRIGHT, about, angle_between, into_frame, quaternion_of
+from stiction.engines.conformance.rig import HELD, Act, Figure, drive, hold, on_stand, outermost, still
 from stiction.engines.engine import Body, Make, Motion
 from stiction.engines.ground import Ground, course, sampled
 from stiction.engines.mujoco_engine import MujocoEngine
-from stiction.robots.model import GRAVITY, Robot
+from stiction.robots.model import GRAVITY, Robot, link_poses
+from stiction.robots.shapes import bounds
 from stiction.robots.terrain import LANDING, RAMP
-from stiction.robots.tree import SHANK_RADIUS, links
 
 FINE = 5e-4
 """Timestep of the reference [s]."""
@@ -32,8 +32,11 @@ LANDED = 0.3
 CARRIERS = 3
 """Fewest feet that carry a robot with locked joints."""
 
-RAISED = (0.5, -0.8)
-"""What bends thigh and knee of a leg that is lifted [rad]."""
+RAISED = 0.08
+"""Height to which a foot is lifted [m]."""
+
+SOLE = 0.02
+"""Least half extent of a sole, forward and sideways [m], on which a robot with locked joints stands."""
 
 
 def stand(make: Make, body: Body, timestep: float, act: Act, angles: np.ndarray) -> Motion:
@@ -49,17 +52,22 @@ def reference(spec: Robot) -> Motion:
 
 
 def standing(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
-    """A table of all legs, then the robot under its controllers."""
+    """A table of all legs, then the robot under its controllers, on which a biped does not stand."""
     body, angles = Body.nominal(spec), spec.joint_values("default_position")
     table = stand(make, body, timestep, still(body), angles)
+    figures = (
+        Figure("height, joints locked", float(table.base_position[-1, 2] - spec.standing_height), "m", 3e-3),
+        Figure("drift, joints locked", float(np.linalg.norm(table.base_position[-1, :2])), "m", 3e-3),
+        Figure("creep of locked joints in 1 s", float(np.abs(table.joint_position[-1] - angles).max()), "rad", 5e-3),
+    )
+    if len(spec.feet) <= CARRIERS:
+        return figures
     motion, truth = stand(make, body, timestep, hold(body, angles), angles), reference(spec)
     down = round(LANDED / timestep)
     apart = np.abs(motion.joint_position[-1] - truth.joint_position[-1]).max()
     force = motion.joint_force[-1].mean() / truth.joint_force[-1].mean() - 1.0
     return (
-        Figure("height, joints locked", float(table.base_position[-1, 2] - spec.standing_height), "m", 3e-3),
-        Figure("drift, joints locked", float(np.linalg.norm(table.base_position[-1, :2])), "m", 3e-3),
-        Figure("creep of locked joints in 1 s", float(np.abs(table.joint_position[-1] - angles).max()), "rad", 5e-3),
+        *figures,
         Figure("height, against MuJoCo", float(motion.base_position[-1, 2] - truth.base_position[-1, 2]), "m", 5e-3),
         Figure("tilt", angle_between(motion.base_quaternion[-1], UPRIGHT), "rad", 0.02),
         Figure("joint angles, against MuJoCo", float(apart), "rad", 0.03),
@@ -71,39 +79,80 @@ def standing(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
 def foot_contact(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A robot with locked joints on some of its feet, until each was lifted once: exactly the others touch."""
     wrong = 0
-    for lifted, centre in _lifts(spec):
-        angles = spec.joint_values("default_position").reshape(-1, 3)
-        angles[lifted, 1:] += RAISED
-        body = replace(Body.nominal(spec), base_com=centre)
-        motion = stand(make, body, timestep, still(body), angles.ravel())
+    for lifted, shift in _lifts(spec):
+        body = replace(Body.nominal(spec), base_shift=shift)
+        motion = stand(make, body, timestep, still(body), raised(spec, lifted))
         wrong += int((motion.foot_contact[round(LANDED / timestep) :] == lifted).sum())
     return (Figure("feet that read wrong", float(wrong), "1", 0.0),)
 
 
-def _lifts(spec: Robot) -> list[tuple[np.ndarray, tuple[float, float, float]]]:
-    """Return which legs are lifted, bool, (legs,), and the trunk's centre of mass then [m], trial by trial.
+def foot_places(spec: Robot, angles: np.ndarray) -> np.ndarray:
+    """Return where the middles of all feet are on the base [m], shape (feet, 3)."""
+    position, turn = link_poses(spec, angles)
+    return np.array([position[foot.link] + turn[foot.link] @ np.array(foot.position) for foot in spec.feet])
 
-    One contact group, then the other, where each can carry the robot; else, on four legs, one leg at a time, with the
-    centre of mass shifted so that the weight is over the middle of the other feet.
+
+def raised(spec: Robot, lifted: np.ndarray) -> np.ndarray:
+    """Return the standing pose with some feet lifted by `RAISED` [rad], shape (J,); `lifted`: bool, (feet,).
+
+    Each leg follows the gradient of its foot's height, within its limits.
+    """
+    angles, slope = spec.joint_values("default_position"), 1e-6
+    lower, upper = spec.joint_values("lower") + 0.02, spec.joint_values("upper") - 0.02
+    for foot in np.flatnonzero(lifted):
+        chain, start = spec.chain(spec.feet[foot].link), foot_places(spec, angles)[foot, 2]
+        for _ in range(200):
+            height = foot_places(spec, angles)[foot, 2]
+            if height > start + RAISED:
+                break
+            gradient = np.zeros(len(angles))
+            for joint in chain:
+                moved = angles + slope * np.eye(len(angles))[joint]
+                gradient[joint] = (foot_places(spec, moved)[foot, 2] - height) / slope
+            angles = np.clip(angles + 0.05 * gradient / np.linalg.norm(gradient), lower, upper)
+    return angles
+
+
+def has_soles(spec: Robot) -> bool:
+    """Return whether one foot carries a robot with locked joints: each has a sole, and none is a ball."""
+    turn = link_poses(spec, spec.joint_values("default_position"))[1]
+    extents = [np.subtract(*bounds(foot.shapes, turn[foot.link])[::-1]) / 2 for foot in spec.feet]
+    balls = any(shape.kind == "sphere" for foot in spec.feet for shape in foot.shapes if len(foot.shapes) == 1)
+    return not balls and all(min(extent[:2]) >= SOLE for extent in extents)
+
+
+def _lifts(spec: Robot) -> list[tuple[np.ndarray, tuple[float, float, float]]]:
+    """Return which feet are lifted, bool, (feet,), and the shift of the trunk's centre of mass then [m], trial by trial.
+
+    One contact group, then the other, where each can carry the robot; else one foot at a time, with the centre of mass
+    shifted so that the weight is over the middle of the other feet.
     """
     groups = spec.groups()
-    if min(np.bincount(groups)) >= CARRIERS:
+    if groups is not None and min(np.bincount(groups)) >= CARRIERS:
         return [(groups != group, (0.0, 0.0, 0.0)) for group in (0, 1)]
-    mounts, share = np.array([leg.mount for leg in spec.legs]), spec.base.mass / spec.mass
     lifts = []
-    for lifted in np.eye(len(groups), dtype=bool):
-        x, y, _ = (mounts[~lifted].mean(axis=0) - mounts.mean(axis=0)) / share
+    for lifted in np.eye(len(spec.feet), dtype=bool):
+        angles = raised(spec, lifted)
+        position, turn = link_poses(spec, angles)
+        parts = [(spec.base.mass, np.array(spec.base.com))]
+        parts += [
+            (link.mass, position[number] + turn[number] @ np.array(link.com)) for number, link in enumerate(spec.links)
+        ]
+        centre = sum(mass * place for mass, place in parts) / spec.mass
+        x, y, _ = (foot_places(spec, angles)[~lifted].mean(axis=0) - centre) * spec.mass / spec.base.mass
         lifts.append((lifted, (float(x), float(y), 0.0)))
     return lifts
 
 
 def on_its_back(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
-    """A robot that lies on its back rests on the box of its trunk, and no foot touches."""
+    """A robot that lies on its back rests on the box of its trunk, and no foot touches; a biped would not lie still."""
+    if len(spec.feet) <= CARRIERS:
+        return ()
     body = Body.nominal(spec)
-    half = spec.base.size[2] / 2
-    motion = drive(make, body, timestep, SECONDS, still(body), half + 0.01, about(0, np.pi))
+    top = float(bounds(spec.base.shapes)[1][2])
+    motion = drive(make, body, timestep, SECONDS, still(body), top + 0.01, about(0, np.pi))
     return (
-        Figure("height of the trunk", float(motion.base_position[-1, 2] - half), "m", 3e-3),
+        Figure("height of the trunk", float(motion.base_position[-1, 2] - top), "m", 3e-3),
         Figure("feet that read wrong", float(motion.foot_contact.sum()), "1", 0.0),
     )
 
@@ -128,12 +177,14 @@ COURSE = (3.0, 3.0)
 
 
 def terrain(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
-    """A table on the landing of the stairs, on a slope made of boxes, and on the same slope as a height field."""
+    """A table on the landing of stairs, on a slope of boxes, and on that slope as a height field; a biped on the first."""
     stairs, slope = course("stairs", STEP), course("slope", ANGLE)
     figures = [
         _landing(make, spec, timestep, "landing of stairs", stairs),
         _landing(make, spec, timestep, "landing of a height field", sampled(stairs, COURSE, CELL)),
     ]
+    if len(spec.feet) <= CARRIERS:
+        return tuple(figures)
     for name, ground in (("slope", slope), ("slope of a height field", sampled(slope, COURSE, CELL))):
         figures += _slope(make, spec, timestep, name, ground)
     return tuple(figures)
@@ -172,7 +223,9 @@ def _slope(make: Make, spec: Robot, timestep: float, name: str, ground: Ground) 
 
 
 def foot_friction(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
-    """A table that slides down a slope is accelerated by g (sin α - μ cos α), on boxes."""
+    """A table that slides down a slope is accelerated by g (sin α - μ cos α), on boxes; a biped would fall over."""
+    if len(spec.feet) <= CARRIERS:
+        return ()
     motion = _on_slope(make, spec, timestep, course("slope", STEEP), STEEP, SLIPPERY, SLIDE)
     steps = len(motion.base_position) - 1
     speed = -(motion.base_position[-1, 0] - motion.base_position[steps // 2, 0]) / ((steps - steps // 2) * timestep)
@@ -182,25 +235,30 @@ def foot_friction(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...
 
 
 def shank_contact(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
-    """A shank that swings against a bar in the air, between knee and foot, stops there."""
-    height, stop = 1.0, spec.thigh.standing + spec.shank.standing
-    joint = links(spec)[-2].origin + links(spec)[-3].origin
-    knee = joint + [0.0, 0.0, height] + spec.thigh_link.size[2] * _leaning(spec.thigh.standing)
-    # The bar lies along the shank at the angle at which they meet, behind it.
-    behind = np.array([-np.cos(stop), 0.0, np.sin(stop)])
-    bar = knee + spec.shank_link.size[2] / 2 * _leaning(stop) + (BAR[2] + SHANK_RADIUS) * behind
-    ground = Ground(np.array([BAR]), bar[None], about(1, stop + np.pi / 2)[None])
+    """An outermost link that swings against a bar in the air, in the middle of its capsule, stops there.
+
+    Robots whose outermost link is no single capsule that catches on obstacles, straight from its joint, have no figure.
+    """
+    number, height = outermost(spec), 1.0 + spec.standing_height
+    link, joint = spec.links[number], spec.joints[number]
+    bones = [shape for shape in link.shapes if shape.contact == "obstacles"]
+    if len(bones) != 1 or bones[0].kind != "capsule" or np.hypot(*bones[0].position[:2]) > 1e-9:
+        return ()
+    position, turn = link_poses(spec, spec.joint_values("default_position"))
+    middle = turn[number] @ np.array(bones[0].position)
+    along = middle / np.linalg.norm(middle)
+    axis = turn[number] @ np.array(link.axis)
+    # The bar lies across the link at the angle at which they meet, on the side to which a larger angle leads.
+    ahead = np.cross(axis, along)
+    bar = position[number] + [0.0, 0.0, height] + middle + (BAR[2] + bones[0].size[0]) * ahead
+    ground = Ground(np.array([BAR]), bar[None], np.array(quaternion_of(np.column_stack((along, axis, -ahead))))[None])
     angles = spec.joint_values("default_position")
-    angles[-1] -= SWING
+    angles[number] -= min(SWING, 0.8 * (joint.default_position - joint.lower))
     torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
-    torque[-1], bound[-1] = 1.0, 0.2
-    body = Body.nominal(spec, fixed=True)
-    act: Act = lambda number, motion: (torque, bound)  # noqa: E731
+    torque[number], bound[number] = 1.0, 0.2
+    body = on_stand(spec)
+    act: Act = lambda step, motion: (torque, bound)  # noqa: E731
     motion = drive(make, body, timestep, TERRAIN_SECONDS, act, height, angles=angles, ground=ground)
-    reached = motion.joint_position[-1, -1] - spec.shank.standing
-    return (Figure("angle past the bar", float(reached), "rad", 0.02),)
-
-
-def _leaning(angle: float) -> np.ndarray:
-    """Return the direction in which a link hangs that is turned about y by an angle [rad]."""
-    return np.array([-np.sin(angle), 0.0, -np.cos(angle)])
+    return (
+        Figure("angle past the bar", float(motion.joint_position[-1, number] - joint.default_position), "rad", 0.02),
+    )

@@ -12,8 +12,7 @@ from stiction.engines.conformance.rig import Figure, drive, still, test_friction
 from stiction.engines.engine import Body, Make, Motion
 from stiction.engines.ground import flat
 from stiction.engines.mujoco_engine import MujocoEngine
-from stiction.robots.model import GRAVITY, Robot
-from stiction.robots.tree import Link, links
+from stiction.robots.model import GRAVITY, Link, Robot
 
 FINE = 1e-4
 """Timestep of the reference [s]."""
@@ -26,12 +25,12 @@ PUSH, BEAT, SPREAD = 0.015, 2.0, 0.5
 [rad]. All legs swing nearly together, so that the trunk turns, and no feet touch each other."""
 
 OFF_CENTRE = (0.10, 0.05, 0.03)
-"""Centre of mass of the trunk [m], so that it is not the origin of the frame."""
+"""Shift of the trunk's centre of mass [m], so that it is not the origin of the frame."""
 
 
 def fly(make: Make, spec: Robot, timestep: float, friction: float, hold: float) -> Motion:
     """Return a flight, step by step; torques change every `hold` seconds, a multiple of the timestep."""
-    body = replace(Body.nominal(spec), base_com=OFF_CENTRE)
+    body = replace(Body.nominal(spec), base_shift=OFF_CENTRE)
     phase, every = np.linspace(0.0, SPREAD, spec.num_joints), round(hold / timestep)
     push, bound = PUSH * spec.joint_values("kp"), np.full(spec.num_joints, friction)
 
@@ -110,7 +109,7 @@ def joint_order(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
 
 def _responses(make: Make, spec: Robot, timestep: float, angles: np.ndarray) -> np.ndarray:
     """Return velocities of joints and trunk after a step of 1 N m at each joint, less those of the fall; (J, J + 6)."""
-    body = replace(Body.nominal(spec), damping=np.zeros(spec.num_joints), base_com=OFF_CENTRE)
+    body = replace(Body.nominal(spec), damping=np.zeros(spec.num_joints), base_shift=OFF_CENTRE)
     engine = make(body, flat(), timestep)
     rows = []
     for torque in (np.zeros(spec.num_joints), *np.eye(spec.num_joints)):
@@ -125,7 +124,7 @@ def hanging_legs(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]
     """Loads of the joints of a robot on a stand: the weight behind each of them."""
     body = Body.nominal(spec, fixed=True)
     motion = drive(make, body, timestep, 0.2, still(body), HEIGHT)
-    force, torque = hanging_weight(links(spec), spec.joint_values("default_position"))
+    force, torque = hanging_weight(spec.links, spec.joint_values("default_position"))
     return (
         Figure("force", float(np.abs(motion.joint_force[-1] / force - 1.0).max()), "1", 0.01),
         Figure("torque", float(np.abs(motion.joint_torque[-1] - torque).max() / torque.max()), "1", 0.02),
@@ -140,7 +139,7 @@ def hanging_weight(tree: tuple[Link, ...], angles: np.ndarray) -> tuple[np.ndarr
     frames: list[tuple[np.ndarray, np.ndarray]] = []
     for link, angle in zip(tree, angles, strict=True):
         turn, place = frames[link.parent] if link.parent >= 0 else (np.eye(3), np.zeros(3))
-        frames.append((turn @ matrix(about_vector(link.axis, angle)), place + turn @ link.origin))
+        frames.append((turn @ matrix(about_vector(np.array(link.axis), angle)), place + turn @ link.origin))
     centres = np.array([place + turn @ link.com for link, (turn, place) in zip(tree, frames, strict=True)])
     force, torque = np.zeros(len(tree)), np.zeros((len(tree), 3))
     for number, link in enumerate(tree):

@@ -1,8 +1,8 @@
 """One joint against the exact solution: dry friction that holds, breaks away and brakes by Coulomb's law.
 
-The robot is bolted to a stand and lies on its side, so that the last shank's axis is vertical: no weight acts on it.
-All other joints are locked. The shank is a rigid box on a hinge, I q'' + B q' = τ − friction, and `stiction.joints`
-has its motion in closed form, stick and slip included.
+The robot is bolted to a stand and turned so that the axis of its outermost joint is vertical: no weight acts on it. All
+other joints are locked. The link is a rigid body on a hinge, I q'' + B q' = τ − friction, and `stiction.joints` has its
+motion in closed form, stick and slip included.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.core.rotation import about
-from stiction.engines.conformance.rig import HELD, Figure, drive, test_friction
-from stiction.engines.engine import Body, Make, Motion
+from stiction.core.rotation import UPRIGHT, about, about_vector
+from stiction.engines.conformance.rig import HELD, Figure, drive, on_stand, outermost, test_friction
+from stiction.engines.engine import Make, Motion
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, Trajectory, simulate
-from stiction.robots.model import Robot, box_inertia
+from stiction.robots.model import Robot, link_poses
 
 Pair = tuple[float, float]
 """Torque and bound of friction [N m]."""
@@ -39,38 +39,54 @@ AGAINST = 5.0
 """Torque with which a joint is driven against its limit [N m]."""
 
 SLOW, AMPLITUDE, LEVEL = 0.5, 0.3, 0.1
-"""Of the controlled joint: frequency [Hz] and amplitude [rad] of its target, friction over the torque limit [-]."""
+"""Of the controlled joint: frequency [Hz] and largest amplitude [rad] of its target, friction over the torque limit [-]."""
 
 
-def shank_inertia(spec: Robot) -> float:
-    """Return the inertia of a shank about its knee, rotor included [kg m²]: a uniform box on a hinge at its end."""
-    link = spec.shank_link
-    about_centre = box_inertia(link.mass, link.size)[1]
-    return float(spec.shank.armature + about_centre + link.mass * (link.size[2] / 2) ** 2)
+def hinge_inertia(spec: Robot) -> float:
+    """Return the inertia of the outermost link about its joint, rotor included [kg m²]."""
+    number = outermost(spec)
+    link, axis = spec.links[number], np.array(spec.links[number].axis)
+    lever = np.linalg.norm(np.cross(axis, link.com))
+    return float(spec.joints[number].armature + axis @ link.inertia_matrix @ axis + link.mass * lever**2)
+
+
+def upended(spec: Robot, angles: np.ndarray) -> np.ndarray:
+    """Return the orientation of the base in which the axis of the outermost joint points up, shape (4,)."""
+    number = outermost(spec)
+    axis = link_poses(spec, angles)[1][number] @ np.array(spec.links[number].axis)
+    turn = np.cross(axis, [0.0, 0.0, 1.0])
+    if (length := np.linalg.norm(turn)) < 1e-9:
+        return UPRIGHT if axis[2] > 0 else about(0, np.pi)
+    return about_vector(turn / length, float(np.arccos(np.clip(axis[2], -1.0, 1.0))))
+
+
+def inside(spec: Robot) -> float:
+    """Return an angle of the outermost joint with room on both sides [rad]."""
+    joint = spec.joints[outermost(spec)]
+    return joint.lower + min(0.3, (joint.upper - joint.lower) / 4)
 
 
 def exact(
     spec: Robot, gains: PDGains, friction: float, timestep: float, target: np.ndarray, load: np.ndarray
 ) -> Trajectory:
-    """Return the shank's motion in closed form, from rest at the first target; all of shape (samples,)."""
-    joint = Joint(shank_inertia(spec), spec.shank.damping, Coulomb(friction))
+    """Return the outermost link's motion in closed form, from rest at the first target; all of shape (samples,)."""
+    joint = Joint(hinge_inertia(spec), float(on_stand(spec).damping[outermost(spec)]), Coulomb(friction))
     return simulate(joint, gains, timestep, target, position=float(target[0]), load=load)
 
 
 def _drive(
     make: Make, spec: Robot, timestep: float, start: float, joint: Callable[[int, float, float], Pair]
 ) -> Motion:
-    """Return the motion of the last shank alone, under `joint(number, q, q')` -> torque and bound of friction [N m]."""
-    angles = spec.joint_values("default_position")
-    angles[-1] = start
+    """Return the motion of the outermost joint alone, under `joint(number, q, q')` -> torque and bound of friction [N m]."""
+    angles, own = spec.joint_values("default_position"), outermost(spec)
+    angles[own] = start
     torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)
 
     def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
-        torque[-1], bound[-1] = joint(number, motion.joint_position[-1], motion.joint_velocity[-1])
+        torque[own], bound[own] = joint(number, motion.joint_position[own], motion.joint_velocity[own])
         return torque, bound
 
-    # Turned by a quarter about x, the axes y of thighs and shanks point up.
-    return drive(make, Body.nominal(spec, fixed=True), timestep, END, act, 2.0, about(0, np.pi / 2), angles)
+    return drive(make, on_stand(spec), timestep, END, act, 2.0, upended(spec, angles), angles)
 
 
 @dataclass(frozen=True)
@@ -97,13 +113,20 @@ def break_away(make: Make, spec: Robot, timestep: float) -> BreakAway:
     times, levels = np.array(PROFILE).T
     steps = round(END / timestep)
     grid = np.arange(steps + 1) * timestep
-    start = spec.shank.lower + 0.3
+    start = inside(spec)
     # Torque is constant over a step: that of its middle gives a ramp its exact impulse.
     torque = friction * np.interp(grid[:-1] + timestep / 2, times, levels)
     motion = _drive(make, spec, timestep, start, lambda number, angle, speed: (torque[number], friction))
     load = friction * np.interp(grid, times, levels)
     truth = exact(spec, PDGains(1e-9, 0.0), friction, timestep, np.full(steps + 1, start), load)
-    return BreakAway(friction, grid, load, motion.joint_position[:, -1], motion.joint_velocity[:, -1], truth)
+    return BreakAway(
+        friction,
+        grid,
+        load,
+        motion.joint_position[:, outermost(spec)],
+        motion.joint_velocity[:, outermost(spec)],
+        truth,
+    )
 
 
 def friction_of_one_joint(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
@@ -136,10 +159,11 @@ def changing_friction(make: Make, spec: Robot, timestep: float) -> tuple[Figure,
     def loosened(number: int, angle: float, speed: float) -> Pair:
         return friction, 0.5 * friction if number in free else 4.0 * friction
 
-    motion = _drive(make, spec, timestep, spec.shank.lower + 0.3, loosened)
-    rate = spec.shank.damping / shank_inertia(spec)
-    wanted = 0.5 * friction / spec.shank.damping * (1.0 - np.exp(-rate * 0.3))
-    speed = motion.joint_velocity[:, -1]
+    motion = _drive(make, spec, timestep, inside(spec), loosened)
+    damping = float(on_stand(spec).damping[outermost(spec)])
+    rate = damping / hinge_inertia(spec)
+    wanted = 0.5 * friction / damping * (1.0 - np.exp(-rate * 0.3))
+    speed = motion.joint_velocity[:, outermost(spec)]
     return (
         Figure("speed before it is loosened", float(np.abs(speed[: free.start]).max()), "rad/s", 1e-3),
         Figure("speed when it is held again", float(speed[free.stop] / wanted - 1.0), "1", 0.01),
@@ -149,23 +173,26 @@ def changing_friction(make: Make, spec: Robot, timestep: float) -> tuple[Figure,
 
 def joint_limit(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """A joint that is driven against the end of its range stays there."""
-    upper = spec.shank.upper
-    motion = _drive(make, spec, timestep, upper - 0.5, lambda number, angle, speed: (AGAINST, 0.0))
-    return (Figure("angle past the limit", float(motion.joint_position[-1, -1] - upper), "rad", 0.03),)
+    joint = spec.joints[outermost(spec)]
+    upper, away = joint.upper, min(0.5, (joint.upper - joint.lower) / 2)
+    motion = _drive(make, spec, timestep, upper - away, lambda number, angle, speed: (AGAINST, 0.0))
+    return (Figure("angle past the limit", float(motion.joint_position[-1, outermost(spec)] - upper), "rad", 0.03),)
 
 
 def friction_under_control(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
     """Stick and slip of a joint that follows a slow sine under its controller, against the exact motion."""
     steps = round(END / timestep)
-    friction = LEVEL * spec.shank.torque_limit
-    gains = PDGains(spec.shank.stiffness, spec.shank.derivative)
+    joint = spec.joints[outermost(spec)]
+    friction, gains = LEVEL * joint.torque_limit, PDGains(joint.kp, joint.kd)
+    room = min(joint.default_position - joint.lower, joint.upper - joint.default_position)
+    amplitude = min(AMPLITUDE, 0.8 * room)
     grid = np.arange(steps + 1) * timestep
-    target = spec.shank.standing + AMPLITUDE * np.sin(2 * np.pi * SLOW * grid)
+    target = joint.default_position + amplitude * np.sin(2 * np.pi * SLOW * grid)
     truth = exact(spec, gains, friction, timestep, target, np.zeros(steps + 1))
 
     def controlled(number: int, angle: float, speed: float) -> Pair:
         return gains.kp * (target[number] - angle) - gains.kd * speed, friction
 
     motion = _drive(make, spec, timestep, float(target[0]), controlled)
-    error = motion.joint_position[:, -1] - truth.position
-    return (Figure("controlled joint", float(np.abs(error).max() / AMPLITUDE), "1", 0.01),)
+    error = motion.joint_position[:, outermost(spec)] - truth.position
+    return (Figure("controlled joint", float(np.abs(error).max() / amplitude), "1", 0.01),)

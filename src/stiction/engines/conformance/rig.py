@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -47,9 +47,26 @@ Check = Callable[[Make, Robot, float], tuple[Figure, ...]]
 """Measures one thing of an engine: what makes it, the robot, timestep [s] -> figures."""
 
 
+DAMPING = 0.05
+"""Viscous friction of joints that have none by the data sheet [N m s/rad]: what decays has an exact solution then."""
+
+
+def outermost(spec: Robot) -> int:
+    """Return the number of the last joint that carries no other: the one that is tested alone."""
+    carriers = {link.parent for link in spec.links}
+    return max(number for number in range(spec.num_joints) if number not in carriers)
+
+
 def test_friction(spec: Robot) -> float:
-    """Return the dry friction that joints are tested with [N m]: the shank's by the data sheet, or 1 % of its limit."""
-    return spec.shank.frictionloss or 0.01 * spec.shank.torque_limit
+    """Return the dry friction that joints are tested with [N m]: the outermost's, or 1 % of its torque limit."""
+    joint = spec.joints[outermost(spec)]
+    return joint.frictionloss or 0.01 * joint.torque_limit
+
+
+def on_stand(spec: Robot) -> Body:
+    """Return the robot bolted to a stand."""
+    body = Body.nominal(spec, fixed=True)
+    return replace(body, damping=np.where(body.damping > 0, body.damping, DAMPING))
 
 
 def record(engine: Engine, steps: int, act: Act) -> Motion:
@@ -85,7 +102,7 @@ def drive(
 
 def hold(body: Body, target: np.ndarray) -> Act:
     """Return joint controllers with the robot's gains and no friction, that hold joint angles [rad], shape (J,)."""
-    kp, kd, limit = (body.spec.joint_values(name) for name in ("stiffness", "derivative", "torque_limit"))
+    kp, kd, limit = (body.spec.joint_values(name) for name in ("kp", "kd", "torque_limit"))
 
     def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
         torque = kp * (target - motion.joint_position) - kd * motion.joint_velocity

@@ -100,10 +100,10 @@ def conformance(make: Make, spec: Robot, timestep: float = TIMESTEP) -> Iterator
     where the checks cannot be run with such a timestep or robot.
     """
     check_timestep(timestep)
-    if len(spec.feet) <= contact.CARRIERS:
+    if len(spec.feet) <= contact.CARRIERS and not contact.has_soles(spec):
         raise RobotError(
-            f"conformance with the robot {spec.name!r}: it has {len(spec.feet)} legs; expected at least "
-            f"{contact.CARRIERS + 1}, it stands on all but one"
+            f"conformance with the robot {spec.name!r}: it has {len(spec.feet)} feet; expected at least "
+            f"{contact.CARRIERS + 1}, or two with soles: it stands on all but one"
         )
     for name, check in CHECKS.items():
         try:

@@ -12,16 +12,18 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from stiction.engines.engine import Body
-from stiction.engines.ground import Ground, HeightField
+from stiction.engines.ground import Ground
 from stiction.engines.ode import library as c
 from stiction.engines.ode.robot import OdeRobot
-from stiction.robots.tree import SHANK_RADIUS, foot_position, links
+from stiction.robots.shapes import Shape
 
 FOOT, TRUNK, SHANK, PLANE, OBSTACLE = (1 << number for number in range(5))
 """Categories of shapes, as bits."""
@@ -183,17 +185,35 @@ class OdeContacts:
         return velocity[:3]
 
     def _add_robot(self, robot: OdeRobot, body: Body) -> None:
-        """Add the trunk's box, and sphere and capsule of every leg."""
-        library, space, spec = self._library, self._of_robot, body.spec
-        tree = links(spec)
-        trunk = library.dCreateBox(space, *spec.base.size)
-        self._attach(trunk, TRUNK, Owner(robot.base), -np.array(body.base_com))
-        for leg in range(self._legs):
-            number = 3 * leg + 2
-            shank, foot = robot.links[number], library.dCreateSphere(space, spec.foot_radius)
-            self._attach(foot, FOOT, Owner(shank, leg), foot_position(spec) - tree[number].com)
-            capsule = library.dCreateCapsule(space, SHANK_RADIUS, spec.shank_link.size[2])
-            self._attach(capsule, SHANK, Owner(shank), foot_position(spec) / 2 - tree[number].com)
+        """Add what can touch of the robot."""
+        spec = body.spec
+        for shape in spec.base.shapes:
+            self._add_shape(shape, TRUNK, Owner(robot.base), body.base_com)
+        for number, (link, part) in enumerate(zip(spec.links, robot.links, strict=True)):
+            for leg, foot in enumerate(spec.feet):
+                for shape in foot.shapes if foot.link == number else ():
+                    self._add_shape(shape, FOOT, Owner(part, leg), link.com)
+            for shape in link.shapes:
+                self._add_shape(shape, SHANK if shape.contact == "obstacles" else TRUNK, Owner(part), link.com)
+
+    def _add_shape(self, shape: Shape, category: int, owner: Owner, com: Sequence[float]) -> None:
+        """Attach one shape where it can touch; `com`: its body's centre of mass in the link's frame [m]."""
+        if shape.contact == "nothing":
+            return
+        library, space, (a, b, c_) = self._library, self._of_robot, shape.size
+        if shape.kind == "sphere":
+            built = library.dCreateSphere(space, a)
+        elif shape.kind == "box":
+            built = library.dCreateBox(space, 2 * a, 2 * b, 2 * c_)
+        elif shape.kind == "hull":
+            corners = np.array(shape.vertices)
+            built = self._mesh(corners, outward(corners), space)
+        else:
+            make = library.dCreateCapsule if shape.kind == "capsule" else library.dCreateCylinder
+            built = make(space, a, 2 * b)
+        self._attach(built, category, owner, np.subtract(shape.position, com))
+        if shape.quaternion != (1.0, 0.0, 0.0, 0.0):
+            library.dGeomSetOffsetQuaternion(built, (ctypes.c_double * 4)(*shape.quaternion))
 
     def _add_ground(self, ground: Ground) -> None:
         """Add plane, boxes and the triangles of the height field."""
@@ -205,18 +225,17 @@ class OdeContacts:
             library.dGeomSetQuaternion(box, (ctypes.c_double * 4)(*turn))
             self._categorize(box, OBSTACLE)
         if ground.field is not None:
-            self._categorize(self._mesh(ground.field), OBSTACLE)
+            self._categorize(self._mesh(*ground.field.triangles(), space), OBSTACLE)
 
-    def _mesh(self, field: HeightField) -> int:
-        """Return a shape of the field's triangles; ODE does not copy the arrays, so references to them are held."""
-        vertices, faces = field.triangles()
+    def _mesh(self, vertices: np.ndarray, faces: np.ndarray, space: int) -> int:
+        """Return a shape of triangles; ODE does not copy the arrays, so references to them are held."""
         vertices, faces = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.uint32)
         mesh = self._library.dGeomTriMeshDataCreate()
         self._meshes.append((mesh, vertices, faces))
         self._library.dGeomTriMeshDataBuildDouble(
             mesh, vertices.ctypes.data, 24, len(vertices), faces.ctypes.data, faces.size, 12
         )
-        return self._library.dCreateTriMesh(self._of_ground, mesh, None, None, None)
+        return int(self._library.dCreateTriMesh(space, mesh, None, None, None))
 
     def _attach(self, shape: int, category: int, owner: Owner, offset: np.ndarray) -> None:
         """Attach a shape to its owner, its middle `offset` away from the centre of mass [m], shape (3,)."""
@@ -229,6 +248,16 @@ class OdeContacts:
         """Set what a shape is, and what it collides with."""
         self._library.dGeomSetCategoryBits(shape, category)
         self._library.dGeomSetCollideBits(shape, MEETS[category])
+
+
+def outward(corners: np.ndarray) -> np.ndarray:
+    """Return the triangles of a convex hull, corners in the order in which they look outward, shape (faces, 3)."""
+    hull = ConvexHull(corners)
+    faces = hull.simplices.copy()
+    normals = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
+    inward = (normals * hull.equations[:, :3]).sum(axis=1) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return faces
 
 
 def distinct(contacts: list[c.Contact]) -> list[c.Contact]:

@@ -25,7 +25,6 @@ from stiction.engines.ode.contact import ContactSettings, OdeContacts
 from stiction.engines.ode.library import ode_library, prepare_thread, taken_messages
 from stiction.engines.ode.robot import OdeRobot
 from stiction.robots.model import GRAVITY
-from stiction.robots.tree import links
 
 WIDEST = 2 * np.pi
 """Range of a joint [rad]: ODE has angles from -π to π."""
@@ -33,12 +32,11 @@ WIDEST = 2 * np.pi
 
 def check_body(body: Body) -> None:
     """Raise `StictionError` for a robot that ODE cannot build."""
-    spec, tree = body.spec, links(body.spec)
+    spec, tree = body.spec, body.spec.links
     _expect(spec.name, "mass [kg]", [spec.base.mass, *(link.mass for link in tree)], above=0.0)
-    _expect(spec.name, "moment of inertia [kg m²]", np.array([link.inertia for link in tree]), above=0.0)
-    _expect(spec.name, "size of the trunk [m]", spec.base.size, above=0.0)
-    _expect(spec.name, "length of the shanks [m]", [spec.shank_link.size[2]], above=0.0)
-    _expect(spec.name, "radius of the feet [m]", [spec.foot_radius], above=0.0)
+    _expect(spec.name, "moment of inertia [kg m²]", np.array([link.principal[0] for link in tree]), above=0.0)
+    solid = [shape for part in (spec.base, *tree, *spec.feet) for shape in part.shapes if shape.contact != "nothing"]
+    _expect(spec.name, "size of a shape [m]", [shape.size[0] for shape in solid if shape.kind != "hull"], above=0.0)
     _expect(spec.name, "range of a joint [rad]", spec.joint_values("upper") - spec.joint_values("lower"), below=WIDEST)
     _expect(spec.name, "place of the trunk's centre of mass [m]", body.base_com)
     _expect(spec.name, "friction of the feet [1]", [body.ground_friction], least=0.0)

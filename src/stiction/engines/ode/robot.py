@@ -21,8 +21,7 @@ import numpy as np
 from stiction.core.rotation import about_vector, cross, matrix
 from stiction.engines.engine import Body
 from stiction.engines.ode import library as c
-from stiction.robots.model import box_inertia
-from stiction.robots.tree import links
+from stiction.robots.model import Body as RigidBody
 
 STATE = 3 + 4 + 3 + 3
 """Numbers of a body's state."""
@@ -40,12 +39,12 @@ class OdeRobot:
         lower, upper = spec.joint_values("lower"), spec.joint_values("upper")
         self._inertia = np.asarray(body.armature, float) / timestep
         self._softness = 1.0 / (self._inertia + body.damping)
-        self._library, self._links = library, links(spec)
-        self._middle, self._com = (lower + upper) / 2, np.array(body.base_com, float)
-        self.base = self._add_link(world, spec.base.mass, box_inertia(spec.base.mass, spec.base.size))
+        self._library, self._links = library, spec.links
+        self._middle, self._com = (lower + upper) / 2, body.base_com
+        self.base = self._add_link(world, spec.base)
         if body.fixed:
             library.dBodySetKinematic(self.base)
-        self.links = [self._add_link(world, link.mass, link.inertia) for link in self._links]
+        self.links = [self._add_link(world, link) for link in self._links]
         """Bodies behind the joints, in the order of `Robot.joint_names`."""
         self._feedback = np.zeros((len(self.links), 2, 4, 4))
         joints = self._add_joints(world, (upper - lower) / 2)
@@ -111,11 +110,12 @@ class OdeRobot:
         given = np.linalg.norm(self._feedback[:, :, :2, :3].sum(axis=1), axis=-1)
         return given[:, 0], given[:, 1]
 
-    def _add_link(self, world: int, mass: float, inertia: np.ndarray) -> int:
-        """Return a new body with a mass [kg] and principal moments [kg m²], shape (3,)."""
+    def _add_link(self, world: int, link: RigidBody) -> int:
+        """Return a new body with the mass and the inertia of a link."""
         body = self._library.dBodyCreate(world)
-        x, y, z = inertia
-        self._library.dBodySetMass(body, c.Mass(mass, (0, 0, 0, 0), (x, 0, 0, 0, 0, y, 0, 0, 0, 0, z, 0)))
+        x, y, z, xy, xz, yz = link.inertia
+        rows = (x, xy, xz, 0, xy, y, yz, 0, xz, yz, z, 0)
+        self._library.dBodySetMass(body, c.Mass(link.mass, (0, 0, 0, 0), rows))
         return body
 
     def _add_joints(self, world: int, half: np.ndarray) -> list[tuple[int, int]]:
@@ -156,7 +156,7 @@ class OdeRobot:
         origins: list[np.ndarray] = [position] * (len(self._links) + 1)
         for number, (link, turned) in enumerate(zip(self._links, angle, strict=True)):
             origins[number] = origins[link.parent] + turns[link.parent] @ link.origin
-            turns[number] = turns[link.parent] @ matrix(about_vector(link.axis, turned))
+            turns[number] = turns[link.parent] @ matrix(about_vector(np.array(link.axis), turned))
         return turns, origins
 
     def _put(self, body: int, centre: np.ndarray, turn: np.ndarray) -> None:
