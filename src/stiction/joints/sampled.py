@@ -104,7 +104,7 @@ def simulate_sampled(
 
 
 def growth(joint: Joint, gains: PDGains, sampling: Sampling) -> float:
-    """Return by which factor a disturbance grows a period, without friction and limit; unstable above 1 [1].
+    """Return the factor by which a disturbance grows a period, without friction and limit; unstable above 1 [1].
 
     The spectral radius of the loop with the state θ, θ', the late velocities and the filter's.
     """

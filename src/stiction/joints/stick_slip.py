@@ -328,7 +328,7 @@ class StickSlip:
         motion = np.empty((2, len(self.target)))
         index, state, length, side = 0, (position, velocity), FIRST_STRETCH, 0
         sign = int(np.sign(velocity))
-        piece = self._piece(sign, abs(velocity))
+        piece = max(sum(part.start <= abs(velocity) for part in self.pieces[sign]) - 1, 0) if sign else 0
         motion[:, 0] = state
         while index < len(self.target) - 1:
             if sign == 0:
@@ -378,7 +378,3 @@ class StickSlip:
         if not events[first]:
             return ahead, ahead.shape[1] - 1, False
         return (ahead, first - 1, True) if left[first] else (ahead, first, False)
-
-    def _piece(self, sign: int, speed: float) -> int:
-        """Return the piece of the law that holds at a speed [rad/s]."""
-        return max(sum(piece.start <= speed for piece in self.pieces[sign]) - 1, 0) if sign else 0

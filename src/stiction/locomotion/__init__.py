@@ -1,4 +1,4 @@
-"""Floor 3: the task: commands, rewards, randomisation, and the vectorised environment."""
+"""The task: commands, rewards, randomisation, and the vectorised environment."""
 
 import os
 

@@ -1,1 +1,1 @@
-"""Floor 4: rapid motor adaptation on rsl_rl: models, teacher, student, runner."""
+"""Rapid motor adaptation on rsl_rl: models, teacher, student, runner."""

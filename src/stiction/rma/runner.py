@@ -71,8 +71,10 @@ def ppo_cfg(cfg: TrainCfg, phase: str = "teacher") -> dict[str, Any]:
     }
 
 
-def distillation_cfg(cfg: TrainCfg) -> dict[str, Any]:
-    """Return rsl_rl's configuration of the distillation."""
+def student_cfg(cfg: TrainCfg) -> dict[str, Any]:
+    """Return rsl_rl's configuration of the second phase, PPO or distillation."""
+    if cfg.student.algorithm == "ppo":
+        return ppo_cfg(cfg, "student")
     student, largest_std = cfg.student, cfg.teacher.final_std or STD_RANGE[1]
     return {
         "symmetry": cfg.symmetry,
@@ -89,11 +91,6 @@ def distillation_cfg(cfg: TrainCfg) -> dict[str, Any]:
             "velocity_weight": cfg.teacher.velocity_weight,
         },
     }
-
-
-def student_cfg(cfg: TrainCfg) -> dict[str, Any]:
-    """Return rsl_rl's configuration of the second phase."""
-    return ppo_cfg(cfg, "student") if cfg.student.algorithm == "ppo" else distillation_cfg(cfg)
 
 
 def train(

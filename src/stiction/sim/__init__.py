@@ -1,1 +1,1 @@
-"""Floor 2: the batched simulation behind one protocol."""
+"""The batched simulation behind one protocol."""

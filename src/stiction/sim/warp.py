@@ -295,7 +295,13 @@ class WarpSimulation(Simulation):
             mirror.download()
         self.time += nstep * self.model.opt.timestep
         self._fresh[:] = False
-        self._check_room()
+        lacking = self._d.overflow.numpy() & ~int(ITERATED)
+        if lacking.any():
+            names = mjw.OverflowType(int(np.bitwise_or.reduce(lacking))).name
+            raise EngineError(
+                f"the GPU backend has room for {self.contacts} contacts a robot, and {np.count_nonzero(lacking)} of "
+                f"{self.num} robots needed more ({names}); raise --contacts"
+            )
         return out_of_bounds(self._finite)
 
     def _advance(self, nstep: int) -> None:
@@ -310,16 +316,6 @@ class WarpSimulation(Simulation):
             mjw.step(self._m, self._d)
         wp.launch(restart_clocks, (self.num, self._stamps.size), [self._stamps, self._d.time], [self._d.history])
         self._d.time.zero_()
-
-    def _check_room(self) -> None:
-        """Refuse results that were computed without room for every contact."""
-        lacking = self._d.overflow.numpy() & ~int(ITERATED)
-        if lacking.any():
-            names = mjw.OverflowType(int(np.bitwise_or.reduce(lacking))).name
-            raise EngineError(
-                f"the GPU backend has room for {self.contacts} contacts a robot, and {np.count_nonzero(lacking)} of "
-                f"{self.num} robots needed more ({names}); raise --contacts"
-            )
 
     def materialize(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return one simulation's model, with its own parameters, and its state; nothing derived is computed yet."""
