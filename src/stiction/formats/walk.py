@@ -14,7 +14,6 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -59,10 +58,8 @@ class Recording:
 
     def _each(self, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
         """Return the recording with every signal changed."""
-        names = ["velocity", "position", "contact", "power", "square_acceleration", "upright"]
-        names += ["friction"] if self.friction is not None else []
-        changed: dict[str, Any] = {name: change(getattr(self, name)) for name in names}
-        return replace(self, **changed)
+        signals = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return replace(self, **{name: change(value) for name, value in signals.items()})
 
 
 SCHEMA = "stiction-walk"
