@@ -14,6 +14,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -59,7 +60,8 @@ class Recording:
     def _each(self, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
         """Return the recording with every signal changed."""
         signals = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        return replace(self, **{name: change(value) for name, value in signals.items()})
+        changed: dict[str, Any] = {name: change(value) for name, value in signals.items()}
+        return replace(self, **changed)
 
 
 SCHEMA = "stiction-walk"
