@@ -182,8 +182,8 @@ def _show(summary: dict) -> None:
     if summary["parts"] is not None:
         console.print(_parts_table(summary["parts"]))
     facts = summary["machine"]
-    made = f"{facts['threads']} threads, matrix products {facts['gemm']}, Python {facts['python']}"
-    console.print(f"{facts['cpu']}, {made}, revision {summary['revision']}")
+    software = f"{facts['threads']} threads, matrix products {facts['gemm']}, Python {facts['python']}"
+    console.print(f"{facts['cpu']}, {software}, revision {summary['revision']}")
 
 
 def _parts_table(parts: dict[str, dict[str, float]]) -> Table:

@@ -123,7 +123,7 @@ def main(arguments: list[str]) -> int:
         if record is not None and cfg.log is not None:
             summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
     print_warnings("evaluate", summary["warnings"])
-    tell(cfg, rows, {"command": command} | summary)
+    write_and_print(cfg, rows, {"command": command} | summary)
     return 0
 
 
@@ -136,10 +136,10 @@ def judge_again(cfg: EvaluateCfg, command: str) -> None:
     engines, terrains = ([*dict.fromkeys(getattr(row, name) for row in rows)] for name in ("engine", "terrain"))
     older = {"engines": engines, "terrains": terrains, "robots": [], "warnings": [], "ways": {}}
     before = {name: value for name, value in read_summary(cfg.out / "summary.json").items() if name != "schema_version"}
-    tell(cfg, rows, older | before | {"judged": {"command": command, **Origin.now().provenance}})
+    write_and_print(cfg, rows, older | before | {"judged": {"command": command, **Origin.now().provenance}})
 
 
-def tell(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, Any]) -> None:
+def write_and_print(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, Any]) -> None:
     """Write the files and the page; print the rows."""
     from stiction.evaluate.samples import samples_of
     from stiction.formats.results import summary_text

@@ -53,12 +53,12 @@ def main(arguments: list[str]) -> int:
 
     command = shlex.join(["stiction", "excite", *arguments])
     with work_progress() as progress:
-        made = design_excitation(setup, config.joint, command, progress)
-    text = object_text(made.record.to_dict())
+        designed = design_excitation(setup, config.joint, command, progress)
+    text = object_text(designed.record.to_dict())
     try:
         config.out.mkdir(parents=True, exist_ok=True)
-        write_log(config.out / "trajectory.csv", made.trajectory)
-        write_signals(config.out / "design.npz", made.signals)
+        write_log(config.out / "trajectory.csv", designed.trajectory)
+        write_signals(config.out / "design.npz", designed.signals)
         (config.out / "design.json").write_text(text, encoding="utf-8")
         write_excitation_page(config.out)
     except OSError as error:
@@ -66,7 +66,7 @@ def main(arguments: list[str]) -> int:
     if config.json:
         print(text, end="")
     else:
-        show(Console(), made.record, config.out)
+        show(Console(), designed.record, config.out)
     return 0
 
 

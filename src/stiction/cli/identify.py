@@ -241,7 +241,7 @@ def _several(found: dict[str, JointRecord]) -> Table:
 
 
 def _show_walk(console: Console, joints: JointsFile) -> None:
-    """Print what a walk told of its joints, and the warnings, for a person."""
+    """Print what was found in a walk, and the warnings, for a person."""
     from stiction.report.walking import VALUE_CAPTION, VALUE_COLUMNS, grouped_warnings, value_rows
 
     table = Table("", *VALUE_COLUMNS, caption=VALUE_CAPTION)

@@ -1,12 +1,12 @@
 """A policy bundle: a directory of five files that holds everything needed to run a policy, and to check it.
 
-A sixth, wear.json, is there where the policy's own walk tells the friction of the joints. SHA256SUMS guards against
+A sixth, wear.json, may hold a map from the policy's walk to the friction of its joints. SHA256SUMS guards against
 damage and mix-ups. It is not a signature: whoever can write all files can write a consistent bundle of another policy.
 Take bundles from where you trust, and compare `Bundle.digest` with what its maker published.
 
-`export` records them with the policy as training computes it, in torch; `verify` and robots replay them with NumPy and
-onnxruntime. They also hold the SHA-256 of the bundle's other files, so that a contract or a card edited afterwards no
-longer fits.
+The golden vectors are recorded by `export` with the policy as training computes it, in torch; `verify` and robots
+replay them with NumPy and onnxruntime. They also hold the SHA-256 of the bundle's other files, so that a contract or a
+card edited afterwards no longer fits.
 """
 
 from __future__ import annotations
@@ -153,7 +153,7 @@ class Bundle:
     size: int
     """Size of all files together [B]."""
     wear: WearModel | None = None
-    """The map of the wear monitor, checked; None where the policy's walk tells no friction."""
+    """The map of the wear monitor, checked; None where there is none."""
 
 
 def read_bundle(path: Path | str) -> Bundle:

@@ -72,7 +72,7 @@ SLOW_TERMS = ("slow_error", "slow_speed", "slow_power")
 angle is from the last target, standing + action_scale a_{t-1} − θ.
 
 kp e θ' is the power that dry friction and damping use up in the mean, f |θ'| + (B + kd) θ'²; of a joint that is stuck,
-kp |e| is up to f. So the three together tell f, and no frame alone does. Since the last reset frame i weighs
+kp |e| is up to f. So f follows from the three together, and from no frame alone. Since the last reset frame i weighs
 
     mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_kept`
 """
@@ -89,8 +89,8 @@ class ObservationLayout:
     direction: str = "oldest_first"
     layout: str = "frame_major"
     slow_kept: float | None = None
-    """What slow means keep of their weights from one frame to the next, exp(−control period/time constant) [1]; None
-    where there are none."""
+    """Factor of the slow means' weights from one frame to the next, exp(−control period/time constant) [1]; None where
+    there are no slow means."""
 
     def __post_init__(self) -> None:
         """Refuse terms that nobody can compute."""
@@ -103,11 +103,11 @@ class ObservationLayout:
                 f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length!r}: "
                 "expected 'oldest_first', 'frame_major' and a length of at least 1"
             )
-        slow, kept = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_kept
-        if slow and not (isinstance(kept, float) and 0 < kept < 1):
-            raise BundleError(f"observation terms {', '.join(slow)} with slow_kept {kept!r}: expected one in (0, 1)")
-        if not slow and kept is not None:
-            raise BundleError(f"observation slow_kept {kept!r} without a slow term: expected none")
+        slow, weight = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_kept
+        if slow and not (isinstance(weight, float) and 0 < weight < 1):
+            raise BundleError(f"observation terms {', '.join(slow)} with slow_kept {weight!r}: expected one in (0, 1)")
+        if not slow and weight is not None:
+            raise BundleError(f"observation slow_kept {weight!r} without a slow term: expected none")
 
     def has(self, name: str) -> bool:
         """Say whether a frame has a term of this name."""
@@ -135,7 +135,7 @@ def proprioception(
     Args:
         num_joints: of the robot.
         history_length: frames in o_H, the present one included.
-        known_kinds: kinds of joints whose friction the policy is told; 0: it is told nothing, as in the paper.
+        known_kinds: kinds of joints whose friction the policy observes; 0: none, as in the paper.
         slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
 
     """
@@ -248,9 +248,9 @@ class Contract:
     """Of a law with these numbers, `stribeck`: friction at rest over friction in motion [1], and the speed v_s [rad/s];
     else None."""
     known_friction: Mapping[str, float] | None = None
-    """Of a policy that is told its joints' friction (the observation has the term `known_friction`): what it is told
-    where nobody says otherwise, kind of joint -> dry friction as a fraction of the torque limit [-]. None of any other
-    policy; and of one that takes no step before it is told."""
+    """Of a policy that observes its joints' friction (the term `known_friction`): the default, kind of joint -> dry
+    friction as a fraction of the torque limit [-]. None of any other policy, and of one that must be given it before
+    its first step."""
     known_friction_file: Mapping[str, str] | None = None
     """`name` and `sha256` of the joints.json that `known_friction` is from; None: the nominal friction of training."""
     phases: int | None = None
@@ -285,14 +285,14 @@ class Contract:
 
     @property
     def knows_friction(self) -> bool:
-        """Whether the policy is told the friction of its joints."""
+        """Whether the policy observes the friction of its joints."""
         return self.observation.has(TERM)
 
     @property
     def told_friction(self) -> np.ndarray | None:
-        """What it is told [-], shape (kinds,), in the order of the joints; None where there is nothing to tell."""
-        told = self.known_friction
-        return None if told is None else np.array([told[kind] for kind in dict.fromkeys(self.kinds)])
+        """`known_friction` as an array [-], shape (kinds,), in the order of the joints; None where that is None."""
+        given = self.known_friction
+        return None if given is None else np.array([given[kind] for kind in dict.fromkeys(self.kinds)])
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -367,7 +367,7 @@ def _is_file(value: Any) -> bool:
 
 
 def _one_of(*values: Any) -> Rule:
-    """Return the rule of a field that knows some values alone."""
+    """Return the rule of a field that takes some values alone."""
     words = " or ".join("null" if value is None else repr(value) for value in values)
     return lambda value: value in values and not isinstance(value, bool), words
 
@@ -477,12 +477,12 @@ def _check_observation(layout: ObservationLayout, num_joints: int, num_kinds: in
 
 
 def _check_known_friction(contract: Contract) -> None:
-    """Check that what the policy is told is of its kinds of joints, and that only one that listens is told."""
-    told, kinds = contract.known_friction, tuple(dict.fromkeys(contract.kinds))
-    if not contract.knows_friction or told is None:
-        _expect(told is None, "known_friction", told, f"null: the observation has no term {TERM!r}")
+    """Check that known friction is that of the kinds of joints, and there only where the policy observes it."""
+    given, kinds = contract.known_friction, tuple(dict.fromkeys(contract.kinds))
+    if not contract.knows_friction or given is None:
+        _expect(given is None, "known_friction", given, f"null: the observation has no term {TERM!r}")
         file = contract.known_friction_file
         _expect(file is None, "known_friction_file", file, "null, as 'known_friction' is")
         return
-    right = isinstance(told, Mapping) and set(told) == set(kinds) and all(map(_not_negative, told.values()))
-    _expect(right, "known_friction", told, f"an object with a number >= 0 for each of {', '.join(kinds)}, or null")
+    right = isinstance(given, Mapping) and set(given) == set(kinds) and all(map(_not_negative, given.values()))
+    _expect(right, "known_friction", given, f"an object with a number >= 0 for each of {', '.join(kinds)}, or null")

@@ -36,7 +36,7 @@ def _with_unit(name: str) -> str:
 
 @dataclass(frozen=True)
 class Predicted:
-    """What the log will tell of one parameter."""
+    """How well the log will show one parameter."""
 
     name: str = field(metadata=column("", form=_with_unit))
     """As in `joints.json`, or a combination with the motor strength k."""
@@ -52,7 +52,7 @@ class Predicted:
 
 @dataclass(frozen=True)
 class OneSine:
-    """What A sin(ωt) tells, of the same duration and within the same limits as the design."""
+    """How well A sin(ωt) shows them, of the same duration and within the same limits as the design."""
 
     frequency: float
     """[Hz]."""
@@ -68,7 +68,7 @@ class OneSine:
 
 @dataclass(frozen=True)
 class GainPoint:
-    """What the design's trajectory tells of Coulomb friction at other gains."""
+    """How well the design's trajectory shows Coulomb friction at other gains."""
 
     kp: float
     """[N m/rad]."""
@@ -101,7 +101,7 @@ class GainTrial:
 
 @dataclass(frozen=True)
 class ExcitationDesign:
-    """A designed log: how to run it, and what it will tell."""
+    """A designed log: how to run it, and how well it will show each parameter."""
 
     joint: str
     """Name of the joint."""
@@ -130,7 +130,7 @@ class ExcitationDesign:
     d_criterion: float
     """log det of the bound on the relative deviations of inertia, viscous and Coulomb friction, at the guess."""
     worst: float
-    """Largest relative standard deviation among those three over the range of guesses: what was made small [1]."""
+    """Largest relative standard deviation among those three over the range of guesses, which the search minimised."""
     wanted: dict[str, float]
     """`relative`, the deviation of f asked for [1], and `duration`, the log that it takes in whole patterns [s]."""
     sines: tuple[OneSine, ...]

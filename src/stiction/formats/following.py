@@ -44,7 +44,7 @@ def row_pace(row: ResultRow) -> Pace | Literal["fell"] | None:
 class Following:
     """Which training seeds of a method follow under one friction in one engine on flat ground; a row of following.csv.
 
-    A seed counts that walked both ways; of virtual robots it is known by its mean over them.
+    A seed counts that walked in both directions; of virtual robots its mean over them counts.
     """
 
     method: str
@@ -72,7 +72,7 @@ class Following:
 
     @property
     def every_seed(self) -> bool:
-        """Whether the way follows."""
+        """Whether every training seed follows."""
         return self.follow == self.seeds
 
     @property
@@ -82,7 +82,7 @@ class Following:
 
 
 def together(cells: Sequence[Following]) -> str:
-    """Return the same over several cells of one way: pairs of a seed and a cell."""
+    """Return the same over several cells of one training method: pairs of a seed and a cell."""
     wrong = {
         "too slow": sum(cell.too_slow for cell in cells),
         "too fast": sum(cell.too_fast for cell in cells),
@@ -93,7 +93,7 @@ def together(cells: Sequence[Following]) -> str:
 
 
 def count(cell: tuple[str, str, str, float], seeds: Iterable[Mapping[str, ResultRow]]) -> Following | None:
-    """Return who follows of the seeds of one cell; None where none of them walked both ways.
+    """Return who follows of the seeds of one cell; None where none of them walked in both directions.
 
     cell: method, engine, law, level; seeds: command -> row, of each.
     """
@@ -118,7 +118,7 @@ def count(cell: tuple[str, str, str, float], seeds: Iterable[Mapping[str, Result
 def following(rows: Iterable[ResultRow], method_of: Callable[[ResultRow], str]) -> list[Following]:
     """Return who follows of every training method, in every engine and under every friction, in the order of the rows.
 
-    method_of: row -> its way; each of its policies is one training seed.
+    method_of: row -> its training method; each of its policies is one training seed.
     """
     cells: dict[tuple[str, str, str, float], dict[str, dict[str, ResultRow]]] = {}
     for row in rows:

@@ -92,17 +92,17 @@ class JointRecord:
     gravity_cos: Estimate | None = None
     """See `gravity_sin` [N m]."""
     static_friction: Estimate | None = None
-    """Friction at rest, where it was told apart from Coulomb friction [N m]."""
+    """Friction at rest, where the log distinguishes it from Coulomb friction [N m]."""
     stribeck_velocity: Estimate | None = None
     """Speed at which static friction has given way to Coulomb friction [rad/s]."""
     load_coefficient: Estimate | None = None
     """Friction per unit of transmitted load [1]."""
     motor_strength: Estimate | None = None
-    """k, torque delivered over torque logged or commanded, where a known payload told it [1]."""
+    """k, torque delivered over torque logged or commanded, where a known payload shows it [1]."""
     encoder_bias: Estimate | None = None
-    """Logged angle less the true one, where it was asked for and the log tells it [rad]."""
+    """Logged angle less the true one, where it was asked for and the log shows it [rad]."""
     delay: Estimate | None = None
-    """How late the controller is, where it was asked for and the log tells it [s]."""
+    """Delay of the controller, where it was asked for and the log shows it [s]."""
     friction_ratio: Estimate | None = None
     """Coulomb friction over torque limit [1]."""
     dead_band: Estimate | None = None
@@ -115,7 +115,7 @@ class JointRecord:
     axis: str = "rotary"
     """`rotary` or `linear`."""
     test_condition: str | None = None
-    """`bare_motor`, `in_air` or `loaded`; null if nobody said."""
+    """`bare_motor`, `in_air` or `loaded`; null if not declared."""
     torque_source: str | None = None
     """`motor_side` or `output_side`; null without torque."""
     kp: float | None = None

@@ -1,4 +1,4 @@
-"""What a policy is told of its joints' dry friction: f/τ_max of each kind of joint, as a bench identifies it.
+"""Known friction, which some policies observe: f/τ_max of each kind of joint, as a bench identifies it.
 
 `FL_shank` and `RR_shank` are of a kind. Joints of a kind are alike by design, one
 number each is what a log of one leg already gives, and a robot's own joints differ from it as training lets them.
@@ -29,18 +29,18 @@ def kind_average(kinds: Sequence[str]) -> np.ndarray:
 
 @dataclass(frozen=True)
 class BenchFriction:
-    """What a bench says of the friction of each kind of joint."""
+    """Friction of each kind of joint as a bench identified it."""
 
     share: dict[str, float]
     """Kind of joint -> f/τ_max [-]."""
     missing: tuple[str, ...]
-    """Joints whose friction the bench does not tell."""
+    """Joints whose friction was not identified."""
     notes: tuple[str, ...]
-    """What stands in their place, in words for people."""
+    """What is used instead, in words for people."""
 
     @property
     def array(self) -> np.ndarray:
-        """What is said [-], shape (kinds,), in the order in which the joints have them."""
+        """`share` as an array [-], shape (kinds,), in the order in which the joints have them."""
         return np.array(list(self.share.values()))
 
 
@@ -90,7 +90,7 @@ def bench_friction(
 
 
 def _share(name: str, record: JointRecord, limit: float) -> float | None:
-    """Return f/τ_max of a joint whose motor gives `limit` [N m]; None where its record does not tell."""
+    """Return f/τ_max of a joint whose motor gives `limit` [N m]; None where its record has neither."""
     if record.axis != "rotary":
         raise FileError(f"joint {name!r} was identified as a linear axis (kg, N); expected a rotary one")
     if record.coulomb_friction is not None:
@@ -98,6 +98,6 @@ def _share(name: str, record: JointRecord, limit: float) -> float | None:
     return None if record.friction_ratio is None else max(0.0, record.friction_ratio.value)
 
 
-def told_text(told: Mapping[str, float]) -> str:
-    """Return what a policy is told, for people: `hip 1 %, thigh 2 % of the torque limit`."""
-    return f"{', '.join(f'{kind} {100 * share:.3g} %' for kind, share in told.items())} of the torque limit"
+def told_text(shares: Mapping[str, float]) -> str:
+    """Return known friction for people: `hip 1 %, thigh 2 % of the torque limit`."""
+    return f"{', '.join(f'{kind} {100 * share:.3g} %' for kind, share in shares.items())} of the torque limit"

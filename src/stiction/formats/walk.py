@@ -1,8 +1,8 @@
 """The log of a walking robot: what its joints, its IMU and its feet measured, and how. NPZ, never pickled.
 
 Every stage that has a robot walk writes this one form, in simulation and on hardware, and every stage that learns from
-a walk reads it. What a log does not say, such as the friction of a simulated robot's joints, is not in it on purpose:
-who identifies a log knows no more than on a robot.
+a walk reads it. What a log does not say, such as the friction of a simulated robot's joints, is left out on purpose:
+identification must not know more than on a robot.
 
 The archive holds one array per field of `WalkLog` that is not None, with the field's name, and `header`, a text: a JSON
 object with `schema`, `schema_version`, and every field of `WalkHeader`.
@@ -51,7 +51,7 @@ class Recording:
         return self._each(lambda values: values[first_step:, robots])
 
     def lasting(self, steps: int) -> Recording:
-        """Return the recording, drawn out to a number of steps as those of a batch are: who fell lies where it fell."""
+        """Return the recording extended to a number of steps, as in a batch: a robot that fell stays where it fell."""
         more = steps - len(self.upright)
         longer = self._each(lambda values: np.concatenate((values, np.repeat(values[-1:], more, axis=0))))
         longer.upright[len(self.upright) :] = False
@@ -59,9 +59,8 @@ class Recording:
 
     def _each(self, change: Callable[[np.ndarray], np.ndarray]) -> Recording:
         """Return the recording with every signal changed."""
-        names = ["velocity", "position", "contact", "power", "square_acceleration", "upright"]
-        names += ["friction"] if self.friction is not None else []
-        changed: dict[str, Any] = {name: change(getattr(self, name)) for name in names}
+        signals = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        changed: dict[str, Any] = {name: change(value) for name, value in signals.items()}
         return replace(self, **changed)
 
 
@@ -104,7 +103,7 @@ class WalkHeader:
     policy: str = ""
     """Name of the policy that walked, empty if there was none."""
     command: str = ""
-    """What it was told, where that did not change: `vx=0.5`."""
+    """Commanded velocity, where that did not change: `vx=0.5`."""
     noise: dict[str, float] = field(default_factory=dict)
     """Name of a sensor's error -> its size, as far as known: in a simulated log what was added, on a robot the data
     sheet's."""

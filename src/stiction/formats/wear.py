@@ -1,4 +1,4 @@
-"""`wear.json`: how one policy's own observations tell the dry friction of the joints it walks on, and how surely."""
+"""`wear.json`: a map from one policy's own observations to the dry friction of its joints, with intervals."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class WearModel:
     weights: tuple[tuple[float, ...], ...]
     """One row per feature, one entry per target [-]."""
     intercept: tuple[float, ...]
-    """What is said where every feature is at its center [-]."""
+    """Estimate where every feature is at its center [-]."""
     reach: tuple[float, ...]
     """Half-width of each target's 95 % interval [-]: what 95 % of the calibration robots' errors do not pass."""
     told: tuple[bool, ...]
-    """Whether each target is told at all: the lower end of its R² on unseen robots is above `threshold`."""
+    """Whether each target is estimated at all: the lower end of its R² on unseen robots is above `threshold`."""
     determination: tuple[float, ...]
     """R² of each target on unseen robots [-]."""
     coverage: tuple[float, ...]
@@ -49,7 +49,7 @@ class WearModel:
     threshold: float
     """See `told` [-]."""
     highest: float
-    """Friction of the robots it was fitted on went from 0 to this [-]. It knows nothing of more."""
+    """Friction of the robots it was fitted on went from 0 to this [-]; beyond, it extrapolates."""
     unusual: float
     """Mean square of the standardised features that 99 % of the calibration windows stay under [-]: a window above it
     is not like those that the map was fitted on."""

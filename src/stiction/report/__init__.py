@@ -1,1 +1,1 @@
-"""Floor 6: figures and HTML pages, made from the files of `formats` alone."""
+"""Figures and HTML pages, made from the files of `formats` alone."""

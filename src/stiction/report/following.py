@@ -18,17 +18,15 @@ def friction_text(law: str, level: float) -> str:
     return f"{text} and {load} of the load" if load else text
 
 
-NEEDS = "My joint has this much friction: which training follows?"
-
-
 def by_level(cells: Sequence[Following]) -> dict[float, dict[str, list[Following]]]:
     """Return level -> method -> its cells, levels from low to high, methods in the order of the rows."""
-    methods = list(dict.fromkeys(cell.method for cell in cells))
-    levels = sorted({cell.friction_level for cell in cells})
-    at = {level: [cell for cell in cells if cell.friction_level == level] for level in levels}
-    return {
-        level: {method: [one for one in at[level] if one.method == method] for method in methods} for level in levels
+    methods = dict.fromkeys(cell.method for cell in cells)
+    at: dict[float, dict[str, list[Following]]] = {
+        level: {method: [] for method in methods} for level in sorted({cell.friction_level for cell in cells})
     }
+    for cell in cells:
+        at[cell.friction_level][cell.method].append(cell)
+    return at
 
 
 def everywhere(methods: Mapping[str, Sequence[Following]]) -> list[str]:
@@ -63,9 +61,9 @@ def needs_sheet(cells: Sequence[Following]) -> Sheet:
     cells: shares of the torque limit, in places where a user's robot may be.
     """
     levels = by_level(cells)
-    own = {
-        method: [cell for cell in cells if cell.method == method] for method in dict.fromkeys(c.method for c in cells)
-    }
+    own: dict[str, list[Following]] = {}
+    for cell in cells:
+        own.setdefault(cell.method, []).append(cell)
     rows = []
     for level, methods in levels.items():
         sure = ", ".join(_named(method, own[method]) for method in everywhere(methods))
@@ -76,7 +74,7 @@ def needs_sheet(cells: Sequence[Following]) -> Sheet:
         f"{DEFINITION} Levels are those that were tested. Columns of methods count pairs of a seed and a place: the "
         "engines, and the virtual robots, of which a seed is known by its mean over them. One seed is no evidence."
     )
-    return Sheet(NEEDS, header, tuple(rows), note)
+    return Sheet("My joint has this much friction: which training follows?", header, tuple(rows), note)
 
 
 def places_sheet(cells: Sequence[Following]) -> Sheet:
@@ -152,9 +150,6 @@ def changes_sheet(summary: Mapping[str, Any]) -> Sheet | None:
 def judged_text(summary: Mapping[str, Any]) -> str:
     """Say by which command rows of before were judged; empty where the command that made them did."""
     judged = summary.get("judged")
-    return (
-        ""
-        if judged is None
-        else f"Judged and drawn anew, from the same rows, by {judged['command']}"
-        + (f", revision {judged['revision']}.")
-    )
+    if judged is None:
+        return ""
+    return f"Judged and drawn anew, from the same rows, by {judged['command']}, revision {judged['revision']}."

@@ -29,7 +29,7 @@ from stiction.report.page import (
 
 
 def agreement(record: JointRecord) -> tuple[Markup, ...]:
-    """Tabulate what the halves of the log, its slow and fast parts, and repeats say by themselves."""
+    """Tabulate what the halves of the log, its slow and fast parts, and repeats give by themselves."""
     blocks = []
     how = "by torque regression" if record.diagnostics.get("closed_loop") else "by output error"
     for comparison in record.diagnostics.get("comparisons", ()):
@@ -264,7 +264,7 @@ def _values(record: JointRecord) -> Markup:
 
 
 def _combinations(record: JointRecord) -> tuple[Markup, ...]:
-    """Tabulate what is known where a parameter is not, and say what would tell more."""
+    """Tabulate what is known where a parameter is not, and name the log that would show more."""
     if not record.combinations:
         return ()
     rows = [[label, *cells(estimate)] for label, estimate in record.combinations.items()]

@@ -120,12 +120,12 @@ def overview(records: dict[str, JointRecord]) -> Markup:
         ("f/τ_max [%]", lambda record: record.friction_ratio, 100.0),
     )
     for axis, (label, pick, factor) in zip(axes, panels, strict=True):
-        for place, name in enumerate(names):
+        for line, name in enumerate(names):
             estimate = pick(records[name])
             if estimate is not None:
                 shown = estimate.scaled(factor)
-                axis.plot(shown.interval95, [place, place], color=COLORS[0], alpha=0.5, linewidth=4)
-                axis.plot([shown.value], [place], "o", color=COLORS[0], markersize=4)
+                axis.plot(shown.interval95, [line, line], color=COLORS[0], alpha=0.5, linewidth=4)
+                axis.plot([shown.value], [line], "o", color=COLORS[0], markersize=4)
         axis.set_yticks(range(len(names)), names)
         axis.set_ylim(len(names) - 0.5, -0.5)
         axis.set_xlim(left=0)

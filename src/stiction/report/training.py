@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from markupsafe import Markup
 
 from stiction.core.errors import FileError
 from stiction.formats.actuator import FILE, ActuatorFit, read_actuator, read_actuator_fit
+from stiction.formats.plain import read_object
 from stiction.formats.results import read_metrics
 from stiction.joints.net import INPUT_SETS, ActuatorNet
 from stiction.report.page import INK, Section, figure_block, legend, new_figure, paragraph, render_page, table
@@ -91,13 +93,11 @@ BASELINE = (
 def write_actuator_page(folder: Path) -> Path:
     """Write `report.html` from the files of `stiction train-actuator` in `folder`; return its path."""
     net, fit = read_actuator(folder / FILE), read_actuator_fit(folder / "fit.npz")
-    try:
-        summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise FileError(f"{folder / 'summary.json'} cannot be read: {error}; run train-actuator again") from error
+    summary = read_object(folder / "summary.json", "that of train-actuator; run it again")
     page = folder / "report.html"
+    caption = f"The end of {next(iter(net.validation))}, which was kept out of the fit; first joint of each group."
     sections = [
-        Section("Torque, predicted and measured", (figure_block(_torques(net, fit), _caption(net)),)),
+        Section("Torque, predicted and measured", (figure_block(_torques(net, fit), caption),)),
         Section("Error by joint", (paragraph(BASELINE), joint_table(summary))),
         Section("Error by command", (command_table(summary),)),
         Section("Training", (figure_block(_losses(net, fit), "Mean squared error of torque over limit."),)),
@@ -122,23 +122,15 @@ def lead(summary: dict[str, Any]) -> str:
     )
 
 
-def joint_table(summary: dict[str, Any]) -> Any:
+def joint_table(summary: dict[str, Any]) -> Markup:
     """Return the errors of every joint in N m."""
     header = ["joint", "net, fitted", "net, kept out", "law, fitted", "law, kept out", "f", "B", "λ"]
-    names = (
-        "net_training",
-        "net_validation",
-        "baseline_training",
-        "baseline_validation",
-        "coulomb",
-        "viscous",
-        "later",
-    )
+    names = "net_training", "net_validation", "baseline_training", "baseline_validation", "coulomb", "viscous", "later"
     rows = [[joint, *(f"{found[name]:.3f}" for name in names)] for joint, found in summary["joints"].items()]
     return table(header, rows, "Root mean square error in N m; f [N m], B [N m s/rad] and λ of the law.")
 
 
-def command_table(summary: dict[str, Any]) -> Any:
+def command_table(summary: dict[str, Any]) -> Markup:
     """Return the errors of the runs of each command, over the torque limit."""
     rows = []
     for label, parts in summary["commands"].items():
@@ -152,7 +144,7 @@ def command_table(summary: dict[str, Any]) -> Any:
     return table(header, rows, "Root mean square error, % of the torque limit, all joints.")
 
 
-def run_table(net: ActuatorNet, summary: dict[str, Any]) -> Any:
+def run_table(net: ActuatorNet, summary: dict[str, Any]) -> Markup:
     """Return what the net is and what it was fitted to."""
     rows = [
         ("robot", net.robot),
@@ -166,11 +158,6 @@ def run_table(net: ActuatorNet, summary: dict[str, Any]) -> Any:
         ("time", f"{summary['seconds']:.0f} s on {summary['machine']['cpu']}"),
     ]
     return table(["what", "value"], rows)
-
-
-def _caption(net: ActuatorNet) -> str:
-    """Say what the curves are of."""
-    return f"The end of {next(iter(net.validation))}, which was kept out of the fit; first joint of each group."
 
 
 def _torques(net: ActuatorNet, fit: ActuatorFit) -> Figure:
