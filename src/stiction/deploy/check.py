@@ -23,9 +23,7 @@ def robot_of(contract: Contract, robot: str | None = None) -> RobotSpec:
     A bundle is data: its robot is looked up among the shipped ones only. A robot of one's own is named by `robot`, as
     `package.module:NAME`, since looking it up runs that module.
 
-    Raises:
-        StictionError: the robot is unknown, or its joints or torque limits are not those of the contract.
-
+    Raises `StictionError`: the robot is unknown, or its joints or torque limits are not those of the contract.
     """
     if robot is None and not contract.robot.partition("@")[0].isidentifier():
         raise RobotError(
@@ -85,9 +83,7 @@ class BundleCheck:
 def check_bundle(path: Path | str) -> BundleCheck:
     """Read a bundle, load its network and replay its golden vectors; return what was found.
 
-    Raises:
-        StictionError: the first thing that is wrong: files, checksums, contract, network, or the replay.
-
+    Raises `StictionError`: the first thing that is wrong: files, checksums, contract, network, or the replay.
     """
     bundle = read_bundle(path)
     policy = load_policy(bundle.contract, bundle.policy)

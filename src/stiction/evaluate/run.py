@@ -69,9 +69,7 @@ class WalkLedger(Ledger):
 def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
     """Do a unit and return the metrics of each of its walks.
 
-    Raises:
-        StictionError: the bundle does not fit the robot, or what the engine needs is not installed.
-
+    Raises `StictionError`: the bundle does not fit the robot, or what the engine needs is not installed.
     """
     first, episodes = unit.walks[0], len(unit.walks)
     cell = cfg.cell(first.terrain, first.command)
