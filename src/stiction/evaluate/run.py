@@ -22,7 +22,7 @@ from stiction.engines.ground import course
 from stiction.evaluate.benches import forwarded, informed
 from stiction.evaluate.code import WALKING
 from stiction.evaluate.command import Command
-from stiction.evaluate.course import FOOT, Course, starts, straight_on
+from stiction.evaluate.course import START_DISTANCE, Course, starts, straight_on
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.grid import GridCfg, Unit, Walk, plan, units
 from stiction.evaluate.metrics import Metrics, measure
@@ -86,7 +86,7 @@ def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: RobotSpec) 
     world = World(
         make=partial(catalog.make_engine, engine.name),
         ground=course(ground.kind, ground.size, cfg.seed),
-        start=(0.0 if ground.is_flat else -FOOT, aside),
+        start=(0.0 if ground.is_flat else -START_DISTANCE, aside),
         heading=askew,
         timestep=engine.timestep if one.robot is None else TIMESTEP,
         noise=cfg.noise if one.robot is None else None,
