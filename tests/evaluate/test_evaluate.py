@@ -31,8 +31,7 @@ def test_a_row_for_every_level_and_command_in_order(checked: Bundle) -> None:
     found = [(row.friction_level, row.command, row.episodes, row.policy) for row in result.rows]
     expected = [(level, command, 2, "toy") for level in (0.0, 0.3) for command in ("vx=0.5", "vx=-0.5")]
     assert found == expected
-    assert result.blown_up == 0
-    assert [set(detail) - set(vars(result.rows[0])) for detail in result.details()] == [
+    assert [set(metrics.beside) for metrics in result.metrics] == [
         {"group_share", "moving_share", "mean_friction", "crossed"}
     ] * 4
 

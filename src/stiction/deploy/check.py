@@ -23,9 +23,7 @@ def robot_of(contract: Contract, robot: str | None = None) -> Robot:
     It is the contract's own; of an older bundle the shipped one of its name. `robot` names another one to use in its
     place: a path, or `package.module:NAME`, which runs that module.
 
-    Raises:
-        StictionError: the robot is unknown, or its joints or torque limits are not those of the contract.
-
+    Raises `StictionError`: the robot is unknown, or its joints or torque limits are not those of the contract.
     """
     if robot is None and contract.anatomy is not None:
         return contract.anatomy
@@ -87,9 +85,7 @@ class BundleCheck:
 def check_bundle(path: Path | str) -> BundleCheck:
     """Read a bundle, load its network and replay its golden vectors; return what was found.
 
-    Raises:
-        StictionError: the first thing that is wrong: files, checksums, contract, network, or the replay.
-
+    Raises `StictionError`: the first thing that is wrong: files, checksums, contract, network, or the replay.
     """
     bundle = read_bundle(path)
     policy = load_policy(bundle.contract, bundle.policy)

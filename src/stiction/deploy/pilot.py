@@ -118,9 +118,7 @@ class Pilot:
     def step(self, velocity: np.ndarray) -> ControlStep:
         """Advance by one control period under a commanded velocity: forward, sideways [m/s], turn [rad/s].
 
-        Raises:
-            PolicyError: a sensor or the command is not finite.
-
+        Raises `PolicyError`: a sensor or the command is not finite.
         """
         before = self._port.read()
         step = self._policy.step(before.sensors, velocity)

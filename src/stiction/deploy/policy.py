@@ -38,9 +38,7 @@ MAX_DEPTH = 32
 def external_tensors(data: bytes) -> list[str]:
     """Return the names of the tensors that the ONNX model `data` keeps in other files; empty for a whole model.
 
-    Raises:
-        BundleError: the bytes are not a protocol-buffer message.
-
+    Raises `BundleError`: the bytes are not a protocol-buffer message.
     """
     return list(_search(memoryview(data), "model", 0))
 
@@ -107,9 +105,7 @@ class Network:
     def __init__(self, model: bytes, observation_size: int, num_actions: int) -> None:
         """Load the network from its bytes and check its input and output.
 
-        Raises:
-            BundleError: not a model, tensors in other files, or other inputs and outputs than the contract needs.
-
+        Raises `BundleError`: not a model, tensors in other files, or other inputs and outputs than the contract needs.
         """
         if outside := external_tensors(model):
             raise BundleError(
@@ -128,9 +124,7 @@ class Network:
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Return the actions, float32, shape (N, J), for observations, float32, shape (N, size).
 
-        Raises:
-            PolicyError: the network fails on an input of the right shape, or returns what is not finite.
-
+        Raises `PolicyError`: the network fails on an input of the right shape, or returns what is not finite.
         """
         try:
             action = self._session.run([OUTPUT], {INPUT: observation})[0]

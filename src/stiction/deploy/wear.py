@@ -73,9 +73,7 @@ class WearMonitor:
     def __init__(self, contract: Contract, model: WearModel) -> None:
         """Start with an empty window.
 
-        Raises:
-            StictionError: the map is for other joints or another layout.
-
+        Raises `StictionError`: the map is for other joints or another layout.
         """
         self.model = model
         self._moments = Moments(contract.observation, contract.scale)

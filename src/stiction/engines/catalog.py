@@ -108,9 +108,7 @@ def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engin
 
     timestep: of the physics [s].
 
-    Raises:
-        StictionError: there is no such engine, what it needs is not installed, or no physics takes such steps.
-
+    Raises `StictionError`: there is no such engine, what it needs is not installed, or no physics takes such steps.
     """
     spec = find_engine(name)
     if not 0 < timestep <= 0.02:

@@ -116,9 +116,7 @@ class Engine(Protocol):
     def step(self, torque: np.ndarray, friction: np.ndarray) -> None:
         """Advance by one timestep under joint torques [N m] and bounds of dry friction [N m], both of shape (J,).
 
-        Raises:
-            BlownUp: the simulation has become unstable.
-
+        Raises `BlownUp`: the simulation has become unstable.
         """
 
     def motion(self, loads: bool = True) -> Motion:

@@ -118,9 +118,7 @@ def course(kind: str, size: float, seed: int = 0) -> Ground:
     kind: `stairs`, `slope`, `rough`, or `flat`; size: height of a step [m], angle of the slope [rad], height of the
     highest slab [m]; seed: places of the slabs.
 
-    Raises:
-        StictionError: there is no such kind, or it is not made that steep.
-
+    Raises `StictionError`: there is no such kind, or it is not made that steep.
     """
     if kind == "flat":
         return flat()

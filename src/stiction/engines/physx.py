@@ -55,9 +55,7 @@ class PhysxEngine:
     def __init__(self, body: Body, ground: Ground, timestep: float) -> None:
         """Build the robot on its ground, the base at the origin; `timestep` of the physics [s].
 
-        Raises:
-            StictionError: a ground friction that cannot be made here.
-
+        Raises `StictionError`: a ground friction that cannot be made here.
         """
         self._sapien = sapien()
         if not 0 <= body.ground_friction <= 2:

@@ -162,32 +162,24 @@ def replay(fleet: Fleet, motions: Sequence[Motion]) -> Callable[[], None]:
     return advance
 
 
-def _render(bundle: Bundle, level: float, command: Command, out: Path, seconds: float, law: Law) -> None:
-    """Roll the bundle out and film it."""
-    contract, noise = bundle.contract, seed_streams(0, ["clip"])["clip"]
-    policy, friction = load_policy(contract, bundle.policy, (1,)), friction_at(contract, np.array([level]), law)
-    rollout = Rollout(contract, policy, robot_of(contract), friction, [noise], law=law)
-    velocity = np.array([command.velocity])
-    film(rollout.fleet, lambda: rollout.step(velocity), out, seconds)
-
-
-def _render_robot(bundle: Bundle, level: float, command: Command, out: Path, seconds: float, robot: int) -> None:
-    """Let the bundle walk on a virtual robot and film its motion."""
-    contract = bundle.contract
-    fleet = Fleet(robot_of(contract), 1, contract.physics_timestep, contract.decimation)
-    steps = round((SETTLE + seconds) / fleet.control_period)
-    film(fleet, replay(fleet, walked(bundle, robot, level, command, steps)), out, seconds)
-
-
-def _main(path: str, level: str, command: str, out: str, seconds: str, law: str, robot: str = "") -> None:
+def _render(path: str, level: str, command: str, out: str, seconds: str, law: str, robot: str = "") -> None:
     """Render in this process; arguments as of `record_clip`."""
-    clip = check_bundle(path).bundle, float(level), parse_command(command), Path(out), float(seconds)
+    bundle, commanded = check_bundle(path).bundle, parse_command(command)
+    contract, spec = bundle.contract, robot_of(bundle.contract)
+    advance: Callable[[], object]
     if robot:
-        _render_robot(*clip, int(robot))
+        fleet = Fleet(spec, 1, contract.physics_timestep, contract.decimation)
+        steps = round((SETTLE + float(seconds)) / fleet.control_period)
+        advance = replay(fleet, walked(bundle, int(robot), float(level), commanded, steps))
     else:
-        _render(*clip, Law(law))
+        noise, joint_law = seed_streams(0, ["clip"])["clip"], Law(law)
+        policy = load_policy(contract, bundle.policy, (1,))
+        friction = friction_at(contract, np.array([float(level)]), joint_law)
+        rollout = Rollout(contract, policy, spec, friction, [noise], law=joint_law)
+        fleet, advance = rollout.fleet, partial(rollout.step, np.array([commanded.velocity]))
+    film(fleet, advance, Path(out), float(seconds))
 
 
 # At the end of the module: as a program it runs from top to bottom.
 if __name__ == "__main__":
-    _main(*sys.argv[1:])
+    _render(*sys.argv[1:])

@@ -23,10 +23,10 @@ from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, STEPS, Terrai
 if TYPE_CHECKING:  # Webots runs a policy by what is here, where there may be no MuJoCo.
     from stiction.sim.fleet import Fleet
 
-ASIDE = 0.5
+START_HALF_WIDTH = 0.5
 """Half-width of the start, across the course [m]: the whole trunk is before the landing, whose half-width is 0.9 m."""
 
-FOOT = REACH + START
+START_DISTANCE = REACH + START
 """Distance from the middle of a course back to where robots start [m]."""
 
 PATIENCE = 2.0
@@ -114,14 +114,14 @@ def starts(seed: int, count: int) -> np.ndarray:
 
     A walk's start is that of its number alone, however many there are.
     """
-    return seed_streams(seed, ["start"])["start"].uniform(-1.0, 1.0, (count, 2)) * (ASIDE, ASKEW)
+    return seed_streams(seed, ["start"])["start"].uniform(-1.0, 1.0, (count, 2)) * (START_HALF_WIDTH, ASKEW)
 
 
 def line_up(fleet: Fleet, start: np.ndarray) -> None:
     """Put robots before their courses; start: as from `starts`, shape (k, 2): robot i gets row i modulo k."""
     fleet.show_terrain(np.arange(fleet.num_envs))
     aside, askew = np.tile(start, (fleet.num_envs // len(start), 1)).T
-    fleet.base_position[:, 0], fleet.base_position[:, 1] = -FOOT, aside
+    fleet.base_position[:, 0], fleet.base_position[:, 1] = -START_DISTANCE, aside
     fleet.base_quaternion[:] = about(2, askew)
 
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -157,12 +156,6 @@ class Evaluation:
     """Of each row, all that was measured."""
     episodes: tuple[tuple[Metrics, ...], ...]
     """Of each row, each of its episodes alone."""
-    blown_up: int
-    """Simulations that became unstable; each counts as a fall."""
-
-    def details(self) -> list[dict[str, Any]]:
-        """Return the rows as plain data, with what results.csv has no column for."""
-        return [asdict(row) | metrics.beside for row, metrics in zip(self.rows, self.metrics, strict=True)]
 
 
 def evaluate_bundle(
@@ -185,8 +178,6 @@ class Driven:
     """Its weight [N]."""
     parts: tuple[tuple[float, Command, Recording], ...]
     """Of every friction level and command, in the order of the rows: level, command, measured part of the episodes."""
-    blown_up: int
-    """Simulations that became unstable."""
 
 
 def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> Evaluation:
@@ -211,7 +202,7 @@ def judge(driven: Driven, contract: Contract, name: str, cfg: EvaluationCfg) -> 
         rows.append(row)
         measured.append(metrics)
         each.append(tuple(episodes))
-    return Evaluation(tuple(rows), tuple(measured), tuple(each), driven.blown_up)
+    return Evaluation(tuple(rows), tuple(measured), tuple(each))
 
 
 def drive_bundle(
@@ -284,11 +275,11 @@ def drive(
 
     if not cfg.course.is_flat:
         line_up(rollout.fleet, starts(cfg.seed, cfg.numbers.stop)[cfg.first_episode :])
-    recording, blown_up = record(rollout, commands, round(cfg.duration / contract.control_period), progress)
+    recording, _ = record(rollout, commands, round(cfg.duration / contract.control_period), progress)
     first = round(cfg.settle / contract.control_period)
     weight = spec.mass * float(np.linalg.norm(rollout.fleet.model.opt.gravity))
     parts = tuple(
         (level, command, recording.of(slice(index * cfg.episodes, (index + 1) * cfg.episodes), first))
         for index, (level, command) in enumerate(product(cfg.friction_levels, cfg.parsed_commands))
     )
-    return Driven(spec, weight, parts, blown_up)
+    return Driven(spec, weight, parts)

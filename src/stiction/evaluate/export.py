@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import torch
@@ -36,13 +36,13 @@ from stiction.joints.friction import LAWS, has_coefficient, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH, compensated
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
+from stiction.locomotion.randomization import friction_angle, nominal_joints
+from stiction.rma.config import TrainCfg
+from stiction.rma.run import RunDirectory, identified_values
+from stiction.rma.runner import load_student
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Robot
-
-if TYPE_CHECKING:
-    from stiction.rma.config import TrainCfg
-    from stiction.rma.run import RunDirectory
-
+from stiction.sim.fleet import Fleet
 
 TEMPLATE = """\
 # {robot}, {terrain}, {method}, {title}
@@ -186,9 +186,6 @@ def export_run(
             robot or for a policy that observes no friction, or `out` exists already.
 
     """
-    from stiction.rma.run import RunDirectory
-    from stiction.rma.runner import load_student
-
     directory = RunDirectory(run)
     header, cfg = directory.header(), directory.config()
     directory.check_finished("student")
@@ -244,10 +241,6 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
             config.json.
 
     """
-    from stiction.locomotion.randomization import friction_angle, nominal_joints
-    from stiction.rma.run import identified_values
-    from stiction.sim.fleet import Fleet
-
     task = cfg.task
     spec, identified = find_robot(task.robot), header["identified"]
     joints = nominal_joints(Fleet(spec, 1), task.friction, identified_values(header))
@@ -323,7 +316,6 @@ def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: 
 def export_network(module: torch.nn.Module, observation_size: int) -> bytes:
     """Return a network as ONNX: one file, one input and one output, any batch, nothing of this machine in it."""
     import onnx
-    import torch
 
     example = torch.zeros(EXAMPLE_BATCH, observation_size)
     with _quiet(), torch.no_grad():

@@ -22,7 +22,7 @@ from stiction.engines.ground import course
 from stiction.evaluate.benches import forwarded, informed
 from stiction.evaluate.code import WALKING
 from stiction.evaluate.command import Command
-from stiction.evaluate.course import FOOT, Course, starts, straight_on
+from stiction.evaluate.course import START_DISTANCE, Course, starts, straight_on
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.grid import GridCfg, Unit, Walk, plan, units
 from stiction.evaluate.metrics import Metrics, measure
@@ -69,9 +69,7 @@ class WalkLedger(Ledger):
 def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None) -> list[Metrics]:
     """Do a unit and return the metrics of each of its walks.
 
-    Raises:
-        StictionError: the bundle does not fit the robot, or what the engine needs is not installed.
-
+    Raises `StictionError`: the bundle does not fit the robot, or what the engine needs is not installed.
     """
     first, episodes = unit.walks[0], len(unit.walks)
     cell = cfg.cell(first.terrain, first.command)
@@ -88,7 +86,7 @@ def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> M
     world = World(
         make=partial(catalog.make_engine, engine.name),
         ground=course(ground.kind, ground.size, cfg.seed),
-        start=(0.0 if ground.is_flat else -FOOT, aside),
+        start=(0.0 if ground.is_flat else -START_DISTANCE, aside),
         heading=askew,
         timestep=engine.timestep if one.robot is None else TIMESTEP,
         noise=cfg.noise if one.robot is None else None,

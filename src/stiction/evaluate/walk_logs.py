@@ -138,9 +138,7 @@ def record_walks(
 ) -> list[RecordedWalk]:
     """Walk a bundle's robots at every level and command and return their logs, in that order.
 
-    Raises:
-        StictionError: the bundle does not fit the robot.
-
+    Raises `StictionError`: the bundle does not fit the robot.
     """
     contract, spec = bundle.contract, robot_of(bundle.contract, robot)
     evaluation = replace(evaluation, episodes=cfg.robots, first_episode=0)

@@ -123,7 +123,7 @@ def _play(port: Port, path: np.ndarray, kp: np.ndarray, kd: np.ndarray) -> list[
 JOINTS, TRAINING = "joints.json", "training.json"
 """Files of the folder."""
 
-MAKING = (
+BENCH_CODE = (
     *("core/*.py", "identify/*.py", "identify/excite/task.py", "joints/*.py", "robots/*.py", "sim/friction.py"),
     *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/pilot.py"),
     *(f"formats/{name}.py" for name in ("advice", "following", "joints", "log")),
@@ -152,7 +152,7 @@ class Bench:
     @property
     def key(self) -> str:
         """Key of robot, engine, log and code, see `core.cache`."""
-        return key_of([self.engine, self.case, self.spec, self.cfg, binaries(self.engine)], *MAKING)
+        return key_of([self.engine, self.case, self.spec, self.cfg, binaries(self.engine)], *BENCH_CODE)
 
     def robot(self) -> VirtualRobot:
         """Return the robot, bolted to its stand."""

@@ -116,9 +116,7 @@ class OdeEngine:
     def __init__(self, body: Body, ground: Ground, timestep: float, settings: OdeSettings = ACCURATE) -> None:
         """Build the robot on its ground, standing, the base at the origin; `timestep` of the physics [s].
 
-        Raises:
-            StictionError: there is no ODE 0.16, or it cannot have such a robot or timestep.
-
+        Raises `StictionError`: there is no ODE 0.16, or it cannot have such a robot or timestep.
         """
         if not 0 < timestep < np.inf:
             raise EngineError(f"physics step {timestep} s; expected a positive number")

@@ -230,10 +230,7 @@ def candidates() -> Iterator[str]:
 def opened(name: str) -> ctypes.CDLL:
     """Return the library of that name or path, ready for use.
 
-    Raises:
-        OSError: there is none.
-        StictionError: it is not ODE 0.16 in double precision.
-
+    Raises `OSError` where there is none, `StictionError` where it is not ODE 0.16 in double precision.
     """
     library = ctypes.CDLL(name)
     check_precision(library, name)
