@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from carried import without_torque
 from stiction.core.errors import StictionError
-from stiction.formats.log import Log
 from stiction.identify import in_loop
 from stiction.identify.closed_loop import LoopError
 from stiction.identify.example import SATURN_LITE, example_log
@@ -21,11 +21,6 @@ from stiction.identify.runs import make_run
 from stiction.identify.setup import IdentifySetup
 
 PAYLOAD = IdentifySetup(payload_mass=1.0, payload_distance=0.2, payload_angle=0.3)
-
-
-def without_torque(log: Log) -> Log:
-    """Return a log without its torque."""
-    return replace(log, joints={name: replace(one, torque=None) for name, one in log.joints.items()})
 
 
 def test_the_reason_is_what_happened(monkeypatch: pytest.MonkeyPatch) -> None:

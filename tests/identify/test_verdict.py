@@ -61,15 +61,6 @@ def test_a_level_that_training_refuses_is_not_proposed() -> None:
     assert told.level is None and "mend the joint" in told.text and "--friction-level" not in told.text
 
 
-def test_what_is_not_known_is_said() -> None:
-    """No limit: no judgement; no condition: said so; an interval over zero: friction is not proven."""
-    unknown = verdict(FRICTION, None, None, None)
-    assert unknown.level is None and "cannot be said" in unknown.text and "trouble" not in unknown.text
-    assert "not stated" in verdict(FRICTION, ratio(0.05), None, None).text
-    faint = Estimate(0.1, 0.1, (-0.1, 0.3))
-    assert "No dry friction can be told from zero" in verdict(faint, ratio(0.05), None, "loaded").text
-
-
 def test_friction_that_scatters_about_zero_is_said_to_be_at_most_its_upper_end() -> None:
     """Nobody can do anything with a motor that loses -0.4 % of its torque; 0.6 % is what it may lose."""
     faint, band = Estimate(-0.004, 0.005, (-0.014, 0.006)), Estimate(-1e-4, 1e-4, (-3e-4, 1e-4))
@@ -163,14 +154,6 @@ def test_a_wide_dead_band_is_not_excused_by_a_small_ratio() -> None:
     wide, narrow = (Estimate(band, 1e-4, (0.9 * band, 1.1 * band)) for band in (0.005, 0.004))
     assert "felt more" in verdict(FRICTION, ratio(0.008), wide, "loaded").text
     assert "felt more" not in verdict(FRICTION, ratio(0.008), narrow, "loaded").text
-
-
-def test_what_a_load_may_do_is_said_where_it_changes_the_judgement() -> None:
-    """0.8 % in the air may be 1.6 % under load, which is called slower; 0.4 % may be 0.8 %, which is not."""
-    told = verdict(FRICTION, ratio(0.008), None, None).text
-    assert "At 2 times that, which a loaded leg may have: it may slow" in told
-    assert "At 2 times" not in verdict(FRICTION, ratio(0.004), None, "in_air").text
-    assert "At 2 times" not in verdict(FRICTION, ratio(0.008), None, "loaded").text
 
 
 def test_seals_and_wear_are_worked_out_and_labelled() -> None:

@@ -62,8 +62,7 @@ class Uniform:
     valid: np.ndarray = field(default_factory=lambda: np.ones(0, dtype=bool))
     """False where so many samples are missing that the signals are guesses; by default True everywhere."""
     bridged: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
-    """True in a long gap, where no signal is known, the target neither; by default nowhere. Unlike `valid`, which may
-    leave samples out for other reasons."""
+    """True in a long gap, where no signal is known, the target neither; by default nowhere."""
     timing: Timing | None = None
     """How good the stamps were, or None if nobody looked."""
 
@@ -81,10 +80,7 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
     `LogError`.
     """
     _check_presence(log, joint, signals)
-    table = {
-        "time": log.time,
-        **{name: values for name, values in vars(signals).items() if values is not None},
-    }
+    table = {"time": log.time} | {name: values for name, values in vars(signals).items() if values is not None}
     for name, values in table.items():
         limit = LARGEST_TIME if name == "time" else LARGEST_VALUE
         bad = np.flatnonzero(~(np.abs(values) <= limit))
@@ -133,8 +129,7 @@ def _check_presence(log: Log, joint: str, signals: JointSignals) -> None:
 def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None:
     """Refuse a signal that hardly varies, and one with samples that are out of line with their neighbours.
 
-    A position that jumps is damaged, for no joint does; torque may jump and stay, but not there and back at once. What
-    lies beyond a missing sample is no neighbour. A target may do what it likes.
+    A position does not jump; torque may jump and stay, but not there and back at once. A target may do what it likes.
     """
     if np.ptp(values) < SMALLEST_RANGE or (name != "target" and len(np.unique(values)) < FEWEST_VALUES):
         missing = "the driver seems not to report it: leave the column out and give --kp and --kd, or log the current"
@@ -159,10 +154,7 @@ def _check_signal(where: str, name: str, values: np.ndarray, grid: Grid) -> None
 
 
 def unit_warnings(signals: Uniform, axis: str = "rotary") -> tuple[str, ...]:
-    """Return sentences on signals that are probably not in SI units; on a linear axis none is known.
-
-    What a joint cannot do is refused elsewhere; what it can do but rarely does is said here.
-    """
+    """Return sentences on signals that are probably not in SI units; on a linear axis none is known."""
     if axis != "rotary":
         return ()
     found = []

@@ -1,10 +1,8 @@
-"""Which friction law does the log call for? The simplest that no richer one beats beyond noise.
+"""Choice of the friction law: the simplest that no richer one beats beyond noise.
 
-Never by training error, which a richer law always lowers: a law is judged on parts of the log that its fit did not see,
-and by the Bayesian information criterion with as many samples as are independent.
-
-Torque regression is asked first, with every law. It leaves out the samples around turning points, where friction may
-take any value; Stribeck's fall of friction with speed often lies there. Output error simulates them. So where the two
+A law is judged on parts of the log that its fit did not see, and by the Bayesian information criterion with as many
+samples as are independent. Torque regression is asked first, with every law. It leaves out the samples around turning
+points, where Stribeck's fall of friction with speed often lies; output error simulates them. So where the two
 estimators disagree on friction, that law is fitted by simulation as well.
 """
 
@@ -205,8 +203,8 @@ def evidence_of(plain: Sequence[np.ndarray], rich: Sequence[np.ndarray], more: i
     """Return by how much the Bayesian information criterion falls from a law to a richer one.
 
     plain, rich: residuals by either law of every signal, in the same order, shape (num_samples,) each, of the samples
-    that count alone; more: parameters of the richer law beyond the other's. Σ n ln(Σ r₀² / Σ r₁²) − more ln Σ n over
-    the signals, where n counts the samples that are independent, by the residual that has the longer memory.
+    that count alone; more: the richer law's further parameters. Σ n ln(Σ r₀² / Σ r₁²) − more ln Σ n over the signals,
+    where n counts independent samples, by the residual with the longer memory.
     """
     total, samples = 0.0, 0.0
     for before, after in zip(plain, rich, strict=True):

@@ -23,10 +23,9 @@ from stiction.joints.simulate import Joint, Trajectory, simulate
 from stiction.joints.variation import course, vary
 
 EXTRAS = ("delay", "log_bias", "motor_strength")
-"""What may be unknown about the loop. `delay`: d [s]. `log_bias`: the log's angle reads this much more than the loop's
-own [rad]; with torque it shows as an offset of the position that the torque lacks; without torque it is one with the
-joint's offset. `motor_strength`: torque delivered over the torque asked for [1], the log's torque being the one asked
-for; only a known load shows it."""
+"""What may be unknown about the loop. `delay`: d [s]. `log_bias`: the log's angle minus the loop's own [rad]; with
+torque it is an offset that the torque lacks, without torque one with the joint's offset. `motor_strength`: torque
+delivered over the torque asked for [1], which is the log's; only a known load shows it."""
 
 START = ("start_position", "start_velocity")
 """θ [rad] and θ' [rad/s] at the first sample, in the loop's frame; of no interest, but they must be fitted too."""

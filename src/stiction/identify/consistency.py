@@ -71,7 +71,7 @@ class Comparison:
     def disputed(self) -> tuple[str, ...]:
         """Parameters whose gap is beyond chance, and between parts of a log large enough to matter.
 
-        Another way to read the log that is right about one parameter is right about all.
+        Of an alternative reading of the whole log, which is right about all parameters or none: all.
         """
         least = 0.0 if self.alternative else SMALLEST_GAP
         found = tuple(
@@ -123,9 +123,9 @@ def compare_parts(rows: Rows, fit: Fit) -> tuple[Comparison, ...]:
 
 
 def compare(label: str, parts: tuple[str, str], one: Rows, other: Rows, fit: Fit) -> Comparison:
-    """Fit two sets of rows by themselves, each with the equation of `fit`, and set them side by side.
+    """Compare fits to two sets of rows, each with the equation of `fit`.
 
-    Where 1/k is unknown it is what `fit` found, for both: the rows of a run without payload do not tell it.
+    Where 1/k is unknown both take that of `fit`: the rows of a run without payload do not tell it.
     """
     inverse = fit.by_name.get(INVERSE_STRENGTH, 1.0)
     parted = [replace(rows, payload=inverse * rows.payload, load=inverse * rows.load) for rows in (one, other)]
@@ -157,10 +157,7 @@ class Drift:
 
 
 def find_drift(rows: Rows, fit: Fit) -> Drift:
-    """Fit a friction that grows or shrinks steadily over the log, viscous and dry alike.
-
-    The equation of `fit` gets one more column, its own friction times the time from the middle, in lengths of the log.
-    """
+    """Fit a friction that changes steadily over the log: one more column, friction times the time from the middle."""
     late = (rows.time - rows.time[0]) / float(rows.time[-1] - rows.time[0]) - 0.5
     tied = abs(float(np.corrcoef(late, np.abs(rows.velocity))[0, 1]))
     if tied > LARGEST_TIE:
@@ -198,10 +195,9 @@ def whiteness(residual: np.ndarray) -> Whiteness:
 
 
 def widened(estimates: dict[str, Estimate], comparisons: tuple[Comparison, ...]) -> dict[str, Estimate]:
-    """Return the estimates with intervals that admit what parts of the log say by themselves, where they dispute it.
+    """Return the estimates with intervals widened to admit what disputing parts of the log say by themselves.
 
-    Half the gap of the two is the least that what the law lacks may have moved the estimate by. Of another way to read
-    the whole log the interval is admitted, not the value alone.
+    Of an alternative reading of the whole log the interval is admitted, not the value alone.
     """
     result = dict(estimates)
     for comparison in comparisons:
@@ -216,8 +212,7 @@ def widened(estimates: dict[str, Estimate], comparisons: tuple[Comparison, ...])
 def disagreement(fit: Fit, other: dict[str, Estimate]) -> dict[str, dict[str, float]]:
     """Return per parameter |a − b| in combined standard deviations (`sigmas`) and over |a| (`relative`).
 
-    a is the regression's value, b the other estimator's. Both come from one log, so their errors are not independent,
-    and the combined deviation is a rough yardstick.
+    a is the regression's value, b the other estimator's. Both come from one log, so the errors are not independent.
     """
     result = {}
     for name, a in fit.estimates().items():

@@ -1,8 +1,6 @@
-"""Logs of motors whose parameters are known: the paper's two shank motors, simulated with the noise of real ones.
+"""Simulated logs of motors whose parameters are known, for trying the program without a robot, and for tests.
 
-Beside them stand motors with the richer friction laws, and a leg in the air; their extra numbers are invented.
-
-For trying the program without a robot, and for tests: what comes out can be compared with what went in.
+The paper's two shank motors with the noise of real ones, motors with richer friction laws, and a leg in the air.
 """
 
 from __future__ import annotations

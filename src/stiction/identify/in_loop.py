@@ -182,8 +182,8 @@ def fit_strength(run: Run, base: Fit) -> OutputError:
             f"output error is not done: the regression finds a strength k of {strength:.3g}, expected above 0"
         )
     weight = {} if payload is None else _weight(payload)
-    if payload is not None:
-        start["inertia"] += payload.inertia
+    added = 0.0 if payload is None else payload.inertia
+    start["inertia"] += added
     found = fit_output_error(
         run.signals,
         replace(controller(run), strength=strength),
@@ -196,8 +196,7 @@ def fit_strength(run: Run, base: Fit) -> OutputError:
         known=weight,
     )
     _check_identified(found, ["motor_strength", *COMPARED])
-    less = 0.0 if payload is None else payload.inertia
-    return replace(found, estimates=found.estimates | {"inertia": shifted(found.estimates["inertia"], -less)})
+    return replace(found, estimates=found.estimates | {"inertia": shifted(found.estimates["inertia"], -added)})
 
 
 def _check_identified(found: OutputError, needed: Sequence[str]) -> None:

@@ -1,10 +1,8 @@
-"""Intervals that stay honest when residuals are correlated in time, as those of a real joint always are.
+"""Intervals for residuals that are correlated in time, as those of a real joint always are.
 
-Textbook least squares counts every sample as new information; a residual that persists for a second makes its
-intervals many times too narrow. Here the log is cut into blocks longer than the residual's memory. The spread of the
-blocks' contributions gives the covariance (the cluster-robust "sandwich"), and resampling whole blocks, a block
-bootstrap, gives the distribution of each estimate's studentised error: how many of its own standard deviations it may
-be off. Few or uneven blocks make that reach larger than Student's t would have it.
+The log is cut into blocks longer than the residual's memory. The spread of the blocks' contributions gives the
+covariance (the cluster-robust "sandwich"), and a block bootstrap gives the distribution of each estimate's studentised
+error: how many of its own standard deviations it may be off.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which torque equation a joint is given: a friction law, with or without gravity, and the names of its parameters.
+"""The torque equation: a friction law, with or without gravity, and the names of its parameters.
 
 I θ'' + B θ' + f(θ') sign(θ') + offset + gravity_sin sin θ + gravity_cos cos θ = k τ + d, where τ is the motor's torque,
 k its strength (1 where the torque is in N m), and d a known torque from outside. The laws are
@@ -8,11 +8,6 @@ k its strength (1 where the torque is in N m), and d a known torque from outside
     stribeck     f = b_c + (b_s - b_c) exp(-(θ'/v_s)²)                 b_s > b_c at rest
     load         f = b_c + c |load|, the load being gravity and d      the same at rest
     position     f = b_c + slope (θ - θ_m) + curvature (θ - θ_m)²      the same at rest; θ_m is mid-range
-
-The last is for joints behind a linkage, a belt or a cable guide: the knees of a measured Unitree Go2 have it.
-
-A change of the inertia by one acts on the moving joint like the torque −θ'', one of the viscous friction like −θ', and
-so on; `joints.variation` turns such torques into what the joint would have done.
 """
 
 from __future__ import annotations

@@ -124,8 +124,8 @@ FAILED_RESIDUAL = 1e3
 """Residual, in units of its size, where there is no such joint."""
 
 STRIBECK_SPEEDS = (0.005, 0.5)
-"""Stribeck velocities that the search may try, as shares of the top speed: under the first, the fall of the friction is
-over before it shows; over the second, it looks like less viscous friction."""
+"""Stribeck velocities that the search may try, over the top speed: under the first the fall of the friction does not
+show, over the second it looks like less viscous friction."""
 
 LOWER_BOUNDS = dict.fromkeys((*NOT_NEGATIVE, "delay"), 0.0)
 """Bounds; inertia and motor strength stay above a hundredth of where they start."""
@@ -298,7 +298,7 @@ def unidentified(jacobian: np.ndarray, names: tuple[str, ...]) -> tuple[list[int
     """Return the columns that together hold all that is known, and the names of which nothing is known apart.
 
     jacobian: shape (num_rows, num_names), in units of the residual's size. A direction in which nothing changes takes
-    every name that has a part in it along: of inertia over strength one knows the ratio and neither.
+    every name that has a share in it along: of inertia over strength one knows the ratio and neither.
     """
     length = np.linalg.norm(jacobian, axis=0)
     kept = [place for place in range(len(names)) if length[place] > 0]

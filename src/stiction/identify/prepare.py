@@ -1,10 +1,8 @@
 """From a checked log to the signals of inverse dynamics: filtered forward and backward, differentiated, decimated.
 
 Every signal of the torque equation (see `model`) passes through the same zero-phase filter, sign(θ') included, so that
-the equation still holds for the filtered signals wherever it held over the reach of the filter.
-
-Several runs of the same joint stack into one set of rows. A known payload, and a known torque from outside, enter as
-what they are known to ask for, in the unit of the torque: N m over the motor strength where that was declared.
+the equation still holds for the filtered signals. A known payload, and a known torque from outside, enter as what they
+are known to ask for, in the unit of the torque: N m over the motor strength where that was declared.
 """
 
 from __future__ import annotations
@@ -26,9 +24,8 @@ LARGEST_NOISE = 0.03
 """Noise over signal, in the acceleration. Noisy regressors shrink the inertia by the square of this: 0.1 %."""
 
 LOW_SPEED = 0.005
-"""Samples slower than this share of the top speed do not say which way friction points, and are left out.
-Small, because the samples near rest are those in which friction shows most. On the EMPS record 0.02 instead moves B by
--0.6 % and b_c by +0.6 %, well within the intervals (±9 % and ±6 %)."""
+"""Samples slower than this share of the top speed do not say which way friction points, and are left out. Small,
+because the samples near rest are those in which friction shows most."""
 
 
 @dataclass(frozen=True)
@@ -106,11 +103,7 @@ def low_pass(values: np.ndarray, cutoff: float, step: float) -> np.ndarray:
 
 
 def derivatives(position: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return filtered velocity and acceleration by differences over five samples, shape (num_samples,) each.
-
-    Differences over three would take (2π f step)²/6 off the velocity at the frequency f, and twice that off the
-    acceleration, but nothing off the torque: 0.3 % of the inertia at 8 Hz and 500 samples a second.
-    """
+    """Return filtered velocity and acceleration by differences over five samples, shape (num_samples,) each."""
     velocity = slope(low_pass(position, cutoff, step), step)
     return velocity, slope(velocity, step)
 
@@ -129,10 +122,7 @@ def position_noise(position: np.ndarray) -> float:
 
 
 def choose_cutoff(position: np.ndarray, step: float, noise: float) -> float:
-    """Return the highest corner [Hz] at which noise leaves the acceleration usable, at most a quarter of the rate.
-
-    The higher the corner, the fewer samples around each reversal are lost.
-    """
+    """Return the highest corner [Hz] at which noise leaves the acceleration usable, at most a quarter of the rate."""
     corner = 0.25 / step
     while corner > 0.01 / step:
         size = float(np.std(derivatives(position, step, corner)[1]))

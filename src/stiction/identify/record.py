@@ -98,10 +98,7 @@ class Evidence:
 
     @property
     def by_simulation(self) -> bool:
-        """Whether the stated values are output error's: where torque was not measured it is the better estimator.
-
-        The torque of the PD law is made from the same noisy position as the regressors, and least squares suffers.
-        """
+        """Whether the stated values are output error's: without measured torque least squares suffers from noise."""
         return not self.run.measured and self.loop.symmetric is not None
 
     @property
@@ -118,10 +115,7 @@ class Evidence:
         return self.base.estimates()
 
     def law(self) -> dict[str, Estimate]:
-        """Return the stated estimates of the law that was chosen, in the same form, by output error where it was done.
-
-        It uses the samples around reversals too, and no derivative of a noisy signal.
-        """
+        """Return the stated estimates of the law that was chosen, by output error where that was done."""
         if self.chosen is self.base:
             return self.symmetric()
         if self.loop.chosen is not None:

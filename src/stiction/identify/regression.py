@@ -1,10 +1,8 @@
 """Torque regression: least squares of the torque equation, for any of its friction laws, over the rows of a log.
 
-In a closed loop the noise of the position comes back through the motor's torque, so regressors made from the measured
-position are correlated with the residual, and least squares is biased: the more noise, the more. The instruments are
-the same regressors made from a simulation of the loop with the last estimates: what the joint would have done without
-noise. (ZᵀW) p = Zᵀτ is then free of that bias, as long as the simulation follows the log. After Janot, Vandanjon and
-Gautier, IEEE Transactions on Control Systems Technology 22(1), 2014.
+In a closed loop the noise of the position comes back through the motor's torque, so least squares is biased. Free of
+that is (ZᵀW) p = Zᵀτ with instruments Z: the same regressors made from a simulation of the loop with the last
+estimates. After Janot, Vandanjon and Gautier, IEEE Transactions on Control Systems Technology 22(1), 2014.
 """
 
 from __future__ import annotations
@@ -73,10 +71,7 @@ class Fit:
 
     @cached_property
     def inflation(self) -> dict[str, float]:
-        """How many times longer each column is than what the other columns leave of it; 1 is best.
-
-        Columns that are one and the same, or zero, come out near 1e12: a pseudoinverse would call them perfect.
-        """
+        """How many times longer each column is than what the others leave of it; 1 is best, 1e12 a copy of another."""
         scaled = self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)
         _, sizes, directions = np.linalg.svd(np.linalg.qr(scaled, mode="r"))
         lengths = np.linalg.norm(directions / sizes.clip(1e-12)[:, None], axis=0)
@@ -118,10 +113,7 @@ class Fit:
         return dict(zip(self.names, found, strict=True))
 
     def estimates(self) -> dict[str, Estimate]:
-        """Return each parameter with deviation and interval.
-
-        Least squares makes the inertia too small by what noise its regressor has: its interval admits that.
-        """
+        """Return each parameter with deviation and interval, which admits the bias of least squares in the inertia."""
         named = self.scatter()
         if self.instrument is None:
             inertia = named["inertia"]
@@ -169,12 +161,6 @@ def fit_at(rows: Rows, model: Model, values: dict[str, float]) -> Fit:
     jacobian = np.stack([columns[name] for name in model.names], axis=1)
     fit = Fit(model, model.names, np.array([values[name] for name in model.names]), jacobian, rows.torque, rows)
     return replace(fit, residual=rows.torque - predict_torque(fit, rows))
-
-
-def linear_jacobian(rows: Rows, names: tuple[str, ...]) -> np.ndarray:
-    """Return the columns of parameters that enter linearly, shape (R, P)."""
-    columns = _columns(rows)
-    return np.stack([columns[name] for name in names], axis=1)
 
 
 def predict_torque(fit: Fit, rows: Rows) -> np.ndarray:
@@ -284,8 +270,7 @@ def _rise(rows: Rows, speed: float) -> dict[str, np.ndarray]:
 def _stribeck_velocity(rows: Rows, names: tuple[str, ...], columns: dict[str, np.ndarray]) -> float:
     """Return the Stribeck velocity that leaves the least torque unexplained [rad/s].
 
-    It is sought between the speed that one row in twenty is under and half of the top speed: outside of that the log
-    does not tell the law from Coulomb friction.
+    It is sought between the speed that one row in twenty is under and half of the top speed.
     """
     linear = [name for name in names if name != "stribeck_velocity"]
 
@@ -324,7 +309,8 @@ def fit_instrumental(prepared: Prepared, payload: Payload | None, start: Fit, si
         position = simulate(fit.values)
         if position is None:
             return None
-        instrument = linear_jacobian(_simulated_rows(prepared, payload, position), fit.names)
+        columns = _columns(_simulated_rows(prepared, payload, position))
+        instrument = np.stack([columns[name] for name in fit.names], axis=1)
         if _cosines(instrument, start.jacobian).min() < WEAKEST:
             return None
         values = np.linalg.solve(instrument.T @ start.jacobian, instrument.T @ torque)

@@ -1,8 +1,7 @@
 """When the samples were taken: what the stamps say, how good they are, and the even grid that they are brought onto.
 
-Stamps jitter, come twice, come late, and samples are lost. Signals are interpolated by cubic splines, all of them by
-the same linear rule, so that a linear relation between them (the torque of a PD law, say) survives; stairs, which a
-spline would ring at, are held. Long gaps are bridged by straight lines and marked as not valid.
+Signals are interpolated by cubic splines, all by the same linear rule, so that a linear relation between them (the
+torque of a PD law, say) survives; stairs are held. Long gaps are bridged by straight lines and marked as not valid.
 """
 
 from __future__ import annotations
@@ -21,12 +20,10 @@ LARGEST_LOSS = 0.2
 """Share of samples that may be missing, be double or be out of order: beyond, the log is not what it says."""
 
 LONGEST_SETBACK = 20
-"""Steps by which a stamp may lag behind the latest one; more is a second log in the same file, or a clock that was
-set."""
+"""Steps by which a stamp may lag behind the latest one; more is a second log in the file, or a clock that was set."""
 
 LONGEST_BRIDGE = 3
-"""Samples missing in a row that interpolation may replace: friction shows in how the joint turns round, which takes
-longer than this at any rate worth logging at."""
+"""Samples missing in a row that interpolation may replace: a reversal takes longer at any rate worth logging at."""
 
 MARGIN = 2
 """Samples on either side of a long gap that are not valid either: what was interpolated there leans on one side."""
@@ -107,10 +104,10 @@ class Grid:
 
 
 def even_grid(source: str, time: np.ndarray) -> tuple[Grid, Timing]:
-    """Return the even grid for stamps [s], shape (num_samples,), and what was found out about them.
+    """Return the even grid for stamps [s], shape (num_samples,), and how good they are.
 
-    source: the log's name, for messages. Raises `LogError` for stamps from which no time can be told: not in seconds,
-    running backwards at large, more than a fifth of the samples missing or double.
+    source: the log's name, for messages. Raises `LogError` for stamps that are not in seconds, run backwards at large,
+    or of which more than a fifth is missing or double.
     """
     samples = len(time)
     setbacks = np.maximum.accumulate(time) - time
@@ -182,9 +179,8 @@ def _middle_step(source: str, stamps: np.ndarray) -> float:
 def _refined(stamps: np.ndarray, step: float) -> tuple[float, int]:
     """Return the step [s] and the number of steps in the log, from the median interval, which jitter makes uncertain.
 
-    The step is the period with which the stamps agree best: that at which |Σ exp(2πi t/step)| is largest, sought in the
-    first stamps around the median, then more and more finely in twice as many. Jitter and missing samples do not move
-    it, where counting intervals would add up their errors.
+    The step is the period at which |Σ exp(2πi t/step)| is largest, sought in the first stamps around the median, then
+    more and more finely in twice as many. Counting intervals would add up the errors of jitter and missing samples.
     """
     length = min(FIRST_STAMPS, len(stamps))
     candidates = step * np.arange(0.65, 1.35, 0.25 / length)
@@ -225,11 +221,9 @@ def _valid(times: np.ndarray, stamps: np.ndarray, step: float) -> np.ndarray:
 
 
 def resample(grid: Grid, values: np.ndarray, command: bool = False) -> np.ndarray:
-    """Return a signal on the grid, shape (num_points,).
+    """Return a signal on the grid, shape (num_points,): by cubic splines, and by straight lines over long gaps.
 
-    values: the signal at all samples of the log, shape (num_samples,). Signals go through cubic splines, an error of
-    fourth order in the step; long gaps are bridged by straight lines. command: the signal may be stairs, held between
-    changes, and then is held here.
+    values: the signal at all samples of the log, shape (num_samples,); command: if it is held between changes, hold it.
     """
     order = values[grid.order]
     if grid.on_grid and len(order) == len(grid.times):
@@ -254,8 +248,7 @@ def is_stairs(values: np.ndarray) -> bool:
 
 
 MOST_LOST = 0.5
-"""Share of the samples that may be given up to let the joint settle. Where there are more gaps than that allows, the
-shortest are not waited for: what a straight line misses grows with the cube of its length."""
+"""Share of the samples that may be given up to let the joint settle; beyond, the shortest gaps are not waited for."""
 
 
 def near(bridged: np.ndarray, reach: int) -> np.ndarray:
@@ -266,8 +259,8 @@ def near(bridged: np.ndarray, reach: int) -> np.ndarray:
 def settling(bridged: np.ndarray, moving: np.ndarray, wait: int) -> np.ndarray:
     """Return True for samples after a gap up to the one by which the joint was in motion for `wait` samples.
 
-    What the target did in the gap is not known, so a simulation leaves the gap elsewhere than the joint did. In motion
-    the difference dies away; friction at rest preserves it. bridged: in a gap; moving: not at rest, (num_samples,).
+    A simulation leaves the gap elsewhere than the joint did; in motion the difference decays, at rest friction
+    preserves it. bridged: in a gap; moving: not at rest, shape (num_samples,) each.
     """
     found = np.zeros(len(bridged), bool)
     edges = np.flatnonzero(np.diff(np.concatenate(([0], bridged.astype(int), [0]))))

@@ -1,8 +1,7 @@
-"""Does this friction matter? A provisional answer in words, with the numbers that it rests on, and what to train.
+"""Does this friction matter for a walking policy? A provisional answer in words, with the numbers it rests on.
 
-From which friction on a policy feels it is read from `advice.json` beside this module, which `stiction replicate`
-writes from its rows: one simulated robot, in the simulator of the training, in other engines and on virtual robots.
-Every sentence that rests on it is called provisional. Which training to choose is another module's: `advice`.
+From which friction on a policy suffers is read from `advice.json` beside this module, which `stiction replicate`
+writes from its rows. Which training to choose: see `advice`.
 """
 
 from __future__ import annotations

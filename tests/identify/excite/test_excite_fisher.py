@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.core.errors import StictionError
 from stiction.identify.excite.fisher import LogNoise, information, sensitivities
 from stiction.joints.pd import PDGains
 
@@ -88,10 +87,3 @@ def test_gravity_can_be_told_from_an_offset() -> None:
     found = information(values, GAINS, 1 / RATE, swing(0.5, 1.0), LogNoise())
     assert found.names[4:] == ("gravity_sin", "gravity_cos")
     assert (found.std[4:] < 0.1 * values[4:]).all() and np.isfinite(found.covariance).all()
-
-
-def test_a_sensor_without_noise_is_refused() -> None:
-    """It would promise to know everything."""
-    for noise in ((0.0, 0.05, 0.0), (1e-4, 0.0, 0.0), (np.nan, 0.05, 0.0)):
-        with pytest.raises(StictionError, match="noise"):
-            LogNoise(*noise)

@@ -1,11 +1,10 @@
 """The search for the motion that shows a joint best within its limits.
 
-What is made small is the largest relative standard deviation among inertia, viscous and Coulomb friction, in the
-worst of four extreme joints. A simulation needs all three; the D-criterion would trade a vague friction for an inertia
-that is known to ten digits. It does not depend on units.
+The criterion is the largest relative standard deviation among inertia, viscous and Coulomb friction, in the worst of
+four extreme joints: it does not depend on units, and does not trade a vague friction for a sharp inertia.
 
 At gains kp the position lags by f/kp while the joint moves, so a stiff loop hides friction from a position log. A
-measured torque shows f whatever the gains; there the gains decide how fast the joint may move before it overshoots.
+measured torque shows f whatever the gains; there they decide how fast the joint may move before it overshoots.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from stiction.joints.friction import dead_band
 from stiction.joints.pd import PDGains
 
 WAVES = 3
-"""Sines of the fast part; a fourth bought nothing in trials."""
+"""Sines of the fast part."""
 
 POPULATION = 16
 """Motions in one generation of the search."""
 
 GENERATIONS = 11
-"""Generations after the first. Over four seeds and two joints the results differ by 2 %."""
+"""Generations after the first."""
 
 MUTATION = (0.3, 0.7)
 """Range of the steps between generations, in units of the difference of two motions: small, for few generations."""

@@ -1,9 +1,4 @@
-"""A design from start to end: choose the gains, search the motion, predict what it tells, explain it.
-
-One sine moves at nearly one speed, so that B|θ'| and f act alike: the estimates' correlation goes to -1, and either is
-known only as long as the other is. Where the gains are high the position follows the target whatever friction does.
-Gravity is left out of both comparisons.
-"""
+"""A design from start to end: choose the gains, search the motion, predict what it tells, explain it."""
 
 from __future__ import annotations
 

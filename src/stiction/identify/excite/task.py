@@ -1,8 +1,8 @@
-"""What a design is for: the joint as it is believed to be, its controller, its limits; and how a motion is tried.
+"""What a design is for: the candidate joints, their controller, their limits; and how a motion is tried.
 
-Slow and fast in one log is what separates dry from viscous friction: at one speed only their sum shows. The triangle
-moves at an even speed, where nearly all of the torque is dry friction; the sines bring speed and acceleration. The
-whole is a pattern that is repeated, so that the two halves of the log can be compared.
+Slow and fast in one log is what separates Coulomb from viscous friction: at one speed only their sum shows. The
+triangle moves at an even speed; the sines bring speed and acceleration. The pattern is repeated, so that the halves of
+the log can be compared.
 """
 
 from __future__ import annotations
@@ -83,17 +83,16 @@ def window(count: int, rate: float) -> np.ndarray:
 
 
 SHARE = 0.9
-"""Share of each limit that a design may use in simulation, over the whole range of guesses: what is left is for what
-the simulation lacks."""
+"""Share of each limit that a design may use in simulation, over all candidates: a margin for what simulation lacks."""
 
 LONGEST_PATTERN = 10.0
 """Rough length of one pattern [s]; longer logs repeat it."""
 
 SCALINGS = 8
-"""Times that a motion is scaled down until it is within its limits: with friction the motion is not proportional."""
+"""Times that a motion is scaled down until it is within its limits: friction is not proportional to the motion."""
 
 BACKING_OFF = 0.98
-"""What a motion is scaled to beyond what proportion asks for, so that few scalings do."""
+"""Factor by which a motion is scaled further than proportion asks for, so that few scalings do."""
 
 
 @dataclass(frozen=True)
@@ -150,10 +149,10 @@ class Task:
         return [self.values, *corners] if self.spread > 1 else [self.values]
 
     def extremes(self) -> list[np.ndarray]:
-        """Return the corners in which inertia, viscous and dry friction are hardest to see.
+        """Return the corners in which inertia, viscous or Coulomb friction is hardest to see.
 
-        Each is small there, what hides it large. Viscous friction is hidden by dry friction, and whether by a light or
-        by a heavy joint depends on the motion: light ones overshoot less, heavy ones follow less.
+        Each is small there, and what hides it large. Whether Coulomb friction hides the viscous one more in a light or
+        in a heavy joint depends on the motion: both are there.
         """
         corners = self.candidates()
         return corners if len(corners) == 1 else [corners[index] for index in (2, 3, 4, 6)]

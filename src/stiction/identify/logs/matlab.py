@@ -1,8 +1,7 @@
 """MATLAB version 5 files (`save -v6`, `-v7`) as named columns. Nothing in such a file is executed.
 
-The format: after 128 bytes of header come elements, each a type, a size and as many bytes; a matrix is an element of
-elements (flags, dimensions, name, numbers), a compressed element holds another, deflated. It is read here and not by
-scipy.io, which a damaged size can crash, and the whole process with it.
+After 128 bytes of header come elements, each a type, a size and as many bytes; a matrix is an element of elements, a
+compressed element holds another, deflated. Not read by scipy.io, which a damaged size can crash.
 """
 
 from __future__ import annotations

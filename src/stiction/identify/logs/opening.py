@@ -80,14 +80,18 @@ def find_signals(
     """
     if columns:
         return _mapped(source, table, columns, joint)
-    time = next((table[name] for name in TIMES if name in table), None)
     joints = by_joint(table, joint) or _by_patterns(source, table, _wide_patterns(table))
     if not joints:
         raise LogError(
             f"{source}: no column position, velocity, target or torque; the columns are {listed(table)}; name them "
             "position.<joint> and so on, or map them: position=NAME, or position=NAME_{joint} for several joints"
         )
-    return time, joints
+    return _time(table), joints
+
+
+def _time(table: Columns) -> np.ndarray | None:
+    """Return the time stamps by the usual names; None where there are none."""
+    return next((table[name] for name in TIMES if name in table), None)
 
 
 def _mapped(
@@ -105,7 +109,7 @@ def _mapped(
     missing = [name for role, name in columns.items() if role not in patterns and name not in table]
     if missing:
         raise LogError(f"{source}: no column {missing[0]!r}; the columns are {listed(table)}")
-    time = table[columns["time"]] if "time" in columns else next((table[n] for n in TIMES if n in table), None)
+    time = table[columns["time"]] if "time" in columns else _time(table)
     if patterns:
         return time, _by_patterns(source, table, patterns)
     if not signals:
@@ -117,19 +121,17 @@ def _wide_patterns(table: Columns) -> dict[str, str]:
     """Return role -> the first of its patterns that fits some column."""
     found = {}
     for role, patterns in WIDE.items():
-        fitting = next((pattern for pattern in patterns if _numbers(pattern, table)), None)
+        fitting = next((pattern for pattern in patterns if _match(pattern, table)), None)
         if fitting:
             found[role] = fitting
     return found
 
 
-def _numbers(pattern: str, table: Columns) -> dict[str, str]:
-    """Return number -> column for the columns that have a number where the pattern has the joint."""
-    return _match(pattern, table, r"\d{1,4}")
+def _match(pattern: str, table: Columns, label: str = r"\d{1,4}") -> dict[str, str]:
+    """Return label -> column for the columns that fit a pattern.
 
-
-def _match(pattern: str, table: Columns, label: str) -> dict[str, str]:
-    """Return label -> column for the columns that fit a pattern, `label` being a regular expression."""
+    label: regular expression of what stands for the joint, by default its number.
+    """
     before, _, after = pattern.partition(PLACE)
     expression = re.compile(f"{re.escape(before)}({label}){re.escape(after)}")
     return {match[1]: name for name in table if (match := expression.fullmatch(name))}
@@ -145,7 +147,7 @@ def _by_patterns(source: str, table: Columns, patterns: Mapping[str, str]) -> di
     for role, pattern in sorted(patterns.items(), key=lambda item: -len(item[1])):
         if pattern.count(PLACE) != 1:
             raise LogError(f"{source}: {role}={pattern} has {PLACE} more than once; expected one place for the joint")
-        numbered = _numbers(pattern, table)
+        numbered = _match(pattern, table)
         matches = numbered or {label: name for label, name in _match(pattern, table, ".+").items() if name not in taken}
         if not matches:
             raise LogError(f"{source}: no column fits {role}={pattern}; the columns are {listed(table)}")
@@ -206,23 +208,18 @@ def _from_table(path: Path, columns: Mapping[str, str] | None, joint: str | None
     else:
         raise LogError(f"{path.name}: unknown kind of log {path.suffix!r}; expected {KINDS}")
     time, joints = find_signals(path.name, table, columns, joint)
-    samples = len(next(iter(table.values())))
-    if time is None and setup.rate is None:
-        raise LogError(
-            f"{path.name}: no column of time; the columns are {listed(table)}; map one, time=NAME, or give the rate of "
-            "the log in Hz (--rate)"
-        )
     if time is None:
-        time = even_time(path.name, samples, setup.rate)
-        notes = (*notes, f"the log has no time stamps: {setup.rate:g} Hz was declared, and jitter cannot be seen")
+        rate = setup.rate
+        if rate is None:
+            raise LogError(
+                f"{path.name}: no column of time; the columns are {listed(table)}; map one, time=NAME, or give the "
+                "rate of the log in Hz (--rate)"
+            )
+        if not 0 < rate < 1e9:
+            raise LogError(f"{path.name}: a rate of {rate} Hz; expected a positive number of samples per second")
+        time = np.arange(len(next(iter(table.values())))) / rate
+        notes = (*notes, f"the log has no time stamps: {rate:g} Hz was declared, and jitter cannot be seen")
     return Log(path.name, time, _named(path.name, joints, names), notes=notes)
-
-
-def even_time(source: str, samples: int, rate: float | None) -> np.ndarray:
-    """Return stamps at an even rate [Hz] from zero [s], shape (samples,); raise `LogError` for an impossible rate."""
-    if rate is None or not 0 < rate < 1e9:
-        raise LogError(f"{source}: a rate of {rate} Hz; expected a positive number of samples per second")
-    return np.arange(samples) / rate
 
 
 def _named(source: str, joints: dict[str, JointSignals], names: Sequence[str]) -> dict[str, JointSignals]:

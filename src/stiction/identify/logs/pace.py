@@ -1,11 +1,9 @@
 """PACE's logs, `.pt`: a ZIP archive of tensors that `torch.save` wrote, read without torch and without executing it.
 
 The dictionary has `time`, shape (num_samples,), and matrices of shape (num_samples, num_joints): `dof_pos`,
-`des_dof_pos`, and where there are `dof_vel` and `tau`. Its joints have names only where the file lists them.
-
-The file's index is a program for a stack machine that can call any function. Here its instructions are only looked at
-(`pickletools.genops` executes nothing) and the few that build dictionaries, lists, tuples, numbers, text and the
-description of a tensor are followed by hand. Every other instruction, and every other name of a function, is refused.
+`des_dof_pos`, and where there are `dof_vel` and `tau`. The file's index is a program for a stack machine that can call
+any function. Here the few instructions that build plain data and describe tensors are followed by hand
+(`pickletools.genops` executes nothing), and every other one, and every other function's name, is refused.
 """
 
 from __future__ import annotations

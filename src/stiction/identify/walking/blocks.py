@@ -1,9 +1,8 @@
-"""Least squares with intervals from blocks of data, and with what is not noise put on top.
+"""Least squares with intervals from blocks of data, widened by known systematic errors.
 
-A swing of a leg is a block: within one, residuals are correlated (the same small error of the model acts throughout),
-between them little. The spread comes from the delete-one-block jackknife, which with few blocks errs on the wide side,
-unlike the sandwich. Errors that are the same in every block (a link that is heavier than stated) do not show in that
-spread at all: their effect on the estimate, which is linear, is computed and added to the half-width in quadrature.
+A swing of a leg is a block: residuals are correlated within one, little between them. The spread comes from the
+delete-one-block jackknife. Errors that are the same in every block (a link that is heavier than stated) do not show in
+it: their effect on the estimate, which is linear, is added to the half-width in quadrature.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """Rigid-body dynamics of a walking robot over a whole log, by MuJoCo, sample by sample.
 
-The base stands at the world's origin with its axes along the world's, and there is no gravity: the base's acceleration
-enters as its specific force, acceleration minus gravity, which is what an accelerometer reads, so that gravity needs no
-orientation. Vectors along the base's axes and along the world's are then the same. The rotors' inertia (armature) and
-the joints' friction are not part of the model: they act on the joint's own equation alone.
+The base stands at the world's origin, axes along the world's, without gravity: the base's acceleration enters as its
+specific force, which is what an accelerometer reads, so gravity needs no orientation. Armature and joint friction are
+not part of the model: they act on the joint's own equation alone.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Load-dependent friction of a walking robot: swing and stance together, or the reason why not.
 
-Friction is b + c |τ| here: c is friction per torque of the motor. Swing settles b where the torque is small, stance
-adds the torques of a robot's weight. Each family of equations is weighted by the size of its own residuals. A block is
-half a second of the walk, with swing and stance of all legs in it.
+Friction is b + c |τ| here. Swing settles b where the torque is small, stance adds the torques of a robot's weight. Each
+family of equations is weighted by the size of its residuals. A block is half a second of the walk.
 """
 
 from __future__ import annotations
@@ -37,8 +36,8 @@ MAX_BOUND_RATIO = 1.5
 """Errors of mass, centre of mass or specific force beyond this many of their declared bounds are no small errors."""
 
 LAW_ERROR = 0.05
-"""Friction is not exactly linear in the motor's torque, which is not exactly the load of gears and bearings: share of
-the coefficient by which its interval is widened [1]. A choice."""
+"""Share of the coefficient by which its interval is widened: friction is not exactly linear in the motor's torque [1].
+A choice."""
 
 
 @dataclass(frozen=True)

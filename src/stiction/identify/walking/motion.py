@@ -1,12 +1,8 @@
 """From a walking log to how every leg and the base moved: differences of what was measured, nothing filtered.
 
-A sample holds the state at its time and the torque over the period that follows. So the rates that belong to the torque
-are those over the same period: forward differences of angle and angular velocity. The acceleration is the second
-difference of the angle. What depends on the state alone (Coriolis forces) takes the logged velocities.
-
-Filtering waits until the equations are written down (`swing.py`, `stance.py`): an equation that holds at every sample
-also holds for any weighted mean of neighbouring samples, whereas the products of filtered signals are not the filtered
-products.
+A sample holds the state at its time and the torque over the period that follows, so rates are forward differences of
+angle and angular velocity; the acceleration is the second difference of the angle. Filtering waits until the equations
+are written down (`swing.py`, `stance.py`): the products of filtered signals are not the filtered products.
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from stiction.core.errors import LogError
 from stiction.formats.joints import JointRecord, JointsFile
 from stiction.formats.walk import WalkFit, WalkHeader, WalkLog
 from stiction.identify.combinations import shifted
+from stiction.identify.record import plain
 from stiction.identify.verdict import judge
 from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
 from stiction.identify.walking.load import LoadFit, fit_load
@@ -22,7 +23,6 @@ from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, Robot
 
 GAIT_SHOWN = 4.0
 """Length of the gait that the page draws [s]."""
-
 
 COARSE = 0.0025
 """Period beyond which a robot's accelerations are blurred [s]: intervals of inertia and viscous friction then hold the
@@ -56,10 +56,7 @@ def identify_walk(log: WalkLog, spec: Robot, setup: WalkSetup | None = None) -> 
     load = fit_load(log, motion, spec, rows, setup)
     links = standing_inertia(spec)
     records: dict[str, JointRecord] = {}
-    chosen: dict[str, SwingFit] = {}
-    for number, fit in enumerate(own):
-        if fit.fit is not None:
-            chosen[spec.joint_names[number]] = fit
+    chosen = {name: fit for name, fit in zip(spec.joint_names, own, strict=True) if fit.fit is not None}
     for first, kind in enumerate(JOINT_KINDS):
         if any(own[number].fit is None for number in range(first, len(own), JOINTS_PER_LEG)):
             chosen[kind] = fit_swing(rows[first::JOINTS_PER_LEG], limits[first], motion.period, setup)
@@ -80,9 +77,13 @@ def _number(name: str, spec: Robot) -> int:
 def standing_inertia(spec: Robot) -> np.ndarray:
     """Return the inertia that the links put on each joint in the standing pose, all others held [kg m²], shape (J,)."""
     each = np.eye(spec.num_joints)
+<<<<<<< HEAD
     standing, still = np.tile(spec.joint_values("default_position"), (len(each), 1)), np.zeros((len(each), 3))
+=======
+    standing, rest = np.tile(spec.joint_values("default_position"), (len(each), 1)), np.zeros((len(each), 3))
+>>>>>>> tidy-c
     joints = JointMotion(standing, np.zeros_like(each), each)
-    return link_effort(spec, joints, BaseMotion(still, still, still)).torque.diagonal()
+    return link_effort(spec, joints, BaseMotion(rest, rest, rest)).torque.diagonal()
 
 
 def _record(
@@ -102,8 +103,8 @@ def _record(
         "torque_limit": limit,
     }
     law = load.laws.get(kind)
-    if law is not None:
-        torque, friction = load.under_load[kind]
+    torque, friction = load.under_load.get(kind, (None, None))
+    if law is not None and friction is not None:
         settings["load_coefficient"] = law["load_coefficient"]
         settings["combinations"] = {f"coulomb_friction + {torque:.3g} N m * load_coefficient": friction}
         settings["friction_law"] = {"law": "load", "load": "|motor torque| [N m]"} | {
@@ -119,19 +120,17 @@ def _record(
         "load": {
             "refusal": load.refusal or load.refused.get(kind, ""),
             "equations": load.rows,
-            "carried_torque": load.under_load[kind][0] if law is not None else None,
-            "carried_friction": load.under_load[kind][1].to_dict() if law is not None else None,
+            "carried_torque": torque,
+            "carried_friction": friction,
         },
     }
-    if swing.fit is None:
-        record = JointRecord(**settings, diagnostics=diagnostics)
-    else:
+    if swing.fit is not None:
         rotor, viscous, coulomb = (swing.fit.estimate(index) for index in range(3))
         diagnostics |= {
             "scaled_condition_number": swing.fit.condition,
             "rms_residual": float(np.std(swing.fit.residual)),
-            "rotor_inertia": rotor.to_dict(),
-            "lateness": swing.fit.estimate(PARAMETERS.index("lateness")).to_dict(),
+            "rotor_inertia": rotor,
+            "lateness": swing.fit.estimate(PARAMETERS.index("lateness")),
             "coulomb_friction_by_heavier_links": float(swing.fit.shifts[0, 2]),
         }
         settings["friction_ratio"] = coulomb.scaled(friction_ratio(1.0, limit))
@@ -142,8 +141,8 @@ def _record(
             settings["offset"] = swing.fit.estimate(len(PARAMETERS)) if len(swing.joints) == 1 else None
         else:
             settings["combinations"] = {"f/k": coulomb, "B/k": viscous}
-        record = JointRecord(**settings, diagnostics=diagnostics)
-    return replace(record, diagnostics=diagnostics | {"verdict": judge(record).to_dict()})
+    record = JointRecord(**settings)
+    return replace(record, diagnostics=plain(diagnostics | {"verdict": judge(record).to_dict()}))
 
 
 def _warnings(

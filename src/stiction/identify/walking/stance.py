@@ -4,20 +4,16 @@ A foot on the ground feels a force F that nobody measures. Its leg's three joint
 
     J^T F = τ_links + A θ'' + B θ' + b sign(θ') + c |τ| sign(θ') - τ      (J: Jacobian of the contact point),
 
-have three unknowns in F: whatever the joints' friction is, some F fits it exactly. So no leg in stance tells anything
-about its own friction. Solved for F, they leave the six equations of the base, in which the joints' torques do not
-occur: what moves the whole robot, W, known from masses and IMU, is the sum of the feet's forces and moments,
+have three unknowns in F, so no leg in stance tells anything about its own friction. Solved for F, they leave the six
+equations of the base, in which the joints' torques do not occur: what moves the whole robot, W, known from masses and
+IMU, is the sum of the feet's forces and moments,
 
     W = Σ_legs G (τ_links + A θ'' + B θ' + b sign(θ') + c |τ| sign(θ') - τ),     G = [J^-T; p × J^-T],
 
-linear in A, B, b and c. Gravity is by far the largest part of W, and an error of the mass looks much like friction
-that always points the same way: masses and centre of mass must be known, and their remaining errors are unknowns here,
-held by what is known about them. If they want to go further than that, mass or centre of mass is not what was declared,
-and nothing is said about load.
-
-A joint that hardly moves has friction of unknown size and direction: that torque is one more unknown, which is
-eliminated from the sample's equations, and a sample with more of those than `MOST_STILL` is left out. Legs in swing
-have F = 0 and drop out; their own equations (`swing.py`) join the fit and settle A, B and b where load is small.
+linear in A, B, b and c. Gravity is by far the largest part of W, so masses and centre of mass must be known, and their
+remaining errors are unknowns with priors. A joint that hardly moves has friction of unknown size and direction: that
+torque is one more unknown, which is eliminated from the sample's equations. Legs in swing have F = 0; their own
+equations (`swing.py`) join the fit and settle A, B and b where load is small.
 """
 
 from __future__ import annotations

@@ -1,18 +1,14 @@
 """Unloaded friction, from the legs in swing.
 
 A leg in swing is a known mechanism on a base whose motion the IMU measures: what moves its links, τ_links, follows from
-the recorded motion (`leg.py`). The rest of the motor's torque is the joint's own:
+the recorded motion (`body.py`). The rest of the motor's torque is the joint's own:
 
     τ - τ_links = armature θ'' + B θ' + b_c sign(θ') + offset.
 
-Every sample gives this equation; a short Hann window averages neighbouring ones, within a swing and away from reversals
-of the joint, so that encoder noise in θ'' averages out while the equation stays true. The offset takes up what is
-constant in a swing: a wrong encoder zero turns gravity a little. It is known to be small, and that is used, since many
-joints move one way only in swing: without it their friction and offset could not be told apart.
-
-Logged torque is early or late by a part of a period against the encoder, as the drive samples it and as the period's
-mean is taken; times kp that is a viscous friction. That lateness is one more unknown, known to be within a period: what
-tells it are the steps of the torque, whenever the policy acts.
+A short Hann window averages neighbouring equations, within a swing and away from reversals of the joint. The offset
+takes up what is constant in a swing and is known to be small, without which joints that move one way only could not
+tell it from friction. Logged torque is early or late by a part of a period against the encoder, which times kp is a
+viscous friction: that lateness is one more unknown, known to be within a period.
 """
 
 from __future__ import annotations
@@ -38,8 +34,7 @@ FEWEST_ROWS = 40
 """Fewest rows of a fit: as many as two swings have."""
 
 WIDEST = 0.05
-"""Half-width of the Coulomb friction's interval over the torque limit beyond which there is no answer [1]: from "not
-worth a thought" to "retrain" is no wider."""
+"""Half-width of the Coulomb friction's interval over the torque limit beyond which there is no answer [1]."""
 
 
 @dataclass(frozen=True)
