@@ -77,11 +77,7 @@ def _number(name: str, spec: Robot) -> int:
 def standing_inertia(spec: Robot) -> np.ndarray:
     """Return the inertia that the links put on each joint in the standing pose, all others held [kg m²], shape (J,)."""
     each = np.eye(spec.num_joints)
-<<<<<<< HEAD
-    standing, still = np.tile(spec.joint_values("default_position"), (len(each), 1)), np.zeros((len(each), 3))
-=======
     standing, rest = np.tile(spec.joint_values("default_position"), (len(each), 1)), np.zeros((len(each), 3))
->>>>>>> tidy-c
     joints = JointMotion(standing, np.zeros_like(each), each)
     return link_effort(spec, joints, BaseMotion(rest, rest, rest)).torque.diagonal()
 
