@@ -28,7 +28,7 @@ from stiction.studies.engines.walks import (
     STIFF,
     TRAINING,
     check_walks,
-    simulators,
+    find_simulators,
     walk_bundles,
 )
 from stiction.virtual.cases import DataSheet
@@ -76,7 +76,7 @@ def test_every_cell_has_every_simulator_in_order_and_walks_once(
     folder.mkdir()
 
     def run(cfg: EvaluationCfg = cfg) -> list[engine_walks.Walk]:
-        found = simulators([MUJOCO])
+        found = find_simulators([MUJOCO])
         return walk_bundles([check_bundle(bundle).bundle], found, cfg, folder, 1, lambda *said: done.append(said))
 
     walks = run()

@@ -5,20 +5,76 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, EngineError
+from stiction.core.records import column
 from stiction.engines.catalog import ENGINES, make_engine, what_is_missing
 from stiction.engines.conformance import flight, joint
-from stiction.engines.conformance.suite import CHECKS, Measured, check_timestep, conformance, steps_per_second
+from stiction.engines.conformance.suite import CHECKS, check_timestep, conformance, steps_per_second
 from stiction.robots.model import RobotSpec
-from stiction.studies.engines.walks import FigureRow, PaceRow, Traces
 
 ROUNDS = 3
 """Times that every engine's pace is measured, in turn, so that what else the machine does meets all of them."""
+
+
+@dataclass(frozen=True)
+class FigureRow:
+    """One figure of the conformance suite in one engine."""
+
+    engine: str
+    """Name of the engine."""
+    timestep: float
+    """Physics step [s]."""
+    check: str
+    """Name of the check."""
+    figure: str
+    """What was measured."""
+    value: float | None
+    """What came out, zero were perfect; None where it is not a number."""
+    unit: str
+    """Its unit, `1` for a ratio."""
+    bound: float
+    """Largest magnitude that passes."""
+    passed: bool
+    """Whether it does."""
+
+
+@dataclass(frozen=True)
+class PaceRow:
+    """How fast one engine steps, all engines side by side in one run."""
+
+    engine: str = field(metadata=column("engine"))
+    """Name of the engine."""
+    timestep: float = field(metadata=column("step", form=lambda step: f"{1000 * step:g} ms"))
+    """Physics step [s]."""
+    steps_per_second: float = field(metadata=column("steps/s", form=",.0f"))
+    """Steps per second of processor time, median over rounds [1/s]."""
+    share: float = field(metadata=column("share", form=".2f"))
+    """... over that of the first engine in the same rounds, median [1]."""
+
+
+@dataclass(frozen=True)
+class Traces:
+    """Two motions of every engine, to be drawn; arrays of shape (samples,)."""
+
+    time: np.ndarray
+    """Of the joint's samples [s]."""
+    load: np.ndarray
+    """Torque on the joint over its dry friction [1]."""
+    exact_speed: np.ndarray
+    """Of the joint, in closed form [rad/s]."""
+    speed: dict[str, np.ndarray]
+    """Engine -> speed of the joint [rad/s]."""
+    error: dict[str, np.ndarray]
+    """Engine -> magnitude of the error of the joint's angle [rad]."""
+    flight: dict[str, np.ndarray]
+    """Engine -> largest error of a joint's angle in free flight, from the start to its end [rad]."""
+    flight_time: np.ndarray
+    """Of the flight's samples [s]."""
 
 
 @dataclass(frozen=True)
@@ -60,25 +116,13 @@ def figure_rows(name: str, spec: RobotSpec, timestep: float, progress: Callable[
     """Run the suite on a robot in an engine; `progress` is called with the share of the suite that is done."""
     rows, order = [], list(CHECKS)
     for measured in conformance(partial(make_engine, name), spec, timestep):
-        rows.append(_row(name, timestep, measured))
+        figure = measured.figure
+        value = figure.value if math.isfinite(figure.value) else None
+        found = (figure.name, value, figure.unit, figure.tolerance, figure.passed)
+        rows.append(FigureRow(name, timestep, measured.check, *found))
         progress(order.index(measured.check) / len(order))
     progress(1.0)
     return rows
-
-
-def _row(name: str, timestep: float, measured: Measured) -> FigureRow:
-    """Return a figure as a record."""
-    figure = measured.figure
-    return FigureRow(
-        engine=name,
-        timestep=timestep,
-        check=measured.check,
-        figure=figure.name,
-        value=figure.value if math.isfinite(figure.value) else None,
-        unit=figure.unit,
-        bound=figure.tolerance,
-        passed=figure.passed,
-    )
 
 
 def traces(names: Sequence[str], spec: RobotSpec, timestep: float) -> Traces:

@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stiction.core.records import make_folder
+from stiction.core.records import make_folder, part_of
 from stiction.studies.study import ParallelOptions, Report, Study, Work
 
 if TYPE_CHECKING:
-    from stiction.formats.bundle import Bundle
-    from stiction.studies.engines.walks import FigureRow, Walk
+    from stiction.studies.engines.run import FigureRow
+    from stiction.studies.engines.walks import Walk
 
 DESCRIPTION = (
     "Run the conformance suite in every physics engine that can be had here, and let the same policies walk in each, "
@@ -59,12 +59,14 @@ def run(options: EnginesOptions, work: Work) -> Report:
     from stiction.robots.catalog import find_robot
     from stiction.studies.engines.page import EnginesResult, report
     from stiction.studies.engines.run import check_timesteps, figure_rows, find_engines, pace_rows, traces
-    from stiction.studies.engines.walks import check_walks, simulators, walk_bundles
+    from stiction.studies.engines.walks import check_walks, find_simulators, walk_bundles
 
-    cfg = EvaluationCfg(options.friction_levels, options.commands, options.episodes, options.seconds, seed=options.seed)
+    cfg = part_of(EvaluationCfg, options)
     check_timesteps(options.timesteps)
     check_walks(cfg)
-    bundles = _bundles(options, work) if options.walks else []
+    bundles = work.bundles(options.policies) if options.walks else []
+    if options.policies is None:
+        bundles = [bundle for bundle in bundles if bundle.contract.terrain == "flat"]
     spec = find_robot(options.robot)
     engines = find_engines(options.engines, spec)
     out = work.begin()
@@ -77,11 +79,9 @@ def run(options: EnginesOptions, work: Work) -> Report:
     motions = traces(engines.here, spec, options.timesteps[0])
     if bundles:
         make_folder(out / "walks")
-        walked = walk_bundles(bundles, simulators(engines.here), cfg, out / "walks", work.jobs, work.progress)
-    episodes = tuple(episode for walk in walked for episode in walk.episodes)
-    result = EnginesResult(
-        tuple(figures), tuple(paces), motions, tuple(walk.row for walk in walked), episodes, engines.missing
-    )
+        walked = walk_bundles(bundles, find_simulators(engines.here), cfg, out / "walks", work.jobs, work.progress)
+    walks, episodes = tuple(walk.row for walk in walked), tuple(row for walk in walked for row in walk.episodes)
+    result = EnginesResult(tuple(figures), tuple(paces), walks, episodes, motions, engines.missing)
     settings = {
         "engines": engines.here,
         "robot": spec.name,
@@ -90,12 +90,6 @@ def run(options: EnginesOptions, work: Work) -> Report:
         "seconds": work.seconds,
     }
     return report(result, settings)
-
-
-def _bundles(options: EnginesOptions, work: Work) -> list[Bundle]:
-    """Return the checked bundles that are to walk."""
-    bundles = work.bundles(options.policies)
-    return [one for one in bundles if options.policies is not None or one.contract.terrain == "flat"]
 
 
 STUDY = Study(

@@ -1,13 +1,12 @@
 """Lets the same bundles walk in the training's simulator and in every engine: flat ground, the robot of the data sheet.
 
-Nothing differs between simulators but the simulator: no sensor noise, no delay, Coulomb friction of the same share of
-the torque limit in every joint. What is left is how contacts and joints are solved, and where the controllers run.
+Nothing else differs: no sensor noise, no delay, Coulomb friction of the same share of the torque limit in every joint.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -18,7 +17,6 @@ import numpy as np
 from stiction.core.cache import cached, key_of
 from stiction.core.errors import ConfigurationError
 from stiction.core.parallel import spread
-from stiction.core.records import column
 from stiction.core.statistics import ratio_interval, t_interval, wilson
 from stiction.deploy.check import robot_of
 from stiction.engines.catalog import TIMESTEP, binaries, make_engine
@@ -40,42 +38,6 @@ step, and at a finer one."""
 MUJOCO, COARSE, STIFF = "mujoco", "mujoco (training's step)", "mujoco (contacts of 4 ms)"
 """MuJoCo with one robot and torque from outside: at the step of the other engines, at the step of the training, and at
 the step of the others with contacts about as stiff as theirs."""
-
-
-@dataclass(frozen=True)
-class FigureRow:
-    """One figure of the conformance suite in one engine."""
-
-    engine: str
-    """Name of the engine."""
-    timestep: float
-    """Physics step [s]."""
-    check: str
-    """Name of the check."""
-    figure: str
-    """What was measured."""
-    value: float | None
-    """What came out, zero were perfect; None where it is not a number."""
-    unit: str
-    """Its unit, `1` for a ratio."""
-    bound: float
-    """Largest magnitude that passes."""
-    passed: bool
-    """Whether it does."""
-
-
-@dataclass(frozen=True)
-class PaceRow:
-    """How fast one engine steps, all engines side by side in one run."""
-
-    engine: str = field(metadata=column("engine"))
-    """Name of the engine."""
-    timestep: float = field(metadata=column("step", form=lambda step: f"{1000 * step:g} ms"))
-    """Physics step [s]."""
-    steps_per_second: float = field(metadata=column("steps/s", form=",.0f"))
-    """Steps per second of processor time, median over rounds [1/s]."""
-    share: float = field(metadata=column("share", form=".2f"))
-    """... over that of the first engine in the same rounds, median [1]."""
 
 
 @dataclass(frozen=True)
@@ -134,26 +96,6 @@ class EpisodeRow:
     """Whether the robot fell."""
 
 
-@dataclass(frozen=True)
-class Traces:
-    """Two motions of every engine, to be drawn; arrays of shape (samples,)."""
-
-    time: np.ndarray
-    """Of the joint's samples [s]."""
-    load: np.ndarray
-    """Torque on the joint over its dry friction [1]."""
-    exact_speed: np.ndarray
-    """Of the joint, in closed form [rad/s]."""
-    speed: dict[str, np.ndarray]
-    """Engine -> speed of the joint [rad/s]."""
-    error: dict[str, np.ndarray]
-    """Engine -> magnitude of the error of the joint's angle [rad]."""
-    flight: dict[str, np.ndarray]
-    """Engine -> largest error of a joint's angle in free flight, from the start to its end [rad]."""
-    flight_time: np.ndarray
-    """Of the flight's samples [s]."""
-
-
 FINE = 0.001
 """Physics step of `FINE_TRAINING` [s]."""
 
@@ -186,7 +128,7 @@ class Walk:
     """Each of them."""
 
 
-def simulators(engines: Sequence[str]) -> list[Simulator]:
+def find_simulators(engines: Sequence[str]) -> list[Simulator]:
     """Return what policies walk in, the training's simulator first: the engines at 2 ms, MuJoCo in three ways."""
     found = [Simulator(TRAINING, None, None), Simulator(FINE_TRAINING, None, FINE)]
     for name in engines:
@@ -210,7 +152,7 @@ def check_walks(cfg: EvaluationCfg) -> None:
 
 def walk_bundles(
     bundles: Sequence[Bundle],
-    found: Sequence[Simulator],
+    simulators: Sequence[Simulator],
     cfg: EvaluationCfg,
     folder: Path,
     jobs: int,
@@ -220,7 +162,7 @@ def walk_bundles(
 
     Args:
         bundles: each of another name.
-        found: as from `simulators`.
+        simulators: as from `find_simulators`.
         cfg: as `stiction evaluate` has it; its noise, law and delay are not used.
         folder: in which what was walked is kept, a file for every such cell; it exists.
         jobs: processes at once. They do not change the result.
@@ -236,14 +178,14 @@ def walk_bundles(
         replace(same, friction_levels=(level,), commands=(command,))
         for level, command in product(cfg.friction_levels, cfg.commands)
     ]
-    tasks = [(bundle, simulator, one, folder) for bundle, one, simulator in product(bundles, asked, found)]
+    tasks = [(bundle, simulator, one, folder) for bundle, one, simulator in product(bundles, asked, simulators)]
     walked: dict[int, tuple[EpisodeRow, ...]] = {}
     for number, episodes in spread(walk_cell, tasks, jobs):
         walked[number] = episodes
         progress("walks", len(walked) / len(tasks))
     # The training's simulator is the first one of each cell.
     return [
-        Walk(_row(timestep_of(bundle, simulator), walked[n], walked[n - n % len(found)]), walked[n])
+        Walk(_row(timestep_of(bundle, simulator), walked[n], walked[n - n % len(simulators)]), walked[n])
         for n, (bundle, simulator, _, _) in enumerate(tasks)
     ]
 
@@ -253,9 +195,9 @@ def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder
 
     asked: one level and one command.
     """
+    engine = MUJOCO if simulator.name in (TRAINING, FINE_TRAINING, COARSE, STIFF) else simulator.name
     made_from: dict[str, Any] = {"bundle": bundle.digest, "simulator": simulator.name, "asked": asdict(asked)}
-    ours = simulator.name in (TRAINING, FINE_TRAINING, COARSE, STIFF)
-    made_from["binaries"] = binaries(MUJOCO if ours else simulator.name)
+    made_from["binaries"] = binaries(engine)
     name = f"{bundle.name}--{simulator.name}--{asked.friction_levels[0]:g}--{asked.commands[0]}".replace(" ", "-")
 
     def make() -> dict[str, list[dict[str, Any]]]:
