@@ -1,7 +1,7 @@
-"""Linear probes of a walk: what z*, and what it is made from, tell of the joints' friction.
+"""Linear probes of a walk: how well the joints' friction can be read from z*, and from what it is made from.
 
 Inputs are compared on the same walks, robots and split. A row is one step, or the mean over a window. There is no
-torque in o_H; `moments` are products of what is in it, the control for what a linear probe of o_H cannot see.
+torque in o_H; `moments` are products of what is in it, which a linear probe of o_H cannot form.
 
 All rows of a robot stay together, in folds, in the split and in the bootstrap: neighbouring steps of one walk are
 nearly copies of each other, and a split between them would count the copies as unseen.
@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import getitem
 from typing import Any, Literal
 
 import numpy as np
@@ -133,8 +134,7 @@ BOOTSTRAP_SEED = 20_260_101
 
 
 LIMIT = 3.0
-"""Standardised features are cut off here: a robot that stumbles has moments far out, and would drag its estimate along.
-On one policy's walks the R² of moments rose from 0.50 to 0.64 by this, and its interval fell to a seventh."""
+"""Standardised features are cut off here: a robot that stumbles has moments far out, which would dominate the fit."""
 
 
 @dataclass(frozen=True)
@@ -214,15 +214,6 @@ class Determination:
     mean_interval: tuple[float, float]
     """95 % interval of it."""
 
-    def to_dict(self) -> dict:
-        """Return plain data for summary.json."""
-        return {
-            "mean": self.mean,
-            "interval95": list(self.mean_interval),
-            "each": self.each.tolist(),
-            "each_interval95": self.each_interval.T.tolist(),
-        }
-
 
 def determination(targets: np.ndarray, predicted: np.ndarray, robot: np.ndarray, guess: np.ndarray) -> Determination:
     """Return R² of predictions on unseen robots; intervals by resampling whole robots.
@@ -293,25 +284,20 @@ def histories(frames: np.ndarray, length: int) -> np.ndarray:
     return np.stack([np.concatenate(frames[end - length : end], axis=-1) for end in ends])
 
 
-def pick(signal: np.ndarray, steps: slice | None) -> np.ndarray:
-    """Return some steps of a signal; with None, a signal without time as one step."""
-    return signal[steps]
-
-
 def inputs(walk: FrictionWalk, moments: Moments) -> Iterator[tuple[str, str, Callable[[], np.ndarray]]]:
-    """Yield every input: its name, what a row is, and what makes it, shape (rows per robot, N, features)."""
+    """Yield every input: its name, what a row is, and a function that returns it, (rows per robot, N, features)."""
     steps, frames = slice(max(HISTORIES) - 1, None, EVERY), walk.frames
     products = moments(frames[:-1], frames[1:])
     signals = {"latent": walk.latent, "explicit": walk.explicit, "frame": frames, "moments": products}
     for name, signal in signals.items():
         if name in ("latent", "explicit"):
-            yield name, "step", partial(pick, signal, steps)
+            yield name, "step", partial(getitem, signal, steps)
         for length in (*(length for length in WINDOWS if length < len(signal)), len(signal)):
             span = "walk" if length == len(signal) else f"mean of {length} steps"
             yield name, span, partial(windows, signal, length)
     for length in HISTORIES:
         yield f"history {length}", "step", partial(histories, frames, length)
-    yield "teacher", "walk", partial(pick, walk.teacher, None)
+    yield "teacher", "walk", partial(getitem, walk.teacher, None)
 
 
 def probe(features: np.ndarray, targets: np.ndarray) -> dict[str, Any]:
@@ -325,7 +311,15 @@ def probe(features: np.ndarray, targets: np.ndarray) -> dict[str, Any]:
     train, held = (robot[:, part].ravel() for part in (~test, test))
     fitted = fit_ridge(train_x, targets[train], train)
     found = determination(targets[held], fitted.predict(test_x), held, fitted.guess)
-    return found.to_dict() | {"penalty": fitted.penalty, "features": features.shape[2], "rows": len(train)}
+    return {
+        "mean": found.mean,
+        "interval95": list(found.mean_interval),
+        "each": found.each.tolist(),
+        "each_interval95": found.each_interval.T.tolist(),
+        "penalty": fitted.penalty,
+        "features": features.shape[2],
+        "rows": len(train),
+    }
 
 
 def probe_walk(
@@ -337,11 +331,11 @@ def probe_walk(
     over the whole walk with the friction of the robots shuffled: what a probe finds by chance.
     """
     targets = walk.friction if per == "joint" else walk.friction[:, :1]
-    made = list(inputs(walk, moments))
+    every = list(inputs(walk, moments))
     found = []
-    for number, (name, row, make) in enumerate(made):
+    for number, (name, row, make) in enumerate(every):
         found.append({"input": name, "row": row, "per": per, "shuffled": False} | probe(make(), targets))
-        progress((number + 1) / (len(made) + 1))
+        progress((number + 1) / (len(every) + 1))
     mixed = targets[np.random.default_rng(0).permutation(len(targets))]
     control = {"input": "latent", "row": "walk", "per": per, "shuffled": True}
     found.append(control | probe(windows(walk.latent, len(walk.latent)), mixed))

@@ -1,10 +1,11 @@
-"""The study of adaptation, run by run; what is finished is kept and not done again."""
+"""The study of adaptation, run by run; finished runs are cached in the study's folder."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from stiction.evaluate.summary import check_names
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, identified_values, write_json
 from stiction.rma.runner import load_actor
-from stiction.studies.adaptation.monitor import TOLD, fit_monitor, latent_effects, over_seeds
+from stiction.studies.adaptation.monitor import LEAST_R2, fit_monitor, latent_effects, over_seeds
 from stiction.studies.adaptation.probes import FrictionWalk, Per, WalkCfg, probe_walk, walk_with_friction
 
 Progress = Callable[[str, float], None]
@@ -30,7 +31,6 @@ Progress = Callable[[str, float], None]
 
 FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
 """Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
-
 
 PROBING = (*RUN_WALKING, "locomotion/*.py", "deploy/wear.py", "studies/adaptation/*.py")
 """Code that decides what a run's part is."""
@@ -82,7 +82,7 @@ def study(
         methods[method] = {"runs": names, "effects": effects, "probes": pooled_probes(same)}
     return {
         "config": asdict(cfg),
-        "threshold": TOLD,
+        "threshold": LEAST_R2,
         "methods": methods,
         "runs": {part["name"]: part for part in parts},
     }
@@ -121,22 +121,17 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
     found = identified_values(header)
     probes: list[dict[str, Any]] = []
     walks: dict[Per, FrictionWalk] = {}
-
-    def walk_and_probe(per: Per) -> None:
-        def share(done: float) -> None:
-            progress(f"{name}: friction per {per}", done)
-
-        walks[per] = walk_with_friction(train, found, actor, per, cfg.walk, threads, lambda done: share(done / 2))
-        probes.extend(probe_walk(walks[per], moments, per, lambda done: share((1 + done) / 2)))
-
-    walk_and_probe("joint")
-    walk_and_probe("robot")
+    pers: tuple[Per, ...] = ("joint", "robot")
+    for per in pers:
+        share = partial(_part_done, progress, f"{name}: friction per {per}")
+        walks[per] = walk_with_friction(train, found, actor, per, cfg.walk, threads, partial(share, 0.0))
+        probes += probe_walk(walks[per], moments, per, partial(share, 0.5))
     wear = fit_monitor(walks, moments, contract.joint_names, cfg.walk.highest, student)
     kept = out / f"{name}-wear.json"
     kept.unlink(missing_ok=True)
     if any(wear.told):
         kept.write_text(wear.to_json())
-    per_target = ("told", "determination", "coverage", "reach")
+    per_target = {field: list(getattr(wear, field)) for field in ("told", "determination", "coverage", "reach")}
     part = {
         "key": key,
         "name": name,
@@ -147,11 +142,15 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
         "latents": latents,
         "probes": probes,
         "fallen": {per: walk.fallen for per, walk in walks.items()},
-        "wear": {"targets": list(wear.targets), "window": wear.window * contract.control_period}
-        | {field: list(getattr(wear, field)) for field in per_target},
+        "wear": {"targets": list(wear.targets), "window": wear.window * contract.control_period} | per_target,
     }
     write_json(file, part)
     return part
+
+
+def _part_done(progress: Progress, name: str, begin: float, share: float) -> None:
+    """Report the share of one half of a piece of work; begin: share of the whole at its beginning."""
+    progress(name, begin + share / 2)
 
 
 def pooled_probes(parts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
