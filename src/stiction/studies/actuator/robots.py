@@ -1,7 +1,4 @@
-"""Robots of the loop with an Actuator Net, which play the real one: the training's simulator, joints of their own.
-
-The virtual robot of the comparison, in another engine and with all that real joints have, is `transfer/robot`.
-"""
+"""Robots that stand in for the real one in the loop: the training's simulator, with joints of their own."""
 
 from __future__ import annotations
 
@@ -28,7 +25,7 @@ FRICTION_FACTORS = (0.5, 1.5)
 
 @dataclass(frozen=True)
 class LoopRobot:
-    """One robot, by what its joints are beside the nominal ones; the policy and the log know nothing of it."""
+    """One robot, by its joints relative to the nominal ones; neither policy nor log contains any of it."""
 
     name: str
     """`robot-0` is the study's own; `robot-1` and on are drawn."""
@@ -67,7 +64,7 @@ def loop_robots(level: float, seed: int) -> tuple[LoopRobot, ...]:
 
 
 def plan_logs(variant: str, cfg: LoopCfg) -> list[tuple[LoopRobot, tuple[str, ...], int]]:
-    """Return who walks for a data set: robot, commands, and runs of each command."""
+    """Return what is walked for a data set: robot, commands, and runs of each command."""
     robots = loop_robots(cfg.level, cfg.train.seed)
     commands = EVERYWHERE if variant == "everywhere" else BACKWARD
     walking: Sequence[LoopRobot] = robots[1:] if variant == "three-robots" else robots[:1]
@@ -108,11 +105,6 @@ def record_logs(
 def _part(progress: Callable[[float], None], index: int, parts: int, share: float) -> None:
     """Report the progress of one part of several."""
     progress((index + share) / parts)
-
-
-def spread(robots: Sequence[LoopRobot]) -> list[dict[str, float | str]]:
-    """Return the robots as plain data, rounded for people."""
-    return [{key: round(v, 4) if isinstance(v, float) else v for key, v in vars(robot).items()} for robot in robots]
 
 
 def check_seconds(cfg: LoopCfg) -> None:

@@ -38,7 +38,7 @@ from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, write_json
 from stiction.rma.runner import train
 from stiction.studies.actuator.config import LoopCfg
-from stiction.studies.actuator.robots import check_seconds, loop_robots, record_logs, spread
+from stiction.studies.actuator.robots import check_seconds, loop_robots, record_logs
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the share of it that is done."""
@@ -56,11 +56,12 @@ class ActuatorLoop:
         """
         check_seconds(cfg)
         self.out, self.cfg, self.command, self.progress = out, cfg, command, progress
-        options = json.loads(json.dumps(to_plain(cfg), default=str))
+        self.robots = loop_robots(cfg.level, cfg.train.seed)
+        self.options = json.loads(json.dumps(to_plain(cfg), default=str))
         file = out / "study.json"
         if file.is_file():
             held = _read_options(file)
-            if other := [name for name in options if held.get(name) != options[name]]:
+            if other := [name for name in self.options if held.get(name) != self.options[name]]:
                 raise ConfigurationError(
                     f"{out} holds this study with another {', '.join(other)}; say the same options to go on, or name "
                     "another --out"
@@ -70,7 +71,7 @@ class ActuatorLoop:
                 self._check_given(find_bundle(cfg.policy))
             try:
                 out.mkdir(parents=True, exist_ok=True)
-                write_json(file, {"options": options, "command": command})
+                write_json(file, {"options": self.options, "command": command})
             except OSError as error:
                 raise FileError(f"{out} cannot be written: {error.strerror or error}; choose another --out") from error
 
@@ -84,24 +85,22 @@ class ActuatorLoop:
             )
 
     def run(self) -> dict[str, Any]:
-        """Go through all stages that are not done; return what the page needs: errors of the nets, rows, robots."""
+        """Go through all stages that are not done; return what summary.json has."""
         torch.set_num_threads(num_threads())
         start = self._first_policy()
         logs = {name: self._logs(name, start) for name in self.cfg.variants}
-        nets = {}
-        for name, runs in logs.items():
-            for inputs in INPUT_SETS:
-                nets[f"{name}-{inputs}"] = self._net(name, inputs, runs)
-        policies = {"f0": start}
-        for name in self.cfg.variants:
-            policies[f"f1-{name}"] = self._second_policy(name)
-        evaluated = {name: self._evaluate(name, bundle) for name, bundle in policies.items()}
+        nets = {
+            f"{name}-{inputs}": self._net(name, inputs, runs) for name, runs in logs.items() for inputs in INPUT_SETS
+        }
+        policies = {"f0": start} | {f"f1-{name}": self._second_policy(name) for name in self.cfg.variants}
+        robots = [vars(robot).items() for robot in self.robots]
         return {
-            "robots": spread(loop_robots(self.cfg.level, self.cfg.train.seed)),
+            "options": self.options,
+            "robots": [{key: round(v, 4) if isinstance(v, float) else v for key, v in items} for items in robots],
             "nets": nets,
             "cross": self._cross(logs),
             "policies": {name: describe(bundle) for name, bundle in policies.items()},
-            "rows": [row for rows in evaluated.values() for row in rows],
+            "rows": [row for name, bundle in policies.items() for row in self._evaluate(name, bundle)],
         }
 
     def _first_policy(self) -> Bundle:
@@ -176,8 +175,8 @@ class ActuatorLoop:
         """Return a policy's rows on every virtual robot, and on the study's own without friction."""
         file = self.out / "evaluation" / f"{name}.json"
         if not file.exists():
-            robots, rows = loop_robots(self.cfg.level, self.cfg.train.seed), []
-            for index, robot in enumerate(robots):
+            rows = []
+            for index, robot in enumerate(self.robots):
                 levels = (0.0, robot.level) if index == 0 else (robot.level,)
                 found = evaluate_bundle(
                     replace(bundle, name=name, contract=robot.joints(bundle.contract)),
@@ -185,7 +184,7 @@ class ActuatorLoop:
                     threads=num_threads(),
                 )
                 rows += [{"robot": robot.name} | asdict(row) for row in found.rows]
-                self.progress(f"evaluate {name}", (index + 1) / len(robots))
+                self.progress(f"evaluate {name}", (index + 1) / len(self.robots))
             file.parent.mkdir(parents=True, exist_ok=True)
             write_json(file, rows)
         return json.loads(file.read_text(encoding="utf-8"))
