@@ -1,10 +1,9 @@
-"""Swaps between B and kd at equal B + k kd: what one joint does, where the paper's section V holds and where it fails.
+"""Swaps between B and kd at equal B + k kd in one joint: where the paper's section V holds and where it fails.
 
-The motion is a policy's: a sine of a stride, held for a control step. Every case compares the joint of a robot's
+The target is a policy's: a sine of a stride, held for a control step. Every case compares the joint of a robot's
 specification with itself after damping was moved from the derivative gain to viscous friction.
 
-The net here is linear, in error and velocity, fitted by least squares: the smallest that can show on which side of the
-net the damping is. A network with hidden layers learns more (limits, friction), and the same of this.
+The net is linear in error and velocity: the smallest that shows on which side of the net the damping is.
 """
 
 from __future__ import annotations
@@ -47,6 +46,11 @@ LEVELS = {
 }
 """Case -> what its level is."""
 
+VISCOUS_SHARE = 0.2
+"""Most that the paper's randomisation adds to B, as a share of it [-]."""
+
+MORE_VISCOUS, HALF, ALL = f"B × {1 + VISCOUS_SHARE:g}", "half of k·kd to B", "all of k·kd to B"
+"""Swaps of `SwapRow`."""
 
 NOISE = 1e-12
 """Difference up to which two motions count as the same, rounding apart [rad]."""
@@ -68,7 +72,7 @@ class SwapRow:
     level: float
     """How much of it; see `LEVELS`."""
     swap: str
-    """How much was moved, in words."""
+    """How much was moved: `MORE_VISCOUS`, `HALF` or `ALL`."""
     moved: float
     """Damping moved from k kd to B [N m s/rad]."""
     amplitude: float
@@ -137,7 +141,7 @@ class RobotRow:
     command: str = field(metadata=column("command or robot"))
     """Commanded velocity; in the air the robot."""
     limits: str = field(metadata=column("limits"))
-    """The motors' torque limits: `own`, or `lifted`, a hundred times as high."""
+    """The motors' torque limits: `own`, or `lifted`, too high to be reached."""
     saturated_share: float = field(metadata=column("motors at limit", form=".2%"))
     """Share of joints and physics steps at the torque limit, without the swap, the first 2 s of a walk left out [-]."""
     speed: float | None = field(metadata=column("speed", "m/s", ".3f"))
@@ -153,8 +157,7 @@ class RobotRow:
     limited_difference: float | None = field(metadata=column("difference", "rad", angle_text))
     """Of these, the same [rad]; None without any."""
     twin_difference: float = field(metadata=column("twins", "rad", angle_text))
-    """The same of all robots, to robots without a swap that start 1e-9 rad apart: what contacts make of rounding [rad].
-    """
+    """The same of all robots, to twins without a swap whose joints start slightly apart [rad]."""
 
 
 @dataclass(frozen=True)
@@ -213,14 +216,14 @@ def joint_of(spec: JointSpec, level: float | None = None) -> tuple[Joint, PDGain
     """Return a kind of joint and its controller without torque limit; level: friction over torque limit, as measured
     by default.
     """
-    dry = spec.frictionloss if level is None else level * spec.torque_limit
-    return Joint(spec.armature, spec.damping, Coulomb(dry)), PDGains(spec.stiffness, spec.derivative)
+    friction = spec.frictionloss if level is None else level * spec.torque_limit
+    return Joint(spec.armature, spec.damping, Coulomb(friction)), PDGains(spec.stiffness, spec.derivative)
 
 
 def swaps(joint: Joint, gains: PDGains) -> dict[str, float]:
     """Return the swaps in words -> damping moved from k kd to B [N m s/rad]."""
     share = gains.strength * gains.kd
-    return {"B × 1.2": 0.2 * joint.viscous, "half of k·kd to B": 0.5 * share, "all of k·kd to B": share}
+    return {MORE_VISCOUS: VISCOUS_SHARE * joint.viscous, HALF: 0.5 * share, ALL: share}
 
 
 def swap_rows(robot: str, cfg: DampingCfg) -> Iterator[SwapRow]:
@@ -258,7 +261,7 @@ def _exact(spec: JointSpec, cfg: DampingCfg) -> Iterator[tuple]:
     def limited(share: float):
         return lambda joint, gains: simulate(joint, replace(gains, torque_limit=share * asked), cfg.step, target)
 
-    def felt(effort: float):
+    def by_effort(effort: float):
         return lambda joint, gains: simulate_sampled(joint, gains, Sampling(cfg.step), target, effort)
 
     for level in cfg.friction_levels:
@@ -266,7 +269,7 @@ def _exact(spec: JointSpec, cfg: DampingCfg) -> Iterator[tuple]:
     for share in cfg.limits:
         yield LIMIT, share, limited(share), None
     for effort in cfg.efforts:
-        yield EFFORT, effort, felt(effort), None
+        yield EFFORT, effort, by_effort(effort), None
 
 
 def _sampled(spec: JointSpec, cfg: DampingCfg) -> Iterator[tuple]:
@@ -308,12 +311,12 @@ def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
     target = cfg.target(cfg.step)
     for level in (0.0, spec.frictionloss / spec.torque_limit):
         joint, gains = joint_of(spec, level)
-        made = simulate(joint, gains, cfg.step, target)
-        logged = {"motor_side": made.torque, "output_side": output_torque(joint, made)}
+        logged = simulate(joint, gains, cfg.step, target)
+        sides = {"motor_side": logged.torque, "output_side": output_torque(joint, logged)}
         other = swapped(joint, gains, 0.5 * gains.strength * gains.kd)[0]
         viscous = {"own": joint.viscous, "swapped": other.viscous, "dropped": 0.0}
-        for side, torque in logged.items():
-            net = fit_net(target - made.position, made.velocity, torque)
+        for side, torque in sides.items():
+            net = fit_net(target - logged.position, logged.velocity, torque)
             friction = joint.friction if side == "motor_side" else Coulomb(0.0)
             for name, value in viscous.items():
                 simulated = Joint(joint.inertia, value, friction)
@@ -326,7 +329,7 @@ def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
                     net.damping,
                     net.damping + value,
                     total_damping(joint, gains),
-                    float(np.abs(again.position - made.position).max()),
+                    float(np.abs(again.position - logged.position).max()),
                 )
 
 
@@ -339,10 +342,10 @@ def draw_rows(robot: str, cfg: DampingCfg) -> Iterator[DrawRow]:
     both = [(replace(joint, viscous=b * joint.viscous), replace(gains, kd=d * gains.kd)) for b, d in factors]
     alone = [(joint, replace(gains, kd=(total_damping(*pair) - joint.viscous) / gains.strength)) for pair in both]
     viscous = [(replace(joint, viscous=b * joint.viscous), gains) for b, _ in factors]
-    ways = {"B and kd": both, "kd alone, same sums": alone, "B alone": viscous}
+    drawn = {"B and kd": both, "kd alone, same sums": alone, "B alone": viscous}
     for situation, motion in _situations(joint, gains, spec.torque_limit, cfg).items():
         first = np.array([motion(*pair) for pair in both])
-        for name, pairs in ways.items():
+        for name, pairs in drawn.items():
             angles = first if pairs is both else np.array([motion(*pair) for pair in pairs])
             sums = [total_damping(*pair) for pair in pairs]
             same = np.allclose(sums, [total_damping(*pair) for pair in both])

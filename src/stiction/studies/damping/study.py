@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from stiction.core.records import part_of
 from stiction.studies.study import Options, Report, Study, Work
 
 DESCRIPTION = (
@@ -48,7 +49,7 @@ def run(options: DampingOptions, work: Work) -> Report:
     from stiction.studies.damping.robot import WalkCfg, air_row, walk_rows
 
     cfg = DampingCfg(options.robots, joint=options.joint, draws=options.draws, seed=options.seed)
-    walk = WalkCfg(episodes=options.episodes, seconds=options.seconds, seed=options.seed)
+    walk = part_of(WalkCfg, options)
     bundles = work.bundles(options.bundles)
     work.begin()
     swaps = tuple(row for robot in cfg.robots for row in swap_rows(robot, cfg))
