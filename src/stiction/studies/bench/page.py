@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from markupsafe import Markup
 
 from stiction.core.statistics import wilson
@@ -35,12 +36,6 @@ def by_robot(rows: Sequence[IdentifiedFriction]) -> dict[str, list[IdentifiedFri
     return robots
 
 
-def scores(rows: Sequence[IdentifiedFriction]) -> dict[str, Any]:
-    """Return how well friction was found, of all joints and of each robot, as plain data for summary.json."""
-    robots = {robot: asdict(score(some)) for robot, some in by_robot(rows).items()}
-    return {"all": asdict(score(rows)), "robots": robots}
-
-
 def report(
     rows: Sequence[IdentifiedFriction],
     next_steps: Mapping[str, str],
@@ -52,13 +47,21 @@ def report(
     next_steps: robot -> the command that trains with what was found of it, or why there is none; settings: `failed` is
     robot -> why it could not be identified, and more for summary.json.
     """
-    figure, said = draw_benches(rows), lead(rows)
+    figure, answer = draw_benches(rows), lead(rows)
+    robots = {robot: asdict(score(some)) for robot, some in by_robot(rows).items()}
+    scores = {"all": asdict(score(rows)), "robots": robots}
+    steps = table(["robot", "to train with what was found of it"], list(next_steps.items()))
     return Report(
         title="Virtual robots on the bench",
-        lead=said,
-        sections=sections(rows, next_steps, figure),
+        lead=answer,
+        sections=(
+            Section("Found over true", (picture(figure_uri(figure), CAPTION), paragraph(SHOWN))),
+            Section("Each robot", (robots_table(rows),)),
+            Section("Each joint", tuple(fold(robot, [joints_table(some)]) for robot, some in by_robot(rows).items())),
+            Section("How a training takes it", (paragraph(TAKEN), steps)),
+        ),
         run=(paragraph(SIMULATED),),
-        summary={**settings, "next": dict(next_steps), "scores": scores(rows), "lead": said},
+        summary={**settings, "next": dict(next_steps), "scores": scores, "lead": answer},
         warnings=warnings,
         figures={"bench": figure},
         further=[
@@ -69,37 +72,17 @@ def report(
 
 
 def lead(rows: Sequence[IdentifiedFriction]) -> str:
-    """Return the answer in a few sentences."""
-    found, robots = score(rows), len(by_robot(rows))
-    said = f"{found.joints} joint{_s(found.joints)} of {robots} virtual robot{_s(robots)}: "
-    if found.identified == 0:
-        return said + "none could be identified."
+    """Return how many intervals hold, and the errors."""
+    found = score(rows)
+    held = f"{found.joints} joints of {len(by_robot(rows))} virtual robots, {found.identified} of them identified"
+    if not found.identified:
+        return f"{held}."
     low, high = wilson(found.held, found.identified)
-    said += (
-        f"{found.held} of {found.identified} intervals of 95 % hold the friction that a perfect log would show "
-        f"({found.held / found.identified:.0%}, {low:.0%} to {high:.0%} with every "
-        "joint taken as independent, though those of a robot share a log)"
+    return (
+        f"{held}: {found.held} intervals of 95 % hold the friction that a perfect log would show ({low:.0%} to "
+        f"{high:.0%}, every joint taken as independent, though those of a robot share a log); median error "
+        f"{_percent(found.median_error)}, worst {_percent(found.worst_error, '+')}."
     )
-    if found.median_error is not None and found.worst_error is not None:
-        said += f", the median error is {found.median_error:.1%} and the worst {found.worst_error:+.1%}"
-    if found.median_friction_error is not None and found.worst_friction_error is not None:
-        said += (
-            f". Beside the friction itself, whatever a log can show, the median error is "
-            f"{found.median_friction_error:.1%} and the worst {found.worst_friction_error:+.1%}"
-        )
-    refused = found.joints - found.identified
-    return said + (f". Not identified: {refused}." if refused else ".")
-
-
-def sections(rows: Sequence[IdentifiedFriction], next_steps: Mapping[str, str], figure: Figure) -> list[Section]:
-    """Return the sections of the page."""
-    steps = table(["robot", "to train with what was found of it"], [[name, text] for name, text in next_steps.items()])
-    return [
-        Section("Found over true", (picture(figure_uri(figure), CAPTION), paragraph(SHOWN))),
-        Section("Each robot", (robots_table(rows),)),
-        Section("Each joint", tuple(fold(robot, [joints_table(some)]) for robot, some in by_robot(rows).items())),
-        Section("How a training takes it", (paragraph(TAKEN), steps)),
-    ]
 
 
 SHOWN = (
@@ -121,17 +104,17 @@ def draw_benches(rows: Sequence[IdentifiedFriction]) -> Figure:
     """Return what was found over what a perfect log shows, joint by joint, robot beside robot."""
     figure, (axis,) = new_figure(size=(9.6, 3.6))
     axis.axhline(1.0, color=INK, linewidth=0.8)
-    place = 0
+    begin = 0
     for index, (robot, some) in enumerate(by_robot(rows).items()):
         drawn = [
-            (place + number, row.identified / row.shown, row.low / row.shown, row.high / row.shown)
+            (begin + number, row.identified / row.shown, row.low / row.shown, row.high / row.shown)
             for number, row in enumerate(some)
             if row.identified is not None and row.low is not None and row.high is not None and row.shown > 0.0
         ]
-        place += len(some) + 2
+        begin += len(some) + 2
         if drawn:
-            x, ratio, low, high = (list(column) for column in zip(*drawn, strict=True))
-            ends = [[a - b for a, b in zip(ratio, low, strict=True)], [a - b for a, b in zip(high, ratio, strict=True)]]
+            x, ratio, low, high = np.array(drawn).T
+            ends = [ratio - low, high - ratio]
             color = COLORS[index % len(COLORS)]
             axis.errorbar(x, ratio, yerr=ends, fmt=".", markersize=4, linewidth=0.8, color=color, label=robot)
     axis.set(ylabel="found over true", xticks=[])
@@ -180,11 +163,6 @@ def joints_table(rows: Sequence[IdentifiedFriction]) -> Markup:
     ]
     header = ["joint", "f", "load", "k", "(f + load)/k", "found", "95 % interval", "holds", "error"]
     return table(header, lines, "Friction in N m.")
-
-
-def _s(count: int) -> str:
-    """Return the end of a word of which there are so many."""
-    return "" if count == 1 else "s"
 
 
 def _percent(share: float | None, sign: str = "") -> str:

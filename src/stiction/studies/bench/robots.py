@@ -1,9 +1,7 @@
-"""How well benches find the friction of virtual robots: a referee beside each bench, who knows the truth.
+"""How well benches find the friction of virtual robots, by a referee who knows the truth.
 
-What the referee writes goes into `bench.csv` alone. The folders of the robots, one each beside it, have what a person
-with such a robot would have: `bench.npz` and its sidecar, `joints.json`, `training.json`.
-
-This is a referee's record. It has the hidden numbers of the robots in it, and nothing that trains or drives reads it.
+The truth goes into `bench.csv` alone, which nothing that trains or drives reads. The folders of the robots beside it
+have what a person with such a robot would have: `bench.npz` and its sidecar, `joints.json`, `training.json`.
 """
 
 from __future__ import annotations
@@ -134,10 +132,10 @@ MOVING = 0.1
 
 
 class LoadMeter:
-    """`Port` of a robot, and beside it a referee who notes the load of every joint while it moves."""
+    """`Port` of a robot that also averages the true load of every joint while it moves."""
 
     def __init__(self, robot: VirtualRobot) -> None:
-        """Stand beside a robot."""
+        """Start with no load."""
         self._robot = robot
         self.joint_names, self.period = robot.handle.joint_names, robot.handle.period
         self._sum = np.zeros(len(self.joint_names))
@@ -233,9 +231,8 @@ def study_benches(
         if why := what_is_missing(bench.engine, bench.spec):
             raise EngineError(why)
     table = out / TABLE
-    kept = read_rows(table, IdentifiedFriction) if table.exists() else []
     rows: dict[str, list[IdentifiedFriction]] = {}
-    for row in kept:
+    for row in _read(table):
         rows.setdefault(row.robot, []).append(row)
     failed: dict[str, str] = {}
     new = [bench for bench in benches if not (rows.get(bench.label) and has_entry(out / bench.label, bench.key))]
@@ -250,9 +247,13 @@ def study_benches(
             _write(table, list(chain.from_iterable(rows.values())))
         progress("benches", 1.0 - left / len(benches))
     # From the file, whose numbers have nine digits: the same command again says the same.
-    done = read_rows(table, IdentifiedFriction) if table.exists() else []
-    found_of = [bench.label for bench in benches if bench.label not in failed]
-    return [row for label in found_of for row in done if row.robot == label], failed
+    done, identified_robots = _read(table), [bench.label for bench in benches if bench.label not in failed]
+    return [row for label in identified_robots for row in done if row.robot == label], failed
+
+
+def _read(table: Path) -> list[IdentifiedFriction]:
+    """Return the rows of the table; none where it is not there yet."""
+    return read_rows(table, IdentifiedFriction) if table.exists() else []
 
 
 def _write(table: Path, rows: Sequence[IdentifiedFriction]) -> None:
