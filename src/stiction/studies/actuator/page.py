@@ -6,16 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from stiction.formats.results import FOLLOWS, ResultRow
-from stiction.report.page import (
-    COLORS,
-    Section,
-    figure_uri,
-    legend,
-    new_figure,
-    paragraph,
-    picture,
-    table,
-)
+from stiction.report.page import COLORS, Section, figure_uri, legend, new_figure, paragraph, picture, table
 from stiction.studies.actuator.robots import FACTORS, FRICTION_FACTORS
 from stiction.studies.study import Report
 

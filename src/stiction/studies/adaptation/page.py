@@ -8,18 +8,7 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from stiction.formats.results import ResultRow
-from stiction.report.page import (
-    COLORS,
-    INK,
-    Section,
-    figure_uri,
-    fold,
-    legend,
-    new_figure,
-    paragraph,
-    picture,
-    table,
-)
+from stiction.report.page import COLORS, INK, Section, figure_uri, fold, legend, new_figure, paragraph, picture, table
 from stiction.studies.adaptation.probes import HISTORIES, TEST_OF
 from stiction.studies.study import Report
 

@@ -10,17 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.core.statistics import wilson
-from stiction.report.page import (
-    COLORS,
-    INK,
-    Section,
-    figure_uri,
-    fold,
-    new_figure,
-    paragraph,
-    picture,
-    table,
-)
+from stiction.report.page import COLORS, INK, Section, figure_uri, fold, new_figure, paragraph, picture, table
 from stiction.studies.bench.robots import IdentifiedFriction, score
 from stiction.studies.study import Report
 

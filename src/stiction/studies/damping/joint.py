@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -232,63 +233,56 @@ def swap_rows(robot: str, cfg: DampingCfg) -> Iterator[SwapRow]:
     Raises `StictionError` where there is no such robot.
     """
     spec: JointSpec = getattr(find_robot(robot), cfg.joint)
-    for case, level, motion, sampling in (*_exact(spec, cfg), *_sampled(spec, cfg)):
+    for case, level, motion, sampling in _cases(spec, cfg):
         joint, gains = joint_of(spec, level if case == FRICTION else None)
         before = motion(joint, gains)
+        amplitude = float(np.abs(before.position).max())
         for name, moved in swaps(joint, gains).items():
             other = swapped(joint, gains, moved)
-            difference = largest_difference(before, motion(*other))
+            apart = largest_difference(before, motion(*other))
+            differences = apart.position, apart.velocity, apart.torque
             factors = (None, None) if sampling is None else (growth(joint, gains, sampling), growth(*other, sampling))
-            yield SwapRow(
-                robot,
-                case,
-                level,
-                name,
-                moved,
-                float(np.abs(before.position).max()),
-                difference.position,
-                difference.velocity,
-                difference.torque,
-                *factors,
-            )
+            yield SwapRow(robot, case, level, name, moved, amplitude, *differences, *factors)
 
 
-def _exact(spec: JointSpec, cfg: DampingCfg) -> Iterator[tuple]:
-    """Yield case, level, motion of (joint, gains) and no sampling, for a PD law in continuous time."""
-    target = cfg.target(cfg.step)
-    asked = float(np.abs(simulate(*joint_of(spec), cfg.step, target).torque).max())
+Motion = Callable[[Joint, PDGains], Trajectory]
+"""Simulates a joint and its controller."""
 
-    def limited(share: float):
-        return lambda joint, gains: simulate(joint, replace(gains, torque_limit=share * asked), cfg.step, target)
+Case = tuple[str, float, Motion, Sampling | None]
+"""Case and level of `SwapRow`; the sampling of a controller that is sampled."""
 
-    def by_effort(effort: float):
-        return lambda joint, gains: simulate_sampled(joint, gains, Sampling(cfg.step), target, effort)
 
+def _cases(spec: JointSpec, cfg: DampingCfg) -> Iterator[Case]:
+    """Yield every case; an unstable sampled controller is kept finite by the joint's own torque limit."""
+    asked = _largest_torque(spec, cfg)
     for level in cfg.friction_levels:
-        yield FRICTION, level, lambda joint, gains: simulate(joint, gains, cfg.step, target), None
+        yield FRICTION, level, partial(_exact, cfg, np.inf), None
     for share in cfg.limits:
-        yield LIMIT, share, limited(share), None
+        yield LIMIT, share, partial(_exact, cfg, share * asked), None
     for effort in cfg.efforts:
-        yield EFFORT, effort, by_effort(effort), None
-
-
-def _sampled(spec: JointSpec, cfg: DampingCfg) -> Iterator[tuple]:
-    """Yield the same for a sampled controller; an unstable one is kept finite by the joint's own torque limit."""
-
-    def run(sampling: Sampling):
-        def motion(joint: Joint, gains: PDGains) -> Trajectory:
-            limited = replace(gains, torque_limit=spec.torque_limit)
-            return simulate_sampled(joint, limited, sampling, cfg.target(sampling.period))
-
-        return motion
-
+        yield EFFORT, effort, partial(_sampled, cfg, np.inf, Sampling(cfg.step), effort=effort), None
     for period in cfg.periods:
-        for case, sampling in (
-            (SHARP, Sampling(period)),
-            (LATE, Sampling(period, late=1)),
-            (FILTERED, Sampling(period, cutoff=cfg.cutoff)),
-        ):
-            yield case, period, run(sampling), sampling
+        samplings = (Sampling(period), Sampling(period, late=1), Sampling(period, cutoff=cfg.cutoff))
+        for case, sampling in zip((SHARP, LATE, FILTERED), samplings, strict=True):
+            yield case, period, partial(_sampled, cfg, spec.torque_limit, sampling), sampling
+
+
+def _largest_torque(spec: JointSpec, cfg: DampingCfg) -> float:
+    """Return the largest torque that the motion asks for without a limit [N m]."""
+    return float(np.abs(simulate(*joint_of(spec), cfg.step, cfg.target(cfg.step)).torque).max())
+
+
+def _exact(cfg: DampingCfg, limit: float, joint: Joint, gains: PDGains) -> Trajectory:
+    """Simulate a PD law in continuous time with a torque limit [N m]."""
+    return simulate(joint, replace(gains, torque_limit=limit), cfg.step, cfg.target(cfg.step))
+
+
+def _sampled(
+    cfg: DampingCfg, limit: float, sampling: Sampling, joint: Joint, gains: PDGains, effort: float = 0.0
+) -> Trajectory:
+    """Simulate a sampled controller with a torque limit [N m]; effort: friction over drive torque [1]."""
+    limited = replace(gains, torque_limit=limit)
+    return simulate_sampled(joint, limited, sampling, cfg.target(sampling.period), effort)
 
 
 LIMITED = 0.6
@@ -296,9 +290,6 @@ LIMITED = 0.6
 
 SAMPLED = 0.005
 """Control period of the sampled situation [s]; the motor's own limit holds there."""
-
-Motion = Callable[[Joint, PDGains], np.ndarray]
-"""Angle over time [rad], shape (num_samples,), of a joint and its controller."""
 
 
 def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
@@ -321,16 +312,9 @@ def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
             for name, value in viscous.items():
                 simulated = Joint(joint.inertia, value, friction)
                 again = simulate(simulated, net.as_gains(), cfg.step, target)
-                yield NetRow(
-                    robot,
-                    level,
-                    side,
-                    name,
-                    net.damping,
-                    net.damping + value,
-                    total_damping(joint, gains),
-                    float(np.abs(again.position - logged.position).max()),
-                )
+                difference = float(np.abs(again.position - logged.position).max())
+                dampings = net.damping, net.damping + value, total_damping(joint, gains)
+                yield NetRow(robot, level, side, name, *dampings, difference)
 
 
 def draw_rows(robot: str, cfg: DampingCfg) -> Iterator[DrawRow]:
@@ -343,32 +327,16 @@ def draw_rows(robot: str, cfg: DampingCfg) -> Iterator[DrawRow]:
     alone = [(joint, replace(gains, kd=(total_damping(*pair) - joint.viscous) / gains.strength)) for pair in both]
     viscous = [(replace(joint, viscous=b * joint.viscous), gains) for b, _ in factors]
     drawn = {"B and kd": both, "kd alone, same sums": alone, "B alone": viscous}
-    for situation, motion in _situations(joint, gains, spec.torque_limit, cfg).items():
-        first = np.array([motion(*pair) for pair in both])
+    situations: dict[str, Motion] = {
+        "free": partial(_exact, cfg, np.inf),
+        "torque limit": partial(_exact, cfg, LIMITED * _largest_torque(spec, cfg)),
+        "sampled": partial(_sampled, cfg, spec.torque_limit, Sampling(SAMPLED)),
+    }
+    for situation, motion in situations.items():
+        first = np.array([motion(*pair).position for pair in both])
         for name, pairs in drawn.items():
-            angles = first if pairs is both else np.array([motion(*pair) for pair in pairs])
+            angles = first if pairs is both else np.array([motion(*pair).position for pair in pairs])
             sums = [total_damping(*pair) for pair in pairs]
             same = np.allclose(sums, [total_damping(*pair) for pair in both])
-            yield DrawRow(
-                robot,
-                situation,
-                name,
-                float(np.std(sums)),
-                float(np.sqrt(angles.var(axis=0).mean())),
-                float(np.abs(angles - first).max()) if same else None,
-            )
-
-
-def _situations(joint: Joint, gains: PDGains, strongest: float, cfg: DampingCfg) -> dict[str, Motion]:
-    """Return where the draws are simulated: as the equation has it, at a torque limit, and sampled."""
-    target = cfg.target(cfg.step)
-    asked = float(np.abs(simulate(joint, gains, cfg.step, target).torque).max())
-
-    def exact(limit: float) -> Motion:
-        return lambda joint, gains: simulate(joint, replace(gains, torque_limit=limit), cfg.step, target).position
-
-    def sampled(joint: Joint, gains: PDGains) -> np.ndarray:
-        limited = replace(gains, torque_limit=strongest)
-        return simulate_sampled(joint, limited, Sampling(SAMPLED), cfg.target(SAMPLED)).position
-
-    return {"free": exact(float("inf")), "torque limit": exact(LIMITED * asked), "sampled": sampled}
+            spread, pairs_apart = float(np.sqrt(angles.var(axis=0).mean())), float(np.abs(angles - first).max())
+            yield DrawRow(robot, situation, name, float(np.std(sums)), spread, pairs_apart if same else None)
