@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from stiction.formats.results import FOLLOWS, ResultRow
+from stiction.formats.results import COLUMNS, FOLLOWS, ResultRow
 from stiction.report.page import COLORS, Section, figure_uri, legend, new_figure, paragraph, picture, table
 from stiction.studies.actuator.robots import FACTORS, FRICTION_FACTORS
 from stiction.studies.study import Report
@@ -31,7 +31,7 @@ def report(found: dict[str, Any]) -> Report:
     return Report(
         title="Actuator Net: f0, log, f_motor, f1",
         lead=lines[0],
-        tables={"results": [result_row(row) for row in rows]},
+        tables={"results": [ResultRow(**_named_by_robot(row)) for row in rows]},
         sections=(
             Section("What was found", (table(header, means), paragraph(NO_VERDICT))),
             Section("Speed reached", (picture(figure_uri(figure), CAPTION), speed_table(rows))),
@@ -45,10 +45,10 @@ def report(found: dict[str, Any]) -> Report:
     )
 
 
-def result_row(row: Row) -> ResultRow:
-    """Return a row of results.csv: the robot is in the name of the policy."""
-    own = {key: value for key, value in row.items() if key != "robot"}
-    return ResultRow(**own | {"policy": f"{row['policy']} on {row['robot']}"})
+def _named_by_robot(row: Row) -> Row:
+    """Return the columns of results.csv, the robot in the name of the policy."""
+    own = row | {"policy": f"{row['policy']} on {row['robot']}"}
+    return {name: own[name] for name in COLUMNS}
 
 
 CAPTION = "Mean speed along the command over the commanded speed; after a fall the speed counts as zero."
@@ -84,14 +84,9 @@ def speed_table(rows: Sequence[Row]) -> Any:
     """Return every row."""
     cells = [
         [
-            row["policy"],
-            row["robot"],
-            f"{100 * row['friction_level']:.3g} %",
-            row["command"],
+            *(row["policy"], row["robot"], f"{100 * row['friction_level']:.3g} %", row["command"]),
             "–" if row["speed_ratio"] is None else f"{row['speed_ratio']:.2f}",
-            f"{row['tracking_error']:.3f}",
-            f"{row['fall_rate']:.0%}",
-            f"{row['joint_jitter']:.0f}",
+            *(f"{row['tracking_error']:.3f}", f"{row['fall_rate']:.0%}", f"{row['joint_jitter']:.0f}"),
             str(row["episodes"]),
         ]
         for row in rows

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from stiction.core.provenance import seed_streams, stream_seed
@@ -91,7 +90,7 @@ def record_logs(
             EvaluationCfg((robot.level,), commands, seed=stream_seed(cfg.train.seed, f"logs {variant} {robot.name}")),
             RecordCfg(repeats, cfg.log_seconds, torque=cfg.torque),
             threads=threads,
-            progress=partial(_part, progress, index, len(plan)),
+            progress=lambda share, index=index: progress((index + share) / len(plan)),  # type: ignore[misc]
         )
         for walk in walks:
             if walk.log is not None:
@@ -100,14 +99,3 @@ def record_logs(
                 write_walk(folder / name, replace(walk.log, header=header))
                 count += 1
     return count
-
-
-def _part(progress: Callable[[float], None], index: int, parts: int, share: float) -> None:
-    """Report the progress of one part of several."""
-    progress((index + share) / parts)
-
-
-def check_seconds(cfg: LoopCfg) -> None:
-    """Raise `StictionError` now, not after the training, where logs or evaluation cannot be made."""
-    RecordCfg(1, cfg.log_seconds)
-    EvaluationCfg((cfg.level,), cfg.commands, cfg.episodes, cfg.seconds)

@@ -1,4 +1,4 @@
-"""The paper's loop f0 -> log -> f_motor -> f1, stage by stage; what is there already is not made again.
+"""The paper's loop f0 -> log -> f_motor -> f1, stage by stage; stages that are done are not repeated.
 
     bundles/f0                  conventionally trained (runs/f0), or given
     logs/VARIANT/               f0 on the virtual robots
@@ -6,7 +6,7 @@
     bundles/f1-VARIANT          trained (runs/f1-VARIANT) with that f_motor in the loop
     evaluation/POLICY.json      f0 and every f1 on all virtual robots, and on the study's own without friction
 
-Each is written under another name and renamed, or ends with the file that says that it is whole.
+Each is written under another name and renamed, or its last file marks it as complete.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from stiction.deploy.check import check_bundle
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.export import export_run
 from stiction.evaluate.summary import describe
+from stiction.evaluate.walk_logs import RecordCfg
 from stiction.formats.actuator import FILE, read_actuator
 from stiction.formats.bundle import Bundle, find_bundle, read_bundle
 from stiction.joints.net import INPUT_SETS
@@ -38,7 +39,7 @@ from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, write_json
 from stiction.rma.runner import train
 from stiction.studies.actuator.config import LoopCfg
-from stiction.studies.actuator.robots import check_seconds, loop_robots, record_logs
+from stiction.studies.actuator.robots import loop_robots, record_logs
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the share of it that is done."""
@@ -54,7 +55,9 @@ class ActuatorLoop:
             StictionError: `out` holds a study with other options, or these cannot be run.
 
         """
-        check_seconds(cfg)
+        # Now, and not after hours of training.
+        RecordCfg(1, cfg.log_seconds)
+        EvaluationCfg((cfg.level,), cfg.commands, cfg.episodes, cfg.seconds)
         self.out, self.cfg, self.command, self.progress = out, cfg, command, progress
         self.robots = loop_robots(cfg.level, cfg.train.seed)
         self.options = json.loads(json.dumps(to_plain(cfg), default=str))
@@ -92,7 +95,10 @@ class ActuatorLoop:
         nets = {
             f"{name}-{inputs}": self._net(name, inputs, runs) for name, runs in logs.items() for inputs in INPUT_SETS
         }
-        policies = {"f0": start} | {f"f1-{name}": self._second_policy(name) for name in self.cfg.variants}
+        policies = {"f0": start}
+        for name in self.cfg.variants:
+            net = self.out / "nets" / f"{name}-{self.cfg.net.inputs}"
+            policies[f"f1-{name}"] = self._trained(f"f1-{name}", replace(self.cfg.train, actuator=str(net)))
         robots = [vars(robot).items() for robot in self.robots]
         return {
             "options": self.options,
@@ -131,11 +137,6 @@ class ActuatorLoop:
             train(run.config(), run, None, report)
             export_run(path, folder)
         return read_bundle(folder)
-
-    def _second_policy(self, variant: str) -> Bundle:
-        """Return f1 of a data set: trained as f0 was, but for its motors."""
-        net = self.out / "nets" / f"{variant}-{self.cfg.net.inputs}"
-        return self._trained(f"f1-{variant}", replace(self.cfg.train, actuator=str(net)))
 
     def _logs(self, variant: str, policy: Bundle) -> list[LoggedRun]:
         """Return the runs of a data set."""
