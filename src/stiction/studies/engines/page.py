@@ -243,13 +243,13 @@ VERDICTS = (
 class EnginesResult:
     """All that a study of engines found."""
 
-    conformance: tuple[FigureRow, ...]
+    conformance: Sequence[FigureRow]
     """Figures of the conformance suite."""
-    pace: tuple[PaceRow, ...]
+    pace: Sequence[PaceRow]
     """How fast the engines step."""
-    walks: tuple[WalkRow, ...]
+    walks: Sequence[WalkRow]
     """How policies walked; none where they were left out."""
-    episodes: tuple[EpisodeRow, ...]
+    episodes: Sequence[EpisodeRow]
     """Each of their walks."""
     motions: Traces
     """To be drawn."""

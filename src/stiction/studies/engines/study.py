@@ -12,7 +12,7 @@ from stiction.studies.study import ParallelOptions, Report, Study, Work
 
 if TYPE_CHECKING:
     from stiction.studies.engines.run import FigureRow
-    from stiction.studies.engines.walks import Walk
+    from stiction.studies.engines.walks import EpisodeRow, WalkRow
 
 DESCRIPTION = (
     "Run the conformance suite in every physics engine that can be had here, and let the same policies walk in each, "
@@ -71,7 +71,8 @@ def run(options: EnginesOptions, work: Work) -> Report:
     engines = find_engines(options.engines, spec)
     out = work.begin()
     figures: list[FigureRow] = []
-    walked: list[Walk] = []
+    walks: list[WalkRow] = []
+    episodes: list[EpisodeRow] = []
     for timestep in options.timesteps:
         for name in engines.here:
             figures += figure_rows(name, spec, timestep, partial(work.progress, f"{name}, {1000 * timestep:g} ms"))
@@ -79,9 +80,9 @@ def run(options: EnginesOptions, work: Work) -> Report:
     motions = traces(engines.here, spec, options.timesteps[0])
     if bundles:
         make_folder(out / "walks")
-        walked = walk_bundles(bundles, find_simulators(engines.here), cfg, out / "walks", work.jobs, work.progress)
-    walks, episodes = tuple(walk.row for walk in walked), tuple(row for walk in walked for row in walk.episodes)
-    result = EnginesResult(tuple(figures), tuple(paces), walks, episodes, motions, engines.missing)
+        simulators = find_simulators(engines.here)
+        walks, episodes = walk_bundles(bundles, simulators, cfg, out / "walks", work.jobs, work.progress)
+    result = EnginesResult(figures, paces, walks, episodes, motions, engines.missing)
     settings = {
         "engines": engines.here,
         "robot": spec.name,

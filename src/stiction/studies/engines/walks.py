@@ -118,16 +118,6 @@ class Simulator:
     """Physics step [s]; None: the policy's own, that of the training."""
 
 
-@dataclass(frozen=True)
-class Walk:
-    """All episodes of one policy in one simulator at one level and command."""
-
-    row: WalkRow
-    """What they came to."""
-    episodes: tuple[EpisodeRow, ...]
-    """Each of them."""
-
-
 def find_simulators(engines: Sequence[str]) -> list[Simulator]:
     """Return what policies walk in, the training's simulator first: the engines at 2 ms, MuJoCo in three ways."""
     found = [Simulator(TRAINING, None, None), Simulator(FINE_TRAINING, None, FINE)]
@@ -157,22 +147,21 @@ def walk_bundles(
     folder: Path,
     jobs: int,
     progress: Callable[[str, float], None],
-) -> list[Walk]:
+) -> tuple[list[WalkRow], list[EpisodeRow]]:
     """Let bundles walk over levels and commands in every simulator, by bundle, level, command, simulator.
 
     Args:
         bundles: each of another name.
         simulators: as from `find_simulators`.
-        cfg: as `stiction evaluate` has it; its noise, law and delay are not used.
+        cfg: levels, commands and episodes, checked by `check_walks`; its noise, law and delay are not used.
         folder: in which what was walked is kept, a file for every such cell; it exists.
         jobs: processes at once. They do not change the result.
         progress: called with `walks` and the share that is done.
 
     Raises:
-        StictionError: a bundle does not fit the robot, a command asks for no motion, or a process was killed.
+        StictionError: a bundle does not fit the robot, or a process was killed.
 
     """
-    check_walks(cfg)
     same = replace(cfg, noise=NO_NOISE, action_delay=0.0, friction_law="coulomb")
     asked = [
         replace(same, friction_levels=(level,), commands=(command,))
@@ -183,11 +172,12 @@ def walk_bundles(
     for number, episodes in spread(walk_cell, tasks, jobs):
         walked[number] = episodes
         progress("walks", len(walked) / len(tasks))
-    # The training's simulator is the first one of each cell.
-    return [
-        Walk(_row(timestep_of(bundle, simulator), walked[n], walked[n - n % len(simulators)]), walked[n])
+    rows = [
+        # The training's simulator is the first one of each cell.
+        _row(timestep_of(bundle, simulator), walked[n], walked[n - n % len(simulators)])
         for n, (bundle, simulator, _, _) in enumerate(tasks)
     ]
+    return rows, [episode for n in range(len(tasks)) for episode in walked[n]]
 
 
 def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder: Path) -> tuple[EpisodeRow, ...]:
@@ -213,18 +203,14 @@ def _episodes(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg) -> lis
     timestep, cell = timestep_of(bundle, simulator), (bundle.name, simulator.name, level, command.label)
     measured: Sequence[Metrics]
     if simulator.make is None:
-        (measured,) = evaluate_bundle(at_step(bundle, timestep), asked).episodes
+        decimation = round(bundle.contract.control_period / timestep)
+        stepped = replace(bundle, contract=replace(bundle.contract, physics_timestep=timestep, decimation=decimation))
+        (measured,) = evaluate_bundle(stepped, asked).episodes
     else:
         world = World(simulator.make, timestep=timestep, period=bundle.contract.control_period)
         case, spec = DataSheet(asked.seed, Law(), level), robot_of(bundle.contract)
         measured = [walk_once(bundle, case, world, asked, episode, spec) for episode in asked.numbers]
     return [EpisodeRow(*cell, n, float(one.speed_ratio or 0.0), one.fall_rate > 0) for n, one in enumerate(measured)]
-
-
-def at_step(bundle: Bundle, timestep: float) -> Bundle:
-    """Return a bundle that evaluation steps at another timestep [s], with the same control period."""
-    decimation = round(bundle.contract.control_period / timestep)
-    return replace(bundle, contract=replace(bundle.contract, physics_timestep=timestep, decimation=decimation))
 
 
 def timestep_of(bundle: Bundle, simulator: Simulator) -> float:
