@@ -26,10 +26,10 @@ ROWS = [row("one", "FL_hip", 2.02), row("one", "FR_hip", 1.9), row("two", "FL_hi
 
 
 def test_the_answer_is_counted() -> None:
-    """Two of three intervals hold 2 N m; errors of 1, 5 and 10 %; Wilson's interval of 2 of 3 is 21 to 94 %."""
+    """Two of three intervals hold 2 N m; Wilson's interval of 2 of 3 is 21 to 94 %."""
     answer = lead(ROWS)
     assert answer.startswith("4 joints of 2 virtual robots, 3 of them identified: 2 intervals of 95 % hold")
-    assert "(21% to 94%, every joint" in answer and answer.endswith("median error 5.0%, worst +10.0%.")
+    assert "(21% to 94%, every joint" in answer
     assert lead(ROWS[3:]) == "1 joints of 1 virtual robots, 0 of them identified."
 
 
@@ -43,8 +43,9 @@ def test_the_page_has_every_joint_and_the_next_step(tmp_path: Path) -> None:
     page = (tmp_path / "report.html").read_text()
     for text in (
         "FR_hip",
-        "not known",
-        "1.92 to 2.12",
+        "5.0%",
+        "1.92",
+        "2.12",
         "+10.0%",
         *steps.values(),
         "stiction study bench",

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from markupsafe import Markup
 
+from stiction.core import records
 from stiction.core.statistics import wilson
 from stiction.report.page import COLORS, INK, Section, figure_uri, fold, new_figure, paragraph, picture, table
-from stiction.studies.bench.robots import IdentifiedFriction, score
+from stiction.studies.bench.robots import IdentifiedFriction, Score, score
 from stiction.studies.study import Report
 
 if TYPE_CHECKING:
@@ -62,16 +63,15 @@ def report(
 
 
 def lead(rows: Sequence[IdentifiedFriction]) -> str:
-    """Return how many intervals hold, and the errors."""
+    """Return how many intervals hold."""
     found = score(rows)
-    held = f"{found.joints} joints of {len(by_robot(rows))} virtual robots, {found.identified} of them identified"
+    identified = f"{found.joints} joints of {len(by_robot(rows))} virtual robots, {found.identified} of them identified"
     if not found.identified:
-        return f"{held}."
+        return f"{identified}."
     low, high = wilson(found.held, found.identified)
     return (
-        f"{held}: {found.held} intervals of 95 % hold the friction that a perfect log would show ({low:.0%} to "
-        f"{high:.0%}, every joint taken as independent, though those of a robot share a log); median error "
-        f"{_percent(found.median_error)}, worst {_percent(found.worst_error, '+')}."
+        f"{identified}: {found.held} intervals of 95 % hold the friction that a perfect log would show ({low:.0%} to "
+        f"{high:.0%}, every joint taken as independent, though those of a robot share a log)."
     )
 
 
@@ -114,47 +114,22 @@ def draw_benches(rows: Sequence[IdentifiedFriction]) -> Figure:
 
 
 def robots_table(rows: Sequence[IdentifiedFriction]) -> Markup:
-    """Return a row a robot: how many intervals hold, median and worst error."""
-    lines = []
-    for robot, some in by_robot(rows).items():
-        found = score(some)
-        lines.append(
-            [
-                robot,
-                f"{found.identified} of {found.joints}",
-                str(found.held),
-                _percent(found.median_error),
-                _percent(found.worst_error, "+"),
-                found.worst_joint.rpartition(" ")[2],
-                str(found.held_friction),
-                _percent(found.median_friction_error),
-                _percent(found.worst_friction_error, "+"),
-            ]
-        )
-    header = ["robot", "identified", "hold (f + load)/k", "median error", "worst", "of", "hold f", "median", "worst"]
-    return table(header, lines, "Errors are relative; the last three columns are against f itself.")
+    """Return a row for all robots and for each: how many intervals hold, median and worst error."""
+    lines = [[robot, *records.texts(score(some))] for robot, some in ({"all": rows} | by_robot(rows)).items()]
+    caption = "Errors are relative, against (f + load)/k unless of f itself."
+    return table(("robot", *records.header(Score)), lines, caption)
 
 
 def joints_table(rows: Sequence[IdentifiedFriction]) -> Markup:
     """Return every joint of a robot."""
     lines = [
-        [
-            row.joint,
-            f"{row.friction:.4g}",
-            f"{row.load:.3g}",
-            f"{row.strength:.3f}",
-            f"{row.shown:.4g}",
-            "not known" if row.identified is None else f"{row.identified:.4g}",
-            "" if row.low is None or row.high is None else f"{row.low:.4g} to {row.high:.4g}",
-            "yes" if row.holds else "no",
-            _percent(row.error, "+"),
-        ]
+        [*records.texts(row), f"{row.shown:.4g}", "yes" if row.holds(row.shown) else "no", error_text(row)]
         for row in rows
     ]
-    header = ["joint", "f", "load", "k", "(f + load)/k", "found", "95 % interval", "holds", "error"]
-    return table(header, lines, "Friction in N m.")
+    return table((*records.header(IdentifiedFriction), "(f + load)/k [N m]", "holds", "error"), lines)
 
 
-def _percent(share: float | None, sign: str = "") -> str:
-    """Return a share as text, a dash where there is none."""
-    return "–" if share is None else f"{share:{sign}.1%}"
+def error_text(row: IdentifiedFriction) -> str:
+    """Return the error against what a perfect log shows, a dash where there is none."""
+    error = row.error(row.shown)
+    return "–" if error is None else f"{error:+.1%}"

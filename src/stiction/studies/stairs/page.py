@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from stiction.core.statistics import wilson
 from stiction.evaluate.course import PATIENCE
 from stiction.locomotion.terrain import BEYOND
@@ -48,52 +50,40 @@ WHAT = (
 
 
 def answers(rows: Sequence[Climb]) -> list[str]:
-    """Return a sentence for each policy and level: the greatest height that enough trials climb."""
-    sentences = []
-    for policy, level in _groups(rows):
-        best = highest_climbed(row for row in rows if (row.policy, row.friction_level) == (policy, level))
-        at = f"{policy} at {100 * level:g} % friction"
+    """Return the greatest height that enough trials climb, a line for each policy and level."""
+    lines = []
+    for name, mine in _by_policy(rows).items():
+        best = highest_climbed(mine)
         if best is None:
-            sentences.append(f"{at} climbs none of the tested heights in {ENOUGH:.0%} of the trials.")
+            lines.append(f"{name} climbs none of the tested heights in {ENOUGH:.0%} of the trials.")
             continue
         low, high = wilson(best.successes, best.trials)
         share = f"{best.successes} of {best.trials} trials, {low:.0%} to {high:.0%}"
-        sentences.append(f"{at} climbs {100 * best.step_height:g} cm: {share}.")
-    return sentences
+        lines.append(f"{name} climbs {100 * best.step_height:g} cm: {share}.")
+    return lines
 
 
 def draw_stairs(rows: Sequence[Climb]) -> Figure:
     """Return the share of successes over step height, a line for each policy and level."""
     figure, (axis,) = new_figure(size=(7.0, 3.6))
     axis.axhline(ENOUGH, color=INK, linewidth=0.8, linestyle="--")
-    for policy, level in _groups(rows):
-        mine = sorted(
-            (row for row in rows if (row.policy, row.friction_level) == (policy, level)),
-            key=lambda row: row.step_height,
-        )
+    for name, mine in _by_policy(rows).items():
         heights = [100 * row.step_height for row in mine]
-        share = [row.successes / row.trials for row in mine]
-        bounds = [wilson(row.successes, row.trials) for row in mine]
-        axis.errorbar(
-            heights,
-            share,
-            yerr=[
-                [max(0.0, s - low) for s, (low, _) in zip(share, bounds, strict=True)],
-                [max(0.0, high - s) for s, (_, high) in zip(share, bounds, strict=True)],
-            ],
-            marker="o",
-            markersize=4,
-            capsize=2,
-            label=f"{policy}, {100 * level:g} % friction",
-        )
+        share = np.array([row.successes / row.trials for row in mine])
+        low, high = np.array([wilson(row.successes, row.trials) for row in mine]).T
+        ends = np.maximum(0.0, [share - low, high - share])
+        axis.errorbar(heights, share, ends, marker="o", markersize=4, capsize=2, label=name)
     axis.set(xlabel="step height [cm]", ylabel="share of trials that succeed", ylim=(-0.03, 1.03))
     legend(axis)
     return figure
 
 
-def _groups(rows: Sequence[Climb]) -> list[tuple[str, float]]:
-    """Return each policy and level once, in the order of first appearance."""
-    return list(dict.fromkeys((row.policy, row.friction_level) for row in rows))
+def _by_policy(rows: Sequence[Climb]) -> dict[str, list[Climb]]:
+    """Return the rows of each policy and level by its name, from low steps to high."""
+    found: dict[str, list[Climb]] = {}
+    for row in rows:
+        found.setdefault(f"{row.policy} at {100 * row.friction_level:g} % friction", []).append(row)
+    return {name: sorted(mine, key=lambda row: row.step_height) for name, mine in found.items()}
 
 
 def _cells(row: Climb) -> list[str]:
