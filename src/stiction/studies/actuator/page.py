@@ -57,7 +57,7 @@ ROBOTS = (
     "No robot was involved: virtual ones, in the evaluation's simulator, play the real one. robot-0 has the nominal "
     "joints and the study's dry friction; the others are drawn, motor strength, viscous friction and inertia within "
     f"{FACTORS[0]:g} to {FACTORS[1]:g} of nominal, dry friction within {FRICTION_FACTORS[0]:g} to "
-    f"{FRICTION_FACTORS[1]:g} of robot-0's. Policies, logs and training know none of it."
+    f"{FRICTION_FACTORS[1]:g} of robot-0's. None of it is in policies, logs and training."
 )
 
 
@@ -102,7 +102,7 @@ def net_table(nets: dict[str, Any]) -> Any:
         rmse = net["rmse"]
         values = [rmse[part][law] for law in ("net", "baseline") for part in ("training", "validation")]
         cells.append([name, *(f"{100 * value:.2f}" for value in values), str(net["samples"]["training"])])
-    header = ["data and inputs", "net, fitted", "net, kept out", "law, fitted", "law, kept out", "samples fitted"]
+    header = ["data and inputs", "net, fitted", "net, left out", "law, fitted", "law, left out", "samples fitted"]
     return table(header, cells, "Root mean square error of the torque, % of the limit.")
 
 

@@ -80,7 +80,7 @@ def record_logs(
 ) -> int:
     """Have a policy walk on the virtual robots of a data set and write the logs; return how many there are.
 
-    Their headers have the gains that the runtime asked for, not those that a motor of another strength made of them.
+    Their headers have the gains that the runtime asked for, not those times the strength of its motors.
     Each data set has episodes of its own. A robot that falls at once leaves no log.
     """
     count, plan = 0, plan_logs(variant, cfg)

@@ -49,16 +49,8 @@ def fit_monitor(
 
     The robots of both walks are put together: of those drawn per joint none has much friction, or little, everywhere.
     A joint is judged by the robots drawn per joint, where no other joint is correlated with it, the level by the robots
-    drawn per robot.
-
-    Args:
-        walks: one for each way of drawing friction.
-        moments: makes the features.
-        joint_names: the joints, in order.
-        highest: highest friction drawn [-].
-        student: SHA-256 of the student's checkpoint.
-        window: control steps of a window.
-
+    drawn per robot. highest: highest friction drawn [-]; student: SHA-256 of the student's checkpoint; window: control
+    steps of a window.
     """
     features, targets, robot, drawn, first = [], [], [], [], 0
     for per, walk in walks.items():

@@ -23,19 +23,14 @@ ROWS = {"step": "one step", "walk": "whole walk"}
 """What a probe of the figure reads at once -> its words."""
 
 LOWEST = -0.2
-"""Left end of the axis of R² [-]: what is below is drawn there, it tells nothing either."""
+"""Left end of the axis of R² [-]; values below are drawn there."""
 
 
 def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[str, str]) -> Figure:
     """Return R² of every input, a panel for friction per joint and one for friction per robot.
 
-    A dot is a seed, a bar the t-interval of their mean where there are several.
-
-    Args:
-        methods: training -> `probes`, as in the summary; those of a step and of whole walks are drawn.
-        inputs: input -> its words, in the order from top to bottom.
-        targets: `joint` and `robot` -> what a panel is called.
-
+    methods: training -> `probes`, as in the summary, of a step and of whole walks. inputs: input -> its label, from top
+    to bottom; targets: `joint` and `robot` -> title of a panel.
     """
     probes = {method: [p for p in found["probes"] if not p["shuffled"]] for method, found in methods.items()}
     there = {(probe["input"], probe["row"]) for found in probes.values() for probe in found}
@@ -64,8 +59,7 @@ def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[s
 def draw_effects(methods: dict[str, Any], latents: dict[str, str]) -> Figure:
     """Return by how much another z* changes the speed ratio, over the friction level, a panel for each training.
 
-    methods: training -> `effects`, as in the summary. A thin line is a seed, a thick one their mean.
-    latents: where z* comes from -> its words.
+    methods: training -> `effects`, as in the summary; latents: where z* comes from -> its label.
     """
     figure, axes = new_figure(1, max(1, len(methods)), size=(3.8 * max(1, len(methods)), 3.2))
     for axis, (method, found) in zip(axes, methods.items(), strict=False):
@@ -124,8 +118,7 @@ ABOUT_WEAR = (
 
 EACH_LINE = "A thin line is a training seed, a thick one their mean."
 EACH_DOT = (
-    "A dot is a training seed, a bar the 95 % t-interval of their mean. One step: z*, or the frames that it was made "
-    "of, as they come."
+    "A dot is a training seed, a bar the 95 % t-interval of their mean. One step: a single z*, or the frames behind it."
 )
 
 
@@ -148,9 +141,9 @@ def answers(summary: dict[str, Any]) -> list[str]:
             if probe["row"] == "walk" and not probe["shuffled"]
         }
         found = [f"{INPUT[name]} {whole[name, per]} per {per}" for name in ("latent", "moments") for per in TARGET]
-        given = ", ".join(f"{sum(run['wear']['told'])} of {len(run['wear']['told'])}" for run in runs)
+        estimated = ", ".join(f"{sum(run['wear']['told'])} of {len(run['wear']['told'])}" for run in runs)
         name = one["runs"][0] if len(runs) == 1 else f"{method}, {len(runs)} seeds"
-        lines.append(f"{name}: R² of the friction from {'; '.join(found)}; monitored targets: {given}.")
+        lines.append(f"{name}: R² of the friction from {'; '.join(found)}; monitored targets: {estimated}.")
     return lines
 
 
@@ -176,14 +169,15 @@ def sections(summary: dict[str, Any], effects: Figure, probes: Figure) -> list[S
         wear = [wear[0], fold("every run", wear[1:])]
     methods, runs = summary["methods"], summary["runs"].items()
     latents = over_runs(methods, {name: run["latents"]["effects"] for name, run in runs}, "effects", effects_table)
-    told = over_runs(methods, {name: run["probes"] for name, run in runs}, "probes", probes_table)
+    readable = over_runs(methods, {name: run["probes"] for name, run in runs}, "probes", probes_table)
     return [
         Section(
             "Latents taken away and swapped",
             (paragraph(ABOUT_LATENTS), picture(figure_uri(effects), EACH_LINE), *latents),
         ),
         Section(
-            "What z* tells of the friction", (paragraph(ABOUT_PROBES), picture(figure_uri(probes), EACH_DOT), *told)
+            "How much friction can be read from z*",
+            (paragraph(ABOUT_PROBES), picture(figure_uri(probes), EACH_DOT), *readable),
         ),
         Section("Can it watch for wear?", (paragraph(ABOUT_WEAR.format(summary["threshold"])), *wear)),
     ]
@@ -237,12 +231,12 @@ def probes_table(name: str, probes: Rows) -> Markup:
 
 
 def wear_table(name: str, wear: dict[str, Any]) -> Markup:
-    """Return what the monitor tells of each joint, and how well."""
+    """Return which joints' friction the monitor estimates, and how well."""
     rows = [
-        [target, "yes" if told else "no", f"{r2:.2f}", f"± {reach:.3f}", f"{cover:.0%}"]
-        for target, told, r2, reach, cover in zip(
+        [target, "yes" if given else "no", f"{r2:.2f}", f"± {reach:.3f}", f"{cover:.0%}"]
+        for target, given, r2, reach, cover in zip(
             wear["targets"], wear["told"], wear["determination"], wear["reach"], wear["coverage"], strict=True
         )
     ]
-    header = ("f/τ_max of", "told", "R²", "95 % interval", "coverage")
+    header = ("f/τ_max of", "estimated", "R²", "95 % interval", "coverage")
     return table(header, rows, f"{name}: windows of {wear['window']:g} s")

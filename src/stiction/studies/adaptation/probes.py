@@ -1,4 +1,4 @@
-"""Linear probes of a walk: how well the joints' friction can be read from z*, and from what it is made from.
+"""Linear probes of a walk: how well the joints' friction can be read from z*, and from its inputs.
 
 Inputs are compared on the same walks, robots and split. A row is one step, or the mean over a window. There is no
 torque in o_H; `moments` are products of what is in it, which a linear probe of o_H cannot form.
@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from operator import getitem
 from typing import Any, Literal
 
 import numpy as np
@@ -61,7 +60,7 @@ class FrictionWalk:
     explicit: np.ndarray
     """o_exp*, the estimate of base velocity and foot contacts, float32, shape (T, N, explicit)."""
     teacher: np.ndarray
-    """z, which the teacher's encoder makes of o_priv, float32, shape (N, latent): constant over a walk."""
+    """z, the teacher's encoding of o_priv, float32, shape (N, latent): constant over a walk."""
     friction: np.ndarray
     """Dry friction of every joint as a fraction of its torque limit, shape (N, joints)."""
     fallen: int
@@ -87,17 +86,10 @@ def walk_with_friction(
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> FrictionWalk:
-    """Let a student walk on its own z* with deterministic actions and keep what the probes need.
+    """Let a student walk on its own z* with deterministic actions and record what the probes need.
 
-    Args:
-        train: configuration of its run.
-        identified: nominal joints of the run, see `nominal_joints`.
-        actor: the student.
-        per: see `Per`.
-        cfg: robots and time.
-        threads: threads of the simulator.
-        progress: called with the share that is done [-].
-
+    train, identified: configuration of its run, and its nominal joints, see `nominal_joints`; threads: of the
+    simulator.
     """
     env = LocomotionEnv(
         probe_task(train.task, per, cfg), cfg.robots, stream_seed(cfg.seed, f"probe {per}"), threads, identified
@@ -105,7 +97,7 @@ def walk_with_friction(
     steps, skip = (round(time / env.cfg.control_period) for time in (cfg.seconds, cfg.settle))
     share = torch.from_numpy(env.randomizer.nominal.frictionloss / env.fleet.torque_limit)
     friction = (env.randomizer.draws.friction * share).numpy().copy()
-    kept, parts = np.ones(cfg.robots, dtype=bool), []
+    upright, parts = np.ones(cfg.robots, dtype=bool), []
     with torch.no_grad():
         teacher = actor.privileged_encoder(env.get_observations()["privileged"]).numpy()
         for step in range(steps):
@@ -114,10 +106,10 @@ def walk_with_friction(
                 seen = obs["proprioception"], actor.adaptation(obs["history"]), actor.estimator(obs["history"])
                 parts.append([value.numpy() for value in seen])
             _, _, dones, _ = env.step(actor(obs))
-            kept &= ~dones.numpy() | (step == steps - 1)
+            upright &= ~dones.numpy() | (step == steps - 1)
             progress((step + 1) / steps)
-    frames, latent, explicit = (np.stack(values)[:, kept] for values in zip(*parts, strict=True))
-    return FrictionWalk(frames, latent, explicit, teacher[kept], friction[kept], int((~kept).sum()))
+    frames, latent, explicit = (np.stack(values)[:, upright] for values in zip(*parts, strict=True))
+    return FrictionWalk(frames, latent, explicit, teacher[upright], friction[upright], int((~upright).sum()))
 
 
 PENALTIES = tuple(10.0**power for power in range(-4, 2))
@@ -150,7 +142,7 @@ class Ridge:
     intercept: np.ndarray
     """Shape (targets,)."""
     guess: np.ndarray
-    """Mean of each target, what is said without any feature, shape (targets,)."""
+    """Mean of each target, the prediction without any feature, shape (targets,)."""
     penalty: float
     """What was chosen, one of `PENALTIES`."""
 
@@ -168,12 +160,8 @@ def fit_ridge(
 ) -> Ridge:
     """Fit a probe: minimise |y - X w|² / rows + penalty |w|², the penalty by cross-validation over robots.
 
-    Args:
-        features: shape (rows, features).
-        targets: shape (rows, targets).
-        robot: which robot each row is of, integers, shape (rows,); robots are assigned to folds in turn.
-        penalties: to choose from: the one with the least squared error, each target over its variance.
-
+    features, targets: shape (rows, ...); robot: of each row, integers, shape (rows,), assigned to folds in turn;
+    penalties: to choose from, by the least squared error, each target over its variance.
     """
     low, center, high = np.quantile(features, (0.16, 0.5, 0.84), axis=0)
     scale = np.where(high - low > 1e-9, (high - low) / 2, 1.0)
@@ -218,12 +206,8 @@ class Determination:
 def determination(targets: np.ndarray, predicted: np.ndarray, robot: np.ndarray, guess: np.ndarray) -> Determination:
     """Return R² of predictions on unseen robots; intervals by resampling whole robots.
 
-    Args:
-        targets: shape (rows, targets).
-        predicted: shape (rows, targets).
-        robot: which robot each row is of, shape (rows,).
-        guess: what would be said without any feature, the mean of the training robots, shape (targets,).
-
+    targets, predicted: shape (rows, targets); robot: of each row, shape (rows,); guess: the prediction without any
+    feature, the mean of the training robots, shape (targets,).
     """
     group = np.unique(robot, return_inverse=True)[1]
     num = int(group.max()) + 1
@@ -291,13 +275,13 @@ def inputs(walk: FrictionWalk, moments: Moments) -> Iterator[tuple[str, str, Cal
     signals = {"latent": walk.latent, "explicit": walk.explicit, "frame": frames, "moments": products}
     for name, signal in signals.items():
         if name in ("latent", "explicit"):
-            yield name, "step", partial(getitem, signal, steps)
+            yield name, "step", partial(signal.__getitem__, steps)
         for length in (*(length for length in WINDOWS if length < len(signal)), len(signal)):
             span = "walk" if length == len(signal) else f"mean of {length} steps"
             yield name, span, partial(windows, signal, length)
     for length in HISTORIES:
         yield f"history {length}", "step", partial(histories, frames, length)
-    yield "teacher", "walk", partial(getitem, walk.teacher, None)
+    yield "teacher", "walk", partial(walk.teacher.__getitem__, None)
 
 
 def probe(features: np.ndarray, targets: np.ndarray) -> dict[str, Any]:

@@ -63,7 +63,7 @@ class AdaptationCfg:
 def study(
     runs: Sequence[Path], out: Path, cfg: AdaptationCfg, threads: int, progress: Progress = lambda name, share: None
 ) -> dict[str, Any]:
-    """Study every run; return the summary. Each run's part is kept in `out` as RUN.json and RUN-wear.json.
+    """Study every run; return the summary. Each run's part is cached in `out` as RUN.json and RUN-wear.json.
 
     Raises:
         StictionError: a run without a finished student, or two of the same name.
@@ -74,7 +74,7 @@ def study(
         RunDirectory(run).check_finished("student")
     parts = [study_run(run, out, cfg, threads, progress) for run in runs]
     trained = [RunDirectory(run).config() for run in runs]
-    seeds = same_but_for_seed([(part["method"], made) for part, made in zip(parts, trained, strict=True)])
+    seeds = same_but_for_seed([(part["method"], config) for part, config in zip(parts, trained, strict=True)])
     methods = {}
     for method, members in seeds.items():
         same = [parts[index] for index in members]
@@ -127,10 +127,10 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
         walks[per] = walk_with_friction(train, found, actor, per, cfg.walk, threads, partial(share, 0.0))
         probes += probe_walk(walks[per], moments, per, partial(share, 0.5))
     wear = fit_monitor(walks, moments, contract.joint_names, cfg.walk.highest, student)
-    kept = out / f"{name}-wear.json"
-    kept.unlink(missing_ok=True)
+    model = out / f"{name}-wear.json"
+    model.unlink(missing_ok=True)
     if any(wear.told):
-        kept.write_text(wear.to_json())
+        model.write_text(wear.to_json())
     per_target = {field: list(getattr(wear, field)) for field in ("told", "determination", "coverage", "reach")}
     part = {
         "key": key,

@@ -33,7 +33,7 @@ class AdaptationOptions(Options):
     seed: int = 0
     """Seed of initial states, noise and robots."""
     out: Path = Path("stiction-adaptation")
-    """Directory for results.csv, summary.json, report.html, and a RUN-wear.json per run whose walk tells friction."""
+    """Directory for results.csv, summary.json, report.html, and RUN-wear.json, a run's wear monitor, if it has one."""
 
 
 def run(options: AdaptationOptions, work: Work) -> Report:
@@ -52,11 +52,11 @@ def run(options: AdaptationOptions, work: Work) -> Report:
 
 DESCRIPTION = (
     "What does adaptation do? Every student also walks with its latent z* frozen at its mean and taken from another "
-    "robot, and a linear probe asks what z*, and the history that it is made from, tell of each joint's friction."
+    "robot, and a linear probe reads each joint's friction from z*, and from the history behind it."
 )
 
 STUDY = Study(
-    "what a student's latent z* does, and whether it tells the friction of the joints",
+    "what a student's latent z* does, and whether friction can be read from it",
     DESCRIPTION,
     AdaptationOptions,
     run,

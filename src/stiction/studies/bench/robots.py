@@ -204,12 +204,8 @@ def study_benches(
 ) -> tuple[list[IdentifiedFriction], dict[str, str]]:
     """Put robots on their benches, those of which `out` has nothing yet; return rows, and robot -> why it has none.
 
-    Args:
-        benches: of different robots.
-        out: folder of the results; it exists. `bench.csv` there grows robot by robot, and keeps what it has of robots
-            that are not among `benches`.
-        jobs: processes at once. They do not change the result.
-        progress: called with `benches` and the share that is done.
+    benches: of different robots. out: folder of the results; it exists. `bench.csv` there grows robot by robot, and its
+    rows of other robots stay. jobs: processes at once, which do not change the result.
 
     Raises:
         StictionError: an engine is not installed, `bench.csv` is not one or cannot be written, or a process was killed.
@@ -234,7 +230,7 @@ def study_benches(
             rows[label] = found
             _write(table, list(chain.from_iterable(rows.values())))
         progress("benches", 1.0 - left / len(benches))
-    # From the file, whose numbers have nine digits: the same command again says the same.
+    # From the file, whose numbers have nine digits: the same command again gives the same.
     done, identified_robots = _read(table), [bench.label for bench in benches if bench.label not in failed]
     return [row for label in identified_robots for row in done if row.robot == label], failed
 

@@ -190,7 +190,7 @@ class DampingCfg:
     cutoff: float = 50.0
     """Of the filtered velocity [Hz]."""
     draws: int = 100
-    """Joints drawn to compare ways of randomising."""
+    """Joints drawn to compare randomisations."""
     spread: float = 0.2
     """Half-width of the drawn multipliers, 0.8 to 1.2 in the paper's Table II [-]."""
     seed: int = 0
@@ -318,7 +318,7 @@ def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
 
 
 def draw_rows(robot: str, cfg: DampingCfg) -> Iterator[DrawRow]:
-    """Yield the spread of the motion for damping drawn in three ways: B and kd; kd alone, the same sums; B alone."""
+    """Yield the spread of the motion for three randomisations: B and kd; kd alone, the same sums; B alone."""
     spec = getattr(find_robot(robot), cfg.joint)
     joint, gains = joint_of(spec)
     stream = seed_streams(cfg.seed, ["damping"])["damping"]

@@ -181,7 +181,7 @@ ROBOTS = (
     "MuJoCo with the training's physics step and implicit integration, which treats joint damping and controller "
     f"damping as two things. {MOVED:.0%} of kd was moved to B in every joint. Robots that reached no torque limit "
     f"within the first {FIRST:g} s (under) are counted apart from those that did (at limit); lifted limits are "
-    f"{LIFTED:g} times as high. Twins start {TWIN:g} rad apart and have no swap: what contacts make of rounding."
+    f"{LIFTED:g} times as high. Twins start {TWIN:g} rad apart and have no swap: what contacts do to rounding."
 )
 DRAWS = (
     "B and kd both drawn (multipliers of {low:g} to {high:g}), kd alone drawn so that B + k·kd is the same number "

@@ -25,7 +25,7 @@ MOVED = 0.5
 """Share of kd that is moved to B."""
 
 TWIN = 1e-9
-"""Offset of the twin's joints at the start [rad]: what becomes of it is what contacts make of rounding."""
+"""Offset of the twin's joints at the start [rad]: it shows how far contacts amplify rounding."""
 
 AT_LIMIT = 0.999
 """Share of the torque limit from which a motor counts as saturated."""

@@ -9,8 +9,9 @@ from stiction.core.records import part_of
 from stiction.studies.study import Options, Report, Study, Work
 
 DESCRIPTION = (
-    "Move damping between viscous friction B and derivative gain kd at equal B + k·kd, and measure what a joint and "
-    "whole robots make of it: under dry friction, at torque limits, with a sampled controller, with an Actuator Net."
+    "Move damping between viscous friction B and derivative gain kd at equal B + k·kd, and measure how the motion "
+    "of a joint and of whole robots changes: under dry friction, at torque limits, with a sampled controller, and with "
+    "an Actuator Net."
 )
 
 AIR_LEVELS = (0.0, 0.1)
@@ -28,7 +29,7 @@ class DampingOptions(Options):
     joint: str = "shank"
     """Kind of joint: hip, thigh or shank."""
     draws: int = 100
-    """Joints drawn to compare ways of randomising."""
+    """Joints drawn to compare randomisations."""
     episodes: int = 8
     """Walking robots per friction level, command and torque limits."""
     seconds: float = 10.0

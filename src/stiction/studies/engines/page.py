@@ -71,7 +71,7 @@ def distance(rows: Sequence[WalkRow], one: str, other: str) -> float | None:
 
 
 REFERENCES = (MUJOCO, COARSE, STIFF)
-"""Simulators that the others are compared with: the last two tell what the step and the contacts make of it."""
+"""Simulators that the others are compared with: the last two show the effect of step and contacts."""
 
 
 def simulator_table(rows: Sequence[WalkRow]) -> TextTable:
@@ -262,7 +262,7 @@ def report(result: EnginesResult, settings: dict[str, Any]) -> Report:
     failed = [row for row in result.conformance if not row.passed]
     missing = [f"{name} was not tested: {line}." for name, line in result.missing.items()]
     answers = [*conformance_lines(result.conformance), *missing]
-    rows = {"conformance": result.conformance, "pace": result.pace, "walks": result.walks}
+    rows: dict[str, Sequence[Any]] = {"conformance": result.conformance, "pace": result.pace, "walks": result.walks}
     figures = {
         "motions": draw_motions(result.motions),
         "walks": draw_walks(result.walks, result.episodes) if result.walks else None,

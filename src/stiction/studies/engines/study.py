@@ -28,11 +28,11 @@ class EnginesOptions(ParallelOptions):
 
     engines: tuple[str, ...] | None = None
     """Some of mujoco, physx, ode, ode-webots, or one of your own, package.module:ENGINE (an `EngineSpec`); by default
-    all shipped ones that can be had here, and what others need is said."""
+    all shipped ones that can be had here; what others need is reported."""
     robot: str = "saturn_lite"
     """Robot that the suite is run with: go1, saturn_lite, or one of your own, package.module:NAME."""
     timesteps: tuple[float, ...] = (0.002,)
-    """Physics steps of the suite [s]; its bounds are made for 0.002. Policies walk at that step whatever this says."""
+    """Physics steps of the suite [s]; its bounds are made for 0.002, the step at which policies walk in any case."""
     walks: bool = True
     """Let policies walk. The suite alone takes a minute."""
     policies: tuple[Path, ...] | None = None

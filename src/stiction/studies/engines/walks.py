@@ -100,7 +100,7 @@ FINE = 0.001
 """Physics step of `FINE_TRAINING` [s]."""
 
 CONTACT_TIME = 0.004
-"""In which contacts give way in `STIFF` [s]: the shortest that MuJoCo takes at this step, twice the step."""
+"""Time constant of contacts in `STIFF` [s]: the shortest that MuJoCo takes, twice the step."""
 
 NO_NOISE = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 """Perfect sensors."""
@@ -119,7 +119,7 @@ class Simulator:
 
 
 def find_simulators(engines: Sequence[str]) -> list[Simulator]:
-    """Return what policies walk in, the training's simulator first: the engines at 2 ms, MuJoCo in three ways."""
+    """Return the simulators, that of the training first: the engines at 2 ms, MuJoCo also as `COARSE` and `STIFF`."""
     found = [Simulator(TRAINING, None, None), Simulator(FINE_TRAINING, None, FINE)]
     for name in engines:
         make = partial(make_engine, name)
@@ -150,13 +150,9 @@ def walk_bundles(
 ) -> tuple[list[WalkRow], list[EpisodeRow]]:
     """Let bundles walk over levels and commands in every simulator, by bundle, level, command, simulator.
 
-    Args:
-        bundles: each of another name.
-        simulators: as from `find_simulators`.
-        cfg: levels, commands and episodes, checked by `check_walks`; its noise, law and delay are not used.
-        folder: in which what was walked is kept, a file for every such cell; it exists.
-        jobs: processes at once. They do not change the result.
-        progress: called with `walks` and the share that is done.
+    bundles: each of another name. cfg: levels, commands and episodes, checked by `check_walks`; its noise, law and
+    delay are not used. folder: of the cache, a file for every such cell; it exists. jobs: processes at once, which do
+    not change the result.
 
     Raises:
         StictionError: a bundle does not fit the robot, or a process was killed.

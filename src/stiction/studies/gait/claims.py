@@ -28,11 +28,11 @@ SENTENCES = {
 def gait_claim(
     id: str, number: str, threshold: float, gait: str, without: str, prevented_by: str | None = None
 ) -> Claim[Sequence[GaitRow]]:
-    """Return the claim of a sentence that says what a gait reward does.
+    """Return the claim of a sentence on a gait reward.
 
     number: field of `GaitRow` that it is about. threshold: the gait that the sentence names has at least this.
     gait: that gait in words. without: variant that should show the gait. prevented_by: variant that should not; None
-    where the sentence speaks of the first alone.
+    where the sentence is about the first alone.
     """
     criterion = f"{number} at least {threshold:g} ({gait}) with {VARIANTS[without]}"
 

@@ -43,7 +43,7 @@ TRIPOD = 0.5
 """A gait is a tripod where exactly one group is on the ground in at least this share of moving steps [-]."""
 
 STANDS = 0.5
-"""A robot that moves in less than this share of its steps has no gait to speak of [-]."""
+"""A robot that moves in less than this share of its steps has no gait [-]."""
 
 
 @dataclass(frozen=True)
@@ -248,7 +248,7 @@ REWARDS = "--task.rewards."
 
 
 def trained_variant(command: str) -> str:
-    """Return the variant that a training command made; weights that it does not name have their defaults.
+    """Return the variant that a training command trains; weights that it does not name have their defaults.
 
     Raises:
         StictionError: it is not a command that starts a training, or a weight in it is not a number.
@@ -257,7 +257,7 @@ def trained_variant(command: str) -> str:
     words = shlex.split(command)
     if words[:2] != ["stiction", "train"] or "--resume" in words:
         raise ConfigurationError(
-            f"a policy made by {command!r}: that does not tell its gait rewards; name the variant of each bundle with "
+            f"a policy made by {command!r}: that does not name its gait rewards; name the variant of each bundle with "
             "--variants"
         )
     flags = [word for argument in words for word in argument.split("=", 1)]
@@ -273,7 +273,7 @@ def trained_variant(command: str) -> str:
 
 
 def trained_alike(bundles: Sequence[Bundle]) -> bool:
-    """Return whether policies have the same robot, ground and friction in training, as far as contracts tell."""
+    """Return whether policies have the same robot, ground and friction in training, by their contracts."""
     names = (
         "robot",
         "terrain",

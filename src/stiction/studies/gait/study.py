@@ -27,7 +27,7 @@ class GaitOptions(Options):
     policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Policy bundles: directories, names of shipped ones, or finished training runs, which are exported first."""
     variants: tuple[Literal["both", "no-trot", "no-unsync", "neither"], ...] = ()
-    """Gait rewards of each policy, in order, where its training command does not tell them."""
+    """Gait rewards of each policy, in order, where its training command does not name them."""
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
     """Commanded velocities; each must ask for motion."""
     friction_level: float = 0.0

@@ -14,7 +14,7 @@ from stiction.studies.study import Options, Report, Study, Work
 DESCRIPTION = (
     "Drive the same policies with the joints' friction simulated by rows of the solver, by softer rows and by yielding "
     "springs, at several steps, and hold their speeds against rows at 0.25 ms. Evaluation is always on rows at the "
-    "step of the contract; this says what training on another physics may cost."
+    "step of the contract; this shows what training on another physics may cost."
 )
 
 
@@ -31,7 +31,7 @@ class PhysicsOptions(Options):
 
 
 def run(options: PhysicsOptions, work: Work) -> Report:
-    """Drive the policies in every physics; say how far each is from the others."""
+    """Drive the policies in every physics; report how far each is from the others."""
     from stiction.evaluate.summary import describe
     from stiction.studies.physics.walks import REFERENCE, bias, compare
 

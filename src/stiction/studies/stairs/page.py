@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
     """Return the report of the study. settings: `settings` and `policies`."""
-    figure, said = draw_stairs(rows), answers(rows)
+    figure, lines = draw_stairs(rows), answers(rows)
     caption = f"Share of trials that succeed, with Wilson's 95 % interval; the line is {ENOUGH:.0%}."
     return Report(
         title="Stairs",
-        lead=" ".join(said),
+        lead=" ".join(lines),
         tables={"stairs": rows},
         sections=(
             Section("Success over step height", (picture(figure_uri(figure), caption),)),
@@ -35,7 +35,7 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
         run=(paragraph(WHAT),),
         summary=settings | {"rows": list(map(asdict, rows))},
         figures={"stairs": figure},
-        answer=said,
+        answer=lines,
     )
 
 
@@ -43,7 +43,7 @@ HEADER = ("policy", "friction", "step height [cm]", "succeed", "95 % interval", 
 
 WHAT = (
     f"{STEPS} steps up, a landing of {2 * LANDING:g} m, {STEPS} steps down, each {TREAD:.2f} m deep, the highest level "
-    "with the landing; the robot sees nothing of them. A pilot holds its heading and corrects nothing else. A trial "
+    "with the landing; the robot is blind. A pilot holds its heading and corrects nothing else. A trial "
     f"succeeds when the base has been over the landing and is then {BEYOND:g} m beyond the last step without a fall, "
     f"within {PATIENCE:g} times what the commanded speed takes. Nominal masses, training's sensor noise, no delay."
 )

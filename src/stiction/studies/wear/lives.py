@@ -80,7 +80,7 @@ class Window(Walk):
 
 @dataclass(frozen=True)
 class Reading(Walk):
-    """What the wear monitor said of one target at the end of one of its windows; a row of readings.csv."""
+    """The wear monitor's estimate of one target at the end of one of its windows; a row of readings.csv."""
 
     target: str
     """`level`, the mean over the joints, or the joint that wears."""
@@ -226,11 +226,11 @@ def judge_again(
         for row in rows:
             seen.setdefault(tuple(getattr(row, name) for name in names), ([], []))[at].append(row)  # type: ignore[arg-type]
     found = []
-    for row in before:
-        own = seen.get(tuple(row[name] for name in names), ([], []))
-        fell = (row["time"], row["factor"]) if row["end"] == "fell" else None
-        what = {name: row[name] for name in (*names, "method", "engine", "command")}
-        found.append(judge_walk(what, *own, fell, row["monitored"]))
+    for old in before:
+        own = seen.get(tuple(old[name] for name in names), ([], []))
+        fell = (old["time"], old["factor"]) if old["end"] == "fell" else None
+        what = {name: old[name] for name in (*names, "method", "engine", "command")}
+        found.append(judge_walk(what, *own, fell, old["monitored"]))
     return found
 
 

@@ -81,10 +81,9 @@ def report(
     settings: dict[str, Any],
     warnings: Sequence[str] = (),
 ) -> Report:
-    """Return the report of the study.
+    """Return the report of the study. settings: `settings`, `groups`, `ways`, and more for summary.json.
 
-    The files have the walks in which friction stayed as well; the figures and the table of robots have those in which
-    it grew. readings: of all monitors; settings: `settings`, `groups`, `ways`, and more for summary.json.
+    Figures and the table of robots show the walks in which friction grew, the files have all.
     """
     worn = [row for row in lifetimes if row.steady is None]
     noticed = [row for row in readings if row.steady is None]
@@ -138,7 +137,7 @@ NO_MONITOR = "None of these bundles has a wear monitor; `stiction export --wear`
 
 MONITOR_CAPTION = (
     "The monitor's estimate of the friction, with its 95 % interval, against the truth (line), window by window; "
-    "hollow: it said that the walk is unusual."
+    "hollow: an unusual reading."
 )
 
 MONITOR = (
@@ -147,7 +146,7 @@ MONITOR = (
     "window, when nothing had worn yet. Growth is detected by the first reading whose 95 % interval lies wholly above "
     "that of the first one. Before and after: the end of the policy's lifetime. The truth is the friction in motion "
     "that a bench without load would find. A monitor is fitted in the training's simulator, on Coulomb friction: it "
-    "takes whatever else a robot has for friction, or does not know it."
+    "takes whatever else a robot has for friction, or for unusual."
 )
 
 CONTROLS = (

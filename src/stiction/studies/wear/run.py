@@ -32,7 +32,7 @@ WEARING = (*WALKING, "formats/wear.py", "studies/wear/run.py", "studies/wear/liv
 """Code that decides what is recorded of a walk; what it means is judged anew every time."""
 
 Judged = tuple[Lifetime, list[Window], list[Reading]]
-"""What became of a robot, and the speeds and readings that say so."""
+"""What became of a robot, and the speeds and readings behind it."""
 
 
 @dataclass(frozen=True)
@@ -130,13 +130,8 @@ def study_wear(
 ) -> tuple[list[Lifetime], list[Window], list[Reading]]:
     """Wear out every robot under every policy, and walk the controls; return the rows of all.
 
-    Args:
-        bundles: the policies, checked.
-        paths: their directories.
-        cfg: what they are put through.
-        out: folder in which each walk's part is kept.
-        jobs: processes at once. They do not change the result.
-        progress: called with `walks` and the share that is done.
+    paths: directories of the bundles. out: folder of the cache, a file for every walk. jobs: processes at once, which
+    do not change the result.
 
     Raises:
         StictionError: a bundle does not fit the robot, the engine is not here, or a process was killed.
@@ -165,7 +160,8 @@ def wear_out(one: WearWalk) -> Judged:
 
 def judge(one: WearWalk, bundle: Bundle, seen: dict[str, Any]) -> Judged:
     """Return what became of a robot. seen: as from `record_walk`."""
-    named = {"policy": bundle.name, "friction_level": one.level, "robot": one.seed, "steady": one.steady}
+    named: dict[str, Any] = {"policy": bundle.name, "friction_level": one.level}
+    named |= {"robot": one.seed, "steady": one.steady}
     windows = [Window(**named, **row) for row in seen["windows"]]
     readings = [Reading(**named, **row) for row in seen["readings"]]
     fell = None if seen["fell"] is None else (seen["fell"], one.wear.factor(seen["fell"]))
