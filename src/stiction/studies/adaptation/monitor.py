@@ -150,12 +150,17 @@ def over_seeds(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """
     pooled = []
     for same in zip(*(run["effects"] for run in runs), strict=True):
-        values = {name: np.array([effect[name] for effect in same]) for name in ("own", "value", "difference")}
-        interval = t_interval(values["difference"].tolist())
+        means = {name: float(np.mean([effect[name] for effect in same])) for name in ("own", "value", "difference")}
+        each = [effect["difference"] for effect in same]
         pooled.append(
             {name: same[0][name] for name in ("latent", "level", "figure")}
-            | {name: float(value.mean()) for name, value in values.items()}
-            | {"interval95": None if interval is None else list(interval), "seeds": len(same)}
-            | {"each": values["difference"].tolist()}
+            | means
+            | {"interval95": seeds_interval(each), "seeds": len(same), "each": each}
         )
     return pooled
+
+
+def seeds_interval(values: Sequence[float]) -> list[float] | None:
+    """Return the t-interval of the mean over seeds; None for a single one."""
+    interval = t_interval(values)
+    return None if interval is None else list(interval)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -13,8 +12,6 @@ import numpy as np
 
 from stiction.core.cache import key_of, read_entry
 from stiction.core.errors import ConfigurationError
-from stiction.core.records import to_plain
-from stiction.core.statistics import t_interval
 from stiction.deploy.wear import Moments
 from stiction.evaluate.code import RUN_WALKING
 from stiction.evaluate.evaluate import EvaluationCfg
@@ -23,7 +20,7 @@ from stiction.evaluate.summary import check_names
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, identified_values, write_json
 from stiction.rma.runner import load_actor
-from stiction.studies.adaptation.monitor import LEAST_R2, fit_monitor, latent_effects, over_seeds
+from stiction.studies.adaptation.monitor import LEAST_R2, fit_monitor, latent_effects, over_seeds, seeds_interval
 from stiction.studies.adaptation.probes import FrictionWalk, Per, WalkCfg, probe_walk, walk_with_friction
 
 Progress = Callable[[str, float], None]
@@ -96,7 +93,7 @@ def same_but_for_seed(runs: Sequence[tuple[str, TrainCfg]]) -> dict[str, list[in
     """
     groups: dict[str, list[int]] = {}
     for index, (_, cfg) in enumerate(runs):
-        groups.setdefault(json.dumps(to_plain(replace(cfg, seed=0)), sort_keys=True, default=str), []).append(index)
+        groups.setdefault(repr(replace(cfg, seed=0)), []).append(index)
     methods = [runs[members[0]][0] for members in groups.values()]
     names = [
         method if methods.count(method) == 1 else f"{method} {methods[: number + 1].count(method)}"
@@ -154,14 +151,12 @@ def _part_done(progress: Progress, name: str, begin: float, share: float) -> Non
 
 
 def pooled_probes(parts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the mean R² of runs of one method, with t-intervals over seeds (null for a single one)."""
+    """Return the mean R² of runs of one method, with t-intervals over seeds."""
     pooled = []
     for same in zip(*(part["probes"] for part in parts), strict=True):
-        values = np.array([probe["mean"] for probe in same])
-        interval = t_interval(values.tolist())
+        values = [probe["mean"] for probe in same]
         pooled.append(
             {name: same[0][name] for name in ("input", "row", "per", "shuffled")}
-            | {"mean": float(values.mean()), "interval95": None if interval is None else list(interval)}
-            | {"each": values.tolist()}
+            | {"mean": float(np.mean(values)), "interval95": seeds_interval(values), "each": values}
         )
     return pooled

@@ -77,18 +77,8 @@ class Traces:
     """Of the flight's samples [s]."""
 
 
-@dataclass(frozen=True)
-class Engines:
-    """Which engines are studied."""
-
-    here: tuple[str, ...]
-    """Names of those that can be had here."""
-    missing: dict[str, str]
-    """Names of the others -> why not and how to get them, one line each."""
-
-
-def find_engines(asked: Sequence[str] | None, spec: RobotSpec) -> Engines:
-    """Return the engines to study a robot in: those asked for, or all; of all, what is not here is named and left out.
+def find_engines(asked: Sequence[str] | None, spec: RobotSpec) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Return the engines asked for, or all that can be had here; and of all the others why not, and how to get them.
 
     Raises:
         StictionError: one that was asked for is unknown, not here, or was asked for twice.
@@ -101,7 +91,7 @@ def find_engines(asked: Sequence[str] | None, spec: RobotSpec) -> Engines:
     here = tuple(name for name in names if name not in missing)
     if missing and (asked is not None or not here):
         raise EngineError(next(iter(missing.values())))
-    return Engines(here, missing)
+    return here, missing
 
 
 def check_timesteps(timesteps: Sequence[float]) -> None:

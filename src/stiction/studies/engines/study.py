@@ -68,23 +68,23 @@ def run(options: EnginesOptions, work: Work) -> Report:
     if options.policies is None:
         bundles = [bundle for bundle in bundles if bundle.contract.terrain == "flat"]
     spec = find_robot(options.robot)
-    engines = find_engines(options.engines, spec)
+    engines, missing = find_engines(options.engines, spec)
     out = work.begin()
     figures: list[FigureRow] = []
     walks: list[WalkRow] = []
     episodes: list[EpisodeRow] = []
     for timestep in options.timesteps:
-        for name in engines.here:
+        for name in engines:
             figures += figure_rows(name, spec, timestep, partial(work.progress, f"{name}, {1000 * timestep:g} ms"))
-    paces = [row for timestep in options.timesteps for row in pace_rows(engines.here, spec, timestep)]
-    motions = traces(engines.here, spec, options.timesteps[0])
+    paces = [row for timestep in options.timesteps for row in pace_rows(engines, spec, timestep)]
+    motions = traces(engines, spec, options.timesteps[0])
     if bundles:
         make_folder(out / "walks")
-        simulators = find_simulators(engines.here)
+        simulators = find_simulators(engines)
         walks, episodes = walk_bundles(bundles, simulators, cfg, out / "walks", work.jobs, work.progress)
-    result = EnginesResult(figures, paces, walks, episodes, motions, engines.missing)
+    result = EnginesResult(figures, paces, walks, episodes, motions, missing)
     settings = {
-        "engines": engines.here,
+        "engines": engines,
         "robot": spec.name,
         "evaluation": asdict(cfg),
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
