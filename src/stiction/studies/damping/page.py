@@ -141,7 +141,6 @@ def lead(result: DampingResult) -> str:
 
 def sections(result: DampingResult, figure: Figure, study: dict[str, Any]) -> list[Section]:
     """Return the sections of the page. study: settings of the joint's study."""
-    nets = row_table(result.nets, "Damping in N m s/rad.")
     shown = picture(figure_uri(figure), CAPTION.format(sampled=1000 * study["step"]))
     folds = (
         fold("Every difference", [swap_table(result.swaps)]),
@@ -152,8 +151,10 @@ def sections(result: DampingResult, figure: Figure, study: dict[str, Any]) -> li
         Section("One joint", (paragraph(JOINT), shown)),
         Section("Why", (paragraph(READING), *folds)),
         Section("Whole robots, in the simulator of the training", (paragraph(ROBOTS), row_table(result.robots))),
-        Section("What it means for randomisation", (paragraph(draws), row_table(result.draws), paragraph(WHICH))),
-        Section("What it means for an Actuator Net", (paragraph(NETS), nets, paragraph(SIDES))),
+        Section("What it means for randomisation", (paragraph(draws), row_table(result.draws))),
+        Section(
+            "What it means for an Actuator Net", (paragraph(NETS), row_table(result.nets, "Damping in N m s/rad."))
+        ),
     ]
 
 
@@ -188,22 +189,12 @@ DRAWS = (
     "joint by joint, and B alone drawn over its own {low:g} to {high:g}. Spread is what a policy would meet: the "
     "standard deviation of the angle. Pairs is the largest difference between joints of the same sum."
 )
-WHICH = (
-    "So randomising both gives what randomising one gives, but the one must be kd (or the motor's strength, which "
-    "scales k·kd and kp alike): to cover kd's range B would have to become negative."
-)
 NETS = (
     "A linear net, torque = w1 (a − θ) − w2 θ', fitted by least squares to the torque of a logged joint, then put into "
     "a simulated joint in place of the PD law. Motor side: the torque before B and friction take their share, the "
     "simulation keeps dry friction; Output side: what is left after them, the simulation has none. B of the "
     "simulation is the logged joint's own, one with half of k·kd more (a swapped partner's, whose motion was the "
     "same), or none."
-)
-SIDES = (
-    "A motor-side net contains kd and nothing of B: it reproduces the joint with that joint's own B, and with the B of "
-    "a joint that moves exactly alike it does not. An output-side net contains B + k·kd: with a B beside it damping "
-    "counts twice. So with a net in the loop drawing B is the only way to vary the damping, and the log must say on "
-    "which side its torque was. Dry friction in an output-side log becomes damping of a linear net."
 )
 JOINTS = (
     "Joints: those of the robots' specifications, without links, at their measured dry friction unless said otherwise; "

@@ -122,13 +122,13 @@ def events(contact: np.ndarray, shortest: int) -> np.ndarray:
     return found
 
 
-def together_share(events: list[np.ndarray], moving: np.ndarray, window: int) -> float | None:
+def together_share(per_kind: list[np.ndarray], moving: np.ndarray, window: int) -> float | None:
     """Return the share of events in moving steps that all feet take part in, within `window` steps; None without any.
 
-    events: touch-downs and lift-offs, each bool of shape (T, N, L), each compared with themselves only.
+    per_kind: touch-downs and lift-offs, each bool of shape (T, N, L), each compared with themselves only.
     """
     total = shared = 0
-    for found in events:
+    for found in per_kind:
         near = found.copy()
         for shift in range(1, window + 1):
             near[shift:] |= found[:-shift]
