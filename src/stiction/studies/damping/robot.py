@@ -86,7 +86,6 @@ def walk_rows(
     bundle: Bundle,
     cfg: WalkCfg,
     lift: bool,
-    robot: str | None = None,
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Iterator[RobotRow]:
@@ -103,7 +102,7 @@ def walk_rows(
     streams = seed_streams(cfg.seed, [f"episode {number}" for number in range(cfg.episodes)])
     policy = load_policy(contract, bundle.policy, (3 * plain,))
     rollout = Rollout(
-        contract, policy, robot_of(contract, robot), friction_at(contract, level), list(streams.values()), threads
+        contract, policy, robot_of(contract), friction_at(contract, level), list(streams.values()), threads
     )
     fleet = rollout.fleet
     derivative = contract.array("kd")

@@ -18,7 +18,10 @@ from stiction.engines.conformance.suite import CHECKS, check_timestep, conforman
 from stiction.robots.model import RobotSpec
 
 ROUNDS = 3
-"""Times that every engine's pace is measured, in turn, so that what else the machine does meets all of them."""
+"""Times that every engine's pace is measured, in turn, so that other load on the machine meets all of them."""
+
+PACE_SECONDS = 1.0
+"""Simulated in each of them [s]."""
 
 
 @dataclass(frozen=True)
@@ -133,12 +136,12 @@ def traces(names: Sequence[str], spec: RobotSpec, timestep: float) -> Traces:
     )
 
 
-def pace_rows(names: Sequence[str], spec: RobotSpec, timestep: float, seconds: float = 1.0) -> list[PaceRow]:
-    """Return how fast the engines step, side by side: `ROUNDS` times one after the other, `seconds` simulated each."""
+def pace_rows(names: Sequence[str], spec: RobotSpec, timestep: float) -> list[PaceRow]:
+    """Return how fast the engines step, side by side: `ROUNDS` times one after the other, `PACE_SECONDS` each."""
     paces: dict[str, list[float]] = {name: [] for name in names}
     for _ in range(ROUNDS):
         for name in names:
-            paces[name].append(steps_per_second(partial(make_engine, name), spec, timestep, seconds))
+            paces[name].append(steps_per_second(partial(make_engine, name), spec, timestep, PACE_SECONDS))
     first = paces[names[0]]
     return [
         PaceRow(
