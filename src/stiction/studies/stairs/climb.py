@@ -7,11 +7,12 @@ A trial succeeds when the robot has been on the landing and then left the last s
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from stiction.core.provenance import seed_streams
+from stiction.core.records import column
 from stiction.deploy.check import robot_of
 from stiction.deploy.policy import load_policy
 from stiction.evaluate.course import PATIENCE, course_commands, crossed, line_up, starts, steps_passed
@@ -30,21 +31,21 @@ ENOUGH = 0.8
 class Climb:
     """What a policy reached at one height and level."""
 
-    policy: str
+    policy: str = field(metadata=column("policy"))
     """Name of the bundle."""
-    friction_level: float
+    friction_level: float = field(metadata=column("friction", form=lambda level: f"{100 * level:g} %"))
     """Dry friction as a fraction of each joint's torque limit [-]."""
-    step_height: float
+    step_height: float = field(metadata=column("step height", "cm", lambda height: f"{100 * height:g}"))
     """[m]."""
-    trials: int
+    trials: int = field(metadata=column("trials"))
     """Number of robots."""
-    successes: int
+    successes: int = field(metadata=column("succeed"))
     """... that went over the landing and left the last step behind."""
-    falls: int
+    falls: int = field(metadata=column("fell"))
     """... that fell before, or whose simulation became unstable."""
-    steps_climbed: float
+    steps_climbed: float = field(metadata=column("steps passed", form=".1f"))
     """Mean number of steps passed, up and down."""
-    seconds: float | None
+    seconds: float | None = field(metadata=column("time", "s", ".1f"))
     """Median time of those that succeeded [s]; None where none did."""
 
 

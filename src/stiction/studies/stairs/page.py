@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from stiction.core import records
 from stiction.core.statistics import wilson
 from stiction.evaluate.course import PATIENCE
 from stiction.locomotion.terrain import BEYOND
@@ -22,24 +23,24 @@ if TYPE_CHECKING:
 
 def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
     """Return the report of the study. settings: `settings` and `policies`."""
-    figure, lines = draw_stairs(rows), answers(rows)
+    figure, found = draw_stairs(rows), answers(rows)
+    ends = [wilson(row.successes, row.trials) for row in rows]
+    lines = [[*records.texts(row), f"{low:.0%} to {high:.0%}"] for row, (low, high) in zip(rows, ends, strict=True)]
     caption = f"Share of trials that succeed, with Wilson's 95 % interval; the line is {ENOUGH:.0%}."
     return Report(
         title="Stairs",
-        lead=" ".join(lines),
+        lead=" ".join(found),
         tables={"stairs": rows},
         sections=(
             Section("Success over step height", (picture(figure_uri(figure), caption),)),
-            Section("Every height", (table(HEADER, [_cells(row) for row in rows]),)),
+            Section("Every height", (table((*records.header(Climb), "95 % of succeed"), lines),)),
         ),
         run=(paragraph(WHAT),),
         summary=settings | {"rows": list(map(asdict, rows))},
         figures={"stairs": figure},
-        answer=lines,
+        answer=found,
     )
 
-
-HEADER = ("policy", "friction", "step height [cm]", "succeed", "95 % interval", "fell", "steps passed", "time [s]")
 
 WHAT = (
     f"{STEPS} steps up, a landing of {2 * LANDING:g} m, {STEPS} steps down, each {TREAD:.2f} m deep, the highest level "
@@ -84,18 +85,3 @@ def _by_policy(rows: Sequence[Climb]) -> dict[str, list[Climb]]:
     for row in rows:
         found.setdefault(f"{row.policy} at {100 * row.friction_level:g} % friction", []).append(row)
     return {name: sorted(mine, key=lambda row: row.step_height) for name, mine in found.items()}
-
-
-def _cells(row: Climb) -> list[str]:
-    """Return one row as text."""
-    low, high = wilson(row.successes, row.trials)
-    return [
-        row.policy,
-        f"{100 * row.friction_level:g} %",
-        f"{100 * row.step_height:g}",
-        f"{row.successes} of {row.trials}",
-        f"{low:.0%} to {high:.0%}",
-        f"{row.falls}",
-        f"{row.steps_climbed:.1f}",
-        "–" if row.seconds is None else f"{row.seconds:.1f}",
-    ]
