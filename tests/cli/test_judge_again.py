@@ -85,11 +85,9 @@ def test_worn_robots_are_judged_from_their_windows(tmp_path: Path, capsys: pytes
     names = ("summary.json", "windows.csv", "readings.csv")
     out = copy("wear", *names, out=tmp_path / "wear")
     assert main(["study", "wear", "--judge-again", "--out", str(out)]) == 0
-    said = capsys.readouterr().out
-    assert (
-        "deception-0.2 at level 0.1: at first 5 of 5 too fast, and those that come to follow do so from x1.57" in said
-    )
-    assert "Where friction stayed at x1, 0 of 5 follow to the end, 5 too fast from the start" in said
+    assert "deception-0.2 at level 0.1: " in capsys.readouterr().out
+    page = (out / "report.html").read_text()
+    assert "5 too fast" in page and "x1.57" in page and "5 too fast from the start" in page
     with (out / "lives.csv").open(newline="") as file:
         ends = {(row["policy"], row["steady"], row["end"]) for row in csv.DictReader(file)}
     assert ("saturn_lite-flat-none-0.2", "", "too slow") in ends

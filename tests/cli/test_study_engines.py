@@ -54,7 +54,7 @@ def test_suite_and_walks_are_written(value: list[float], bundle: Path, tmp_path:
     assert main(["study", "engines", "--engines", "mujoco", *walk, "--out", str(out), "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary["failures"] == 0 and summary["engines"] == ["mujoco"] and not summary["missing"]
-    assert summary["answers"][0] == "At steps of 2 ms, of 2 figures: mujoco passes all figures."
+    assert summary["answers"][0] == "mujoco passes 2 of 2 figures at steps of 2 ms."
     assert json.loads((out / "summary.json").read_text()) == summary
     assert summary["pace"][0]["share"] == 1.0 and list(summary["policies"]) == ["toy"]
     first, second = rows(out / "conformance.csv")
@@ -80,7 +80,7 @@ def test_a_figure_out_of_bounds_is_a_failure(
     out = tmp_path / "engines"
     assert main(["study", "engines", "--no-walks", "--out", str(out)]) == 1
     printed = capsys.readouterr().out
-    assert "FAIL" in printed and "mujoco fails 1 of 2 (the list: its number)" in printed
+    assert "FAIL" in printed and "mujoco passes 1 of 2 figures at steps of 2 ms, not the list: its number." in printed
     assert "mujoco at 2 ms fails the list: its number" in (out / "report.html").read_text()
     assert not (out / "walks.csv").exists()
 

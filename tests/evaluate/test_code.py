@@ -16,7 +16,7 @@ BY_FILE = {name: path for path, name in NAMES.items()}
 READING = {
     *("core/cache.py", "core/errors.py", "core/gemm.py", "core/statistics.py"),
     *(f"formats/{name}.py" for name in ("actuator", "bundle", "following", "joints", "log", "results", "tables")),
-    *("core/plugins.py", "locomotion/config.py", "locomotion/rewards.py", "joints/net.py"),
+    *("core/plugins.py", "core/records.py", "locomotion/config.py", "locomotion/rewards.py", "joints/net.py"),
 }
 """Code that reads and refuses files, whose content is in every key, or names columns and methods; finds what a user
 named; speed; configuration, whose values are in every key, and rewards, which no walk reads."""
@@ -34,7 +34,7 @@ BENCHES = {
 TRAINING = {
     *(f"locomotion/{name}.py" for name in ("commands", "device", "env", "gait")),
     *(f"rma/{name}.py" for name in ("config", "figures", "health", "phase", "ppo", "quick", "run", "symmetry")),
-    *("core/records.py", "deploy/check.py", "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py"),
+    *("deploy/check.py", "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py"),
 }
 """Code that trained, exports and drives, which the modules around a run's policies import: weights and settings are in
 keys."""

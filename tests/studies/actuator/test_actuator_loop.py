@@ -16,7 +16,7 @@ from stiction.formats.bundle import find_bundle, read_bundle
 from stiction.formats.results import read_results
 from stiction.formats.walk import read_walk
 from stiction.studies.actuator.config import RUNS, VARIANTS, LoopCfg
-from stiction.studies.actuator.page import findings
+from stiction.studies.actuator.page import mean_table
 from stiction.studies.actuator.robots import loop_robots, plan_logs
 
 TINY = [
@@ -63,7 +63,7 @@ def test_the_loop_from_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture)
     rows = read_results(out / "results.csv")
     assert [row.policy for row in rows[:3]] == ["f0 on robot-0", "f0 on robot-0", "f0 on robot-1"] and len(rows) == 10
     page = (out / "report.html").read_text()
-    assert "no verdict" in page and "f1-three-robots on robot-0" in page
+    assert "no verdict" in page and "on the drawn robots" in page
 
     stamps = {path: path.stat().st_mtime_ns for path in (out / "runs").rglob("*.safetensors")}
     before = (out / "evaluation" / "f1-three-robots.json").read_bytes(), (out / "results.csv").read_bytes()
@@ -97,34 +97,22 @@ def test_a_mistake_leaves_nothing_behind(tmp_path: Path, capsys: pytest.CaptureF
     assert "is not what this study writes" in capsys.readouterr().err
 
 
-def row(policy: str, robot: str, level: float, command: str, ratio: float, falls: float = 0.0) -> dict:
-    """Return a row of the study."""
-    return {
-        "policy": policy,
-        "robot": robot,
-        "friction_level": level,
-        "command": command,
-        "speed_ratio": ratio,
-        "fall_rate": falls,
-    }
-
-
-def test_sentences_follow_from_the_numbers() -> None:
-    """0.3 and 0.5 of the speed are 0.40 on average; 0.9 is more, 0.45 about as much, 0.2 less."""
-    rows = [row("f0", "robot-0", 0.2, "vx=0.5", 0.3), row("f0", "robot-0", 0.2, "vx=-0.5", 0.5)]
-    rows += [row("f0", "robot-0", 0.0, "vx=0.5", 1.0)]
-    for policy, ratio in (("f1-backward", 0.45), ("f1-everywhere", 0.9), ("f1-three-robots", 0.2)):
-        rows += [row(policy, "robot-0", 0.2, "vx=0.5", ratio), row(policy, "robot-0", 0.0, "vx=0.5", 1.4, 0.25)]
-        rows += [row(policy, "robot-1", 0.1, "vx=0.5", ratio)]
-    rmse = {"validation": {"net": 0.05, "baseline": 0.1}}
-    robots = [{"name": "robot-0"}, {"name": "robot-1"}]
-    said = " ".join(findings({"rows": rows, "robots": robots, "nets": {"backward-default": {"rmse": rmse}}}))
-    assert "on average 0.45 of the commanded speed, about as much as f0's 0.40" in said
-    assert "on average 0.90 of the commanded speed, more than f0's 0.40" in said
-    assert "On robot-0, f1-everywhere reaches 0.90, more than f1-backward's 0.45" in said
-    assert "On the drawn robots, f1-three-robots reaches 0.20, less than f1-backward's 0.45" in said
-    assert "f1-backward reaches 1.40 and falls in 25% of episodes at worst" in said
-    assert "backward-default 5.0 %, law 10.0 %" in said
+def test_means_are_over_commands_with_and_without_friction() -> None:
+    """0.3 and 0.5 of the speed are 0.40; a robot that falls in a quarter of the episodes at one command has 25 %."""
+    names = ("policy", "robot", "friction_level", "speed_ratio", "fall_rate")
+    values = [("f0", "robot-0", 0.2, 0.3, 0.25), ("f0", "robot-0", 0.2, 0.5, 0.0), ("f0", "robot-0", 0.0, 1.0, 0.0)]
+    rows = [dict(zip(names, one, strict=True)) for one in (*values, ("f1", "robot-1", 0.1, 0.9, 0.0))]
+    header, lines = mean_table(rows, ["robot-1"])
+    assert header == (
+        "policy",
+        "on robot-0",
+        "falls",
+        "on the drawn robots",
+        "falls",
+        "without joint friction",
+        "falls",
+    )
+    assert lines == [["f0", "0.40", "25%", "–", "–", "1.00", "0%"], ["f1", "–", "–", "0.90", "0%", "–", "–"]]
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from stiction.studies.adaptation.page import draw_effects, draw_probes, lead, monitored, report
+from stiction.studies.adaptation.page import answers, draw_effects, draw_probes, report
 from stiction.studies.study import write_report
 
 
@@ -54,21 +54,12 @@ def make_summary() -> dict[str, Any]:
     return {"threshold": 0.5, "runs": runs, "methods": methods}
 
 
-def test_the_answer_says_what_is_told_and_what_is_not() -> None:
+def test_the_answer_has_r_squared_and_the_monitored_targets() -> None:
     """A page must not promise a monitor that there is none of."""
-    text = lead(make_summary())
-    assert "direct, 2 seeds: z* tells each joint's friction with R² 0.62 (0.52 to 0.72)" in text
-    assert "a wear monitor tells the robot's level. dumb: z* tells each joint's friction with R² 0.01" in text
-    assert text.endswith("; no wear is told.")
-
-
-def test_monitors_of_several_seeds_are_counted() -> None:
-    """Of two runs one tells the joint, both the level; then one tells the level alone."""
-    assert monitored([[True, True], [False, True]]) == (
-        "a wear monitor tells the friction of 0 to 1 of 1 joints and the robot's level"
-    )
-    assert monitored([[False, True], [False, False]]) == "a wear monitor tells in 1 of 2 runs the robot's level"
-    assert monitored([[True, False]]) == "a wear monitor tells the friction of 1 of 1 joints"
+    direct, none = answers(make_summary())
+    assert direct.startswith("direct, 2 seeds: R² of the friction from z* 0.62 (0.52 to 0.72) per joint; ")
+    assert direct.endswith("; monitored targets: 1 of 2, 1 of 2.")
+    assert none.startswith("dumb: R² of the friction from z* 0.01") and none.endswith("monitored targets: 0 of 2.")
 
 
 def test_the_page_holds_every_table(tmp_path: Path) -> None:

@@ -24,11 +24,11 @@ TRUTH = {"friction": 2.0, "load": 0.0, "strength": 1.0}
 def test_friction_is_judged_in_the_unit_of_the_log() -> None:
     """Friction of 2, 0.2 of load and k = 1.1 show as 2: 2.05 is right within its interval, and 2.5 % off."""
     one = row("a", 2.05, load=0.2, strength=1.1)
-    assert one.shown == pytest.approx(2.0) and one.holds
-    assert one.error == pytest.approx(0.025)
+    assert one.shown == pytest.approx(2.0) and one.holds(one.shown)
+    assert one.error(one.shown) == pytest.approx(0.025)
     other = row("a", 2.2, strength=1.1)
-    assert other.shown == pytest.approx(1.81818, abs=1e-5) and not other.holds and not other.holds_friction
-    assert other.friction_error == pytest.approx(0.1)
+    assert other.shown == pytest.approx(1.81818, abs=1e-5) and not other.holds(other.shown) and not other.holds(2.0)
+    assert other.error(2.0) == pytest.approx(0.1)
 
 
 def test_a_score_counts_and_names_the_worst() -> None:

@@ -28,7 +28,7 @@ from stiction.studies.engines.walks import (
     STIFF,
     TRAINING,
     check_walks,
-    simulators,
+    find_simulators,
     walk_bundles,
 )
 from stiction.virtual.cases import DataSheet
@@ -75,27 +75,26 @@ def test_every_cell_has_every_simulator_in_order_and_walks_once(
     folder = tmp_path / "walks"
     folder.mkdir()
 
-    def run(cfg: EvaluationCfg = cfg) -> list[engine_walks.Walk]:
-        found = simulators([MUJOCO])
+    def run(cfg: EvaluationCfg = cfg) -> tuple[list, list]:
+        found = find_simulators([MUJOCO])
         return walk_bundles([check_bundle(bundle).bundle], found, cfg, folder, 1, lambda *said: done.append(said))
 
-    walks = run()
+    rows, episodes = run()
     steps = {TRAINING: 0.005, FINE_TRAINING: 0.001, COARSE: 0.005, MUJOCO: 0.002, STIFF: 0.002}
-    assert [(walk.row.friction_level, walk.row.simulator) for walk in walks] == [
-        (level, name) for level in (0.0, 0.2) for name in steps
-    ]
+    cells = [(level, name) for level in (0.0, 0.2) for name in steps]
+    assert [(row.friction_level, row.simulator) for row in rows] == cells
+    assert [(one.friction_level, one.simulator) for one in episodes] == [cell for cell in cells for _ in range(2)]
     assert done == [("walks", pytest.approx(number / 10)) for number in range(1, 11)]
-    for walk in walks:
-        row = walk.row
+    for row, walks in zip(rows, zip(episodes[::2], episodes[1::2], strict=True), strict=True):
         assert row.episodes == 2 and row.timestep == steps[row.simulator]
-        assert row.speed_ratio == pytest.approx(np.mean([one.speed_ratio for one in walk.episodes]))
+        assert row.speed_ratio == pytest.approx(np.mean([one.speed_ratio for one in walks]))
         assert (row.to_training is None) == (row.simulator == TRAINING)
         assert row.speed_low is not None and row.speed_low < row.speed_ratio < row.speed_high
         if row.to_training is not None:
-            trained = next(one.row for one in walks if one.row.friction_level == row.friction_level)
+            trained = next(one for one in rows if one.friction_level == row.friction_level)
             assert row.to_training == pytest.approx(row.speed_ratio / trained.speed_ratio)
     monkeypatch.setattr(engine_walks, "_episodes", lambda *arguments: pytest.fail("walked again"))
-    assert run() == walks and len(list(folder.iterdir())) == 10
+    assert run() == (rows, episodes) and len(list(folder.iterdir())) == 10
     with pytest.raises(pytest.fail.Exception):
         run(replace(cfg, seed=1))
 

@@ -1,4 +1,4 @@
-"""What the page of engines says, from rows written by hand."""
+"""Verdicts and tables of the page of engines, from rows written by hand."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from stiction.studies.engines.page import conformance_words, distance, figure_table, judge, walk_words
-from stiction.studies.engines.walks import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING, FigureRow, WalkRow
+from stiction.studies.engines.page import conformance_lines, distance, figure_table, judge, simulator_table
+from stiction.studies.engines.run import FigureRow
+from stiction.studies.engines.walks import COARSE, FINE_TRAINING, MUJOCO, STIFF, TRAINING, WalkRow
 
 ROW = FigureRow("mujoco", 0.002, "standing", "tilt", 0.01, "rad", 0.02, True)
 
@@ -52,8 +53,9 @@ def test_a_verdict_asks_the_whole_interval(low: float | None, high: float | None
 def test_who_passes_and_what_fails() -> None:
     """An engine with a figure out of bounds would stand among those that pass."""
     rows = [ROW, replace(ROW, engine="ode"), replace(ROW, engine="ode", figure="drift", value=None, passed=False)]
-    assert conformance_words(rows) == [
-        "At steps of 2 ms, of 2 figures: mujoco passes all figures; ode fails 1 of 2 (standing: drift)."
+    assert conformance_lines(rows) == [
+        "mujoco passes 1 of 1 figures at steps of 2 ms.",
+        "ode passes 1 of 2 figures at steps of 2 ms, not standing: drift.",
     ]
 
 
@@ -67,39 +69,29 @@ def test_a_failed_figure_cannot_be_read_as_a_pass() -> None:
     assert alone[-2:] == ["–", "FAIL"]
 
 
-def test_contacts_explain_what_they_take_away_and_no_more() -> None:
-    """The sentence about contacts would be the same whatever was measured."""
-    explained = walk_words(walks(training=1.05, mujoco=1.0, stiff=1.18, physx=1.2))
-    assert any("from mujoco (contacts of 4 ms) by 0.020: stiffer contacts take away 90%" in text for text in explained)
-    open_one = walk_words(walks(training=1.05, mujoco=1.0, stiff=1.05, physx=1.2))
-    assert any("do not explain most of the difference: 75% of it is left" in text for text in open_one)
+def lines(rows: list[WalkRow]) -> dict[str, dict[str, str]]:
+    """Return simulator -> column -> cell."""
+    header, found = simulator_table(rows)
+    return {line[0]: dict(zip(header, line, strict=True)) for line in found}
+
+
+def test_simulators_are_compared_with_mujoco_its_step_and_its_contacts() -> None:
+    """What a coarse step or soft contacts make would be put down to another engine."""
+    found = lines(walks(training=1.0, fine=1.04, coarse=1.06, mujoco=1.05, stiff=1.18, physx=1.2))
+    assert found["physx"]["differs from mujoco by"] == "0.150"
+    assert found["physx"]["differs from mujoco (contacts of 4 ms) by"] == "0.020"
+    assert found[TRAINING]["differs from mujoco (training's step) by"] == "0.060"
+    assert found[FINE_TRAINING]["differs from mujoco by"] == "0.010"
+    assert found[MUJOCO]["differs from mujoco by"] == "–"
     assert distance(walks(training=1.0, mujoco=1.0, physx=1.2), "physx", STIFF) is None
 
 
-def test_the_step_of_the_training_is_told_from_its_engine() -> None:
-    """What a coarse step makes would be put down to another engine."""
-    words = walk_words(walks(training=1.0, fine=1.04, coarse=1.06, mujoco=1.05))
-    assert any("by 0.060 at the same step" in text and text.endswith("of its own, by 0.010.") for text in words)
-    assert not any("of its own, by" in text for text in walk_words(walks(training=1.0, mujoco=1.05)))
-
-
-def test_engines_that_agree_exactly_leave_nothing_to_explain() -> None:
-    """A difference of zero has no share."""
-    words = walk_words(walks(training=1.0, mujoco=1.0, stiff=1.0, ode=1.0))
-    assert any("ode does not differ from mujoco" in text for text in words)
-
-
-def test_commanded_speed_is_counted_by_simulator() -> None:
-    """1.15 misses the command, and is what the policy does in training's simulator too; 1.4 is not."""
-    words = " ".join(walk_words(walks(training=1.1, mujoco=1.0, physx=1.15, ode=1.4)))
-    assert "training 0 of 1 (1 not decided), mujoco 1 of 1, physx 0 of 1, ode 0 of 1" in words
-    assert "policies reach 1.10 to 1.10" in words
-    assert "Of the 2 walks in the engines that miss it, 1 is within" in words
-    assert "0 of 12 robots fell" in words
-
-
-def test_walks_with_friction_alone_say_nothing_of_the_command() -> None:
+def test_commanded_speed_is_counted_by_simulator_without_friction() -> None:
     """A policy that friction slows down would count as one that misses its command."""
-    words = " ".join(walk_words([replace(row, friction_level=0.2) for row in walks(training=0.5, mujoco=0.6)]))
-    assert "commanded speed is reached" not in words and "at 20% friction: mujoco 1.20 to 1.20" in words
-    assert walk_words([]) == []
+    free = walks(training=1.1, mujoco=1.0, ode=1.4)
+    slow = [replace(row, friction_level=0.2) for row in walks(training=0.5, mujoco=0.6)]
+    found = lines([*free, *slow])
+    reached = [row["within ±10% of the command, no friction"] for row in found.values()]
+    assert reached == ["0 of 1 (1 not decided)", "1 of 1 (0 not decided)", "0 of 1 (0 not decided)"]
+    assert found[MUJOCO]["speed over training's, 20% friction"] == "1.20 to 1.20"
+    assert found["ode"]["speed over training's, 20% friction"] == "–" and found["ode"]["falls"] == "0 of 3"

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from stiction.studies.engines.page import EnginesResult, report
-from stiction.studies.engines.walks import FigureRow, PaceRow, Traces
+from stiction.studies.engines.run import FigureRow, PaceRow, Traces
 from stiction.studies.study import write_report
 
 LINE = np.array([0.1, 0.2])
 MOTIONS = Traces(LINE, LINE, LINE, {"ode": LINE}, {"ode": LINE}, {"ode": LINE}, LINE)
 FIGURE = FigureRow("ode", 0.002, "terrain", "height", 1e-3, "m", 3e-3, passed=True)
-RESULT = EnginesResult((FIGURE,), (PaceRow("ode", 0.002, 2000.0, 1.0),), MOTIONS, (), (), {})
+RESULT = EnginesResult((FIGURE,), (PaceRow("ode", 0.002, 2000.0, 1.0),), (), (), MOTIONS, {})
 
 
 def test_a_study_without_walks_leaves_none_of_an_earlier_one(tmp_path: Path) -> None:

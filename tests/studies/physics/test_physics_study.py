@@ -14,7 +14,8 @@ from stiction.evaluate.rollout import Rollout, friction_at
 from stiction.formats.bundle import read_bundle
 from stiction.robots.physics import EXACT
 from stiction.studies.physics import walks as physics_study
-from stiction.studies.physics.walks import REFERENCE, PhysicsRow, WalkCfg, bias, compare
+from stiction.studies.physics.config import WalkCfg
+from stiction.studies.physics.walks import REFERENCE, PhysicsRow, bias, compare
 
 
 def test_every_physics_has_the_same_walks(bundle: Path, monkeypatch: pytest.MonkeyPatch) -> None:

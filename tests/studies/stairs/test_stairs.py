@@ -11,7 +11,8 @@ from stiction.core.statistics import wilson
 from stiction.evaluate.course import steps_passed
 from stiction.formats.walk import Recording
 from stiction.robots.terrain import LANDING, REACH, STEPS, TREAD
-from stiction.studies.stairs.climb import Climb, ClimbCfg, _judge, highest_climbed
+from stiction.studies.stairs.climb import Climb, _judge, highest_climbed
+from stiction.studies.stairs.config import ClimbCfg
 from stiction.studies.stairs.page import answers
 
 

@@ -1,4 +1,4 @@
-"""When a life ends and when its monitor noticed; the walks are made by hand."""
+"""When a lifetime ends and when its monitor noticed; the walks are made by hand."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from stiction.studies.wear.lives import (
     Ending,
-    Life,
+    Lifetime,
     Reading,
     Window,
     control,
@@ -18,7 +18,7 @@ from stiction.studies.wear.lives import (
     first_grown,
     groups,
     judge_again,
-    life,
+    judge_walk,
     notice,
     over_seeds,
     ratios,
@@ -34,7 +34,7 @@ def windows(*ratio: float) -> list[Window]:
 
 
 def reading(time: float, low: float | None, unusual: bool = False, true: float = 0.1) -> Reading:
-    """A reading whose interval is 0.02 wide; `low` None: the target is not told."""
+    """A reading whose interval is 0.02 wide; `low` None: no estimate."""
     ends = (None, None, None) if low is None else (low + 0.01, low, low + 0.02)
     return Reading(
         **WALK, target="level", time=time, factor=2.0 ** (time / 10 - 1), true=true, unusual=unusual, **zipped(ends)
@@ -53,20 +53,23 @@ def test_windows_by_hand() -> None:
     assert ratios(np.arange(5.0), 0.1, 0.2, 0.4, 0.2) == []
 
 
-def test_a_life_ends_where_the_speed_is_too_low_for_good() -> None:
+def test_a_lifetime_ends_where_the_speed_is_too_low_for_good() -> None:
     """A dip that the robot recovers from is no end, and a walk that stays above has none."""
     assert ending(windows(1.0, 0.7, 0.9, 0.79, 0.5), None) == Ending("too slow", 8.0, 40.0)
     assert ending(windows(1.0, 0.7, 0.8), None) == Ending("alive")
     assert ending(windows(0.7, 0.6), None) == Ending("too slow from the start")
 
 
-def test_too_fast_is_no_life_and_told_apart_from_too_slow() -> None:
+def test_too_fast_is_not_following_and_is_no_too_slow() -> None:
     """Never under 120 %: it never followed. Too fast at first: it begins to at x4, and ends as others do."""
     assert ending(windows(1.5, 1.3, 1.21), None) == Ending("too fast from the start")
     assert ending(windows(1.5, 1.3, 1.2), None) == Ending("alive")
     assert ending(windows(1.5, 1.3, 1.1, 0.7), None) == Ending("too slow", 8.0, 40.0)
     assert ending(windows(1.0, 1.3, 1.4), None) == Ending("too fast", 2.0, 20.0)
-    rows = [life(WHAT, windows(*ratio), [], None, False) for ratio in ((1.5, 1.3, 1.1), (1.0, 0.9), (1.5, 1.3), (0.5,))]
+    rows = [
+        judge_walk(WHAT, windows(*ratio), [], None, False)
+        for ratio in ((1.5, 1.3, 1.1), (1.0, 0.9), (1.5, 1.3), (0.5,))
+    ]
     assert [row.begin for row in rows] == [4.0, None, None, None]
     (group,) = groups(rows)
     assert group["first"] == {"too fast": 2, "follows": 1, "too slow": 1} and group["begin"] == pytest.approx(4.0)
@@ -75,8 +78,8 @@ def test_too_fast_is_no_life_and_told_apart_from_too_slow() -> None:
 
 def test_walks_are_judged_again_by_what_was_seen_of_them() -> None:
     """Rows of before, under an older name of the same end, and a fall: the windows decide, and the fall is kept."""
-    before = asdict(life(WHAT, windows(1.5, 1.1, 0.5), [], None, True)) | {"end": "slow"}
-    fallen = asdict(life(WHAT | {"robot": 1001}, windows(1.0), [], (15.0, 1.4), False))
+    before = asdict(judge_walk(WHAT, windows(1.5, 1.1, 0.5), [], None, True)) | {"end": "slow"}
+    fallen = asdict(judge_walk(WHAT | {"robot": 1001}, windows(1.0), [], (15.0, 1.4), False))
     seen = [*windows(1.5, 1.1, 0.5), *(replace(one, robot=1001) for one in windows(1.0))]
     first, second = judge_again([before, fallen], seen, [reading(10, 0.05), reading(20, 0.08)])
     assert (first.end, first.begin, first.factor, first.grown, first.monitored) == (
@@ -89,14 +92,14 @@ def test_walks_are_judged_again_by_what_was_seen_of_them() -> None:
     assert (second.end, second.factor, second.time, second.monitored) == ("fell", 1.4, 15.0, False)
 
 
-def test_a_fall_ends_a_life_that_was_not_over() -> None:
+def test_a_fall_ends_a_lifetime_that_was_not_over() -> None:
     """What falls while it crawls had ended before; what falls before a window is over has fallen."""
     assert ending(windows(1.0, 0.9), (23.0, 2.9)) == Ending("fell", 2.9, 23.0)
     assert ending(windows(1.0, 0.9, 0.5), (33.0, 5.9)) == Ending("too slow", 4.0, 30.0)
     assert ending([], (3.0, 0.4)) == Ending("fell", 0.4, 3.0)
 
 
-def test_growth_is_told_by_intervals_that_do_not_meet() -> None:
+def test_growth_is_detected_by_intervals_that_do_not_meet() -> None:
     """0.05 to 0.07 at first: 0.06 to 0.08 may be the same friction, 0.08 to 0.10 is not."""
     said = [reading(10, 0.05), reading(20, 0.06), reading(30, 0.08), reading(40, 0.09)]
     assert first_grown(said) is said[2]
@@ -112,18 +115,18 @@ def test_a_notice_counts_when_it_came_in_time_and_not_at_once() -> None:
 
 
 def test_what_never_walked_fast_enough_has_no_before() -> None:
-    """Its life was over before the wear began: a monitor that speaks up later is no early one."""
+    """A monitor that speaks up later is no early one."""
     said = [reading(10, 0.05), reading(20, 0.08, unusual=True)]
     slow = Ending("too slow from the start")
     assert [notice(one, said, slow) for one in (*said, None)] == ["at once", "after", "never"]
-    row = life(WHAT, windows(0.7, 0.6, 0.5), said, None, True)
+    row = judge_walk(WHAT, windows(0.7, 0.6, 0.5), said, None, True)
     assert (row.end, row.unusual, row.grown) == ("too slow from the start", "after", "after")
     (group,) = groups([row])
     assert group["unusual"] == group["grown"] == {"after": 1}
 
 
 def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
-    """Of four robots one is unusual at once, one later, one after a fall; growth is told of one: 3 and 1 of 4.
+    """Of four robots one is unusual at once, one later, one after a fall; growth is detected in one: 3 and 1 of 4.
 
     Wilson, z² = 3.8415, of 3 in 4: (0.75 + 0.48018 ± 1.96 √(0.046875 + 0.060023)) / 1.96036.
     """
@@ -134,7 +137,7 @@ def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
         (windows(1.0, 1.0), [quiet[0], reading(20, 0.08, unusual=True)], None),
         (windows(1.0), [quiet[0], reading(20, 0.06, unusual=True)], (15.0, 0.3)),
     ]
-    rows = [life(WHAT | {"steady": 0.3}, *one, True) for one in heard]
+    rows = [judge_walk(WHAT | {"steady": 0.3}, *one, True) for one in heard]
     found = control(rows)
     assert (found["steady"], found["robots"], found["ends"]) == (0.3, 4, {"alive": 3, "fell": 1})
     assert found["alarms"] == {"unusual": 3, "grown": 1} and found["at_once"] == {"unusual": 1, "grown": 0}
@@ -144,68 +147,68 @@ def test_whatever_is_noticed_where_nothing_grew_is_a_false_alarm() -> None:
     assert found["interval95"]["grown"] == pytest.approx([1 - ends[1], 1 - ends[0]], abs=1e-4)
 
 
-def test_walks_in_which_nothing_grew_are_no_lives_under_wear() -> None:
+def test_walks_in_which_nothing_grew_are_controls() -> None:
     """They stand beside those, by the wear at which they stayed, and neither lengthen nor shorten a mean."""
-    stayed = [replace(row, steady=at) for at in (0.3, 1.0) for row in lives(9.0, None)]
-    (group,) = groups(lives(1.0, 4.0) + stayed)
+    stayed = [replace(row, steady=at) for at in (0.3, 1.0) for row in lifetimes(9.0, None)]
+    (group,) = groups(lifetimes(1.0, 4.0) + stayed)
     assert (group["robots"], group["mean"]) == (2, pytest.approx(2.0)) and group["ends"] == {"too slow": 2}
     assert [(one["steady"], one["ends"]) for one in group["controls"]] == [
         (0.3, {"too slow": 1, "alive": 1}),
         (1.0, {"too slow": 1, "alive": 1}),
     ]
-    assert groups(lives(1.0))[0]["controls"] == []
+    assert groups(lifetimes(1.0))[0]["controls"] == []
 
 
 def test_the_row_of_a_walk() -> None:
     """Ends at x4; unusual at x8 is late, growth at x2 in time; two of three intervals hold 0.06."""
     said = [reading(10, 0.05, true=0.06), reading(20, 0.08, true=0.09), reading(40, 0.09, unusual=True, true=0.2)]
-    row = life(WHAT, windows(1.0, 0.9, 0.7, 0.2), said, None, True)
+    row = judge_walk(WHAT, windows(1.0, 0.9, 0.7, 0.2), said, None, True)
     assert (row.end, row.factor, row.time, row.first_ratio, row.last_ratio) == ("too slow", 4.0, 30.0, 1.0, 0.2)
     assert (row.unusual, row.unusual_factor, row.grown, row.grown_factor) == ("after", 8.0, "before", 2.0)
     assert row.held == pytest.approx(2 / 3)
-    deaf = life(WHAT, windows(1.0), [], None, False)
+    deaf = judge_walk(WHAT, windows(1.0), [], None, False)
     assert (deaf.end, deaf.unusual, deaf.held, deaf.factor) == ("alive", "never", None, None)
 
 
-def lives(*factors: float | None, start: bool = False) -> list[Life]:
-    """Robots of one policy whose lives ended there; None: alive, or slow from the start."""
-    row = life(WHAT, windows(1.0), [], None, False)
+def lifetimes(*factors: float | None, start: bool = False) -> list[Lifetime]:
+    """Robots of one policy whose lifetimes ended there; None: alive, or slow from the start."""
+    row = judge_walk(WHAT, windows(1.0), [], None, False)
     missing = "too slow from the start" if start else "alive"
     return [replace(row, robot=at, factor=one, end="too slow" if one else missing) for at, one in enumerate(factors)]
 
 
 def test_the_mean_over_robots_is_of_the_logarithm() -> None:
     """x1 and x4: mean x2; with two robots t = 12.706 and the standard error of the logarithm is ln 2."""
-    (group,) = groups(lives(1.0, 4.0))
+    (group,) = groups(lifetimes(1.0, 4.0))
     assert (group["mean"], group["median"], group["robots"]) == (pytest.approx(2.0), pytest.approx(2.5), 2)
     half = 12.7062 * log(4) / sqrt(2) / sqrt(2)
     assert group["interval95"] == pytest.approx([2 * exp(-half), 2 * exp(half)], rel=1e-3)
-    assert groups(lives(1.0))[0]["interval95"] is None and group["held"] is None
-    (heard,) = groups([replace(row, held=share) for row, share in zip(lives(1.0, 4.0), (0.25, 0.75), strict=True)])
+    assert groups(lifetimes(1.0))[0]["interval95"] is None and group["held"] is None
+    (heard,) = groups([replace(row, held=share) for row, share in zip(lifetimes(1.0, 4.0), (0.25, 0.75), strict=True)])
     assert heard["held"] == 0.5
 
 
-def test_lives_that_did_not_end_have_no_mean() -> None:
+def test_lifetimes_that_did_not_end_have_no_mean() -> None:
     """The mean of those that did would be too short; the median stands while the middle one is known."""
-    (group,) = groups(lives(1.0, 3.0, None))
+    (group,) = groups(lifetimes(1.0, 3.0, None))
     assert group["mean"] is None and group["interval95"] is None and group["median"] == 3.0
     assert group["ends"] == {"too slow": 2, "alive": 1}
-    assert groups(lives(1.0, None, None))[0]["median"] is None
-    assert groups(lives(1.0, 3.0, None, start=True))[0]["median"] == 1.0
+    assert groups(lifetimes(1.0, None, None))[0]["median"] is None
+    assert groups(lifetimes(1.0, 3.0, None, start=True))[0]["median"] == 1.0
 
 
 def test_policies_and_levels_are_kept_apart() -> None:
     """One row a policy and level, in their order."""
-    other = [replace(row, friction_level="0.2") for row in lives(2.0)]
-    assert [(g["friction_level"], g["mean"]) for g in groups(lives(1.0) + other)] == [("0.1", 1.0), ("0.2", 2.0)]
+    other = [replace(row, friction_level="0.2") for row in lifetimes(2.0)]
+    assert [(g["friction_level"], g["mean"]) for g in groups(lifetimes(1.0) + other)] == [("0.1", 1.0), ("0.2", 2.0)]
 
 
-def policy(name: str, *factors: float | None, start: bool = False) -> list[Life]:
-    """Return the lives of one policy of two."""
-    return [replace(row, policy=name) for row in lives(*factors, start=start)]
+def policy(name: str, *factors: float | None, start: bool = False) -> list[Lifetime]:
+    """Return the lifetimes of one policy of two."""
+    return [replace(row, policy=name) for row in lifetimes(*factors, start=start)]
 
 
-def test_seeds_of_a_way_are_one_sample_each() -> None:
+def test_seeds_of_a_method_are_one_sample_each() -> None:
     """Robots of x1 and x4, mean x2, and of x8 and x8: x4 over two seeds, the logarithms ln 2 and ln 8 apart by 2 ln 2.
 
     Their standard error is ln 2, t = 12.706: the robots within a policy do not make it smaller.
@@ -221,14 +224,14 @@ def test_seeds_of_a_way_are_one_sample_each() -> None:
     assert over_seeds(rows + stayed, methods, (0.3, 9.0)) == [method]
 
 
-def test_one_policy_is_no_sample_of_its_way() -> None:
-    """And two trainings that differ in more than the seed are two ways."""
+def test_one_policy_is_no_sample_of_its_method() -> None:
+    """And two trainings that differ in more than the seed are two methods."""
     rows = policy("a", 1.0) + policy("b", 2.0)
     assert over_seeds(rows[:1], {"a": "none"}, (0.3, 3.0)) == []
     assert over_seeds(rows, {"a": "none (flat)", "b": "none (stairs)"}, (0.3, 3.0)) == []
 
 
-def test_lives_beyond_what_was_tried_bound_the_mean() -> None:
+def test_lifetimes_beyond_what_was_tried_bound_the_mean() -> None:
     """Alive at x9: x1 and x9 make at least x3; slow from the start at x0.25: x1 and x0.25 make at most x0.5."""
     methods = {"a": "none", "b": "none"}
     (method,) = over_seeds(policy("a", 1.0) + policy("b", None), methods, (0.25, 9.0))

@@ -15,7 +15,7 @@ from stiction.formats.bundle import Bundle, read_bundle, shipped_bundles, write_
 from stiction.robots.catalog import find_robot
 from stiction.studies.wear import run as wear_study
 from stiction.studies.wear.lives import Window
-from stiction.studies.wear.run import WearCfg, Worn, judge, study_wear
+from stiction.studies.wear.run import WearCfg, WearWalk, judge, study_wear
 from stiction.virtual.hidden import draw
 from stiction.virtual.robot import Wear
 
@@ -75,14 +75,14 @@ def test_friction_stops_a_policy_that_never_met_it(tmp_path: Path, monkeypatch: 
 def test_beside_it_the_same_robot_walks_with_friction_that_stays(tmp_path: Path) -> None:
     """At the wear where the other begins and at x1; the first window differs by growth alone, and by little."""
     cfg = replace(SHORT, wear=Wear(start=0.3, seconds=2.0), window=1.0)
-    lives, windows, readings = run(tmp_path, cfg, unusual=1e9)
-    assert [row.steady for row in lives] == [None, 0.3, 1.0] == list(dict.fromkeys(row.steady for row in windows))
+    rows, windows, readings = run(tmp_path, cfg, unusual=1e9)
+    assert [row.steady for row in rows] == [None, 0.3, 1.0] == list(dict.fromkeys(row.steady for row in windows))
     for steady in (0.3, 1.0):
         heard = [row for row in readings if row.steady == steady]
         assert {round(row.factor, 9) for row in (*windows, *heard) if row.steady == steady} == {steady}
         assert {round(row.true, 9) for row in heard} == {0.3 * steady}
     grown, stayed, _ = ([row.time for row in readings if row.steady == at] for at in (None, 0.3, 1.0))
-    assert grown == stayed and lives[1].end == "alive"
+    assert grown == stayed and rows[1].end == "alive"
     assert len(list((tmp_path / "robots").iterdir())) == 3
     assert replace(cfg, wear=Wear(start=1.0, seconds=2.0)).steady == (1.0,)
 
@@ -102,29 +102,29 @@ def test_one_joint_wears_and_is_watched(tmp_path: Path) -> None:
 
 
 def test_what_a_walk_means_is_judged_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Where lives are judged otherwise, kept walks would go on under the old judgement; the fall is what was seen."""
+    """Where walks are judged otherwise, cached ones would go on under the old judgement."""
     seen = {
         "windows": [{"time": 3.0, "factor": 0.2, "ratio": 1.0}],
         "readings": [],
         "fell": 3.5,
     }
-    monkeypatch.setattr(wear_study, "_wear_out", lambda worn, bundle: seen)
+    monkeypatch.setattr(wear_study, "record_walk", lambda one, bundle: seen)
     (tmp_path / "robots").mkdir()
     path = shipped_bundles()["saturn_lite-flat-none-0.2"]
     (row,), windows, _ = study_wear([WALKER], [path], ALONE, tmp_path / "robots", 1, silent)
     assert (row.end, row.time, row.factor) == ("fell", 3.5, pytest.approx(0.1 * 30 ** (3.5 / 6)))
     assert windows == [Window(row.policy, "0.3", 3, None, 3.0, 0.2, 1.0)]
-    monkeypatch.setattr(wear_study, "_wear_out", lambda *rest: pytest.fail("walked again"))
+    monkeypatch.setattr(wear_study, "record_walk", lambda *rest: pytest.fail("walked again"))
     monkeypatch.setattr("stiction.formats.following.FOLLOWS", (1.1, 1.2))
     (row,), *_ = study_wear([WALKER], [path], ALONE, tmp_path / "robots", 1, silent)
     assert row.end == "too slow from the start"
 
 
-def test_a_life_has_the_way_of_its_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Policies of the Actuator Net, of one point or of identified friction would go by the name of another way."""
-    worn = Worn(tmp_path, "0.3", 3, None, ALONE, tmp_path)
+def test_a_row_has_the_method_of_its_policy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Policies of the Actuator Net, of one point or of identified friction would go by the name of another method."""
+    walk = WearWalk(tmp_path, "0.3", 3, None, ALONE, tmp_path)
     contract = replace(WALKER.contract, method="direct", friction_range=(0.2, 0.2))
-    row, *_ = judge(worn, replace(WALKER, contract=contract), {"windows": [], "readings": [], "fell": None})
+    row, *_ = judge(walk, replace(WALKER, contract=contract), {"windows": [], "readings": [], "fell": None})
     assert row.method == "point"
 
 

@@ -49,7 +49,7 @@ class LoopCfg:
     """Dry friction of the virtual robot's joints, as a fraction of the torque limit: it plays the real robot."""
     torque: Literal["output_side", "motor_side"] = "output_side"
     """Where the virtual robot measures torque. On the output side friction is in it, and f1 is trained with no other.
-    On the motor side it is not: such a net knows nothing of the friction, and neither does f1; a control."""
+    On the motor side it is not, so that f1 is trained without any; a control."""
     repeats: int = 1
     """Times 12 runs in each data set."""
     log_seconds: float = 10.0
@@ -76,11 +76,8 @@ class LoopCfg:
         unknown = [name for name in self.variants if name not in VARIANTS]
         if unknown or not self.variants or len(set(self.variants)) < len(self.variants):
             raise ConfigurationError(f"variants {self.variants}: expected different ones of {', '.join(VARIANTS)}")
-        if (
-            self.train.actuator is not None
-            or self.train.joints is not None
-            or self.train.task.friction.method != "none"
-        ):
+        train = self.train
+        if train.actuator is not None or train.joints is not None or train.task.friction.method != "none":
             raise ConfigurationError(
                 "f0 and f1 are trained conventionally, f1 with the net of this study: leave out --actuator, --joints "
                 "and --method"

@@ -1,13 +1,9 @@
-"""Robots of the loop with an Actuator Net, which play the real one: the training's simulator, joints of their own.
-
-The virtual robot of the comparison, in another engine and with all that real joints have, is `transfer/robot`.
-"""
+"""Robots that stand in for the real one in the loop: the training's simulator, with joints of their own."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from stiction.core.provenance import seed_streams, stream_seed
@@ -28,7 +24,7 @@ FRICTION_FACTORS = (0.5, 1.5)
 
 @dataclass(frozen=True)
 class LoopRobot:
-    """One robot, by what its joints are beside the nominal ones; the policy and the log know nothing of it."""
+    """One robot, by its joints relative to the nominal ones; neither policy nor log contains any of it."""
 
     name: str
     """`robot-0` is the study's own; `robot-1` and on are drawn."""
@@ -67,7 +63,7 @@ def loop_robots(level: float, seed: int) -> tuple[LoopRobot, ...]:
 
 
 def plan_logs(variant: str, cfg: LoopCfg) -> list[tuple[LoopRobot, tuple[str, ...], int]]:
-    """Return who walks for a data set: robot, commands, and runs of each command."""
+    """Return what is walked for a data set: robot, commands, and runs of each command."""
     robots = loop_robots(cfg.level, cfg.train.seed)
     commands = EVERYWHERE if variant == "everywhere" else BACKWARD
     walking: Sequence[LoopRobot] = robots[1:] if variant == "three-robots" else robots[:1]
@@ -84,7 +80,7 @@ def record_logs(
 ) -> int:
     """Have a policy walk on the virtual robots of a data set and write the logs; return how many there are.
 
-    Their headers have the gains that the runtime asked for, not those that a motor of another strength made of them.
+    Their headers have the gains that the runtime asked for, not those times the strength of its motors.
     Each data set has episodes of its own. A robot that falls at once leaves no log.
     """
     count, plan = 0, plan_logs(variant, cfg)
@@ -94,7 +90,7 @@ def record_logs(
             EvaluationCfg((robot.level,), commands, seed=stream_seed(cfg.train.seed, f"logs {variant} {robot.name}")),
             RecordCfg(repeats, cfg.log_seconds, torque=cfg.torque),
             threads=threads,
-            progress=partial(_part, progress, index, len(plan)),
+            progress=lambda share, index=index: progress((index + share) / len(plan)),  # type: ignore[misc]
         )
         for walk in walks:
             if walk.log is not None:
@@ -103,19 +99,3 @@ def record_logs(
                 write_walk(folder / name, replace(walk.log, header=header))
                 count += 1
     return count
-
-
-def _part(progress: Callable[[float], None], index: int, parts: int, share: float) -> None:
-    """Report the progress of one part of several."""
-    progress((index + share) / parts)
-
-
-def spread(robots: Sequence[LoopRobot]) -> list[dict[str, float | str]]:
-    """Return the robots as plain data, rounded for people."""
-    return [{key: round(v, 4) if isinstance(v, float) else v for key, v in vars(robot).items()} for robot in robots]
-
-
-def check_seconds(cfg: LoopCfg) -> None:
-    """Raise `StictionError` now, not after the training, where logs or evaluation cannot be made."""
-    RecordCfg(1, cfg.log_seconds)
-    EvaluationCfg((cfg.level,), cfg.commands, cfg.episodes, cfg.seconds)

@@ -1,4 +1,4 @@
-"""The paper's loop f0 -> log -> f_motor -> f1, stage by stage; what is there already is not made again.
+"""The paper's loop f0 -> log -> f_motor -> f1, stage by stage; stages that are done are not repeated.
 
     bundles/f0                  conventionally trained (runs/f0), or given
     logs/VARIANT/               f0 on the virtual robots
@@ -6,7 +6,7 @@
     bundles/f1-VARIANT          trained (runs/f1-VARIANT) with that f_motor in the loop
     evaluation/POLICY.json      f0 and every f1 on all virtual robots, and on the study's own without friction
 
-Each is written under another name and renamed, or ends with the file that says that it is whole.
+Each is written under another name and renamed, or its last file marks it as complete.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from stiction.deploy.check import check_bundle
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.export import export_run
 from stiction.evaluate.summary import describe
+from stiction.evaluate.walk_logs import RecordCfg
 from stiction.formats.actuator import FILE, read_actuator
 from stiction.formats.bundle import Bundle, find_bundle, read_bundle
 from stiction.joints.net import INPUT_SETS
@@ -38,7 +39,7 @@ from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, write_json
 from stiction.rma.runner import train
 from stiction.studies.actuator.config import LoopCfg
-from stiction.studies.actuator.robots import check_seconds, loop_robots, record_logs, spread
+from stiction.studies.actuator.robots import loop_robots, record_logs
 
 Progress = Callable[[str, float], None]
 """Called with the name of the stage and the share of it that is done."""
@@ -54,13 +55,16 @@ class ActuatorLoop:
             StictionError: `out` holds a study with other options, or these cannot be run.
 
         """
-        check_seconds(cfg)
+        # Now, and not after hours of training.
+        RecordCfg(1, cfg.log_seconds)
+        EvaluationCfg((cfg.level,), cfg.commands, cfg.episodes, cfg.seconds)
         self.out, self.cfg, self.command, self.progress = out, cfg, command, progress
-        options = json.loads(json.dumps(to_plain(cfg), default=str))
+        self.robots = loop_robots(cfg.level, cfg.train.seed)
+        self.options = json.loads(json.dumps(to_plain(cfg), default=str))
         file = out / "study.json"
         if file.is_file():
             held = _read_options(file)
-            if other := [name for name in options if held.get(name) != options[name]]:
+            if other := [name for name in self.options if held.get(name) != self.options[name]]:
                 raise ConfigurationError(
                     f"{out} holds this study with another {', '.join(other)}; say the same options to go on, or name "
                     "another --out"
@@ -70,7 +74,7 @@ class ActuatorLoop:
                 self._check_given(find_bundle(cfg.policy))
             try:
                 out.mkdir(parents=True, exist_ok=True)
-                write_json(file, {"options": options, "command": command})
+                write_json(file, {"options": self.options, "command": command})
             except OSError as error:
                 raise FileError(f"{out} cannot be written: {error.strerror or error}; choose another --out") from error
 
@@ -84,24 +88,25 @@ class ActuatorLoop:
             )
 
     def run(self) -> dict[str, Any]:
-        """Go through all stages that are not done; return what the page needs: errors of the nets, rows, robots."""
+        """Go through all stages that are not done; return what summary.json has."""
         torch.set_num_threads(num_threads())
         start = self._first_policy()
         logs = {name: self._logs(name, start) for name in self.cfg.variants}
-        nets = {}
-        for name, runs in logs.items():
-            for inputs in INPUT_SETS:
-                nets[f"{name}-{inputs}"] = self._net(name, inputs, runs)
+        nets = {
+            f"{name}-{inputs}": self._net(name, inputs, runs) for name, runs in logs.items() for inputs in INPUT_SETS
+        }
         policies = {"f0": start}
         for name in self.cfg.variants:
-            policies[f"f1-{name}"] = self._second_policy(name)
-        evaluated = {name: self._evaluate(name, bundle) for name, bundle in policies.items()}
+            net = self.out / "nets" / f"{name}-{self.cfg.net.inputs}"
+            policies[f"f1-{name}"] = self._trained(f"f1-{name}", replace(self.cfg.train, actuator=str(net)))
+        robots = [vars(robot).items() for robot in self.robots]
         return {
-            "robots": spread(loop_robots(self.cfg.level, self.cfg.train.seed)),
+            "options": self.options,
+            "robots": [{key: round(v, 4) if isinstance(v, float) else v for key, v in items} for items in robots],
             "nets": nets,
             "cross": self._cross(logs),
             "policies": {name: describe(bundle) for name, bundle in policies.items()},
-            "rows": [row for rows in evaluated.values() for row in rows],
+            "rows": [row for name, bundle in policies.items() for row in self._evaluate(name, bundle)],
         }
 
     def _first_policy(self) -> Bundle:
@@ -132,11 +137,6 @@ class ActuatorLoop:
             train(run.config(), run, None, report)
             export_run(path, folder)
         return read_bundle(folder)
-
-    def _second_policy(self, variant: str) -> Bundle:
-        """Return f1 of a data set: trained as f0 was, but for its motors."""
-        net = self.out / "nets" / f"{variant}-{self.cfg.net.inputs}"
-        return self._trained(f"f1-{variant}", replace(self.cfg.train, actuator=str(net)))
 
     def _logs(self, variant: str, policy: Bundle) -> list[LoggedRun]:
         """Return the runs of a data set."""
@@ -176,8 +176,8 @@ class ActuatorLoop:
         """Return a policy's rows on every virtual robot, and on the study's own without friction."""
         file = self.out / "evaluation" / f"{name}.json"
         if not file.exists():
-            robots, rows = loop_robots(self.cfg.level, self.cfg.train.seed), []
-            for index, robot in enumerate(robots):
+            rows = []
+            for index, robot in enumerate(self.robots):
                 levels = (0.0, robot.level) if index == 0 else (robot.level,)
                 found = evaluate_bundle(
                     replace(bundle, name=name, contract=robot.joints(bundle.contract)),
@@ -185,7 +185,7 @@ class ActuatorLoop:
                     threads=num_threads(),
                 )
                 rows += [{"robot": robot.name} | asdict(row) for row in found.rows]
-                self.progress(f"evaluate {name}", (index + 1) / len(robots))
+                self.progress(f"evaluate {name}", (index + 1) / len(self.robots))
             file.parent.mkdir(parents=True, exist_ok=True)
             write_json(file, rows)
         return json.loads(file.read_text(encoding="utf-8"))

@@ -26,27 +26,21 @@ class ActuatorOptions(Options):
     """What is run."""
     out: Path = Path("actuator-study")
     """Folder of the study."""
-    json: bool = False
-    """Print summary.json on standard output, and nothing else."""
 
 
 def run(options: ActuatorOptions, work: Work) -> Report:
     """Go through the loop."""
-    from stiction.core.records import to_plain
     from stiction.report.training import write_actuator_page
     from stiction.studies.actuator.page import report
     from stiction.studies.actuator.run import ActuatorLoop
 
-    cfg = options.config
-    found = ActuatorLoop(options.out, cfg, work.command, work.progress).run()
-    plain = {name: to_plain(value) if name in ("net", "train") else value for name, value in vars(cfg).items()}
-    plain["policy"] = None if cfg.policy is None else str(cfg.policy)
+    found = ActuatorLoop(options.out, options.config, work.command, work.progress).run()
 
     def write_nets(out: Path) -> None:
         for name in found["nets"]:
             write_actuator_page(out / "nets" / name)
 
-    return replace(report({"options": plain} | found), files=write_nets)
+    return replace(report(found), files=write_nets)
 
 
 STUDY = Study("the loop of an Actuator Net: f0, log, f_motor, f1", DESCRIPTION, ActuatorOptions, run)

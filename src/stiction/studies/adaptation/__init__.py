@@ -1,1 +1,1 @@
-"""What a student's latent z* does, and whether it tells the friction of the joints."""
+"""What a student's latent z* does, and whether friction can be read from it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +29,12 @@ from stiction.studies.adaptation.probes import (
 WINDOW = 500
 """Control steps of a window: 10 s at 50 Hz, two commands or more."""
 
-TOLD = 0.5
-"""R² on unseen robots whose lower end must be above this: the error is then under 0.71 of the spread that a guess has.
-Below it an estimate is hardly better than none, and none is given."""
+LEAST_R2 = 0.5
+"""The lower end of a target's R² on unseen robots must be above this, else no estimate of it is given: the error is
+then under 0.71 of the spread."""
 
 COVERED, USUAL = 0.95, 0.99
-"""Shares of calibration windows within the interval, and under the bound of what is usual."""
+"""Shares of calibration windows within the interval, and that do not count as unusual."""
 
 
 def fit_monitor(
@@ -47,17 +48,9 @@ def fit_monitor(
     """Fit on half of the robots, calibrate the intervals on a quarter, test on the last quarter.
 
     The robots of both walks are put together: of those drawn per joint none has much friction, or little, everywhere.
-    A joint is judged by the robots drawn per joint: there no other joint gives it away. The level is judged by the
-    robots drawn per robot.
-
-    Args:
-        walks: one for each way of drawing friction.
-        moments: makes the features.
-        joint_names: the joints, in order.
-        highest: highest friction drawn [-].
-        student: SHA-256 of the student's checkpoint.
-        window: control steps of a window.
-
+    A joint is judged by the robots drawn per joint, where no other joint is correlated with it, the level by the robots
+    drawn per robot. highest: highest friction drawn [-]; student: SHA-256 of the student's checkpoint; window: control
+    steps of a window.
     """
     features, targets, robot, drawn, first = [], [], [], [], 0
     for per, walk in walks.items():
@@ -90,10 +83,10 @@ def fit_monitor(
         weights=tuple(tuple(row) for row in ridge.weights.tolist()),
         intercept=tuple(ridge.intercept.tolist()),
         reach=tuple(reach.tolist()),
-        told=tuple((low > TOLD).tolist()),
+        told=tuple((low > LEAST_R2).tolist()),
         determination=tuple(values.tolist()),
         coverage=tuple((error[test] <= reach).mean(axis=0).tolist()),
-        threshold=TOLD,
+        threshold=LEAST_R2,
         highest=highest,
         unusual=float(upper(distance[calibrate, None], USUAL)[0]),
         student=student,
@@ -101,7 +94,7 @@ def fit_monitor(
 
 
 def upper(values: np.ndarray, share: float) -> np.ndarray:
-    """Return, for each column of (n, columns), what a new value is under with probability `share`, if it is of a kind.
+    """Return, for each column of (n, columns), the bound under which a new value lies with probability `share`.
 
     The ⌈share (n + 1)⌉-th smallest (split conformal prediction); the largest where n is too small for that.
     """
@@ -110,7 +103,7 @@ def upper(values: np.ndarray, share: float) -> np.ndarray:
 
 
 FIGURES = ("speed_ratio", "tracking_error")
-"""What is compared: does the robot get less far, does it follow less well?"""
+"""What is compared: columns of results.csv."""
 
 
 def latent_effects(
@@ -127,21 +120,19 @@ def latent_effects(
         walks[latent] = walk_run(run, "student", cfg, latent, threads)
         progress((number + 1) / len(LATENTS))
     effects = []
-    for latent in LATENTS[1:]:
-        for index, level in enumerate(cfg.friction_levels):
-            for figure in FIGURES:
-                own, other = (per_episode(walks[name], cfg, index, figure) for name in ("own", latent))
-                effects.append(
-                    {
-                        "latent": latent,
-                        "level": level,
-                        "figure": figure,
-                        "own": float(own.mean()),
-                        "value": float(other.mean()),
-                        "difference": float((other - own).mean()),
-                        "interval95": list(mean_interval(other - own)),
-                    }
-                )
+    for latent, (index, level), figure in product(LATENTS[1:], enumerate(cfg.friction_levels), FIGURES):
+        own, other = (per_episode(walks[name], cfg, index, figure) for name in ("own", latent))
+        effects.append(
+            {
+                "latent": latent,
+                "level": level,
+                "figure": figure,
+                "own": float(own.mean()),
+                "value": float(other.mean()),
+                "difference": float((other - own).mean()),
+                "interval95": list(mean_interval(other - own)),
+            }
+        )
     return {"rows": [asdict(row) for walk in walks.values() for row in walk.rows], "effects": effects}
 
 
@@ -159,12 +150,17 @@ def over_seeds(runs: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     """
     pooled = []
     for same in zip(*(run["effects"] for run in runs), strict=True):
-        values = {name: np.array([effect[name] for effect in same]) for name in ("own", "value", "difference")}
-        interval = t_interval(values["difference"].tolist())
+        means = {name: float(np.mean([effect[name] for effect in same])) for name in ("own", "value", "difference")}
+        each = [effect["difference"] for effect in same]
         pooled.append(
             {name: same[0][name] for name in ("latent", "level", "figure")}
-            | {name: float(value.mean()) for name, value in values.items()}
-            | {"interval95": None if interval is None else list(interval), "seeds": len(same)}
-            | {"each": values["difference"].tolist()}
+            | means
+            | {"interval95": seeds_interval(each), "seeds": len(same), "each": each}
         )
     return pooled
+
+
+def seeds_interval(values: Sequence[float]) -> list[float] | None:
+    """Return the t-interval of the mean over seeds; None for a single one."""
+    interval = t_interval(values)
+    return None if interval is None else list(interval)

@@ -1,4 +1,4 @@
-"""The page on adaptation, from the study's summary: latents taken away, what they tell, and whether wear is told."""
+"""The page on adaptation, from the study's summary: latents taken away, their information, and the wear monitor."""
 
 from __future__ import annotations
 
@@ -8,42 +8,29 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from stiction.formats.results import ResultRow
-from stiction.report.page import (
-    COLORS,
-    INK,
-    Section,
-    figure_uri,
-    fold,
-    legend,
-    new_figure,
-    paragraph,
-    picture,
-    table,
-)
+from stiction.report.page import COLORS, INK, Section, figure_uri, fold, legend, new_figure, paragraph, picture, table
+from stiction.studies.adaptation.probes import HISTORIES, TEST_OF
 from stiction.studies.study import Report
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+
+Rows = Sequence[dict[str, Any]]
+"""Effects, or probes."""
 
 ROWS = {"step": "one step", "walk": "whole walk"}
 """What a probe of the figure reads at once -> its words."""
 
 LOWEST = -0.2
-"""Left end of the axis of R² [-]: what is below is drawn there, it tells nothing either."""
+"""Left end of the axis of R² [-]; values below are drawn there."""
 
 
 def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[str, str]) -> Figure:
     """Return R² of every input, a panel for friction per joint and one for friction per robot.
 
-    A dot is a seed, a bar the t-interval of their mean where there are several.
-
-    Args:
-        methods: training -> `probes`, as in the summary; those of a step and of whole walks are drawn.
-        inputs: input -> its words, in the order from top to bottom.
-        targets: `joint` and `robot` -> what a panel is called.
-
+    methods: training -> `probes`, as in the summary, of a step and of whole walks. inputs: input -> its label, from top
+    to bottom; targets: `joint` and `robot` -> title of a panel.
     """
     probes = {method: [p for p in found["probes"] if not p["shuffled"]] for method, found in methods.items()}
     there = {(probe["input"], probe["row"]) for found in probes.values() for probe in found}
@@ -54,8 +41,13 @@ def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[s
         for index, (method, found) in enumerate(probes.items()):
             shift = 0.12 * (index - (len(methods) - 1) / 2)
             for probe in (p for p in found if p["per"] == per and (p["input"], p["row"]) in heights):
-                height = heights[probe["input"], probe["row"]]
-                _mark(axis, probe, height + shift, COLORS[index % len(COLORS)], "" if height else method)
+                height, color = heights[probe["input"], probe["row"]], COLORS[index % len(COLORS)]
+                at, label = height + shift, None if height else method
+                if probe["interval95"] is not None:
+                    ends = [max(end, LOWEST) for end in probe["interval95"]]
+                    axis.plot(ends, [at, at], color=color, linewidth=3, alpha=0.35)
+                seeds = [max(value, LOWEST) for value in probe["each"]]
+                axis.plot(seeds, [at] * len(seeds), "o", color=color, markersize=4, label=label)
         axis.axvline(0.0, color=INK, linewidth=0.8)
         axis.set(title=title, xlabel="R² on unseen robots", xlim=(LOWEST, 1.02), ylim=(len(shown) - 0.5, -0.5))
         words = [f"{inputs[name]}, {ROWS[row]}" for name, row in shown]
@@ -64,25 +56,16 @@ def draw_probes(methods: dict[str, Any], inputs: dict[str, str], targets: dict[s
     return figure
 
 
-def _mark(axis: Axes, probe: dict[str, Any], height: float, colour: str, label: str) -> None:
-    """Draw one training's R² of one input."""
-    interval = probe["interval95"]
-    if interval is not None:
-        axis.plot([max(end, LOWEST) for end in interval], [height, height], color=colour, linewidth=3, alpha=0.35)
-    seeds = [max(value, LOWEST) for value in probe["each"]]
-    axis.plot(seeds, [height] * len(seeds), "o", color=colour, markersize=4, label=label or None)
-
-
 def draw_effects(methods: dict[str, Any], latents: dict[str, str]) -> Figure:
     """Return by how much another z* changes the speed ratio, over the friction level, a panel for each training.
 
-    methods: training -> `effects`, as in the summary. A thin line is a seed, a thick one their mean.
-    latents: where z* comes from -> its words.
+    methods: training -> `effects`, as in the summary; latents: where z* comes from -> its label.
     """
     figure, axes = new_figure(1, max(1, len(methods)), size=(3.8 * max(1, len(methods)), 3.2))
     for axis, (method, found) in zip(axes, methods.items(), strict=False):
         for colour, (latent, words) in zip(COLORS, latents.items(), strict=False):
-            points = _sorted(found["effects"], latent)
+            points = [one for one in found["effects"] if (one["latent"], one["figure"]) == (latent, "speed_ratio")]
+            points.sort(key=lambda point: point["level"])
             levels = [100 * point["level"] for point in points]
             for seed in range(len(points[0]["each"]) if points else 0):
                 axis.plot(levels, [point["each"][seed] for point in points], color=colour, linewidth=0.7, alpha=0.5)
@@ -97,12 +80,6 @@ def draw_effects(methods: dict[str, Any], latents: dict[str, str]) -> Figure:
     return figure
 
 
-def _sorted(effects: Sequence[dict[str, Any]], latent: str) -> list[dict[str, Any]]:
-    """Return what one latent does to the speed ratio, from low friction to high."""
-    found = [effect for effect in effects if (effect["latent"], effect["figure"]) == (latent, "speed_ratio")]
-    return sorted(found, key=lambda effect: effect["level"])
-
-
 LATENT = {"mean": "frozen at its mean", "swapped": "of another friction level", "peer": "of a robot at the same level"}
 """Where the latent comes from, in words."""
 
@@ -111,9 +88,7 @@ INPUT = {
     "explicit": "explicit estimate o_exp*",
     "frame": "one frame",
     "moments": "moments of a frame",
-    "history 11": "history, H = 10",
-    "history 21": "history, H = 20",
-    "history 51": "history, H = 50",
+    **{f"history {length}": f"history, H = {length - 1}" for length in HISTORIES},
     "teacher": "teacher's z, from o_priv",
 }
 """Inputs of the probes, in words."""
@@ -124,15 +99,14 @@ ABOUT_LATENTS = (
     "The student walks with the same network, initial state and noise; only what the actor is given as z* changes. The "
     "mean is over all robots and measured steps of the same evaluation with another seed. A swapped z* is that of a "
     "robot with the same command, half of the levels away, at the same step: its friction is wrong, and its gait is at "
-    "another phase. The robot at the same level is the control for the second: what it does to the walk, wrong "
-    "friction alone cannot explain. Differences are to the walk on the robot's own z*, means over commands."
+    "another phase. The robot at the same level is the control for the second. Differences are to the walk on the "
+    "robot's own z*, means over commands."
 )
 
 ABOUT_PROBES = (
-    "Ridge regression to f/τ_max, fitted on three quarters of the robots, its penalty chosen within them, R² on the "
-    "last quarter: 1 is perfect, 0 is no better than the mean of the training robots. All but the friction is drawn as "
-    "in training: masses, gains, inertia, damping, delay, offsets, ground, pushes, noise, commands. No torque is in "
-    "o_H; what makes it is: target, angle, velocity. A linear probe of o_H cannot multiply them, the moments do."
+    f"Ridge regression to f/τ_max, R² on unseen robots, one in {TEST_OF}: 1 is perfect, 0 is no better than the mean "
+    "of the training robots. All but the friction is drawn as in training. No torque is in o_H; what makes it is: "
+    "target, angle, velocity. A linear probe of o_H cannot multiply them, the moments do."
 )
 
 ABOUT_WEAR = (
@@ -144,14 +118,8 @@ ABOUT_WEAR = (
 
 EACH_LINE = "A thin line is a training seed, a thick one their mean."
 EACH_DOT = (
-    "A dot is a training seed, a bar the 95 % t-interval of their mean. One step: z*, or the frames that it was made "
-    "of, as they come."
+    "A dot is a training seed, a bar the 95 % t-interval of their mean. One step: a single z*, or the frames behind it."
 )
-
-
-def percent(values: Sequence[bool]) -> str:
-    """Return how many of `values` hold."""
-    return f"{sum(values)} of {len(values)}"
 
 
 def span(interval: Sequence[float] | None, digits: int = 2) -> str:
@@ -159,114 +127,81 @@ def span(interval: Sequence[float] | None, digits: int = 2) -> str:
     return "–" if interval is None else f"{interval[0]:.{digits}f} to {interval[1]:.{digits}f}"
 
 
-def find(probes: Sequence[dict[str, Any]], name: str, row: str, per: str) -> dict[str, Any]:
-    """Return one probe."""
-    return next(p for p in probes if (p["input"], p["row"], p["per"], p["shuffled"]) == (name, row, per, False))
+def answers(summary: dict[str, Any]) -> list[str]:
+    """Return R² of z* and of the moments over whole walks, and what the wear monitors give, a line for each training.
 
-
-def lead(summary: dict[str, Any]) -> str:
-    """Return the answer, a sentence for each training: over its seeds, where it has several."""
-    texts = []
-    for method, found in summary["methods"].items():
-        runs = [summary["runs"][name] for name in found["runs"]]
-        one = len(runs) == 1
-        probes = runs[0]["probes"] if one else found["probes"]  # one run's intervals are over robots
-        told = [run["wear"]["told"] for run in runs]
-        texts.append(_sentence(found["runs"][0] if one else f"{method}, {len(runs)} seeds", probes, told))
-    return " ".join(texts)
-
-
-def _sentence(name: str, probes: Sequence[dict[str, Any]], told: Sequence[Sequence[bool]]) -> str:
-    """Return what is told of friction, in words; told: for each run, of each joint and of the level."""
-    star, moments = (find(probes, kind, "walk", "joint") for kind in ("latent", "moments"))
-    level = find(probes, "latent", "walk", "robot")
-    return (
-        f"{name}: z* tells each joint's friction with R² {star['mean']:.2f} ({span(star['interval95'])}), a robot's"
-        f" level with {level['mean']:.2f} ({span(level['interval95'])}); moments of the same walk tell each joint's"
-        f" with {moments['mean']:.2f} ({span(moments['interval95'])}); {monitored(told)}."
-    )
-
-
-def monitored(told: Sequence[Sequence[bool]]) -> str:
-    """Return what wear monitors tell, in words; told: as of `_sentence`."""
-    joints, levels = [sum(one[:-1]) for one in told], [one[-1] for one in told]
-    if not any(joints) and not any(levels):
-        return "no wear is told"
-    low, high, of = min(joints), max(joints), len(told[0]) - 1
-    parts = []
-    if high:
-        parts.append(f"the friction of {low if low == high else f'{low} to {high}'} of {of} joints")
-    if any(levels):
-        parts.append("the robot's level" if all(levels) else f"in {percent(levels)} runs the robot's level")
-    return f"a wear monitor tells {' and '.join(parts)}"
+    Intervals are over seeds; those of a single run over robots.
+    """
+    lines = []
+    for method, one in summary["methods"].items():
+        runs = [summary["runs"][name] for name in one["runs"]]
+        whole = {
+            (probe["input"], probe["per"]): f"{probe['mean']:.2f} ({span(probe['interval95'])})"
+            for probe in (one["probes"] if len(runs) > 1 else runs[0]["probes"])
+            if probe["row"] == "walk" and not probe["shuffled"]
+        }
+        found = [f"{INPUT[name]} {whole[name, per]} per {per}" for name in ("latent", "moments") for per in TARGET]
+        estimated = ", ".join(f"{sum(run['wear']['told'])} of {len(run['wear']['told'])}" for run in runs)
+        name = one["runs"][0] if len(runs) == 1 else f"{method}, {len(runs)} seeds"
+        lines.append(f"{name}: R² of the friction from {'; '.join(found)}; monitored targets: {estimated}.")
+    return lines
 
 
 def report(found: dict[str, Any]) -> Report:
     """Return the report of the study, from what summary.json has of it."""
     effects, probes = draw_effects(found["methods"], LATENT), draw_probes(found["methods"], INPUT, TARGET)
+    lines = answers(found)
     return Report(
         title="What does adaptation do?",
-        lead=lead(found),
+        lead=" ".join(lines),
         tables={"results": [ResultRow(**row) for run in found["runs"].values() for row in run["latents"]["rows"]]},
         sections=sections(found, effects, probes),
         summary=found,
         figures={"latents": effects, "probes": probes},
+        answer=lines,
     )
 
 
 def sections(summary: dict[str, Any], effects: Figure, probes: Figure) -> list[Section]:
     """Return the page's parts, with the figures of `draw_effects` and `draw_probes`."""
-    runs = summary["runs"]
-    effects_tables = {name: effects_table(name, run["latents"]["effects"]) for name, run in runs.items()}
-    probes_tables = {name: probes_table(name, run["probes"]) for name, run in runs.items()}
-    wear_tables = {name: wear_table(name, run["wear"]) for name, run in runs.items()}
+    wear = [wear_table(name, run["wear"]) for name, run in summary["runs"].items()]
+    if len(wear) > 2:
+        wear = [wear[0], fold("every run", wear[1:])]
+    methods, runs = summary["methods"], summary["runs"].items()
+    latents = over_runs(methods, {name: run["latents"]["effects"] for name, run in runs}, "effects", effects_table)
+    readable = over_runs(methods, {name: run["probes"] for name, run in runs}, "probes", probes_table)
     return [
         Section(
             "Latents taken away and swapped",
-            (
-                paragraph(ABOUT_LATENTS),
-                picture(figure_uri(effects), EACH_LINE),
-                *over_runs(summary["methods"], effects_tables, lambda name, m: effects_table(name, m["effects"])),
-            ),
+            (paragraph(ABOUT_LATENTS), picture(figure_uri(effects), EACH_LINE), *latents),
         ),
         Section(
-            "What z* tells of the friction",
-            (
-                paragraph(ABOUT_PROBES),
-                picture(figure_uri(probes), EACH_DOT),
-                *over_runs(summary["methods"], probes_tables, lambda name, m: probes_table(name, m["probes"])),
-            ),
+            "How much friction can be read from z*",
+            (paragraph(ABOUT_PROBES), picture(figure_uri(probes), EACH_DOT), *readable),
         ),
-        Section(
-            "Can it watch for wear?",
-            (paragraph(ABOUT_WEAR.format(summary["threshold"])), *_or_folded("every run", list(wear_tables.values()))),
-        ),
+        Section("Can it watch for wear?", (paragraph(ABOUT_WEAR.format(summary["threshold"])), *wear)),
     ]
 
 
 def over_runs(
-    methods: dict[str, Any], tables: dict[str, Markup], pooled: Callable[[str, dict[str, Any]], Markup]
+    methods: dict[str, Any], runs: dict[str, Rows], key: str, tabulate: Callable[[str, Rows], Markup]
 ) -> list[Markup]:
     """Return a training's table over its seeds where it has several, and those of its runs folded.
 
-    methods: training -> what its runs have together; tables: run -> its table; pooled: makes the table over seeds.
+    methods: training -> its `runs`, and under `key` what they have together; runs: run -> the same of its own.
     """
     found: list[Markup] = []
     for method, one in methods.items():
-        own = [tables[name] for name in one["runs"]]
+        own = [tabulate(name, runs[name]) for name in one["runs"]]
         if len(own) > 1:
-            found += [pooled(f"{method}, over {len(own)} seeds", one), fold(f"{method}: every run", own)]
+            pooled = tabulate(f"{method}, over {len(own)} seeds", one[key])
+            found += [pooled, fold(f"{method}: every run", own)]
         else:
             found += own
     return found
 
 
-def _or_folded(title: str, tables: list[Markup]) -> list[Markup]:
-    """Return few tables as they are, and many behind a fold."""
-    return tables if len(tables) <= 2 else [*tables[:1], fold(title, tables[1:])]
-
-
-def effects_table(name: str, effects: Sequence[dict[str, Any]]) -> Markup:
+def effects_table(name: str, effects: Rows) -> Markup:
     """Return what other latents change, a row for each latent and level."""
     ratio, error = (
         [effect for effect in effects if effect["figure"] == figure] for figure in ("speed_ratio", "tracking_error")
@@ -285,7 +220,7 @@ def effects_table(name: str, effects: Sequence[dict[str, Any]]) -> Markup:
     return table(header, rows, f"{name}: 95 % intervals in brackets")
 
 
-def probes_table(name: str, probes: Sequence[dict[str, Any]]) -> Markup:
+def probes_table(name: str, probes: Rows) -> Markup:
     """Return R² of every input, friction per joint and per robot side by side."""
     cells: dict[str, list[str]] = {}
     for probe in probes:
@@ -296,12 +231,12 @@ def probes_table(name: str, probes: Sequence[dict[str, Any]]) -> Markup:
 
 
 def wear_table(name: str, wear: dict[str, Any]) -> Markup:
-    """Return what the monitor tells of each joint, and how well."""
+    """Return which joints' friction the monitor estimates, and how well."""
     rows = [
-        [target, "yes" if told else "no", f"{r2:.2f}", f"± {reach:.3f}", f"{cover:.0%}"]
-        for target, told, r2, reach, cover in zip(
+        [target, "yes" if given else "no", f"{r2:.2f}", f"± {reach:.3f}", f"{cover:.0%}"]
+        for target, given, r2, reach, cover in zip(
             wear["targets"], wear["told"], wear["determination"], wear["reach"], wear["coverage"], strict=True
         )
     ]
-    header = ("f/τ_max of", "told", "R²", "95 % interval", "coverage")
+    header = ("f/τ_max of", "estimated", "R²", "95 % interval", "coverage")
     return table(header, rows, f"{name}: windows of {wear['window']:g} s")

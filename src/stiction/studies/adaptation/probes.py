@@ -1,7 +1,7 @@
-"""Linear probes of a walk: what z*, and what it is made from, tell of the joints' friction.
+"""Linear probes of a walk: how well the joints' friction can be read from z*, and from its inputs.
 
 Inputs are compared on the same walks, robots and split. A row is one step, or the mean over a window. There is no
-torque in o_H; `moments` are products of what is in it, the control for what a linear probe of o_H cannot see.
+torque in o_H; `moments` are products of what is in it, which a linear probe of o_H cannot form.
 
 All rows of a robot stay together, in folds, in the split and in the bootstrap: neighbouring steps of one walk are
 nearly copies of each other, and a split between them would count the copies as unseen.
@@ -60,7 +60,7 @@ class FrictionWalk:
     explicit: np.ndarray
     """o_exp*, the estimate of base velocity and foot contacts, float32, shape (T, N, explicit)."""
     teacher: np.ndarray
-    """z, which the teacher's encoder makes of o_priv, float32, shape (N, latent): constant over a walk."""
+    """z, the teacher's encoding of o_priv, float32, shape (N, latent): constant over a walk."""
     friction: np.ndarray
     """Dry friction of every joint as a fraction of its torque limit, shape (N, joints)."""
     fallen: int
@@ -86,17 +86,10 @@ def walk_with_friction(
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> FrictionWalk:
-    """Let a student walk on its own z* with deterministic actions and keep what the probes need.
+    """Let a student walk on its own z* with deterministic actions and record what the probes need.
 
-    Args:
-        train: configuration of its run.
-        identified: nominal joints of the run, see `nominal_joints`.
-        actor: the student.
-        per: see `Per`.
-        cfg: robots and time.
-        threads: threads of the simulator.
-        progress: called with the share that is done [-].
-
+    train, identified: configuration of its run, and its nominal joints, see `nominal_joints`; threads: of the
+    simulator.
     """
     env = LocomotionEnv(
         probe_task(train.task, per, cfg), cfg.robots, stream_seed(cfg.seed, f"probe {per}"), threads, identified
@@ -104,7 +97,7 @@ def walk_with_friction(
     steps, skip = (round(time / env.cfg.control_period) for time in (cfg.seconds, cfg.settle))
     share = torch.from_numpy(env.randomizer.nominal.frictionloss / env.fleet.torque_limit)
     friction = (env.randomizer.draws.friction * share).numpy().copy()
-    kept, parts = np.ones(cfg.robots, dtype=bool), []
+    upright, parts = np.ones(cfg.robots, dtype=bool), []
     with torch.no_grad():
         teacher = actor.privileged_encoder(env.get_observations()["privileged"]).numpy()
         for step in range(steps):
@@ -113,10 +106,10 @@ def walk_with_friction(
                 seen = obs["proprioception"], actor.adaptation(obs["history"]), actor.estimator(obs["history"])
                 parts.append([value.numpy() for value in seen])
             _, _, dones, _ = env.step(actor(obs))
-            kept &= ~dones.numpy() | (step == steps - 1)
+            upright &= ~dones.numpy() | (step == steps - 1)
             progress((step + 1) / steps)
-    frames, latent, explicit = (np.stack(values)[:, kept] for values in zip(*parts, strict=True))
-    return FrictionWalk(frames, latent, explicit, teacher[kept], friction[kept], int((~kept).sum()))
+    frames, latent, explicit = (np.stack(values)[:, upright] for values in zip(*parts, strict=True))
+    return FrictionWalk(frames, latent, explicit, teacher[upright], friction[upright], int((~upright).sum()))
 
 
 PENALTIES = tuple(10.0**power for power in range(-4, 2))
@@ -133,8 +126,7 @@ BOOTSTRAP_SEED = 20_260_101
 
 
 LIMIT = 3.0
-"""Standardised features are cut off here: a robot that stumbles has moments far out, and would drag its estimate along.
-On one policy's walks the R² of moments rose from 0.50 to 0.64 by this, and its interval fell to a seventh."""
+"""Standardised features are cut off here: a robot that stumbles has moments far out, which would dominate the fit."""
 
 
 @dataclass(frozen=True)
@@ -150,7 +142,7 @@ class Ridge:
     intercept: np.ndarray
     """Shape (targets,)."""
     guess: np.ndarray
-    """Mean of each target, what is said without any feature, shape (targets,)."""
+    """Mean of each target, the prediction without any feature, shape (targets,)."""
     penalty: float
     """What was chosen, one of `PENALTIES`."""
 
@@ -168,12 +160,8 @@ def fit_ridge(
 ) -> Ridge:
     """Fit a probe: minimise |y - X w|² / rows + penalty |w|², the penalty by cross-validation over robots.
 
-    Args:
-        features: shape (rows, features).
-        targets: shape (rows, targets).
-        robot: which robot each row is of, integers, shape (rows,); robots are assigned to folds in turn.
-        penalties: to choose from: the one with the least squared error, each target over its variance.
-
+    features, targets: shape (rows, ...); robot: of each row, integers, shape (rows,), assigned to folds in turn;
+    penalties: to choose from, by the least squared error, each target over its variance.
     """
     low, center, high = np.quantile(features, (0.16, 0.5, 0.84), axis=0)
     scale = np.where(high - low > 1e-9, (high - low) / 2, 1.0)
@@ -214,25 +202,12 @@ class Determination:
     mean_interval: tuple[float, float]
     """95 % interval of it."""
 
-    def to_dict(self) -> dict:
-        """Return plain data for summary.json."""
-        return {
-            "mean": self.mean,
-            "interval95": list(self.mean_interval),
-            "each": self.each.tolist(),
-            "each_interval95": self.each_interval.T.tolist(),
-        }
-
 
 def determination(targets: np.ndarray, predicted: np.ndarray, robot: np.ndarray, guess: np.ndarray) -> Determination:
     """Return R² of predictions on unseen robots; intervals by resampling whole robots.
 
-    Args:
-        targets: shape (rows, targets).
-        predicted: shape (rows, targets).
-        robot: which robot each row is of, shape (rows,).
-        guess: what would be said without any feature, the mean of the training robots, shape (targets,).
-
+    targets, predicted: shape (rows, targets); robot: of each row, shape (rows,); guess: the prediction without any
+    feature, the mean of the training robots, shape (targets,).
     """
     group = np.unique(robot, return_inverse=True)[1]
     num = int(group.max()) + 1
@@ -293,25 +268,20 @@ def histories(frames: np.ndarray, length: int) -> np.ndarray:
     return np.stack([np.concatenate(frames[end - length : end], axis=-1) for end in ends])
 
 
-def pick(signal: np.ndarray, steps: slice | None) -> np.ndarray:
-    """Return some steps of a signal; with None, a signal without time as one step."""
-    return signal[steps]
-
-
 def inputs(walk: FrictionWalk, moments: Moments) -> Iterator[tuple[str, str, Callable[[], np.ndarray]]]:
-    """Yield every input: its name, what a row is, and what makes it, shape (rows per robot, N, features)."""
+    """Yield every input: its name, what a row is, and a function that returns it, (rows per robot, N, features)."""
     steps, frames = slice(max(HISTORIES) - 1, None, EVERY), walk.frames
     products = moments(frames[:-1], frames[1:])
     signals = {"latent": walk.latent, "explicit": walk.explicit, "frame": frames, "moments": products}
     for name, signal in signals.items():
         if name in ("latent", "explicit"):
-            yield name, "step", partial(pick, signal, steps)
+            yield name, "step", partial(signal.__getitem__, steps)
         for length in (*(length for length in WINDOWS if length < len(signal)), len(signal)):
             span = "walk" if length == len(signal) else f"mean of {length} steps"
             yield name, span, partial(windows, signal, length)
     for length in HISTORIES:
         yield f"history {length}", "step", partial(histories, frames, length)
-    yield "teacher", "walk", partial(pick, walk.teacher, None)
+    yield "teacher", "walk", partial(walk.teacher.__getitem__, None)
 
 
 def probe(features: np.ndarray, targets: np.ndarray) -> dict[str, Any]:
@@ -325,7 +295,15 @@ def probe(features: np.ndarray, targets: np.ndarray) -> dict[str, Any]:
     train, held = (robot[:, part].ravel() for part in (~test, test))
     fitted = fit_ridge(train_x, targets[train], train)
     found = determination(targets[held], fitted.predict(test_x), held, fitted.guess)
-    return found.to_dict() | {"penalty": fitted.penalty, "features": features.shape[2], "rows": len(train)}
+    return {
+        "mean": found.mean,
+        "interval95": list(found.mean_interval),
+        "each": found.each.tolist(),
+        "each_interval95": found.each_interval.T.tolist(),
+        "penalty": fitted.penalty,
+        "features": features.shape[2],
+        "rows": len(train),
+    }
 
 
 def probe_walk(
@@ -337,11 +315,11 @@ def probe_walk(
     over the whole walk with the friction of the robots shuffled: what a probe finds by chance.
     """
     targets = walk.friction if per == "joint" else walk.friction[:, :1]
-    made = list(inputs(walk, moments))
+    every = list(inputs(walk, moments))
     found = []
-    for number, (name, row, make) in enumerate(made):
+    for number, (name, row, make) in enumerate(every):
         found.append({"input": name, "row": row, "per": per, "shuffled": False} | probe(make(), targets))
-        progress((number + 1) / (len(made) + 1))
+        progress((number + 1) / (len(every) + 1))
     mixed = targets[np.random.default_rng(0).permutation(len(targets))]
     control = {"input": "latent", "row": "walk", "per": per, "shuffled": True}
     found.append(control | probe(windows(walk.latent, len(walk.latent)), mixed))

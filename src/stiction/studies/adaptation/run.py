@@ -1,10 +1,10 @@
-"""The study of adaptation, run by run; what is finished is kept and not done again."""
+"""The study of adaptation, run by run; finished runs are cached in the study's folder."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +12,6 @@ import numpy as np
 
 from stiction.core.cache import key_of, read_entry
 from stiction.core.errors import ConfigurationError
-from stiction.core.records import to_plain
-from stiction.core.statistics import t_interval
 from stiction.deploy.wear import Moments
 from stiction.evaluate.code import RUN_WALKING
 from stiction.evaluate.evaluate import EvaluationCfg
@@ -22,7 +20,7 @@ from stiction.evaluate.summary import check_names
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, identified_values, write_json
 from stiction.rma.runner import load_actor
-from stiction.studies.adaptation.monitor import TOLD, fit_monitor, latent_effects, over_seeds
+from stiction.studies.adaptation.monitor import LEAST_R2, fit_monitor, latent_effects, over_seeds, seeds_interval
 from stiction.studies.adaptation.probes import FrictionWalk, Per, WalkCfg, probe_walk, walk_with_friction
 
 Progress = Callable[[str, float], None]
@@ -30,7 +28,6 @@ Progress = Callable[[str, float], None]
 
 FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
 """Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
-
 
 PROBING = (*RUN_WALKING, "locomotion/*.py", "deploy/wear.py", "studies/adaptation/*.py")
 """Code that decides what a run's part is."""
@@ -63,7 +60,7 @@ class AdaptationCfg:
 def study(
     runs: Sequence[Path], out: Path, cfg: AdaptationCfg, threads: int, progress: Progress = lambda name, share: None
 ) -> dict[str, Any]:
-    """Study every run; return the summary. Each run's part is kept in `out` as RUN.json and RUN-wear.json.
+    """Study every run; return the summary. Each run's part is cached in `out` as RUN.json and RUN-wear.json.
 
     Raises:
         StictionError: a run without a finished student, or two of the same name.
@@ -74,7 +71,7 @@ def study(
         RunDirectory(run).check_finished("student")
     parts = [study_run(run, out, cfg, threads, progress) for run in runs]
     trained = [RunDirectory(run).config() for run in runs]
-    seeds = same_but_for_seed([(part["method"], made) for part, made in zip(parts, trained, strict=True)])
+    seeds = same_but_for_seed([(part["method"], config) for part, config in zip(parts, trained, strict=True)])
     methods = {}
     for method, members in seeds.items():
         same = [parts[index] for index in members]
@@ -82,7 +79,7 @@ def study(
         methods[method] = {"runs": names, "effects": effects, "probes": pooled_probes(same)}
     return {
         "config": asdict(cfg),
-        "threshold": TOLD,
+        "threshold": LEAST_R2,
         "methods": methods,
         "runs": {part["name"]: part for part in parts},
     }
@@ -96,7 +93,7 @@ def same_but_for_seed(runs: Sequence[tuple[str, TrainCfg]]) -> dict[str, list[in
     """
     groups: dict[str, list[int]] = {}
     for index, (_, cfg) in enumerate(runs):
-        groups.setdefault(json.dumps(to_plain(replace(cfg, seed=0)), sort_keys=True, default=str), []).append(index)
+        groups.setdefault(repr(replace(cfg, seed=0)), []).append(index)
     methods = [runs[members[0]][0] for members in groups.values()]
     names = [
         method if methods.count(method) == 1 else f"{method} {methods[: number + 1].count(method)}"
@@ -121,22 +118,17 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
     found = identified_values(header)
     probes: list[dict[str, Any]] = []
     walks: dict[Per, FrictionWalk] = {}
-
-    def walk_and_probe(per: Per) -> None:
-        def share(done: float) -> None:
-            progress(f"{name}: friction per {per}", done)
-
-        walks[per] = walk_with_friction(train, found, actor, per, cfg.walk, threads, lambda done: share(done / 2))
-        probes.extend(probe_walk(walks[per], moments, per, lambda done: share((1 + done) / 2)))
-
-    walk_and_probe("joint")
-    walk_and_probe("robot")
+    pers: tuple[Per, ...] = ("joint", "robot")
+    for per in pers:
+        share = partial(_part_done, progress, f"{name}: friction per {per}")
+        walks[per] = walk_with_friction(train, found, actor, per, cfg.walk, threads, partial(share, 0.0))
+        probes += probe_walk(walks[per], moments, per, partial(share, 0.5))
     wear = fit_monitor(walks, moments, contract.joint_names, cfg.walk.highest, student)
-    kept = out / f"{name}-wear.json"
-    kept.unlink(missing_ok=True)
+    model = out / f"{name}-wear.json"
+    model.unlink(missing_ok=True)
     if any(wear.told):
-        kept.write_text(wear.to_json())
-    per_target = ("told", "determination", "coverage", "reach")
+        model.write_text(wear.to_json())
+    per_target = {field: list(getattr(wear, field)) for field in ("told", "determination", "coverage", "reach")}
     part = {
         "key": key,
         "name": name,
@@ -147,22 +139,24 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
         "latents": latents,
         "probes": probes,
         "fallen": {per: walk.fallen for per, walk in walks.items()},
-        "wear": {"targets": list(wear.targets), "window": wear.window * contract.control_period}
-        | {field: list(getattr(wear, field)) for field in per_target},
+        "wear": {"targets": list(wear.targets), "window": wear.window * contract.control_period} | per_target,
     }
     write_json(file, part)
     return part
 
 
+def _part_done(progress: Progress, name: str, begin: float, share: float) -> None:
+    """Report the share of one half of a piece of work; begin: share of the whole at its beginning."""
+    progress(name, begin + share / 2)
+
+
 def pooled_probes(parts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return the mean R² of runs of one method, with t-intervals over seeds (null for a single one)."""
+    """Return the mean R² of runs of one method, with t-intervals over seeds."""
     pooled = []
     for same in zip(*(part["probes"] for part in parts), strict=True):
-        values = np.array([probe["mean"] for probe in same])
-        interval = t_interval(values.tolist())
+        values = [probe["mean"] for probe in same]
         pooled.append(
             {name: same[0][name] for name in ("input", "row", "per", "shuffled")}
-            | {"mean": float(values.mean()), "interval95": None if interval is None else list(interval)}
-            | {"each": values.tolist()}
+            | {"mean": float(np.mean(values)), "interval95": seeds_interval(values), "each": values}
         )
     return pooled

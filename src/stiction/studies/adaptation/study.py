@@ -1,4 +1,4 @@
-"""`stiction study adaptation RUN...`: what adaptation does, and whether it tells the friction."""
+"""`stiction study adaptation RUN...`: what adaptation does, and whether friction can be read from it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import Annotated
 
 import tyro
 
+from stiction.core.records import part_of
 from stiction.studies.study import Options, Report, Study, UsageError, Work
 
 
 @dataclass(frozen=True, kw_only=True)
 class AdaptationOptions(Options):
-    """Walk students on latents that are not their own, and probe what theirs tell."""
+    """Options of `stiction study adaptation`."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Directories of finished training runs; several seeds of a method are put together."""
@@ -32,7 +33,7 @@ class AdaptationOptions(Options):
     seed: int = 0
     """Seed of initial states, noise and robots."""
     out: Path = Path("stiction-adaptation")
-    """Directory for results.csv, summary.json, report.html, and a RUN-wear.json per run whose walk tells friction."""
+    """Directory for results.csv, summary.json, report.html, and RUN-wear.json, a run's wear monitor, if it has one."""
 
 
 def run(options: AdaptationOptions, work: Work) -> Report:
@@ -44,26 +45,18 @@ def run(options: AdaptationOptions, work: Work) -> Report:
     from stiction.studies.adaptation.probes import WalkCfg
     from stiction.studies.adaptation.run import AdaptationCfg, study
 
-    cfg = AdaptationCfg(
-        EvaluationCfg(
-            friction_levels=options.friction_levels,
-            commands=options.commands,
-            episodes=options.episodes,
-            seconds=options.seconds,
-            seed=options.seed,
-        ),
-        WalkCfg(robots=options.robots, seconds=options.walk_seconds, seed=options.seed),
-    )
+    walk = part_of(WalkCfg, options, seconds=options.walk_seconds)
+    cfg = AdaptationCfg(part_of(EvaluationCfg, options), walk)
     return report(study(options.runs, work.begin(), cfg, work.threads, work.progress))
 
 
 DESCRIPTION = (
     "What does adaptation do? Every student also walks with its latent z* frozen at its mean and taken from another "
-    "robot, and a linear probe asks what z*, and the history that it is made from, tell of each joint's friction."
+    "robot, and a linear probe reads each joint's friction from z*, and from the history behind it."
 )
 
 STUDY = Study(
-    "what a student's latent z* does, and whether it tells the friction of the joints",
+    "what a student's latent z* does, and whether friction can be read from it",
     DESCRIPTION,
     AdaptationOptions,
     run,

@@ -6,21 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from markupsafe import Markup
 
+from stiction.core import records
 from stiction.core.statistics import wilson
-from stiction.report.page import (
-    COLORS,
-    INK,
-    Section,
-    figure_uri,
-    fold,
-    new_figure,
-    paragraph,
-    picture,
-    table,
-)
-from stiction.studies.bench.robots import IdentifiedFriction, score
+from stiction.report.page import COLORS, INK, Section, figure_uri, fold, new_figure, paragraph, picture, table
+from stiction.studies.bench.robots import IdentifiedFriction, Score, score
 from stiction.studies.study import Report
 
 if TYPE_CHECKING:
@@ -35,12 +27,6 @@ def by_robot(rows: Sequence[IdentifiedFriction]) -> dict[str, list[IdentifiedFri
     return robots
 
 
-def scores(rows: Sequence[IdentifiedFriction]) -> dict[str, Any]:
-    """Return how well friction was found, of all joints and of each robot, as plain data for summary.json."""
-    robots = {robot: asdict(score(some)) for robot, some in by_robot(rows).items()}
-    return {"all": asdict(score(rows)), "robots": robots}
-
-
 def report(
     rows: Sequence[IdentifiedFriction],
     next_steps: Mapping[str, str],
@@ -52,13 +38,21 @@ def report(
     next_steps: robot -> the command that trains with what was found of it, or why there is none; settings: `failed` is
     robot -> why it could not be identified, and more for summary.json.
     """
-    figure, said = draw_benches(rows), lead(rows)
+    figure, answer = draw_benches(rows), lead(rows)
+    robots = {robot: asdict(score(some)) for robot, some in by_robot(rows).items()}
+    scores = {"all": asdict(score(rows)), "robots": robots}
+    steps = table(["robot", "to train with what was found of it"], list(next_steps.items()))
     return Report(
         title="Virtual robots on the bench",
-        lead=said,
-        sections=sections(rows, next_steps, figure),
+        lead=answer,
+        sections=(
+            Section("Found over true", (picture(figure_uri(figure), CAPTION), paragraph(SHOWN))),
+            Section("Each robot", (robots_table(rows),)),
+            Section("Each joint", tuple(fold(robot, [joints_table(some)]) for robot, some in by_robot(rows).items())),
+            Section("How a training takes it", (paragraph(TAKEN), steps)),
+        ),
         run=(paragraph(SIMULATED),),
-        summary={**settings, "next": dict(next_steps), "scores": scores(rows), "lead": said},
+        summary={**settings, "next": dict(next_steps), "scores": scores, "lead": answer},
         warnings=warnings,
         figures={"bench": figure},
         further=[
@@ -69,37 +63,16 @@ def report(
 
 
 def lead(rows: Sequence[IdentifiedFriction]) -> str:
-    """Return the answer in a few sentences."""
-    found, robots = score(rows), len(by_robot(rows))
-    said = f"{found.joints} joint{_s(found.joints)} of {robots} virtual robot{_s(robots)}: "
-    if found.identified == 0:
-        return said + "none could be identified."
+    """Return how many intervals hold."""
+    found = score(rows)
+    identified = f"{found.joints} joints of {len(by_robot(rows))} virtual robots, {found.identified} of them identified"
+    if not found.identified:
+        return f"{identified}."
     low, high = wilson(found.held, found.identified)
-    said += (
-        f"{found.held} of {found.identified} intervals of 95 % hold the friction that a perfect log would show "
-        f"({found.held / found.identified:.0%}, {low:.0%} to {high:.0%} with every "
-        "joint taken as independent, though those of a robot share a log)"
+    return (
+        f"{identified}: {found.held} intervals of 95 % hold the friction that a perfect log would show ({low:.0%} to "
+        f"{high:.0%}, every joint taken as independent, though those of a robot share a log)."
     )
-    if found.median_error is not None and found.worst_error is not None:
-        said += f", the median error is {found.median_error:.1%} and the worst {found.worst_error:+.1%}"
-    if found.median_friction_error is not None and found.worst_friction_error is not None:
-        said += (
-            f". Beside the friction itself, whatever a log can show, the median error is "
-            f"{found.median_friction_error:.1%} and the worst {found.worst_friction_error:+.1%}"
-        )
-    refused = found.joints - found.identified
-    return said + (f". Not identified: {refused}." if refused else ".")
-
-
-def sections(rows: Sequence[IdentifiedFriction], next_steps: Mapping[str, str], figure: Figure) -> list[Section]:
-    """Return the sections of the page."""
-    steps = table(["robot", "to train with what was found of it"], [[name, text] for name, text in next_steps.items()])
-    return [
-        Section("Found over true", (picture(figure_uri(figure), CAPTION), paragraph(SHOWN))),
-        Section("Each robot", (robots_table(rows),)),
-        Section("Each joint", tuple(fold(robot, [joints_table(some)]) for robot, some in by_robot(rows).items())),
-        Section("How a training takes it", (paragraph(TAKEN), steps)),
-    ]
 
 
 SHOWN = (
@@ -121,17 +94,17 @@ def draw_benches(rows: Sequence[IdentifiedFriction]) -> Figure:
     """Return what was found over what a perfect log shows, joint by joint, robot beside robot."""
     figure, (axis,) = new_figure(size=(9.6, 3.6))
     axis.axhline(1.0, color=INK, linewidth=0.8)
-    place = 0
+    begin = 0
     for index, (robot, some) in enumerate(by_robot(rows).items()):
         drawn = [
-            (place + number, row.identified / row.shown, row.low / row.shown, row.high / row.shown)
+            (begin + number, row.identified / row.shown, row.low / row.shown, row.high / row.shown)
             for number, row in enumerate(some)
             if row.identified is not None and row.low is not None and row.high is not None and row.shown > 0.0
         ]
-        place += len(some) + 2
+        begin += len(some) + 2
         if drawn:
-            x, ratio, low, high = (list(column) for column in zip(*drawn, strict=True))
-            ends = [[a - b for a, b in zip(ratio, low, strict=True)], [a - b for a, b in zip(high, ratio, strict=True)]]
+            x, ratio, low, high = np.array(drawn).T
+            ends = [ratio - low, high - ratio]
             color = COLORS[index % len(COLORS)]
             axis.errorbar(x, ratio, yerr=ends, fmt=".", markersize=4, linewidth=0.8, color=color, label=robot)
     axis.set(ylabel="found over true", xticks=[])
@@ -141,52 +114,22 @@ def draw_benches(rows: Sequence[IdentifiedFriction]) -> Figure:
 
 
 def robots_table(rows: Sequence[IdentifiedFriction]) -> Markup:
-    """Return a row a robot: how many intervals hold, median and worst error."""
-    lines = []
-    for robot, some in by_robot(rows).items():
-        found = score(some)
-        lines.append(
-            [
-                robot,
-                f"{found.identified} of {found.joints}",
-                str(found.held),
-                _percent(found.median_error),
-                _percent(found.worst_error, "+"),
-                found.worst_joint.rpartition(" ")[2],
-                str(found.held_friction),
-                _percent(found.median_friction_error),
-                _percent(found.worst_friction_error, "+"),
-            ]
-        )
-    header = ["robot", "identified", "hold (f + load)/k", "median error", "worst", "of", "hold f", "median", "worst"]
-    return table(header, lines, "Errors are relative; the last three columns are against f itself.")
+    """Return a row for all robots and for each: how many intervals hold, median and worst error."""
+    lines = [[robot, *records.texts(score(some))] for robot, some in ({"all": rows} | by_robot(rows)).items()]
+    caption = "Errors are relative, against (f + load)/k unless of f itself."
+    return table(("robot", *records.header(Score)), lines, caption)
 
 
 def joints_table(rows: Sequence[IdentifiedFriction]) -> Markup:
     """Return every joint of a robot."""
     lines = [
-        [
-            row.joint,
-            f"{row.friction:.4g}",
-            f"{row.load:.3g}",
-            f"{row.strength:.3f}",
-            f"{row.shown:.4g}",
-            "not known" if row.identified is None else f"{row.identified:.4g}",
-            "" if row.low is None or row.high is None else f"{row.low:.4g} to {row.high:.4g}",
-            "yes" if row.holds else "no",
-            _percent(row.error, "+"),
-        ]
+        [*records.texts(row), f"{row.shown:.4g}", "yes" if row.holds(row.shown) else "no", error_text(row)]
         for row in rows
     ]
-    header = ["joint", "f", "load", "k", "(f + load)/k", "found", "95 % interval", "holds", "error"]
-    return table(header, lines, "Friction in N m.")
+    return table((*records.header(IdentifiedFriction), "(f + load)/k [N m]", "holds", "error"), lines)
 
 
-def _s(count: int) -> str:
-    """Return the end of a word of which there are so many."""
-    return "" if count == 1 else "s"
-
-
-def _percent(share: float | None, sign: str = "") -> str:
-    """Return a share as text, a dash where there is none."""
-    return "–" if share is None else f"{share:{sign}.1%}"
+def error_text(row: IdentifiedFriction) -> str:
+    """Return the error against what a perfect log shows, a dash where there is none."""
+    error = row.error(row.shown)
+    return "–" if error is None else f"{error:+.1%}"

@@ -1,15 +1,13 @@
-"""How well benches find the friction of virtual robots: a referee beside each bench, who knows the truth.
+"""How well benches find the friction of virtual robots, by a referee who knows the truth.
 
-What the referee writes goes into `bench.csv` alone. The folders of the robots, one each beside it, have what a person
-with such a robot would have: `bench.npz` and its sidecar, `joints.json`, `training.json`.
-
-This is a referee's record. It has the hidden numbers of the robots in it, and nothing that trains or drives reads it.
+The truth goes into `bench.csv` alone, which nothing that trains or drives reads. The folders of the robots beside it
+have what a person with such a robot would have: `bench.npz` and its sidecar, `joints.json`, `training.json`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from statistics import median
@@ -19,7 +17,7 @@ import numpy as np
 from stiction.core.cache import has_entry, publish, publish_entry
 from stiction.core.errors import EngineError, FileError, StictionError
 from stiction.core.parallel import spread
-from stiction.core.records import read_rows, write_rows
+from stiction.core.records import column, read_rows, write_rows
 from stiction.deploy.pilot import JointCommand, Reading
 from stiction.engines.catalog import what_is_missing
 from stiction.formats.joints import JointsFile
@@ -43,19 +41,19 @@ class IdentifiedFriction:
     """Its dry friction, as people type it: `0.1`, `bench+0.02`."""
     seed: int
     """Of the robot."""
-    joint: str
+    joint: str = field(metadata=column("joint"))
     """Name of the joint."""
-    friction: float
+    friction: float = field(metadata=column("f", "N m", ".4g"))
     """Truth: Coulomb friction without load, f [N m]."""
-    load: float
+    load: float = field(metadata=column("load", "N m"))
     """Truth: what the load law adds to it while the joint moves on the bench, mean [N m]."""
-    strength: float
+    strength: float = field(metadata=column("k", form=".3f"))
     """Truth: torque that the motor gives over torque that it reports, k [1]."""
-    identified: float | None
+    identified: float | None = field(metadata=column("found", "N m", ".4g"))
     """Coulomb friction that was found [N m]; None where the joint was refused."""
-    low: float | None
+    low: float | None = field(metadata=column("from", "N m", ".4g"))
     """Lower end of its 95 % interval [N m]."""
-    high: float | None
+    high: float | None = field(metadata=column("to", "N m", ".4g"))
     """Upper end."""
 
     @property
@@ -63,61 +61,49 @@ class IdentifiedFriction:
         """What a perfect log shows, (f + load)/k [N m]: torque is logged in the unit of the motor's own reports."""
         return (self.friction + self.load) / self.strength
 
-    @property
-    def holds(self) -> bool:
-        """Whether the interval holds what a perfect log shows."""
-        return self.low is not None and self.high is not None and self.low <= self.shown <= self.high
+    def holds(self, true: float) -> bool:
+        """Return whether the interval holds a friction, `shown` or f itself [N m]."""
+        return self.low is not None and self.high is not None and self.low <= true <= self.high
 
-    @property
-    def holds_friction(self) -> bool:
-        """Whether the interval holds f itself."""
-        return self.low is not None and self.high is not None and self.low <= self.friction <= self.high
-
-    @property
-    def error(self) -> float | None:
-        """Relative error of what was found against what a perfect log shows [1]; None where there is neither."""
-        return None if self.identified is None or self.shown == 0.0 else self.identified / self.shown - 1.0
-
-    @property
-    def friction_error(self) -> float | None:
-        """Relative error against f itself [1]."""
-        return None if self.identified is None or self.friction == 0.0 else self.identified / self.friction - 1.0
+    def error(self, true: float) -> float | None:
+        """Return the relative error of what was found against a friction [1]; None where there is neither."""
+        return None if self.identified is None or true == 0.0 else self.identified / true - 1.0
 
 
 @dataclass(frozen=True)
 class Score:
     """How well the friction of some joints was found."""
 
-    joints: int
+    joints: int = field(metadata=column("joints"))
     """Number of joints."""
-    identified: int
+    identified: int = field(metadata=column("identified"))
     """... that were not refused."""
-    held: int
+    held: int = field(metadata=column("hold (f + load)/k"))
     """... whose interval holds what a perfect log shows."""
-    held_friction: int
+    held_friction: int = field(metadata=column("hold f"))
     """... whose interval holds f itself."""
-    median_error: float | None
+    median_error: float | None = field(metadata=column("median error", form=".1%"))
     """Median size of the relative error against what a perfect log shows [1]; None where no joint has one."""
-    worst_error: float | None
+    worst_error: float | None = field(metadata=column("worst", form="+.1%"))
     """Relative error of the largest size, with its sign [1]."""
-    worst_joint: str
+    worst_joint: str = field(metadata=column("of", form=lambda name: name.rpartition(" ")[2]))
     """Robot and joint that have it; empty without one."""
-    median_friction_error: float | None
+    median_friction_error: float | None = field(metadata=column("median error of f", form=".1%"))
     """Median size of the relative error against f itself [1]."""
-    worst_friction_error: float | None
+    worst_friction_error: float | None = field(metadata=column("worst of f", form="+.1%"))
     """Relative error of the largest size against f itself, with its sign [1]."""
 
 
 def score(rows: Sequence[IdentifiedFriction]) -> Score:
     """Return how well the friction of these joints was found."""
-    errors = {f"{row.robot} {row.joint}": row.error for row in rows if row.error is not None}
-    true_errors = [row.friction_error for row in rows if row.friction_error is not None]
+    errors = {f"{row.robot} {row.joint}": error for row in rows if (error := row.error(row.shown)) is not None}
+    true_errors = [error for row in rows if (error := row.error(row.friction)) is not None]
     worst = max(errors, key=lambda name: abs(errors[name]), default="")
     return Score(
         joints=len(rows),
         identified=sum(row.identified is not None for row in rows),
-        held=sum(row.holds for row in rows),
-        held_friction=sum(row.holds_friction for row in rows),
+        held=sum(row.holds(row.shown) for row in rows),
+        held_friction=sum(row.holds(row.friction) for row in rows),
         median_error=median(map(abs, errors.values())) if errors else None,
         worst_error=errors.get(worst),
         worst_joint=worst,
@@ -134,10 +120,10 @@ MOVING = 0.1
 
 
 class LoadMeter:
-    """`Port` of a robot, and beside it a referee who notes the load of every joint while it moves."""
+    """`Port` of a robot that also averages the true load of every joint while it moves."""
 
     def __init__(self, robot: VirtualRobot) -> None:
-        """Stand beside a robot."""
+        """Start with no load."""
         self._robot = robot
         self.joint_names, self.period = robot.handle.joint_names, robot.handle.period
         self._sum = np.zeros(len(self.joint_names))
@@ -218,12 +204,8 @@ def study_benches(
 ) -> tuple[list[IdentifiedFriction], dict[str, str]]:
     """Put robots on their benches, those of which `out` has nothing yet; return rows, and robot -> why it has none.
 
-    Args:
-        benches: of different robots.
-        out: folder of the results; it exists. `bench.csv` there grows robot by robot, and keeps what it has of robots
-            that are not among `benches`.
-        jobs: processes at once. They do not change the result.
-        progress: called with `benches` and the share that is done.
+    benches: of different robots. out: folder of the results; it exists. `bench.csv` there grows robot by robot, and its
+    rows of other robots stay. jobs: processes at once, which do not change the result.
 
     Raises:
         StictionError: an engine is not installed, `bench.csv` is not one or cannot be written, or a process was killed.
@@ -233,9 +215,8 @@ def study_benches(
         if why := what_is_missing(bench.engine, bench.spec):
             raise EngineError(why)
     table = out / TABLE
-    kept = read_rows(table, IdentifiedFriction) if table.exists() else []
     rows: dict[str, list[IdentifiedFriction]] = {}
-    for row in kept:
+    for row in _read(table):
         rows.setdefault(row.robot, []).append(row)
     failed: dict[str, str] = {}
     new = [bench for bench in benches if not (rows.get(bench.label) and has_entry(out / bench.label, bench.key))]
@@ -249,10 +230,14 @@ def study_benches(
             rows[label] = found
             _write(table, list(chain.from_iterable(rows.values())))
         progress("benches", 1.0 - left / len(benches))
-    # From the file, whose numbers have nine digits: the same command again says the same.
-    done = read_rows(table, IdentifiedFriction) if table.exists() else []
-    found_of = [bench.label for bench in benches if bench.label not in failed]
-    return [row for label in found_of for row in done if row.robot == label], failed
+    # From the file, whose numbers have nine digits: the same command again gives the same.
+    done, identified_robots = _read(table), [bench.label for bench in benches if bench.label not in failed]
+    return [row for label in identified_robots for row in done if row.robot == label], failed
+
+
+def _read(table: Path) -> list[IdentifiedFriction]:
+    """Return the rows of the table; none where it is not there yet."""
+    return read_rows(table, IdentifiedFriction) if table.exists() else []
 
 
 def _write(table: Path, rows: Sequence[IdentifiedFriction]) -> None:

@@ -5,16 +5,11 @@ from __future__ import annotations
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from stiction.core.errors import ConfigurationError, StictionError
 from stiction.report.terminal import RobotSeeds
 from stiction.studies.study import ParallelOptions, Report, Study, Work
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from stiction.virtual.bench import Bench, BenchCfg
 
 DESCRIPTION = """Put virtual robots on their benches, log every joint, identify them, and hold what was found against
 what was there.
@@ -57,13 +52,15 @@ def run(options: BenchOptions, work: Work) -> Report:
     """Log and identify the robots; the exit status is 1 if one could not be identified."""
     from dataclasses import asdict
 
+    from stiction.robots.catalog import find_robot
     from stiction.studies.bench.page import report
     from stiction.studies.bench.robots import study_benches
-    from stiction.virtual.bench import BenchCfg
-    from stiction.virtual.cases import warnings_on
+    from stiction.virtual.bench import Bench, BenchCfg
+    from stiction.virtual.cases import factorial, warnings_on
 
-    cfg = BenchCfg(seconds=options.seconds)
-    benches = benches_of(options, cfg)
+    spec, cfg = find_robot(options.robot), BenchCfg(seconds=options.seconds)
+    cases = factorial(options.robots, options.levels, (options.cell,))
+    benches = [Bench(options.engine, case, spec, cfg) for case in cases]
     out = work.begin()
     rows, failed = study_benches(benches, out, work.jobs, work.progress)
     for label, reason in failed.items():
@@ -79,17 +76,6 @@ def run(options: BenchOptions, work: Work) -> Report:
         "failed": failed,
     }
     return report(rows, steps, settings, warnings_on(options.robots))
-
-
-def benches_of(options: BenchOptions, cfg: BenchCfg) -> Sequence[Bench]:
-    """Return the robots on their benches that the options ask for."""
-    from stiction.robots.catalog import find_robot
-    from stiction.virtual.bench import Bench
-    from stiction.virtual.cases import factorial
-
-    spec = find_robot(options.robot)
-    cases = factorial(options.robots, options.levels, (options.cell,))
-    return [Bench(options.engine, case, spec, cfg) for case in cases]
 
 
 def next_step(folder: Path) -> str:

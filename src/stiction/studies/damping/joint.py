@@ -1,16 +1,16 @@
-"""Swaps between B and kd at equal B + k kd: what one joint does, where the paper's section V holds and where it fails.
+"""Swaps between B and kd at equal B + k kd in one joint: where the paper's section V holds and where it fails.
 
-The motion is a policy's: a sine of a stride, held for a control step. Every case compares the joint of a robot's
+The target is a policy's: a sine of a stride, held for a control step. Every case compares the joint of a robot's
 specification with itself after damping was moved from the derivative gain to viscous friction.
 
-The net here is linear, in error and velocity, fitted by least squares: the smallest that can show on which side of the
-net the damping is. A network with hidden layers learns more (limits, friction), and the same of this.
+The net is linear in error and velocity: the smallest that shows on which side of the net the damping is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -47,6 +47,11 @@ LEVELS = {
 }
 """Case -> what its level is."""
 
+VISCOUS_SHARE = 0.2
+"""Most that the paper's randomisation adds to B, as a share of it [-]."""
+
+MORE_VISCOUS, HALF, ALL = f"B × {1 + VISCOUS_SHARE:g}", "half of k·kd to B", "all of k·kd to B"
+"""Swaps of `SwapRow`."""
 
 NOISE = 1e-12
 """Difference up to which two motions count as the same, rounding apart [rad]."""
@@ -68,7 +73,7 @@ class SwapRow:
     level: float
     """How much of it; see `LEVELS`."""
     swap: str
-    """How much was moved, in words."""
+    """How much was moved: `MORE_VISCOUS`, `HALF` or `ALL`."""
     moved: float
     """Damping moved from k kd to B [N m s/rad]."""
     amplitude: float
@@ -137,7 +142,7 @@ class RobotRow:
     command: str = field(metadata=column("command or robot"))
     """Commanded velocity; in the air the robot."""
     limits: str = field(metadata=column("limits"))
-    """The motors' torque limits: `own`, or `lifted`, a hundred times as high."""
+    """The motors' torque limits: `own`, or `lifted`, too high to be reached."""
     saturated_share: float = field(metadata=column("motors at limit", form=".2%"))
     """Share of joints and physics steps at the torque limit, without the swap, the first 2 s of a walk left out [-]."""
     speed: float | None = field(metadata=column("speed", "m/s", ".3f"))
@@ -153,8 +158,7 @@ class RobotRow:
     limited_difference: float | None = field(metadata=column("difference", "rad", angle_text))
     """Of these, the same [rad]; None without any."""
     twin_difference: float = field(metadata=column("twins", "rad", angle_text))
-    """The same of all robots, to robots without a swap that start 1e-9 rad apart: what contacts make of rounding [rad].
-    """
+    """The same of all robots, to twins without a swap whose joints start slightly apart [rad]."""
 
 
 @dataclass(frozen=True)
@@ -186,7 +190,7 @@ class DampingCfg:
     cutoff: float = 50.0
     """Of the filtered velocity [Hz]."""
     draws: int = 100
-    """Joints drawn to compare ways of randomising."""
+    """Joints drawn to compare randomisations."""
     spread: float = 0.2
     """Half-width of the drawn multipliers, 0.8 to 1.2 in the paper's Table II [-]."""
     seed: int = 0
@@ -213,14 +217,14 @@ def joint_of(spec: JointSpec, level: float | None = None) -> tuple[Joint, PDGain
     """Return a kind of joint and its controller without torque limit; level: friction over torque limit, as measured
     by default.
     """
-    dry = spec.frictionloss if level is None else level * spec.torque_limit
-    return Joint(spec.armature, spec.damping, Coulomb(dry)), PDGains(spec.stiffness, spec.derivative)
+    friction = spec.frictionloss if level is None else level * spec.torque_limit
+    return Joint(spec.armature, spec.damping, Coulomb(friction)), PDGains(spec.stiffness, spec.derivative)
 
 
 def swaps(joint: Joint, gains: PDGains) -> dict[str, float]:
     """Return the swaps in words -> damping moved from k kd to B [N m s/rad]."""
     share = gains.strength * gains.kd
-    return {"B × 1.2": 0.2 * joint.viscous, "half of k·kd to B": 0.5 * share, "all of k·kd to B": share}
+    return {MORE_VISCOUS: VISCOUS_SHARE * joint.viscous, HALF: 0.5 * share, ALL: share}
 
 
 def swap_rows(robot: str, cfg: DampingCfg) -> Iterator[SwapRow]:
@@ -229,63 +233,56 @@ def swap_rows(robot: str, cfg: DampingCfg) -> Iterator[SwapRow]:
     Raises `StictionError` where there is no such robot.
     """
     spec: JointSpec = getattr(find_robot(robot), cfg.joint)
-    for case, level, motion, sampling in (*_exact(spec, cfg), *_sampled(spec, cfg)):
+    for case, level, motion, sampling in _cases(spec, cfg):
         joint, gains = joint_of(spec, level if case == FRICTION else None)
         before = motion(joint, gains)
+        amplitude = float(np.abs(before.position).max())
         for name, moved in swaps(joint, gains).items():
             other = swapped(joint, gains, moved)
-            difference = largest_difference(before, motion(*other))
+            apart = largest_difference(before, motion(*other))
+            differences = apart.position, apart.velocity, apart.torque
             factors = (None, None) if sampling is None else (growth(joint, gains, sampling), growth(*other, sampling))
-            yield SwapRow(
-                robot,
-                case,
-                level,
-                name,
-                moved,
-                float(np.abs(before.position).max()),
-                difference.position,
-                difference.velocity,
-                difference.torque,
-                *factors,
-            )
+            yield SwapRow(robot, case, level, name, moved, amplitude, *differences, *factors)
 
 
-def _exact(spec: JointSpec, cfg: DampingCfg) -> Iterator[tuple]:
-    """Yield case, level, motion of (joint, gains) and no sampling, for a PD law in continuous time."""
-    target = cfg.target(cfg.step)
-    asked = float(np.abs(simulate(*joint_of(spec), cfg.step, target).torque).max())
+Motion = Callable[[Joint, PDGains], Trajectory]
+"""Simulates a joint and its controller."""
 
-    def limited(share: float):
-        return lambda joint, gains: simulate(joint, replace(gains, torque_limit=share * asked), cfg.step, target)
+Case = tuple[str, float, Motion, Sampling | None]
+"""Case and level of `SwapRow`; the sampling of a controller that is sampled."""
 
-    def felt(effort: float):
-        return lambda joint, gains: simulate_sampled(joint, gains, Sampling(cfg.step), target, effort)
 
+def _cases(spec: JointSpec, cfg: DampingCfg) -> Iterator[Case]:
+    """Yield every case; an unstable sampled controller is kept finite by the joint's own torque limit."""
+    asked = _largest_torque(spec, cfg)
     for level in cfg.friction_levels:
-        yield FRICTION, level, lambda joint, gains: simulate(joint, gains, cfg.step, target), None
+        yield FRICTION, level, partial(_exact, cfg, np.inf), None
     for share in cfg.limits:
-        yield LIMIT, share, limited(share), None
+        yield LIMIT, share, partial(_exact, cfg, share * asked), None
     for effort in cfg.efforts:
-        yield EFFORT, effort, felt(effort), None
-
-
-def _sampled(spec: JointSpec, cfg: DampingCfg) -> Iterator[tuple]:
-    """Yield the same for a sampled controller; an unstable one is kept finite by the joint's own torque limit."""
-
-    def run(sampling: Sampling):
-        def motion(joint: Joint, gains: PDGains) -> Trajectory:
-            limited = replace(gains, torque_limit=spec.torque_limit)
-            return simulate_sampled(joint, limited, sampling, cfg.target(sampling.period))
-
-        return motion
-
+        yield EFFORT, effort, partial(_sampled, cfg, np.inf, Sampling(cfg.step), effort=effort), None
     for period in cfg.periods:
-        for case, sampling in (
-            (SHARP, Sampling(period)),
-            (LATE, Sampling(period, late=1)),
-            (FILTERED, Sampling(period, cutoff=cfg.cutoff)),
-        ):
-            yield case, period, run(sampling), sampling
+        samplings = (Sampling(period), Sampling(period, late=1), Sampling(period, cutoff=cfg.cutoff))
+        for case, sampling in zip((SHARP, LATE, FILTERED), samplings, strict=True):
+            yield case, period, partial(_sampled, cfg, spec.torque_limit, sampling), sampling
+
+
+def _largest_torque(spec: JointSpec, cfg: DampingCfg) -> float:
+    """Return the largest torque that the motion asks for without a limit [N m]."""
+    return float(np.abs(simulate(*joint_of(spec), cfg.step, cfg.target(cfg.step)).torque).max())
+
+
+def _exact(cfg: DampingCfg, limit: float, joint: Joint, gains: PDGains) -> Trajectory:
+    """Simulate a PD law in continuous time with a torque limit [N m]."""
+    return simulate(joint, replace(gains, torque_limit=limit), cfg.step, cfg.target(cfg.step))
+
+
+def _sampled(
+    cfg: DampingCfg, limit: float, sampling: Sampling, joint: Joint, gains: PDGains, effort: float = 0.0
+) -> Trajectory:
+    """Simulate a sampled controller with a torque limit [N m]; effort: friction over drive torque [1]."""
+    limited = replace(gains, torque_limit=limit)
+    return simulate_sampled(joint, limited, sampling, cfg.target(sampling.period), effort)
 
 
 LIMITED = 0.6
@@ -293,9 +290,6 @@ LIMITED = 0.6
 
 SAMPLED = 0.005
 """Control period of the sampled situation [s]; the motor's own limit holds there."""
-
-Motion = Callable[[Joint, PDGains], np.ndarray]
-"""Angle over time [rad], shape (num_samples,), of a joint and its controller."""
 
 
 def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
@@ -308,30 +302,23 @@ def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
     target = cfg.target(cfg.step)
     for level in (0.0, spec.frictionloss / spec.torque_limit):
         joint, gains = joint_of(spec, level)
-        made = simulate(joint, gains, cfg.step, target)
-        logged = {"motor_side": made.torque, "output_side": output_torque(joint, made)}
+        logged = simulate(joint, gains, cfg.step, target)
+        sides = {"motor_side": logged.torque, "output_side": output_torque(joint, logged)}
         other = swapped(joint, gains, 0.5 * gains.strength * gains.kd)[0]
         viscous = {"own": joint.viscous, "swapped": other.viscous, "dropped": 0.0}
-        for side, torque in logged.items():
-            net = fit_net(target - made.position, made.velocity, torque)
+        for side, torque in sides.items():
+            net = fit_net(target - logged.position, logged.velocity, torque)
             friction = joint.friction if side == "motor_side" else Coulomb(0.0)
             for name, value in viscous.items():
                 simulated = Joint(joint.inertia, value, friction)
                 again = simulate(simulated, net.as_gains(), cfg.step, target)
-                yield NetRow(
-                    robot,
-                    level,
-                    side,
-                    name,
-                    net.damping,
-                    net.damping + value,
-                    total_damping(joint, gains),
-                    float(np.abs(again.position - made.position).max()),
-                )
+                difference = float(np.abs(again.position - logged.position).max())
+                dampings = net.damping, net.damping + value, total_damping(joint, gains)
+                yield NetRow(robot, level, side, name, *dampings, difference)
 
 
 def draw_rows(robot: str, cfg: DampingCfg) -> Iterator[DrawRow]:
-    """Yield the spread of the motion for damping drawn in three ways: B and kd; kd alone, the same sums; B alone."""
+    """Yield the spread of the motion for three randomisations: B and kd; kd alone, the same sums; B alone."""
     spec = getattr(find_robot(robot), cfg.joint)
     joint, gains = joint_of(spec)
     stream = seed_streams(cfg.seed, ["damping"])["damping"]
@@ -339,33 +326,17 @@ def draw_rows(robot: str, cfg: DampingCfg) -> Iterator[DrawRow]:
     both = [(replace(joint, viscous=b * joint.viscous), replace(gains, kd=d * gains.kd)) for b, d in factors]
     alone = [(joint, replace(gains, kd=(total_damping(*pair) - joint.viscous) / gains.strength)) for pair in both]
     viscous = [(replace(joint, viscous=b * joint.viscous), gains) for b, _ in factors]
-    ways = {"B and kd": both, "kd alone, same sums": alone, "B alone": viscous}
-    for situation, motion in _situations(joint, gains, spec.torque_limit, cfg).items():
-        first = np.array([motion(*pair) for pair in both])
-        for name, pairs in ways.items():
-            angles = first if pairs is both else np.array([motion(*pair) for pair in pairs])
+    drawn = {"B and kd": both, "kd alone, same sums": alone, "B alone": viscous}
+    situations: dict[str, Motion] = {
+        "free": partial(_exact, cfg, np.inf),
+        "torque limit": partial(_exact, cfg, LIMITED * _largest_torque(spec, cfg)),
+        "sampled": partial(_sampled, cfg, spec.torque_limit, Sampling(SAMPLED)),
+    }
+    for situation, motion in situations.items():
+        first = np.array([motion(*pair).position for pair in both])
+        for name, pairs in drawn.items():
+            angles = first if pairs is both else np.array([motion(*pair).position for pair in pairs])
             sums = [total_damping(*pair) for pair in pairs]
             same = np.allclose(sums, [total_damping(*pair) for pair in both])
-            yield DrawRow(
-                robot,
-                situation,
-                name,
-                float(np.std(sums)),
-                float(np.sqrt(angles.var(axis=0).mean())),
-                float(np.abs(angles - first).max()) if same else None,
-            )
-
-
-def _situations(joint: Joint, gains: PDGains, strongest: float, cfg: DampingCfg) -> dict[str, Motion]:
-    """Return where the draws are simulated: as the equation has it, at a torque limit, and sampled."""
-    target = cfg.target(cfg.step)
-    asked = float(np.abs(simulate(joint, gains, cfg.step, target).torque).max())
-
-    def exact(limit: float) -> Motion:
-        return lambda joint, gains: simulate(joint, replace(gains, torque_limit=limit), cfg.step, target).position
-
-    def sampled(joint: Joint, gains: PDGains) -> np.ndarray:
-        limited = replace(gains, torque_limit=strongest)
-        return simulate_sampled(joint, limited, Sampling(SAMPLED), cfg.target(SAMPLED)).position
-
-    return {"free": exact(float("inf")), "torque limit": exact(LIMITED * asked), "sampled": sampled}
+            spread, pairs_apart = float(np.sqrt(angles.var(axis=0).mean())), float(np.abs(angles - first).max())
+            yield DrawRow(robot, situation, name, float(np.std(sums)), spread, pairs_apart if same else None)

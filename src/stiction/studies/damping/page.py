@@ -21,12 +21,15 @@ from stiction.report.page import (
     table,
 )
 from stiction.studies.damping.joint import (
+    ALL,
     EFFORT,
     FILTERED,
     FRICTION,
+    HALF,
     LATE,
     LEVELS,
     LIMIT,
+    MORE_VISCOUS,
     SHARP,
     DrawRow,
     NetRow,
@@ -34,6 +37,7 @@ from stiction.studies.damping.joint import (
     SwapRow,
     angle_text,
 )
+from stiction.studies.damping.robot import FIRST, LIFTED, MOVED, TWIN
 from stiction.studies.study import Report
 
 if TYPE_CHECKING:
@@ -56,14 +60,9 @@ def stability_table(rows: Sequence[SwapRow]) -> Markup:
     lines = [
         [f"{row.robot}, {row.case}", f"{row.level:g}", f"{row.growth:.3f}", f"{row.growth_swapped:.3f}"]
         for row in rows
-        if row.growth is not None and row.growth_swapped is not None and row.swap.startswith("all")
+        if row.growth is not None and row.growth_swapped is not None and row.swap == ALL
     ]
     return table(["joint and case", "period [s]", "with kd", "with B"], lines)
-
-
-def size(value: float) -> str:
-    """Return an angle [rad] within a sentence."""
-    return "exactly nothing" if value == 0.0 else f"{angle_text(value)} rad"
 
 
 FLOOR = 1e-16
@@ -89,14 +88,14 @@ class DampingResult:
 
 def report(result: DampingResult, settings: dict[str, Any]) -> Report:
     """Return the report of the study. settings: `study`, `walk`, `seconds`."""
-    figure, said = draw_swaps(result.swaps), lead(result)
+    figure, answer, study = draw_swaps(result.swaps), lead(result), settings["study"]
     return Report(
         title="B and k·kd: one number?",
-        lead=said,
+        lead=answer,
         tables=vars(result),
-        sections=sections(result, figure),
-        run=(paragraph(_made(settings["study"])),),
-        summary=settings | {"lead": said} | {name: list(map(asdict, rows)) for name, rows in vars(result).items()},
+        sections=sections(result, figure, study),
+        run=(paragraph(JOINTS.format(**study)),),
+        summary=settings | {"lead": answer} | {name: list(map(asdict, rows)) for name, rows in vars(result).items()},
         figures={"damping": figure},
     )
 
@@ -108,7 +107,7 @@ def draw_swaps(rows: Sequence[SwapRow]) -> Figure:
     for index, axis in enumerate(axes):
         robot, (cases, label) = robots[index // len(PANELS)], PANELS[index % len(PANELS)]
         for case, color in zip(cases, COLORS, strict=False):
-            for swap, style in (("half of k·kd to B", "-"), ("B × 1.2", "--")):
+            for swap, style in ((HALF, "-"), (MORE_VISCOUS, "--")):
                 chosen = [row for row in rows if (row.robot, row.case, row.swap) == (robot, case, swap)]
                 heights = [max(row.position_difference, FLOOR) for row in chosen]
                 name = case if style == "-" else None
@@ -125,34 +124,36 @@ def draw_swaps(rows: Sequence[SwapRow]) -> Figure:
 
 
 def lead(result: DampingResult) -> str:
-    """Return the answer in a few sentences."""
-    free = max(row.position_difference for row in result.swaps if row.case == FRICTION)
-    levels = [row.level for row in result.swaps if row.case == FRICTION]
-    walking = [row.free_difference for row in result.robots if row.free_difference is not None]
-    limited = [row.limited_difference for row in result.robots if row.limited_difference is not None]
-    said = (
-        f"With dry friction up to {max(levels):.0%} of the torque limit, "
-        f"a swap between B and kd at equal B + k·kd moves the exactly simulated joint by {size(free)}, and whole "
-        f"simulated robots whose motors stay under their limits by at most {size(max(walking))}."
+    """Return the largest differences of the angle with dry friction, without a saturated motor, and with one."""
+    friction = [row for row in result.swaps if row.case == FRICTION]
+    differences = (
+        max(row.position_difference for row in friction),
+        max(row.free_difference for row in result.robots if row.free_difference is not None),
+        max((row.limited_difference for row in result.robots if row.limited_difference is not None), default=0.0),
     )
-    if limited:
-        said += f" Once a motor reaches its limit, angles part by up to {max(limited):.2f} rad within a second."
+    joint, free, limited = map(angle_text, differences)
     return (
-        said + " A sampled controller, friction that grows with the drive torque and an Actuator Net tell them apart."
+        f"Largest difference of an angle after a swap between B and kd at equal B + k·kd: {joint} rad for the exactly "
+        f"simulated joint with dry friction up to {max(row.level for row in friction):.0%} of the torque limit; {free} "
+        f"rad for whole robots whose motors stay under their limits, {limited} rad for those that reach one."
     )
 
 
-def sections(result: DampingResult, figure: Figure) -> list[Section]:
-    """Return the sections of the page."""
-    nets = row_table(result.nets, "Damping in N m s/rad.")
+def sections(result: DampingResult, figure: Figure, study: dict[str, Any]) -> list[Section]:
+    """Return the sections of the page. study: settings of the joint's study."""
+    shown = picture(figure_uri(figure), CAPTION.format(sampled=1000 * study["step"]))
+    folds = (
+        fold("Every difference", [swap_table(result.swaps)]),
+        fold("Stability of the loops", [stability_table(result.swaps)]),
+    )
+    draws = DRAWS.format(low=1 - study["spread"], high=1 + study["spread"])
     return [
-        Section("One joint", (paragraph(JOINT), picture(figure_uri(figure), CAPTION))),
-        Section("Why", (paragraph(READING), *_folds(result.swaps))),
+        Section("One joint", (paragraph(JOINT), shown)),
+        Section("Why", (paragraph(READING), *folds)),
         Section("Whole robots, in the simulator of the training", (paragraph(ROBOTS), row_table(result.robots))),
-        Section("What it means for randomisation", (paragraph(DRAWS), row_table(result.draws), paragraph(WHICH))),
+        Section("What it means for randomisation", (paragraph(draws), row_table(result.draws))),
         Section(
-            "What it means for an Actuator Net",
-            (paragraph(NETS), nets, paragraph(SIDES)),
+            "What it means for an Actuator Net", (paragraph(NETS), row_table(result.nets, "Damping in N m s/rad."))
         ),
     ]
 
@@ -160,66 +161,42 @@ def sections(result: DampingResult, figure: Figure) -> list[Section]:
 JOINT = (
     "I θ'' + B θ' = k (kp (a − θ) − kd θ') + f has B and kd in it as B + k·kd alone, whatever f(θ') is. Each point "
     "is the same joint simulated twice, before and after damping was moved from kd to B: half of k·kd (solid), or as "
-    "much as the paper's randomisation adds at most, 20 % of B (dashed). The exact simulation adds the two numbers "
-    "before it computes, so its difference under dry friction is zero by construction; the checks from outside are the "
-    "sampled controller, whose difference falls with its period, and the robots further down."
+    f"much as the paper's randomisation adds at most, {MORE_VISCOUS} (dashed). The exact simulation adds the two "
+    "numbers before it computes, so its difference under dry friction is zero by construction; the checks from outside "
+    "are the sampled controller, whose difference falls with its period, and the robots further down."
 )
 CAPTION = (
-    "Largest difference of the angle within the motion; 1e-16 stands for exactly zero. Differences of the size of the "
-    "motion itself, at long periods, are unstable controllers. Friction by effort is simulated with a controller "
-    "sampled every 0.25 ms, which alone makes 1e-4 of it."
+    f"Largest difference of the angle within the motion; {FLOOR:g} stands for exactly zero. Differences of the size of "
+    "the motion itself, at long periods, are unstable controllers. Friction by effort is simulated with a controller "
+    "sampled every {sampled:g} ms."
 )
 READING = (
     "A torque limit cuts kp (a − θ) − kd θ' as a whole and leaves B alone; a swap towards B also asks for more torque, "
     "and so reaches the limit first. A sampled controller holds its torque: it acts half a period late, and later with "
     "a late or filtered velocity, which to first order takes k·kd times the delay off the inertia. B is never late. "
     "With long periods kd makes the loop unstable and B cannot. Friction that grows with the drive torque (c |τ|) "
-    "feels kd, which is in τ, and not B. Folded: all numbers, and the factor by which the sampled loop grows in a "
-    "period (above 1 it is unstable), as it is and with all of k·kd moved to B."
+    "depends on kd, which is in τ, and not on B. Folded: all numbers, and the factor by which the sampled loop grows "
+    "in a period (above 1 it is unstable), as it is and with all of k·kd moved to B."
 )
 ROBOTS = (
     "MuJoCo with the training's physics step and implicit integration, which treats joint damping and controller "
-    "damping as two things. Half of kd was moved to B in every joint. Robots that reached no torque limit within the "
-    "first second (under) are counted apart from those that did (at limit); with lifted limits, a hundred times as "
-    "high, the same policies reach none. Twins start 1e-9 rad apart and have no swap: what contacts make of rounding. "
-    "Speeds show that what parts is the single motion, not the walk."
+    f"damping as two things. {MOVED:.0%} of kd was moved to B in every joint. Robots that reached no torque limit "
+    f"within the first {FIRST:g} s (under) are counted apart from those that did (at limit); lifted limits are "
+    f"{LIFTED:g} times as high. Twins start {TWIN:g} rad apart and have no swap: what contacts do to rounding."
 )
 DRAWS = (
-    "B and kd both drawn (multipliers of 0.8 to 1.2), kd alone drawn so that B + k·kd is the same number joint by "
-    "joint, and with B alone drawn over its own 0.8 to 1.2. Spread is what a policy would meet: the "
+    "B and kd both drawn (multipliers of {low:g} to {high:g}), kd alone drawn so that B + k·kd is the same number "
+    "joint by joint, and B alone drawn over its own {low:g} to {high:g}. Spread is what a policy would meet: the "
     "standard deviation of the angle. Pairs is the largest difference between joints of the same sum."
-)
-WHICH = (
-    "So randomising both gives what randomising one gives, but the one must be kd (or the motor's strength, which "
-    "scales k·kd and kp alike): the same multipliers on B alone move the sum by a few per cent of what they move it by "
-    "on kd, and to cover kd's range B would have to become negative. Under a torque limit and in a sampled loop the "
-    "pairs part, yet by far less than the spread: the distribution stays the same there too."
 )
 NETS = (
     "A linear net, torque = w1 (a − θ) − w2 θ', fitted by least squares to the torque of a logged joint, then put into "
-    "a simulated joint in place of the PD law. A network with hidden layers would learn friction and limits too; where "
-    "the damping ends up is the same for both. Motor side: the torque before B and friction take their share, the "
+    "a simulated joint in place of the PD law. Motor side: the torque before B and friction take their share, the "
     "simulation keeps dry friction; Output side: what is left after them, the simulation has none. B of the "
     "simulation is the logged joint's own, one with half of k·kd more (a swapped partner's, whose motion was the "
     "same), or none."
 )
-SIDES = (
-    "A motor-side net knows kd and nothing of B: it reproduces the joint with that joint's own B, and with the B of a "
-    "joint that moves exactly alike it does not. An output-side net knows B + k·kd: with a B beside it damping counts "
-    "twice. So with a net in the loop kd cannot be drawn, drawing B is the only way to vary the damping, and the log "
-    "must say on which side its torque was. Dry friction in an output-side log turns up as damping in a linear net."
+JOINTS = (
+    "Joints: those of the robots' specifications, without links, at their measured dry friction unless said otherwise; "
+    "target: {amplitude:g} rad at {frequency:g} Hz, held for {hold:g} s. Everything here is simulation."
 )
-
-
-def _folds(rows: Sequence[SwapRow]) -> tuple[Markup, ...]:
-    """Return the long tables, folded."""
-    return fold("Every difference", [swap_table(rows)]), fold("Stability of the loops", [stability_table(rows)])
-
-
-def _made(study: dict[str, Any]) -> str:
-    """Return what the numbers are of."""
-    return (
-        "Joints: those of the robots' specifications, without links, at their measured dry friction unless said "
-        f"otherwise; target: {study['amplitude']:g} rad at {study['frequency']:g} Hz, held for {study['hold']:g} s. "
-        "Everything here is simulation."
-    )

@@ -1,7 +1,6 @@
 """Swaps between B and kd on a whole robot in the simulator of the training, hanging in the air and walking.
 
-The simulator knows nothing of the argument: joint damping and controller are two parts of its model, integrated
-implicitly. What it makes of a swap is a check from outside.
+There joint damping and controller are two parts of the model, integrated implicitly: an independent check.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ MOVED = 0.5
 """Share of kd that is moved to B."""
 
 TWIN = 1e-9
-"""How much further the twin's joints are at the start [rad]."""
+"""Offset of the twin's joints at the start [rad]: it shows how far contacts amplify rounding."""
 
 AT_LIMIT = 0.999
 """Share of the torque limit from which a motor counts as saturated."""
@@ -76,18 +75,17 @@ def air_row(robot: str, level: float, cfg: DampingCfg) -> RobotRow:
     fleet.damping[1] += MOVED * fleet.nominal_kd
     fleet.base_position[:, 2] += 1.0
     fleet.joint_position[2] += TWIN
-    watch = _Watch(fleet, 1.0)
+    recorder = _Recorder(fleet, 1.0)
     for angle in cfg.target(fleet.control_period):
         fleet.set_targets(fleet.standing + np.full((3, 1), angle))
-        watch.step(fleet.step)
-    return watch.made(0.0).row(("in the air", level, robot, "own"), slice(0, 1), 1)
+        recorder.step(fleet.step)
+    return recorder.record(0.0).row(("in the air", level, robot, "own"), slice(0, 1), 1)
 
 
 def walk_rows(
     bundle: Bundle,
     cfg: WalkCfg,
     lift: bool,
-    robot: str | None = None,
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> Iterator[RobotRow]:
@@ -104,7 +102,7 @@ def walk_rows(
     streams = seed_streams(cfg.seed, [f"episode {number}" for number in range(cfg.episodes)])
     policy = load_policy(contract, bundle.policy, (3 * plain,))
     rollout = Rollout(
-        contract, policy, robot_of(contract, robot), friction_at(contract, level), list(streams.values()), threads
+        contract, policy, robot_of(contract), friction_at(contract, level), list(streams.values()), threads
     )
     fleet = rollout.fleet
     derivative = contract.array("kd")
@@ -113,19 +111,19 @@ def walk_rows(
     fleet.joint_position[2 * plain :] += TWIN
     factor = LIFTED if lift else 1.0
     fleet.simulation.expand("actuator_forcerange")[:] *= factor
-    watch, steps = _Watch(fleet, factor), round(cfg.seconds / contract.control_period)
+    recorder, steps = _Recorder(fleet, factor), round(cfg.seconds / contract.control_period)
     for step in range(steps):
-        watch.step(lambda: rollout.step(velocity))
+        recorder.step(lambda: rollout.step(velocity))
         progress((step + 1) / steps)
-    made = watch.made(SETTLE)
+    record = recorder.record(SETTLE)
     for index, (friction, command) in enumerate(cells):
         robots = slice(index * cfg.episodes, (index + 1) * cfg.episodes)
         named = bundle.name, friction, command.label, "lifted" if lift else "own"
-        yield made.row(named, robots, plain, command.direction)
+        yield record.row(named, robots, plain, command.direction)
 
 
 @dataclass(frozen=True)
-class _Made:
+class _Record:
     """What the robots did; plain ones first, then as many swapped ones, then their twins."""
 
     angle: np.ndarray
@@ -164,11 +162,11 @@ class _Made:
         )
 
 
-class _Watch:
-    """Keeps what happens in a fleet, its torques at every physics step."""
+class _Recorder:
+    """Records the motion of a fleet, and which motors are at their limit at every physics step."""
 
     def __init__(self, fleet: Fleet, lift: float) -> None:
-        """Start watching; lift: factor of the torque limits.
+        """Start with nothing recorded; lift: factor of the torque limits.
 
         The fleet's `torque` is that of the step before, so it is looked at before each step.
         """
@@ -177,24 +175,24 @@ class _Watch:
         self.angles: list[np.ndarray] = []
         self.velocities: list[np.ndarray] = []
         self.saturated: list[np.ndarray] = []
-        fleet.before_step.append(self._look)
+        fleet.before_step.append(self._count)
 
-    def _look(self, fleet: Fleet) -> None:
+    def _count(self, fleet: Fleet) -> None:
         """Count the motors at their limit."""
         self.share += (np.abs(fleet.torque) >= self.limit).mean(axis=1) / fleet.decimation
 
     def step(self, advance: Callable[[], object]) -> None:
-        """Advance by a control period and keep what came of it."""
+        """Advance by a control period and record it."""
         self.share = np.zeros(self.fleet.num_envs)
         advance()
         self.angles.append(self.fleet.joint_position.copy())
-        turning = self.fleet.base_angular_velocity[:, 2:]
-        self.velocities.append(np.hstack([self.fleet.base_linear_velocity[:, :2], turning]))
+        yaw_rate = self.fleet.base_angular_velocity[:, 2:]
+        self.velocities.append(np.hstack([self.fleet.base_linear_velocity[:, :2], yaw_rate]))
         self.saturated.append(self.share)
 
-    def made(self, settle: float) -> _Made:
-        """Return all of it; settle: what does not count for speed and saturation [s]."""
+    def record(self, settle: float) -> _Record:
+        """Return the record; settle: what does not count for speed and saturation [s]."""
         early, settled = (round(time / self.fleet.control_period) for time in (FIRST, settle))
         saturated = np.array(self.saturated)
         angles, limited = np.array(self.angles[:early]), np.any(saturated[: early + 1] > 0.0, axis=0)
-        return _Made(angles, np.asarray(limited), np.array(self.velocities[settled:]), saturated[settled:])
+        return _Record(angles, np.asarray(limited), np.array(self.velocities[settled:]), saturated[settled:])

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from stiction.core.records import part_of
 from stiction.studies.study import Options, Report, Study, Work
 
 DESCRIPTION = (
-    "Move damping between viscous friction B and derivative gain kd at equal B + k·kd, and measure what a joint and "
-    "whole robots make of it: under dry friction, at torque limits, with a sampled controller, with an Actuator Net."
+    "Move damping between viscous friction B and derivative gain kd at equal B + k·kd, and measure how the motion "
+    "of a joint and of whole robots changes: under dry friction, at torque limits, with a sampled controller, and with "
+    "an Actuator Net."
 )
 
 AIR_LEVELS = (0.0, 0.1)
@@ -27,7 +29,7 @@ class DampingOptions(Options):
     joint: str = "shank"
     """Kind of joint: hip, thigh or shank."""
     draws: int = 100
-    """Joints drawn to compare ways of randomising."""
+    """Joints drawn to compare randomisations."""
     episodes: int = 8
     """Walking robots per friction level, command and torque limits."""
     seconds: float = 10.0
@@ -48,7 +50,7 @@ def run(options: DampingOptions, work: Work) -> Report:
     from stiction.studies.damping.robot import WalkCfg, air_row, walk_rows
 
     cfg = DampingCfg(options.robots, joint=options.joint, draws=options.draws, seed=options.seed)
-    walk = WalkCfg(episodes=options.episodes, seconds=options.seconds, seed=options.seed)
+    walk = part_of(WalkCfg, options)
     bundles = work.bundles(options.bundles)
     work.begin()
     swaps = tuple(row for robot in cfg.robots for row in swap_rows(robot, cfg))

@@ -7,12 +7,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stiction.core.records import make_folder
+from stiction.core.records import make_folder, part_of
 from stiction.studies.study import ParallelOptions, Report, Study, Work
 
 if TYPE_CHECKING:
-    from stiction.formats.bundle import Bundle
-    from stiction.studies.engines.walks import FigureRow, Walk
+    from stiction.studies.engines.run import FigureRow
+    from stiction.studies.engines.walks import EpisodeRow, WalkRow
 
 DESCRIPTION = (
     "Run the conformance suite in every physics engine that can be had here, and let the same policies walk in each, "
@@ -28,11 +28,11 @@ class EnginesOptions(ParallelOptions):
 
     engines: tuple[str, ...] | None = None
     """Some of mujoco, physx, ode, ode-webots, or one of your own, package.module:ENGINE (an `EngineSpec`); by default
-    all shipped ones that can be had here, and what others need is said."""
+    all shipped ones that can be had here; what others need is reported."""
     robot: str = "saturn_lite"
     """Robot that the suite is run with: go1, saturn_lite, or one of your own, package.module:NAME."""
     timesteps: tuple[float, ...] = (0.002,)
-    """Physics steps of the suite [s]; its bounds are made for 0.002. Policies walk at that step whatever this says."""
+    """Physics steps of the suite [s]; its bounds are made for 0.002, the step at which policies walk in any case."""
     walks: bool = True
     """Let policies walk. The suite alone takes a minute."""
     policies: tuple[Path, ...] | None = None
@@ -59,43 +59,38 @@ def run(options: EnginesOptions, work: Work) -> Report:
     from stiction.robots.catalog import find_robot
     from stiction.studies.engines.page import EnginesResult, report
     from stiction.studies.engines.run import check_timesteps, figure_rows, find_engines, pace_rows, traces
-    from stiction.studies.engines.walks import check_walks, simulators, walk_bundles
+    from stiction.studies.engines.walks import check_walks, find_simulators, walk_bundles
 
-    cfg = EvaluationCfg(options.friction_levels, options.commands, options.episodes, options.seconds, seed=options.seed)
+    cfg = part_of(EvaluationCfg, options)
     check_timesteps(options.timesteps)
     check_walks(cfg)
-    bundles = _bundles(options, work) if options.walks else []
+    bundles = work.bundles(options.policies) if options.walks else []
+    if options.policies is None:
+        bundles = [bundle for bundle in bundles if bundle.contract.terrain == "flat"]
     spec = find_robot(options.robot)
-    engines = find_engines(options.engines, spec)
+    engines, missing = find_engines(options.engines, spec)
     out = work.begin()
     figures: list[FigureRow] = []
-    walked: list[Walk] = []
+    walks: list[WalkRow] = []
+    episodes: list[EpisodeRow] = []
     for timestep in options.timesteps:
-        for name in engines.here:
+        for name in engines:
             figures += figure_rows(name, spec, timestep, partial(work.progress, f"{name}, {1000 * timestep:g} ms"))
-    paces = [row for timestep in options.timesteps for row in pace_rows(engines.here, spec, timestep)]
-    motions = traces(engines.here, spec, options.timesteps[0])
+    paces = [row for timestep in options.timesteps for row in pace_rows(engines, spec, timestep)]
+    motions = traces(engines, spec, options.timesteps[0])
     if bundles:
         make_folder(out / "walks")
-        walked = walk_bundles(bundles, simulators(engines.here), cfg, out / "walks", work.jobs, work.progress)
-    episodes = tuple(episode for walk in walked for episode in walk.episodes)
-    result = EnginesResult(
-        tuple(figures), tuple(paces), motions, tuple(walk.row for walk in walked), episodes, engines.missing
-    )
+        simulators = find_simulators(engines)
+        walks, episodes = walk_bundles(bundles, simulators, cfg, out / "walks", work.jobs, work.progress)
+    result = EnginesResult(figures, paces, walks, episodes, motions, missing)
     settings = {
-        "engines": engines.here,
+        "engines": engines,
         "robot": spec.name,
         "evaluation": asdict(cfg),
         "policies": {bundle.name: describe(bundle) for bundle in bundles},
         "seconds": work.seconds,
     }
     return report(result, settings)
-
-
-def _bundles(options: EnginesOptions, work: Work) -> list[Bundle]:
-    """Return the checked bundles that are to walk."""
-    bundles = work.bundles(options.policies)
-    return [one for one in bundles if options.policies is not None or one.contract.terrain == "flat"]
 
 
 STUDY = Study(

@@ -1,13 +1,12 @@
 """Lets the same bundles walk in the training's simulator and in every engine: flat ground, the robot of the data sheet.
 
-Nothing differs between simulators but the simulator: no sensor noise, no delay, Coulomb friction of the same share of
-the torque limit in every joint. What is left is how contacts and joints are solved, and where the controllers run.
+Nothing else differs: no sensor noise, no delay, Coulomb friction of the same share of the torque limit in every joint.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -18,7 +17,6 @@ import numpy as np
 from stiction.core.cache import cached, key_of
 from stiction.core.errors import ConfigurationError
 from stiction.core.parallel import spread
-from stiction.core.records import column
 from stiction.core.statistics import ratio_interval, t_interval, wilson
 from stiction.deploy.check import robot_of
 from stiction.engines.catalog import TIMESTEP, binaries, make_engine
@@ -40,42 +38,6 @@ step, and at a finer one."""
 MUJOCO, COARSE, STIFF = "mujoco", "mujoco (training's step)", "mujoco (contacts of 4 ms)"
 """MuJoCo with one robot and torque from outside: at the step of the other engines, at the step of the training, and at
 the step of the others with contacts about as stiff as theirs."""
-
-
-@dataclass(frozen=True)
-class FigureRow:
-    """One figure of the conformance suite in one engine."""
-
-    engine: str
-    """Name of the engine."""
-    timestep: float
-    """Physics step [s]."""
-    check: str
-    """Name of the check."""
-    figure: str
-    """What was measured."""
-    value: float | None
-    """What came out, zero were perfect; None where it is not a number."""
-    unit: str
-    """Its unit, `1` for a ratio."""
-    bound: float
-    """Largest magnitude that passes."""
-    passed: bool
-    """Whether it does."""
-
-
-@dataclass(frozen=True)
-class PaceRow:
-    """How fast one engine steps, all engines side by side in one run."""
-
-    engine: str = field(metadata=column("engine"))
-    """Name of the engine."""
-    timestep: float = field(metadata=column("step", form=lambda step: f"{1000 * step:g} ms"))
-    """Physics step [s]."""
-    steps_per_second: float = field(metadata=column("steps/s", form=",.0f"))
-    """Steps per second of processor time, median over rounds [1/s]."""
-    share: float = field(metadata=column("share", form=".2f"))
-    """... over that of the first engine in the same rounds, median [1]."""
 
 
 @dataclass(frozen=True)
@@ -134,31 +96,11 @@ class EpisodeRow:
     """Whether the robot fell."""
 
 
-@dataclass(frozen=True)
-class Traces:
-    """Two motions of every engine, to be drawn; arrays of shape (samples,)."""
-
-    time: np.ndarray
-    """Of the joint's samples [s]."""
-    load: np.ndarray
-    """Torque on the joint over its dry friction [1]."""
-    exact_speed: np.ndarray
-    """Of the joint, in closed form [rad/s]."""
-    speed: dict[str, np.ndarray]
-    """Engine -> speed of the joint [rad/s]."""
-    error: dict[str, np.ndarray]
-    """Engine -> magnitude of the error of the joint's angle [rad]."""
-    flight: dict[str, np.ndarray]
-    """Engine -> largest error of a joint's angle in free flight, from the start to its end [rad]."""
-    flight_time: np.ndarray
-    """Of the flight's samples [s]."""
-
-
 FINE = 0.001
 """Physics step of `FINE_TRAINING` [s]."""
 
 CONTACT_TIME = 0.004
-"""In which contacts give way in `STIFF` [s]: the shortest that MuJoCo takes at this step, twice the step."""
+"""Time constant of contacts in `STIFF` [s]: the shortest that MuJoCo takes, twice the step."""
 
 NO_NOISE = NoiseCfg(0.0, 0.0, 0.0, 0.0)
 """Perfect sensors."""
@@ -176,18 +118,8 @@ class Simulator:
     """Physics step [s]; None: the policy's own, that of the training."""
 
 
-@dataclass(frozen=True)
-class Walk:
-    """All episodes of one policy in one simulator at one level and command."""
-
-    row: WalkRow
-    """What they came to."""
-    episodes: tuple[EpisodeRow, ...]
-    """Each of them."""
-
-
-def simulators(engines: Sequence[str]) -> list[Simulator]:
-    """Return what policies walk in, the training's simulator first: the engines at 2 ms, MuJoCo in three ways."""
+def find_simulators(engines: Sequence[str]) -> list[Simulator]:
+    """Return the simulators, that of the training first: the engines at 2 ms, MuJoCo also as `COARSE` and `STIFF`."""
     found = [Simulator(TRAINING, None, None), Simulator(FINE_TRAINING, None, FINE)]
     for name in engines:
         make = partial(make_engine, name)
@@ -210,42 +142,38 @@ def check_walks(cfg: EvaluationCfg) -> None:
 
 def walk_bundles(
     bundles: Sequence[Bundle],
-    found: Sequence[Simulator],
+    simulators: Sequence[Simulator],
     cfg: EvaluationCfg,
     folder: Path,
     jobs: int,
     progress: Callable[[str, float], None],
-) -> list[Walk]:
+) -> tuple[list[WalkRow], list[EpisodeRow]]:
     """Let bundles walk over levels and commands in every simulator, by bundle, level, command, simulator.
 
-    Args:
-        bundles: each of another name.
-        found: as from `simulators`.
-        cfg: as `stiction evaluate` has it; its noise, law and delay are not used.
-        folder: in which what was walked is kept, a file for every such cell; it exists.
-        jobs: processes at once. They do not change the result.
-        progress: called with `walks` and the share that is done.
+    bundles: each of another name. cfg: levels, commands and episodes, checked by `check_walks`; its noise, law and
+    delay are not used. folder: of the cache, a file for every such cell; it exists. jobs: processes at once, which do
+    not change the result.
 
     Raises:
-        StictionError: a bundle does not fit the robot, a command asks for no motion, or a process was killed.
+        StictionError: a bundle does not fit the robot, or a process was killed.
 
     """
-    check_walks(cfg)
     same = replace(cfg, noise=NO_NOISE, action_delay=0.0, friction_law="coulomb")
     asked = [
         replace(same, friction_levels=(level,), commands=(command,))
         for level, command in product(cfg.friction_levels, cfg.commands)
     ]
-    tasks = [(bundle, simulator, one, folder) for bundle, one, simulator in product(bundles, asked, found)]
+    tasks = [(bundle, simulator, one, folder) for bundle, one, simulator in product(bundles, asked, simulators)]
     walked: dict[int, tuple[EpisodeRow, ...]] = {}
     for number, episodes in spread(walk_cell, tasks, jobs):
         walked[number] = episodes
         progress("walks", len(walked) / len(tasks))
-    # The training's simulator is the first one of each cell.
-    return [
-        Walk(_row(timestep_of(bundle, simulator), walked[n], walked[n - n % len(found)]), walked[n])
+    rows = [
+        # The training's simulator is the first one of each cell.
+        _row(timestep_of(bundle, simulator), walked[n], walked[n - n % len(simulators)])
         for n, (bundle, simulator, _, _) in enumerate(tasks)
     ]
+    return rows, [episode for n in range(len(tasks)) for episode in walked[n]]
 
 
 def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder: Path) -> tuple[EpisodeRow, ...]:
@@ -253,9 +181,9 @@ def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder
 
     asked: one level and one command.
     """
+    engine = MUJOCO if simulator.name in (TRAINING, FINE_TRAINING, COARSE, STIFF) else simulator.name
     made_from: dict[str, Any] = {"bundle": bundle.digest, "simulator": simulator.name, "asked": asdict(asked)}
-    ours = simulator.name in (TRAINING, FINE_TRAINING, COARSE, STIFF)
-    made_from["binaries"] = binaries(MUJOCO if ours else simulator.name)
+    made_from["binaries"] = binaries(engine)
     name = f"{bundle.name}--{simulator.name}--{asked.friction_levels[0]:g}--{asked.commands[0]}".replace(" ", "-")
 
     def make() -> dict[str, list[dict[str, Any]]]:
@@ -271,18 +199,14 @@ def _episodes(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg) -> lis
     timestep, cell = timestep_of(bundle, simulator), (bundle.name, simulator.name, level, command.label)
     measured: Sequence[Metrics]
     if simulator.make is None:
-        (measured,) = evaluate_bundle(at_step(bundle, timestep), asked).episodes
+        decimation = round(bundle.contract.control_period / timestep)
+        stepped = replace(bundle, contract=replace(bundle.contract, physics_timestep=timestep, decimation=decimation))
+        (measured,) = evaluate_bundle(stepped, asked).episodes
     else:
         world = World(simulator.make, timestep=timestep, period=bundle.contract.control_period)
         case, spec = DataSheet(asked.seed, Law(), level), robot_of(bundle.contract)
         measured = [walk_once(bundle, case, world, asked, episode, spec) for episode in asked.numbers]
     return [EpisodeRow(*cell, n, float(one.speed_ratio or 0.0), one.fall_rate > 0) for n, one in enumerate(measured)]
-
-
-def at_step(bundle: Bundle, timestep: float) -> Bundle:
-    """Return a bundle that evaluation steps at another timestep [s], with the same control period."""
-    decimation = round(bundle.contract.control_period / timestep)
-    return replace(bundle, contract=replace(bundle.contract, physics_timestep=timestep, decimation=decimation))
 
 
 def timestep_of(bundle: Bundle, simulator: Simulator) -> float:

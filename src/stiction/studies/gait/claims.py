@@ -15,14 +15,24 @@ MIXED = "these policies differ in more than gait rewards and seed, so that they 
 """Why a mixture of trainings has no verdict."""
 
 
+SENTENCES = {
+    "G1": "In contrast, applying the same reward function to our hexapod robot results in the pronk gait.",
+    "G2": "r_trot ensures that only one contact group is active at any time, preventing the robot from adopting the "
+    "pronk gait.",
+    "G3": "r_unsync ensures that the two contact groups are used equally over a period of time, preventing the robot "
+    "from adopting a three-legged hopping gait.",
+}
+"""What the paper says, in its order."""
+
+
 def gait_claim(
-    id: str, sentence: str, number: str, threshold: float, gait: str, without: str, prevented_by: str | None = None
+    id: str, number: str, threshold: float, gait: str, without: str, prevented_by: str | None = None
 ) -> Claim[Sequence[GaitRow]]:
-    """Return a sentence that says what a gait reward does.
+    """Return the claim of a sentence on a gait reward.
 
     number: field of `GaitRow` that it is about. threshold: the gait that the sentence names has at least this.
     gait: that gait in words. without: variant that should show the gait. prevented_by: variant that should not; None
-    where the sentence speaks of the first alone.
+    where the sentence is about the first alone.
     """
     criterion = f"{number} at least {threshold:g} ({gait}) with {VARIANTS[without]}"
 
@@ -37,40 +47,14 @@ def gait_claim(
 
     if prevented_by is not None:
         criterion += f", and under it with {VARIANTS[prevented_by]}"
-    return Claim(id, sentence, criterion, judge)
+    return Claim(id, SENTENCES[id], criterion, judge)
 
 
 CLAIMS = (
-    gait_claim(
-        "G1",
-        "In contrast, applying the same reward function to our hexapod robot results in the pronk gait.",
-        "together_share",
-        PRONK,
-        "a pronk",
-        NEITHER,
-    ),
-    gait_claim(
-        "G2",
-        "r_trot ensures that only one contact group is active at any time, preventing the robot from adopting the "
-        "pronk gait.",
-        "together_share",
-        PRONK,
-        "a pronk",
-        NO_TROT,
-        BOTH,
-    ),
-    gait_claim(
-        "G3",
-        "r_unsync ensures that the two contact groups are used equally over a period of time, preventing the robot "
-        "from adopting a three-legged hopping gait.",
-        "one_sidedness",
-        HOP,
-        "hopping on one group",
-        NO_UNSYNC,
-        BOTH,
-    ),
+    gait_claim("G1", "together_share", PRONK, "a pronk", NEITHER),
+    gait_claim("G2", "together_share", PRONK, "a pronk", NO_TROT, BOTH),
+    gait_claim("G3", "one_sidedness", HOP, "hopping on one group", NO_UNSYNC, BOTH),
 )
-"""What the paper says, in its order."""
 
 
 def judge(rows: Sequence[GaitRow], alike: bool = True) -> list[Verdict]:

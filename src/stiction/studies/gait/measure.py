@@ -14,7 +14,7 @@ from itertools import combinations
 import numpy as np
 
 from stiction.core.errors import ConfigurationError
-from stiction.core.records import column
+from stiction.core.records import column, part_of
 from stiction.evaluate.command import Command
 from stiction.evaluate.evaluate import EvaluationCfg, drive_bundle
 from stiction.evaluate.metrics import moving_steps, set_share, speed_ratio
@@ -43,25 +43,26 @@ TRIPOD = 0.5
 """A gait is a tripod where exactly one group is on the ground in at least this share of moving steps [-]."""
 
 STANDS = 0.5
-"""A robot that moves in less than this share of its steps has no gait to speak of [-]."""
+"""A robot that moves in less than this share of its steps has no gait [-]."""
 
 
 @dataclass(frozen=True)
 class Gait:
-    """The numbers of one policy under one command; None where they do not exist."""
+    """The numbers of one policy under one command, as in `GaitRow`; None where they do not exist."""
 
     moving_share: float
-    tripod_share: float | None
-    group_share: tuple[float, float] | None
-    flight_share: float | None
-    all_feet_share: float | None
-    together_share: float | None
-    within_groups: float | None
-    across_groups: float | None
-    one_sidedness: float | None
-    duty_factor: tuple[float, ...] | None
+    tripod_share: float | None = None
+    first_group_share: float | None = None
+    second_group_share: float | None = None
+    flight_share: float | None = None
+    all_feet_share: float | None = None
+    together_share: float | None = None
+    within_groups: float | None = None
+    across_groups: float | None = None
+    one_sidedness: float | None = None
+    duty_factor: tuple[float, ...] | None = None
     """By foot."""
-    stride_frequency: tuple[float, ...] | None
+    stride_frequency: tuple[float, ...] | None = None
     """By foot [Hz]."""
 
     @property
@@ -85,7 +86,7 @@ def measure_gait(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray, pe
     group (0 or 1) of each foot, shape (L,); period: control period [s].
     """
     if not moving.any():
-        return Gait(0.0, *[None] * 10)
+        return Gait(0.0)
     steps = contact[moving]
     first, second = set_share(steps, groups == 0), set_share(steps, groups == 1)
     shortest, window = round(SHORTEST / period), round(SIMULTANEOUS / period)
@@ -94,7 +95,8 @@ def measure_gait(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray, pe
     return Gait(
         moving_share=float(moving.mean()),
         tripod_share=first + second,
-        group_share=(first, second),
+        first_group_share=first,
+        second_group_share=second,
         flight_share=set_share(steps, np.zeros(len(groups), bool)),
         all_feet_share=set_share(steps, np.ones(len(groups), bool)),
         together_share=together_share([landings, lifts], moving, window),
@@ -120,13 +122,13 @@ def events(contact: np.ndarray, shortest: int) -> np.ndarray:
     return found
 
 
-def together_share(kinds: list[np.ndarray], moving: np.ndarray, window: int) -> float | None:
+def together_share(per_kind: list[np.ndarray], moving: np.ndarray, window: int) -> float | None:
     """Return the share of events in moving steps that all feet take part in, within `window` steps; None without any.
 
-    kinds: touch-downs and lift-offs, each bool of shape (T, N, L), each compared with its own kind only.
+    per_kind: touch-downs and lift-offs, each bool of shape (T, N, L), each compared with themselves only.
     """
     total = shared = 0
-    for found in kinds:
+    for found in per_kind:
         near = found.copy()
         for shift in range(1, window + 1):
             near[shift:] |= found[:-shift]
@@ -142,7 +144,7 @@ def correlations(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray) ->
 
     Robot by robot; feet that never change have none. None where no pair has one.
     """
-    sums = {True: [], False: []}  # type: dict[bool, list[float]]
+    found: dict[bool, list[float]] = {True: [], False: []}
     for robot in range(contact.shape[1]):
         steps = contact[moving[:, robot], robot].astype(float)
         if len(steps) < 2:
@@ -151,8 +153,8 @@ def correlations(contact: np.ndarray, moving: np.ndarray, groups: np.ndarray) ->
         size = np.sqrt((apart**2).sum(axis=0))
         for one, other in combinations(np.flatnonzero(size > 0), 2):
             value = float(apart[:, one] @ apart[:, other] / (size[one] * size[other]))
-            sums[bool(groups[one] == groups[other])].append(value)
-    within, across = (float(np.mean(values)) if values else None for values in (sums[True], sums[False]))
+            found[bool(groups[one] == groups[other])].append(value)
+    within, across = (float(np.mean(values)) if values else None for values in found.values())
     return within, across
 
 
@@ -245,15 +247,8 @@ REWARDS = "--task.rewards."
 """How the flags of reward weights begin."""
 
 
-def variant_of(trot: float, unsync: float) -> str:
-    """Return the variant that the weights of the two gait rewards make."""
-    return {(True, True): BOTH, (False, True): NO_TROT, (True, False): NO_UNSYNC, (False, False): NEITHER}[
-        bool(trot), bool(unsync)
-    ]
-
-
 def trained_variant(command: str) -> str:
-    """Return the variant that a training command made; weights that it does not name have their defaults.
+    """Return the variant that a training command trains; weights that it does not name have their defaults.
 
     Raises:
         StictionError: it is not a command that starts a training, or a weight in it is not a number.
@@ -262,7 +257,7 @@ def trained_variant(command: str) -> str:
     words = shlex.split(command)
     if words[:2] != ["stiction", "train"] or "--resume" in words:
         raise ConfigurationError(
-            f"a policy made by {command!r}: that does not tell its gait rewards; name the variant of each bundle with "
+            f"a policy made by {command!r}: that does not name its gait rewards; name the variant of each bundle with "
             "--variants"
         )
     flags = [word for argument in words for word in argument.split("=", 1)]
@@ -273,11 +268,12 @@ def trained_variant(command: str) -> str:
                 weights[name] = float(value)
             except ValueError as error:
                 raise ConfigurationError(f"{word} {value!r} in {command!r}: expected a number") from error
-    return variant_of(weights["trot"], weights["unsync"])
+    trot, unsync = map(bool, weights.values())
+    return (BOTH if unsync else NO_UNSYNC) if trot else (NO_TROT if unsync else NEITHER)
 
 
 def trained_alike(bundles: Sequence[Bundle]) -> bool:
-    """Return whether policies have the same robot, ground and friction in training, as far as contracts tell."""
+    """Return whether policies have the same robot, ground and friction in training, by their contracts."""
     names = (
         "robot",
         "terrain",
@@ -306,11 +302,14 @@ class Walked:
     """Control period [s]."""
 
 
+<<<<<<< HEAD
 def foot_order(spec: Robot) -> list[int]:
     """Return the legs left before right, each side from front to rear."""
     return sorted(range(len(spec.feet)), key=lambda leg: (-spec.legs[leg].side, -spec.legs[leg].mount[0]))
 
 
+=======
+>>>>>>> tidy-b
 def walk_gaits(
     bundle: Bundle,
     variant: str,
@@ -319,17 +318,14 @@ def walk_gaits(
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
 ) -> list[Walked]:
-    """Drive a policy over the commands, and measure its gait under each; arguments as in `evaluate_bundle`.
+    """Drive a policy over the commands at the one friction level of `cfg`, and measure its gait under each.
+
+    Arguments as of `evaluate_bundle`.
 
     Raises:
-        StictionError: the bundle does not fit the robot, more than one friction level is asked for, or a command to
-            stand.
+        StictionError: the bundle does not fit the robot, or a command asks for no motion.
 
     """
-    if len(cfg.friction_levels) != 1:
-        raise ConfigurationError(
-            f"friction levels {cfg.friction_levels}: expected one, a gait is shown at one at a time"
-        )
     if still := [command.label for command in cfg.parsed_commands if command.direction is None]:
         raise ConfigurationError(f"command {still[0]!r} asks for no motion, and there is no gait in it")
     driven = drive_bundle(bundle, cfg, robot, threads, progress)
@@ -340,10 +336,12 @@ def _measure(bundle: Bundle, variant: str, spec: Robot, command: Command, part: 
     """Return the gait of one command that asks for motion."""
     moving = moving_steps(part, command)
     assert moving is not None
-    order, groups = foot_order(spec), spec.groups()
-    gait = measure_gait(part.contact, moving, groups, part.period)
-    first, second = gait.group_share or (None, None)
-    row = GaitRow(
+    # Left legs before right ones, each side from front to rear.
+    order = sorted(range(len(spec.feet)), key=lambda leg: (-spec.legs[leg].side, -spec.legs[leg].mount[0]))
+    gait = measure_gait(part.contact, moving, spec.groups(), part.period)
+    row = part_of(
+        GaitRow,
+        gait,
         policy=bundle.name,
         variant=variant,
         seed=bundle.contract.seed,
@@ -351,16 +349,6 @@ def _measure(bundle: Bundle, variant: str, spec: Robot, command: Command, part: 
         gait=gait.name,
         speed_ratio=speed_ratio(part, command),
         fall_rate=float(1.0 - part.upright[-1].mean()),
-        moving_share=gait.moving_share,
-        tripod_share=gait.tripod_share,
-        first_group_share=first,
-        second_group_share=second,
-        flight_share=gait.flight_share,
-        all_feet_share=gait.all_feet_share,
-        together_share=gait.together_share,
-        within_groups=gait.within_groups,
-        across_groups=gait.across_groups,
-        one_sidedness=gait.one_sidedness,
     )
     feet = tuple(
         FootRow(

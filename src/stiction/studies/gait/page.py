@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ from stiction.studies.gait.measure import (
     VARIANTS,
     FootRow,
     GaitRow,
+    Walked,
 )
 from stiction.studies.study import Report
 
@@ -64,59 +66,49 @@ DEFINITIONS = (
 """What the columns mean."""
 
 
-@dataclass(frozen=True)
-class GaitResult:
-    """All that a study of gaits found."""
-
-    gaits: tuple[GaitRow, ...]
-    """One row a policy and command."""
-    feet: tuple[FootRow, ...]
-    """One row a policy, command and foot."""
-    claims: tuple[Verdict, ...]
-    """One row a sentence."""
-    contacts: tuple[np.ndarray, ...]
-    """Contacts of the first episode of each row of `gaits`, feet as in `feet`, bool, shape (T, L)."""
-    period: float
-    """Control period [s]."""
-
-
-def report(result: GaitResult, settings: dict[str, Any]) -> Report:
+def report(walked: Sequence[Walked], claims: Sequence[Verdict], settings: dict[str, Any]) -> Report:
     """Return the report of the study. settings: `evaluation`, `seconds`, and `policies` with their variants."""
-    figure = draw_gaits(result)
-    said = lead(result)
+    gaits, feet = [one.row for one in walked], [foot for one in walked for foot in one.feet]
+    figure, answer = draw_gaits(walked), lead(gaits)
 
     def write_contacts(out: Path) -> None:
-        arrays = {f"{row.policy} {row.command}": c for row, c in zip(result.gaits, result.contacts, strict=True)}
-        np.savez_compressed(out / "contacts.npz", allow_pickle=False, period=np.array(result.period), **arrays)
+        arrays = {f"{one.row.policy} {one.row.command}": one.contact for one in walked}
+        np.savez_compressed(out / "contacts.npz", allow_pickle=False, period=np.array(walked[0].period), **arrays)
 
+    caption = (
+        f"Which feet are on the ground, {SHOWN:g} s of the first episode of each policy and command, from the end of "
+        "the settling time on. Blue: contact group 0 (FL, MR, RL of a hexapod), orange: group 1."
+    )
     return Report(
         title="Gait",
-        lead=said,
-        tables={"gaits": result.gaits, "feet": result.feet},
-        claims=result.claims,
+        lead=answer,
+        tables={"gaits": gaits, "feet": feet},
+        claims=claims,
         judged=JUDGED,
-        sections=sections(result, figure),
+        sections=(
+            Section("Gait diagram", (picture(figure_uri(figure), caption),)),
+            Section("Shares", (row_table(gaits), table(["column", "meaning"], DEFINITIONS))),
+            Section("Feet", (feet_table(feet),)),
+        ),
         run=run_blocks(settings),
-        summary=settings
-        | {"lead": said, "gaits": list(map(asdict, result.gaits)), "feet": list(map(asdict, result.feet))},
+        summary=settings | {"lead": answer, "gaits": list(map(asdict, gaits)), "feet": list(map(asdict, feet))},
         figures={"gait": figure},
         files=write_contacts,
     )
 
 
-def draw_gaits(result: GaitResult) -> Figure:
+def draw_gaits(walked: Sequence[Walked]) -> Figure:
     """Return the contact bars of every policy (down) and command (across), a foot a line, coloured by contact group."""
-    commands = list(dict.fromkeys(row.command for row in result.gaits))
-    policies = list(dict.fromkeys(row.policy for row in result.gaits))
+    commands = list(dict.fromkeys(one.row.command for one in walked))
+    policies = list(dict.fromkeys(one.row.policy for one in walked))
     height = 0.6 + 1.9 * len(policies)
     figure, axes = new_figure(len(policies), len(commands), size=(5.2 * len(commands), height))
-    for row, contact in zip(result.gaits, result.contacts, strict=True):
+    for one in walked:
+        row, feet, shown = one.row, one.feet, one.contact[: round(SHOWN / one.period)]
         axis = axes[policies.index(row.policy) * len(commands) + commands.index(row.command)]
-        feet = [foot for foot in result.feet if (foot.policy, foot.command) == (row.policy, row.command)]
-        shown = contact[: round(SHOWN / result.period)]
         for line, foot in enumerate(feet):
-            axis.broken_barh(bars(shown[:, line], result.period), (line - 0.38, 0.76), color=COLORS[foot.group])
-        axis.set(xlim=(0.0, len(shown) * result.period), ylim=(len(feet) - 0.5, -0.5), xlabel="time [s]")
+            axis.broken_barh(bars(shown[:, line], one.period), (line - 0.38, 0.76), color=COLORS[foot.group])
+        axis.set(xlim=(0.0, len(shown) * one.period), ylim=(len(feet) - 0.5, -0.5), xlabel="time [s]")
         axis.set_yticks(range(len(feet)), [foot.foot for foot in feet])
         axis.set_title(f"{row.policy}, {row.command}: {row.gait}", fontsize=8)
     return figure
@@ -128,30 +120,14 @@ def bars(contact: np.ndarray, period: float) -> list[tuple[float, float]]:
     return [(begin * period, (end - begin) * period) for begin, end in edges.reshape(-1, 2).tolist()]
 
 
-def lead(result: GaitResult) -> str:
-    """Return what each set of policies did, in a sentence a variant."""
-    sentences = []
-    for variant, words in VARIANTS.items():
-        rows = [row for row in result.gaits if row.variant == variant]
-        if rows:
-            names = list(dict.fromkeys(row.gait for row in rows))
-            counts = ", ".join(f"{name} {sum(row.gait == name for row in rows)}" for name in names)
-            seeds = len({(row.seed, row.policy) for row in rows})
-            sentences.append(f"Trained with {words} ({seeds} polic{'y' if seeds == 1 else 'ies'}): {counts}.")
-    return " ".join(sentences)
-
-
-def sections(result: GaitResult, figure: Figure) -> list[Section]:
-    """Return the sections of the page."""
-    caption = (
-        f"Which feet are on the ground, {SHOWN:g} s of the first episode of each policy and command, from the end of "
-        "the settling time on. Blue: contact group 0 (FL, MR, RL of a hexapod), orange: group 1."
+def lead(rows: Sequence[GaitRow]) -> str:
+    """Return the gaits of each variant's policies and commands, counted."""
+    counts = {variant: Counter(row.gait for row in rows if row.variant == variant) for variant in VARIANTS}
+    return " ".join(
+        f"Trained with {VARIANTS[variant]}: {', '.join(f'{number} {gait}' for gait, number in found.items())}."
+        for variant, found in counts.items()
+        if found
     )
-    return [
-        Section("Gait diagram", (picture(figure_uri(figure), caption),)),
-        Section("Shares", (row_table(result.gaits), table(["column", "meaning"], DEFINITIONS))),
-        Section("Feet", (feet_table(result.feet),)),
-    ]
 
 
 JUDGED = (
@@ -166,7 +142,8 @@ def feet_table(rows: Sequence[FootRow]) -> Markup:
     names = list(dict.fromkeys(row.foot for row in rows))
     cells: dict[tuple[str, str], dict[str, str]] = {}
     for row in rows:
-        text = f"{_number(row.duty_factor, '.0%')}, {_number(row.stride_frequency, '.1f')}"
+        duty, frequency = row.duty_factor, row.stride_frequency
+        text = "–" if duty is None or frequency is None else f"{duty:.0%}, {frequency:.1f}"
         cells.setdefault((row.policy, row.command), {})[row.foot] = text
     lines = [[policy, command, *(feet.get(name, "") for name in names)] for (policy, command), feet in cells.items()]
     caption = "Duty factor (share of moving steps on the ground), and touch-downs per second of moving [Hz]."
@@ -188,8 +165,3 @@ def run_blocks(settings: dict[str, Any]) -> tuple[Markup, ...]:
         table(["policy", "variant", "seed", "revision", "made by"], policies),
         paragraph("Everything here is simulation (MuJoCo)."),
     )
-
-
-def _number(value: float | None, form: str) -> str:
-    """Return a number as text, a dash where there is none."""
-    return "–" if value is None else format(value, form)

@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import tyro
 
 from stiction.core.errors import ConfigurationError
+from stiction.core.records import part_of
 from stiction.studies.study import Options, Report, Study, UsageError, Work
 
 DESCRIPTION = (
@@ -26,7 +27,7 @@ class GaitOptions(Options):
     policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Policy bundles: directories, names of shipped ones, or finished training runs, which are exported first."""
     variants: tuple[Literal["both", "no-trot", "no-unsync", "neither"], ...] = ()
-    """Gait rewards of each policy, in order, where its training command does not tell them."""
+    """Gait rewards of each policy, in order, where its training command does not name them."""
     commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
     """Commanded velocities; each must ask for motion."""
     friction_level: float = 0.0
@@ -58,11 +59,9 @@ def run(options: GaitOptions, work: Work) -> Report:
     from stiction.evaluate.summary import describe
     from stiction.studies.gait.claims import judge
     from stiction.studies.gait.measure import trained_alike, trained_variant, walk_gaits
-    from stiction.studies.gait.page import GaitResult, report
+    from stiction.studies.gait.page import report
 
-    cfg = EvaluationCfg(
-        (options.friction_level,), options.commands, options.episodes, options.seconds, seed=options.seed
-    )
+    cfg = part_of(EvaluationCfg, options, friction_levels=(options.friction_level,))
     out = work.begin()
     bundles = work.bundles([_exported(path, out) for path in options.policies])
     variants: tuple[str, ...] = options.variants or tuple(
@@ -72,33 +71,26 @@ def run(options: GaitOptions, work: Work) -> Report:
     for bundle, variant in zip(bundles, variants, strict=True):
         progress = partial(work.progress, bundle.name)
         walked += walk_gaits(bundle, variant, cfg, options.robot, work.threads, progress)
-    gaits = tuple(one.row for one in walked)
-    result = GaitResult(
-        gaits,
-        tuple(foot for one in walked for foot in one.feet),
-        tuple(judge(gaits, trained_alike(bundles))),
-        tuple(one.contact for one in walked),
-        walked[0].period,
-    )
+    gaits = [one.row for one in walked]
     named = zip(bundles, variants, strict=True)
     settings = {
         "evaluation": asdict(cfg),
         "seconds": work.seconds,
         "policies": {bundle.name: describe(bundle) | {"variant": variant} for bundle, variant in named},
     }
-    return report(result, settings)
+    return report(walked, judge(gaits, trained_alike(bundles)), settings)
 
 
 def _exported(path: Path, out: Path) -> Path:
     """Return the bundle that a path means; a training run is exported into `out` under its own name."""
-    made = out / "bundles" / path.name
     if not (path / "config.json").is_file():
         return path
-    if not made.exists():
+    bundle = out / "bundles" / path.name
+    if not bundle.exists():
         from stiction.evaluate.export import export_run
 
-        export_run(path, made)
-    return made
+        export_run(path, bundle)
+    return bundle
 
 
 STUDY = Study("which feet are down when, with and without the two gait rewards", DESCRIPTION, GaitOptions, run)

@@ -1,7 +1,7 @@
-"""What does the simulation of joint friction do to a walk? The same policies under several, against a fine reference.
+"""What the simulation of joint friction does to a walk: the same policies under several, against a fine reference.
 
 Episode e meets the same start and the same sensor noise in every physics, at every level and command: rows differ by
-physics alone. The reference is rows at steps of 0.25 ms.
+physics alone.
 """
 
 from __future__ import annotations
@@ -11,17 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
 from stiction.deploy.check import robot_of
 from stiction.deploy.policy import load_policy
+from stiction.evaluate.command import SETTLE
 from stiction.evaluate.rollout import Rollout, friction_at
 from stiction.formats.bundle import Bundle
-from stiction.joints.friction import MAX_LEVEL
 from stiction.robots.physics import EXACT, FAST, PhysicsCfg
-
-SETTLE = 2.0
-"""What is not measured at the start of a walk [s]."""
+from stiction.studies.physics.config import WalkCfg
 
 REFERENCE = "rows, 0.25 ms"
 """The setting that the others are held against."""
@@ -41,32 +38,8 @@ SETTINGS: dict[str, tuple[PhysicsCfg, float]] = {
 """Name -> how friction is simulated, and the physics step [s]."""
 
 
-@dataclass(frozen=True)
-class WalkCfg:
-    """What a policy is put through."""
-
-    friction_levels: tuple[float, ...] = (0.0, 0.05, 0.1, 0.15, 0.2)
-    """Dry friction as fractions of each joint's torque limit [-]."""
-    speed: float = 0.5
-    """Commanded speed, forward and backward [m/s]."""
-    episodes: int = 16
-    """Walks per level and direction."""
-    seconds: float = 8.0
-    """Length of a walk [s]; its first 2 s are not measured."""
-    seed: int = 0
-    """Seed of initial states and sensor noise."""
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be walked."""
-        if not self.friction_levels or not all(0 <= level <= MAX_LEVEL for level in self.friction_levels):
-            raise ConfigurationError(
-                f"friction levels {self.friction_levels}: expected at least one, in [0, {MAX_LEVEL}]"
-            )
-        if self.episodes < 2 or self.seconds < SETTLE + 1.0 or not 0.05 <= self.speed <= 2.0:
-            raise ConfigurationError(
-                f"{self.episodes} walks of {self.seconds} s at {self.speed} m/s: expected at least 2, of at least "
-                f"{SETTLE + 1.0:g} s, at 0.05 to 2 m/s"
-            )
+WALKS = 0.3
+"""Speed ratio of the reference from which physics are compared [-]."""
 
 
 @dataclass(frozen=True)
@@ -142,8 +115,8 @@ def compare(
 def bias(rows: Sequence[PhysicsRow]) -> dict[str, dict[str, float]]:
     """Return the largest and the mean distance of each physics' speed ratios from `rows` and from the reference.
 
-    Only where nobody fell, and where the reference reaches at least 0.3 of the command: about a stall, see the rows.
-    Empty where that is nowhere.
+    Only where nobody fell, and where the reference reaches at least `WALKS` of the command: near a stall the speed is
+    decided by little. Empty where that is nowhere.
     """
     cells = {(row.physics, row.policy, row.level, row.direction): row for row in rows}
     found = {}
@@ -154,7 +127,7 @@ def bias(rows: Sequence[PhysicsRow]) -> dict[str, dict[str, float]]:
             distances = [
                 abs(row.speed_ratio - cells[(name, *key)].speed_ratio)
                 for key, row in mine.items()
-                if cells[(REFERENCE, *key)].speed_ratio >= 0.3 and not row.falls
+                if cells[(REFERENCE, *key)].speed_ratio >= WALKS and not row.falls
             ]
             label = "reference" if name == REFERENCE else name
             if distances:

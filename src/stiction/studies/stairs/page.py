@@ -6,6 +6,9 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from stiction.core import records
 from stiction.core.statistics import wilson
 from stiction.evaluate.course import PATIENCE
 from stiction.locomotion.terrain import BEYOND
@@ -20,92 +23,65 @@ if TYPE_CHECKING:
 
 def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
     """Return the report of the study. settings: `settings` and `policies`."""
-    figure, said = draw_stairs(rows), answers(rows)
+    figure, found = draw_stairs(rows), answers(rows)
+    ends = [wilson(row.successes, row.trials) for row in rows]
+    lines = [[*records.texts(row), f"{low:.0%} to {high:.0%}"] for row, (low, high) in zip(rows, ends, strict=True)]
     caption = f"Share of trials that succeed, with Wilson's 95 % interval; the line is {ENOUGH:.0%}."
     return Report(
         title="Stairs",
-        lead=" ".join(said),
+        lead=" ".join(found),
         tables={"stairs": rows},
         sections=(
             Section("Success over step height", (picture(figure_uri(figure), caption),)),
-            Section("Every height", (table(HEADER, [_cells(row) for row in rows]),)),
+            Section("Every height", (table((*records.header(Climb), "95 % of succeed"), lines),)),
         ),
         run=(paragraph(WHAT),),
         summary=settings | {"rows": list(map(asdict, rows))},
         figures={"stairs": figure},
-        answer=said,
+        answer=found,
     )
 
 
-HEADER = ("policy", "friction", "step height [cm]", "succeed", "95 % interval", "fell", "steps passed", "time [s]")
-
 WHAT = (
     f"{STEPS} steps up, a landing of {2 * LANDING:g} m, {STEPS} steps down, each {TREAD:.2f} m deep, the highest level "
-    "with the landing; the robot sees nothing of them. A pilot holds its heading and corrects nothing else. A trial "
+    "with the landing; the robot is blind. A pilot holds its heading and corrects nothing else. A trial "
     f"succeeds when the base has been over the landing and is then {BEYOND:g} m beyond the last step without a fall, "
     f"within {PATIENCE:g} times what the commanded speed takes. Nominal masses, training's sensor noise, no delay."
 )
 
 
 def answers(rows: Sequence[Climb]) -> list[str]:
-    """Return a sentence for each policy and level: the greatest height that enough trials climb."""
-    sentences = []
-    for policy, level in _groups(rows):
-        best = highest_climbed(row for row in rows if (row.policy, row.friction_level) == (policy, level))
-        at = f"{policy} at {100 * level:g} % friction"
+    """Return the greatest height that enough trials climb, a line for each policy and level."""
+    lines = []
+    for name, mine in _by_policy(rows).items():
+        best = highest_climbed(mine)
         if best is None:
-            sentences.append(f"{at} climbs none of the tested heights in {ENOUGH:.0%} of the trials.")
+            lines.append(f"{name} climbs none of the tested heights in {ENOUGH:.0%} of the trials.")
             continue
         low, high = wilson(best.successes, best.trials)
         share = f"{best.successes} of {best.trials} trials, {low:.0%} to {high:.0%}"
-        sentences.append(f"{at} climbs {100 * best.step_height:g} cm: {share}.")
-    return sentences
+        lines.append(f"{name} climbs {100 * best.step_height:g} cm: {share}.")
+    return lines
 
 
 def draw_stairs(rows: Sequence[Climb]) -> Figure:
     """Return the share of successes over step height, a line for each policy and level."""
     figure, (axis,) = new_figure(size=(7.0, 3.6))
     axis.axhline(ENOUGH, color=INK, linewidth=0.8, linestyle="--")
-    for policy, level in _groups(rows):
-        mine = sorted(
-            (row for row in rows if (row.policy, row.friction_level) == (policy, level)),
-            key=lambda row: row.step_height,
-        )
+    for name, mine in _by_policy(rows).items():
         heights = [100 * row.step_height for row in mine]
-        share = [row.successes / row.trials for row in mine]
-        bounds = [wilson(row.successes, row.trials) for row in mine]
-        axis.errorbar(
-            heights,
-            share,
-            yerr=[
-                [max(0.0, s - low) for s, (low, _) in zip(share, bounds, strict=True)],
-                [max(0.0, high - s) for s, (_, high) in zip(share, bounds, strict=True)],
-            ],
-            marker="o",
-            markersize=4,
-            capsize=2,
-            label=f"{policy}, {100 * level:g} % friction",
-        )
+        share = np.array([row.successes / row.trials for row in mine])
+        low, high = np.array([wilson(row.successes, row.trials) for row in mine]).T
+        ends = np.maximum(0.0, [share - low, high - share])
+        axis.errorbar(heights, share, ends, marker="o", markersize=4, capsize=2, label=name)
     axis.set(xlabel="step height [cm]", ylabel="share of trials that succeed", ylim=(-0.03, 1.03))
     legend(axis)
     return figure
 
 
-def _groups(rows: Sequence[Climb]) -> list[tuple[str, float]]:
-    """Return each policy and level once, in the order of first appearance."""
-    return list(dict.fromkeys((row.policy, row.friction_level) for row in rows))
-
-
-def _cells(row: Climb) -> list[str]:
-    """Return one row as text."""
-    low, high = wilson(row.successes, row.trials)
-    return [
-        row.policy,
-        f"{100 * row.friction_level:g} %",
-        f"{100 * row.step_height:g}",
-        f"{row.successes} of {row.trials}",
-        f"{low:.0%} to {high:.0%}",
-        f"{row.falls}",
-        f"{row.steps_climbed:.1f}",
-        "–" if row.seconds is None else f"{row.seconds:.1f}",
-    ]
+def _by_policy(rows: Sequence[Climb]) -> dict[str, list[Climb]]:
+    """Return the rows of each policy and level by its name, from low steps to high."""
+    found: dict[str, list[Climb]] = {}
+    for row in rows:
+        found.setdefault(f"{row.policy} at {100 * row.friction_level:g} % friction", []).append(row)
+    return {name: sorted(mine, key=lambda row: row.step_height) for name, mine in found.items()}

@@ -1,1 +1,1 @@
-"""How long a policy lives while friction grows, and whether its monitor notices in time."""
+"""How long a policy follows while friction grows, and whether its monitor notices in time."""

@@ -1,9 +1,6 @@
-"""How long does a policy live while friction grows? Virtual robots walk at one command and wear out on the way.
+"""Virtual robots walk at one command while their friction grows; beside them, as controls, with friction that stays.
 
-Beside them the same robots walk as long under the same policies with friction that stays where it is: what ends there,
-and what a monitor notices there, has another cause than growth.
-
-Robots are independent of each other, and each walk is one file: an interrupted study loses those that were going on.
+Walks are independent of each other, and each is one file: an interrupted study loses those that were going on.
 """
 
 from __future__ import annotations
@@ -11,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +23,16 @@ from stiction.evaluate.code import WALKING
 from stiction.evaluate.command import SETTLE, parse_command
 from stiction.evaluate.methods import method_of
 from stiction.formats.bundle import Bundle
-from stiction.studies.wear.lives import Life, Reading, Window, life, listen, speeds
+from stiction.studies.wear.lives import Lifetime, Reading, Window, judge_walk, monitor_readings, speeds
 from stiction.virtual.cases import Case, parse_level, parse_levels, reported
 from stiction.virtual.robot import Wear
 from stiction.virtual.trial import World, walk
 
 WEARING = (*WALKING, "formats/wear.py", "studies/wear/run.py", "studies/wear/lives.py")
-"""Code that decides what is seen of a robot that wears out; what that means for its life is judged anew every time."""
+"""Code that decides what is recorded of a walk; what it means is judged anew every time."""
 
-Judged = tuple[Life, list[Window], list[Reading]]
-"""What became of a robot, and what was seen of it."""
+Judged = tuple[Lifetime, list[Window], list[Reading]]
+"""What became of a robot, and the speeds and readings behind it."""
 
 
 @dataclass(frozen=True)
@@ -51,14 +48,14 @@ class WearCfg:
     robots: tuple[int, ...] = reported(5)
     """Seeds of the virtual robots."""
     wear: Wear = field(default_factory=lambda: Wear(seconds=120.0))
-    """Which joints wear, how far, and in which time. Twelve windows from x0.3 to x3: x1.2 in each. At the end of it the
-    robot walks on for a window, so that one is all at the greatest wear."""
+    """Which joints wear, how far, and in which time. The robot then walks on for a window, so that one is all at the
+    greatest wear."""
     control: bool = True
     """Whether every robot also walks with friction that stays, see `steady`."""
     command: str = "vx=0.5"
     """What is commanded all the time."""
     settle: float = SETTLE
-    """Time after the start that nothing looks at [s]."""
+    """Time after the start that is not measured [s]."""
     window: float = 10.0
     """Time over which the speed is averaged [s]: that of the monitor's window."""
     every: float = 1.0
@@ -84,16 +81,12 @@ class WearCfg:
 
     @property
     def steady(self) -> tuple[float, ...]:
-        """Wear of the control walks [1].
-
-        At its beginning the walk is that in which friction grows, in everything but growth: what comes there would have
-        come without it. x1 is the level itself, what a robot with its seals in has, and the growing one only passes.
-        """
+        """Wear of the control walks [1]: that at which growth begins, and the level itself."""
         return tuple(dict.fromkeys((self.wear.start, 1.0))) if self.control else ()
 
 
 @dataclass(frozen=True)
-class Worn:
+class WearWalk:
     """One walk: one robot under one policy."""
 
     bundle: Path
@@ -134,16 +127,11 @@ def study_wear(
     out: Path,
     jobs: int,
     progress: Callable[[str, float], None],
-) -> tuple[list[Life], list[Window], list[Reading]]:
+) -> tuple[list[Lifetime], list[Window], list[Reading]]:
     """Wear out every robot under every policy, and walk the controls; return the rows of all.
 
-    Args:
-        bundles: the policies, checked.
-        paths: their directories.
-        cfg: what they are put through.
-        out: folder in which each walk's part is kept.
-        jobs: processes at once. They do not change the result.
-        progress: called with `walks` and the share that is done.
+    paths: directories of the bundles. out: folder of the cache, a file for every walk. jobs: processes at once, which
+    do not change the result.
 
     Raises:
         StictionError: a bundle does not fit the robot, the engine is not here, or a process was killed.
@@ -151,49 +139,49 @@ def study_wear(
     """
     for bundle in bundles:
         cfg.wear.worn(robot_of(bundle.contract).joint_names)
-    walks = product(paths, cfg.levels, (None, *cfg.steady), cfg.robots)
-    todo = [Worn(path, level, seed, steady, cfg, out) for path, level, steady, seed in walks]
+    walks = [
+        WearWalk(path, level, seed, steady, cfg, out)
+        for path, level, steady, seed in product(paths, cfg.levels, (None, *cfg.steady), cfg.robots)
+    ]
     done: dict[int, Judged] = {}
     progress("walks", 0.0)
-    for number, part in spread(wear_out, [(worn,) for worn in todo], jobs):
+    for number, part in spread(wear_out, [(one,) for one in walks], jobs):
         done[number] = part
-        progress("walks", len(done) / len(todo))
-    parts = [done[number] for number in range(len(todo))]
-    windows = [row for part in parts for row in part[1]]
-    return [part[0] for part in parts], windows, [row for part in parts for row in part[2]]
+        progress("walks", len(done) / len(walks))
+    lifetimes, windows, readings = zip(*(done[number] for number in range(len(walks))), strict=True)
+    return list(lifetimes), list(chain.from_iterable(windows)), list(chain.from_iterable(readings))
 
 
-def wear_out(worn: Worn) -> Judged:
-    """Do a walk, unless its file is there, and judge it. The file has what was seen, and not what that means."""
-    bundle = check_bundle(worn.bundle).bundle
-    seen = cached(worn.out, worn.name, worn.key(bundle.digest), lambda: _wear_out(worn, bundle))
-    return judge(worn, bundle, seen)
+def wear_out(one: WearWalk) -> Judged:
+    """Walk, unless the walk's file is there, and judge. The file has what was recorded, and not what that means."""
+    bundle = check_bundle(one.bundle).bundle
+    return judge(one, bundle, cached(one.out, one.name, one.key(bundle.digest), lambda: record_walk(one, bundle)))
 
 
-def judge(worn: Worn, bundle: Bundle, seen: dict[str, Any]) -> Judged:
-    """Return what became of a robot; seen: its `windows`, `readings`, and when it `fell`, as of `_wear_out`."""
-    named: dict[str, Any] = {"policy": bundle.name, "friction_level": worn.level, "robot": worn.seed}
-    named |= {"steady": worn.steady}
+def judge(one: WearWalk, bundle: Bundle, seen: dict[str, Any]) -> Judged:
+    """Return what became of a robot. seen: as from `record_walk`."""
+    named: dict[str, Any] = {"policy": bundle.name, "friction_level": one.level}
+    named |= {"robot": one.seed, "steady": one.steady}
     windows = [Window(**named, **row) for row in seen["windows"]]
     readings = [Reading(**named, **row) for row in seen["readings"]]
-    fell = None if seen["fell"] is None else (seen["fell"], worn.wear.factor(seen["fell"]))
-    command = parse_command(worn.cfg.command).label
-    what = named | {"method": method_of(bundle.contract), "engine": worn.cfg.engine, "command": command}
-    return life(what, windows, readings, fell, bundle.wear is not None), windows, readings
+    fell = None if seen["fell"] is None else (seen["fell"], one.wear.factor(seen["fell"]))
+    command = parse_command(one.cfg.command).label
+    what = named | {"method": method_of(bundle.contract), "engine": one.cfg.engine, "command": command}
+    return judge_walk(what, windows, readings, fell, bundle.wear is not None), windows, readings
 
 
-def _wear_out(worn: Worn, bundle: Bundle) -> dict[str, Any]:
-    """Let one robot walk; return `windows`, see `speeds`, `readings`, see `listen`, and `fell`: when [s], or None."""
-    cfg, command, wear = worn.cfg, parse_command(worn.cfg.command), worn.wear
+def record_walk(one: WearWalk, bundle: Bundle) -> dict[str, Any]:
+    """Let a robot walk; return `windows`, `readings`, and the time [s] when it `fell`, or None."""
+    cfg, command, wear = one.cfg, parse_command(one.cfg.command), one.wear
     period, spec = bundle.contract.control_period, robot_of(bundle.contract)
     steps = round((wear.seconds + cfg.window) / period)
-    case = Case(worn.seed, cfg.cell, parse_level(worn.level))
+    case = Case(one.seed, cfg.cell, parse_level(one.level))
     velocity = np.array(command.velocity)
     world = World(partial(make_engine, cfg.engine))
     trial = walk(bundle, case, world, lambda step, motion: velocity, steps, wear=wear)
     upright = trial.recording.upright
     return {
         "windows": speeds(trial, command, wear, cfg.settle, cfg.window, cfg.every),
-        "readings": listen(trial, bundle, spec, case, wear, cfg.settle),
+        "readings": monitor_readings(trial, bundle, spec, case, wear, cfg.settle),
         "fell": None if upright[-1, 0] else len(upright) * period,
     }

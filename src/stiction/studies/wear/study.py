@@ -1,4 +1,4 @@
-"""`stiction study wear BUNDLE...`: how long policies live while friction grows, and whether their monitors see it."""
+"""`stiction study wear BUNDLE...`: how long policies follow while friction grows, and whether monitors notice it."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Annotated
 import tyro
 
 from stiction.core.errors import FileError
-from stiction.core.records import make_folder, read_rows
+from stiction.core.records import make_folder, part_of, read_rows
 from stiction.formats.following import LEAST, MOST
 from stiction.report.terminal import RobotSeeds
 from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work
 
 DESCRIPTION = f"""Let policies walk on virtual robots whose friction grows from x0.3, seals out, to x3 of a level.
 
-A policy lives while it follows its command, from the first to the last time: its life ends where it is too slow for
-good, under {LEAST}, or where the robot falls. Too fast at first, over {MOST}, it has not begun to follow.
-A bundle's wear monitor, if it has one, listens to what the policy sees: does it notice before that? And would it have
-noticed as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the walks in progress,
-one a core, under a minute each in PhysX.
+A policy's lifetime lasts while it follows its command, from the first to the last time: it ends where the policy is too
+slow for good, under {LEAST}, or where the robot falls. Too fast at first, over {MOST}, it has not begun to follow.
+A bundle's wear monitor, if it has one, reads the policy's input: does it notice before that? And would it have noticed
+as much had nothing grown? Stop it at any time: the same command goes on. What is lost is the walks in progress, one a
+core, under a minute each in PhysX.
 
 Example: stiction study wear saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out results/wear"""
 
@@ -49,7 +49,7 @@ class WearOptions(ParallelOptions):
     minutes for the five robots of a policy, nine with their controls."""
     control: bool = True
     """Let every robot also walk with friction that stays at `start`, and at x1: what a monitor notices there is a false
-    alarm, and a life that ends there did not end by growth."""
+    alarm, and a lifetime that ends there did not end by growth."""
     command: str = "vx=0.5"
     """Commanded velocity."""
     window: float = 10.0
@@ -64,7 +64,7 @@ class WearOptions(ParallelOptions):
 def run(options: WearOptions, work: Work) -> Report:
     """Wear robots out under the bundles, or judge those of before."""
     if options.judge_again:
-        return judge_again(options.out, work)
+        return judge_recorded(options.out, work)
     if not options.bundles:
         raise UsageError("no bundle given")
     from stiction.evaluate.summary import describe
@@ -76,49 +76,46 @@ def run(options: WearOptions, work: Work) -> Report:
     from stiction.virtual.cases import warnings_on
     from stiction.virtual.robot import Wear
 
-    joints = () if options.joint is None else (options.joint,)
-    wear = Wear(joints, options.start, options.end, options.seconds)
-    names = ("engine", "levels", "cell", "robots", "command", "window", "control")
-    cfg = WearCfg(wear=wear, **{name: getattr(options, name) for name in names})
+    wear = part_of(Wear, options, joints=() if options.joint is None else (options.joint,))
+    cfg = part_of(WearCfg, options, wear=wear)
     paths = [find_bundle(path) for path in options.bundles]
     bundles = work.bundles(paths)
     robots = work.begin() / "robots"
     make_folder(robots)
-    lives, windows, readings = study_wear(bundles, paths, cfg, robots, work.jobs, work.progress)
+    lifetimes, windows, readings = study_wear(bundles, paths, cfg, robots, work.jobs, work.progress)
     settings = {
         "settings": asdict(cfg),
         "policies": {bundle.name: describe(bundle) | {"monitor": bundle.wear is not None} for bundle in bundles},
-        "groups": groups(lives),
-        "ways": over_seeds(lives, methods_of(lives, bundles), (wear.start, wear.end)),
+        "groups": groups(lifetimes),
+        "ways": over_seeds(lifetimes, methods_of(lifetimes, bundles), (wear.start, wear.end)),
     }
-    return report(lives, windows, readings, settings, warnings_on(cfg.robots))
+    return report(lifetimes, windows, readings, settings, warnings_on(cfg.robots))
 
 
-def judge_again(out: Path, work: Work) -> Report:
-    """Judge the walks of a folder anew, by what was seen of them."""
+def judge_recorded(out: Path, work: Work) -> Report:
+    """Judge the walks of a folder anew, by the speeds and readings in its files."""
     from stiction.formats.results import read_summary
-    from stiction.studies.wear import lives as wear_life
-    from stiction.studies.wear.lives import Reading, Window
+    from stiction.studies.wear.lives import Reading, Window, groups, judge_again, over_seeds
     from stiction.studies.wear.page import report
 
     before = read_summary(out / "summary.json")
     windows = read_rows(out / "windows.csv", Window)
-    heard = out / "readings.csv"
-    readings = read_rows(heard, Reading) if heard.exists() else []
+    file = out / "readings.csv"
+    readings = read_rows(file, Reading) if file.exists() else []
     try:
-        lives = wear_life.judge_again(before["lives"], windows, readings)
+        lifetimes = judge_again(before["lives"], windows, readings)
         tried = before["settings"]["wear"]["start"], before["settings"]["wear"]["end"]
         methods = {policy: method["way"] for method in before["ways"] for policy in method["policies"]}
     except KeyError as error:
         raise FileError(f"{out / 'summary.json'} is none of `stiction study wear`: no {error}") from error
-    known = [row for row in lives if row.policy in methods]
-    kept = {name: value for name, value in before.items() if name != "schema_version"}
-    judged = {"groups": wear_life.groups(lives), "ways": wear_life.over_seeds(known, methods, tried)}
-    return report(lives, windows, readings, kept | {"judged": work.made} | judged)
+    known = [row for row in lifetimes if row.policy in methods]
+    settings = {name: value for name, value in before.items() if name != "schema_version"}
+    settings |= {"judged": work.made, "groups": groups(lifetimes), "ways": over_seeds(known, methods, tried)}
+    return report(lifetimes, windows, readings, settings)
 
 
 STUDY = Study(
-    "how long a policy lives while friction grows, and whether its monitor notices in time",
+    "how long a policy follows while friction grows, and whether its monitor notices in time",
     DESCRIPTION,
     WearOptions,
     run,
