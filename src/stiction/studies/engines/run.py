@@ -14,14 +14,8 @@ from stiction.core.errors import ConfigurationError, EngineError
 from stiction.core.records import column
 from stiction.engines.catalog import ENGINES, make_engine, what_is_missing
 from stiction.engines.conformance import flight, joint
-<<<<<<< HEAD
-from stiction.engines.conformance.suite import CHECKS, Measured, check_timestep, conformance, steps_per_second
-from stiction.robots.model import Robot
-from stiction.studies.engines.walks import FigureRow, PaceRow, Traces
-=======
 from stiction.engines.conformance.suite import CHECKS, check_timestep, conformance, steps_per_second
 from stiction.robots.model import Robot
->>>>>>> tidy-b
 
 ROUNDS = 3
 """Times that every engine's pace is measured, in turn, so that other load on the machine meets all of them."""
@@ -52,10 +46,6 @@ class FigureRow:
     """Whether it does."""
 
 
-<<<<<<< HEAD
-def find_engines(asked: Sequence[str] | None, spec: Robot) -> Engines:
-    """Return the engines to study a robot in: those asked for, or all; of all, what is not here is named and left out.
-=======
 @dataclass(frozen=True)
 class PaceRow:
     """How fast one engine steps, all engines side by side in one run."""
@@ -92,7 +82,6 @@ class Traces:
 
 def find_engines(asked: Sequence[str] | None, spec: Robot) -> tuple[tuple[str, ...], dict[str, str]]:
     """Return the engines asked for, or all that can be had here; and of all the others why not, and how to get them.
->>>>>>> tidy-b
 
     Raises:
         StictionError: one that was asked for is unknown, not here, or was asked for twice.
@@ -129,26 +118,7 @@ def figure_rows(name: str, spec: Robot, timestep: float, progress: Callable[[flo
     return rows
 
 
-<<<<<<< HEAD
-def _row(name: str, timestep: float, measured: Measured) -> FigureRow:
-    """Return a figure as a record."""
-    figure = measured.figure
-    return FigureRow(
-        engine=name,
-        timestep=timestep,
-        check=measured.check,
-        figure=figure.name,
-        value=figure.value if math.isfinite(figure.value) else None,
-        unit=figure.unit,
-        bound=figure.tolerance,
-        passed=figure.passed,
-    )
-
-
 def traces(names: Sequence[str], spec: Robot, timestep: float) -> Traces:
-=======
-def traces(names: Sequence[str], spec: Robot, timestep: float) -> Traces:
->>>>>>> tidy-b
     """Return the joint that breaks away and the free flight, in every engine at one timestep."""
     makers = {name: partial(make_engine, name) for name in names}
     joints = {name: joint.break_away(make, spec, timestep) for name, make in makers.items()}
@@ -166,13 +136,8 @@ def traces(names: Sequence[str], spec: Robot, timestep: float) -> Traces:
     )
 
 
-<<<<<<< HEAD
-def pace_rows(names: Sequence[str], spec: Robot, timestep: float, seconds: float = 1.0) -> list[PaceRow]:
-    """Return how fast the engines step, side by side: `ROUNDS` times one after the other, `seconds` simulated each."""
-=======
 def pace_rows(names: Sequence[str], spec: Robot, timestep: float) -> list[PaceRow]:
     """Return how fast the engines step, side by side: `ROUNDS` times one after the other, `PACE_SECONDS` each."""
->>>>>>> tidy-b
     paces: dict[str, list[float]] = {name: [] for name in names}
     for _ in range(ROUNDS):
         for name in names:

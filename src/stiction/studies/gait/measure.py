@@ -302,14 +302,6 @@ class Walked:
     """Control period [s]."""
 
 
-<<<<<<< HEAD
-def foot_order(spec: Robot) -> list[int]:
-    """Return the legs left before right, each side from front to rear."""
-    return sorted(range(len(spec.feet)), key=lambda leg: (-spec.legs[leg].side, -spec.legs[leg].mount[0]))
-
-
-=======
->>>>>>> tidy-b
 def walk_gaits(
     bundle: Bundle,
     variant: str,

@@ -377,15 +377,10 @@ def ratios(speed: np.ndarray, period: float, settle: float, window: float, every
     return [(end * period, float(total[end] - total[end - width]) / width) for end in ends]
 
 
-<<<<<<< HEAD
-def listen(trial: Trial, bundle: Bundle, spec: Robot, case: Case, wear: Wear, settle: float) -> list[dict[str, Any]]:
-    """Return what the bundle's monitor says of what the policy saw after `settle` [s]; nothing without one.
-=======
 def monitor_readings(
     trial: Trial, bundle: Bundle, spec: Robot, case: Case, wear: Wear, settle: float
 ) -> list[dict[str, Any]]:
     """Return the readings of the bundle's monitor after `settle` [s], from the policy's input; none without a monitor.
->>>>>>> tidy-b
 
     The target is the joint that wears, or the level where several do. The truth is the referee's alone.
     """
