@@ -17,7 +17,7 @@ and Wilson's interval alone says how much is known.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
@@ -97,33 +97,43 @@ class Claim(Generic[Results]):
         return Verdict(self.id, self.sentence, self.criterion, finding.outcome, finding.evidence)
 
 
-@dataclass(frozen=True)
-class Change:
-    """A sentence of which the same rows are judged otherwise than before."""
-
-    id: str
-    """Section and number."""
-    before: Outcome
-    """What came out under the criterion of before."""
-    asked_before: str
-    """That criterion."""
-    now: Outcome
-    """What comes out."""
-    asked: str
-    """The criterion."""
-
-
 def changed_verdicts(
     before: Iterable[Verdict], now: Iterable[Verdict], earlier: Iterable[Mapping[str, Any]] = ()
 ) -> list[dict[str, Any]]:
-    """Return, as plain data, every `Change` between two judgements of the same rows.
+    """Return the sentences whose outcome differs between two judgements of the same rows, with both criteria.
 
-    earlier: changes that were known before: of such a sentence what it was at first is kept.
+    earlier: changes that were known before: of such a sentence the first outcome stays.
     """
     first = {verdict.id: (verdict.outcome, verdict.criterion) for verdict in before}
     first |= {one["id"]: (one["before"], one["asked_before"]) for one in earlier}
-    changes = [Change(v.id, *first[v.id], v.outcome, v.criterion) for v in now if v.id in first]
-    return [asdict(change) for change in changes if change.before != change.now]
+    pairs = ((first[verdict.id], verdict) for verdict in now if verdict.id in first)
+    return [
+        {"id": v.id, "before": outcome, "asked_before": asked, "now": v.outcome, "asked": v.criterion}
+        for (outcome, asked), v in pairs
+        if outcome != v.outcome
+    ]
+
+
+def rejudged_summary(
+    before: Mapping[str, Any],
+    verdicts: Iterable[Verdict],
+    now: Iterable[Verdict],
+    made: Mapping[str, Any],
+    own: Iterable[str],
+) -> dict[str, Any]:
+    """Return what summary.json keeps where its rows are judged anew, with `judged` and `changed`.
+
+    Args:
+        before: the summary.
+        verdicts: those in it.
+        now: those of today.
+        made: by what the rows are judged now.
+        own: entries that are written anew, beside verdicts and parts.
+
+    """
+    anew = {"schema_version", "verdicts", "parts", *own}
+    kept = {name: value for name, value in before.items() if name not in anew}
+    return kept | {"judged": made, "changed": changed_verdicts(verdicts, now, before.get("changed", []))}
 
 
 Labelled = tuple[str, Measurement]
@@ -246,24 +256,20 @@ def follows(e: Evidence, method: str, condition: Condition, label: str) -> Findi
 
 def all_of(*findings: Finding) -> Finding:
     """Judge that several things hold together: it fails with one that does not, and stands when all do."""
-    outcomes = [finding.outcome for finding in findings]
-    evidence = "; ".join(finding.evidence for finding in findings)
-    for outcome in ("does not", "not tested", "undecided"):
-        if outcome in outcomes:
-            return Finding(outcome, evidence)
-    return Finding("reproduces", evidence)
+    return _first(findings, "does not", "not tested", "undecided", "reproduces")
 
 
 def any_of(*findings: Finding) -> Finding:
     """Judge that at least one of several things holds: it stands with one that does, and fails when none does."""
-    if holding := [finding.evidence for finding in findings if finding.outcome == "reproduces"]:
-        return Finding("reproduces", "; ".join(holding))
-    outcomes = [finding.outcome for finding in findings]
-    evidence = "; ".join(finding.evidence for finding in findings)
-    for outcome in ("not tested", "undecided"):
-        if outcome in outcomes:
-            return Finding(outcome, evidence)
-    return Finding("does not", evidence)
+    holding = [finding for finding in findings if finding.outcome == "reproduces"]
+    return _first(holding or findings, "reproduces", "not tested", "undecided", "does not")
+
+
+def _first(findings: Sequence[Finding], *order: Outcome) -> Finding:
+    """Return the first outcome in an order that there is, else the last of the order, with all evidence."""
+    outcomes = {finding.outcome for finding in findings}
+    outcome = next((one for one in order if one in outcomes), order[-1])
+    return Finding(outcome, "; ".join(finding.evidence for finding in findings))
 
 
 def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
