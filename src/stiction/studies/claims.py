@@ -265,6 +265,11 @@ def any_of(*findings: Finding) -> Finding:
     return _first(holding or findings, "reproduces", "not tested", "undecided", "does not")
 
 
+def each(*judges: Callable[[Results], Finding]) -> Callable[[Results], Finding]:
+    """Judge that several criteria hold together."""
+    return lambda results: all_of(*(judge(results) for judge in judges))
+
+
 def _first(findings: Sequence[Finding], *order: Outcome) -> Finding:
     """Return the first outcome in an order that there is, else the last of the order, with all evidence."""
     outcomes = {finding.outcome for finding in findings}

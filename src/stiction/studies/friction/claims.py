@@ -25,6 +25,7 @@ from stiction.studies.claims import (
     all_of,
     any_of,
     describe,
+    each,
     follows,
     larger,
     over_levels,
@@ -132,11 +133,6 @@ def stands_badly(e: TrainingEvidence) -> Finding:
 def follows_at(method: str, level: float) -> Judge:
     """Every seed follows the command at a level, in both directions, and nobody falls."""
     return lambda e: follows(e, method, at(level), f"{name_of(method)} at {level:g}")
-
-
-def each(*judges: Judge) -> Judge:
-    """Several criteria hold together."""
-    return lambda e: all_of(*(judge(e) for judge in judges))
 
 
 def easy_robots(e: TrainingEvidence) -> Finding:
