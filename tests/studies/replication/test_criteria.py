@@ -107,10 +107,8 @@ def test_the_virtual_robot_is_judged_level_by_level() -> None:
     low, high = REAL
     assert judged(walks, rows("none", low, 0.9), rows("none", high, 0.8)).outcome == "reproduces"
     assert judged(walks, rows("none", low, 0.9), rows("none", high, 0.1)).outcome == "only up to x"
-    assert (
-        judged(on_robot("none", criteria.stationary), rows("none", low, 0.9), rows("none", high, 0.1)).outcome
-        == "only above x"
-    )
+    stationary = on_robot("none", criteria.stationary)
+    assert judged(stationary, rows("none", low, 0.9), rows("none", high, 0.1)).outcome == "only above x"
     assert judged(walks).outcome == "not tested"
 
 
