@@ -12,7 +12,7 @@ from stiction.core.errors import ConfigurationError, FileError, TrainingError
 from stiction.core.records import part_of, read_rows
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.formats.advice import Source, TrainedWith
-from stiction.formats.following import Following, following
+from stiction.formats.following import following
 from stiction.formats.results import ResultRow, read_metrics, read_results, read_summary
 from stiction.locomotion.friction import FRICTION_RANGES
 from stiction.rma.run import RunDirectory
@@ -38,12 +38,8 @@ FEWEST_SEEDS = 3
 """A median of fewer seeds is none."""
 
 
-def who_follows(rows: Sequence[ResultRow]) -> list[Following]:
-    """Return who follows of every condition, `CONDITION/student` and `CONDITION/teacher`."""
-    return following(rows, _condition_and_policy)
-
-
 def _condition_and_policy(row: ResultRow) -> str:
+    """Return what `following` counts by: `CONDITION/student` or `CONDITION/teacher`."""
     policy = policy_of(row)
     return f"{policy.condition}/{policy.who}"
 
@@ -193,7 +189,7 @@ def _judged(evidence: TrainingEvidence, rows: Sequence[ResultRow], **others: Any
         means=seed_means(evidence),
         curves=[point for points in evidence.curves.values() for point in points],
         verdicts=[claim.verdict(evidence) for claim in CLAIMS],
-        following=who_follows(rows),
+        following=following(rows, _condition_and_policy),
         **others,
     )
 
@@ -223,12 +219,6 @@ def _record(planned: PlannedRun) -> RunRecord:
     return RunRecord(run.name, run.condition.name, run.seed, state, str(header.get("revision", "")), minutes)
 
 
-def bundle_name(planned: PlannedRun) -> str:
-    """Return the name of a shipped bundle: robot, terrain, method, level."""
-    friction = planned.cfg.task.friction
-    return f"{planned.cfg.task.robot}-flat-{friction.method}-{friction.level:g}"
-
-
 def ship(planned: Sequence[PlannedRun], rows: Iterable[ResultRow], out: Path) -> list[Path]:
     """Export the median seed of every condition of `ADVISED` as a policy bundle into `out`; return their folders.
 
@@ -252,7 +242,8 @@ def ship(planned: Sequence[PlannedRun], rows: Iterable[ResultRow], out: Path) ->
             raise ConfigurationError(
                 f"{condition} was not evaluated, so that it has no median seed; see the failures above"
             )
-        chosen.append((run.path, out / bundle_name(run)))
+        friction = run.cfg.task.friction
+        chosen.append((run.path, out / f"{run.cfg.task.robot}-flat-{friction.method}-{friction.level:g}"))
     for _, folder in chosen:
         if folder.exists():
             raise FileError(f"{folder} exists already; remove it first, or name another folder with --ship")

@@ -1,7 +1,7 @@
 """Evaluates the finished runs, teacher and student, over friction; what was evaluated once is read from its file.
 
-Candidates: friction over torque limit, f/τ_max; over the gain, f/kp, the dead band; over what the first actions ask
-for, f/(kp · action scale · σ). The three differ once gains, limits and σ are varied one at a time.
+Candidate axes for the onset of a policy: friction over torque limit, f/τ_max; over the gain, f/kp, the dead band; over
+what the first actions ask for, f/(kp · action scale · σ).
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ Who = Literal["teacher", "student"]
 
 LEVELS = (0.0, 0.01, 0.05, 0.1, 0.12, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 """Coulomb friction of the evaluation at nominal 0.2 [-]: none, the paper's 1 %, the mean of deception (0.12), the
-nominal one, and beyond what was trained, so that the onset of every policy is in sight. In proportion where the nominal
-level is another: a robot with twice the torque meets the same friction in N m."""
+nominal one, and beyond what was trained. In proportion where the nominal level is another: a robot with twice the
+torque meets the same friction in N m."""
 
 COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.442)
 """Coefficients of the law `load` in the evaluation [-]."""
@@ -48,7 +48,7 @@ BASE = EvaluationCfg(LEVELS, DIRECTIONS, episodes=16, seconds=10.0)
 """The evaluation of a run at the experiment's level; commands by policy."""
 
 DIGITS = 6
-"""Significant digits that are kept: more than the episodes can tell, and the files stay small."""
+"""Significant digits of results."""
 
 
 def training_mean(friction: FrictionCfg) -> float:
@@ -220,7 +220,7 @@ def iterations_by_seed(condition: str, curves: Mapping[str, Sequence[CurvePoint]
 
 
 CLEARER = 1.2
-"""The best axis must beat the second by this factor in spread to count as decided: seeds move an onset by some 10 %."""
+"""The best axis must beat the second by this factor in spread to count as decided."""
 
 FEWEST = 3
 """Conditions needed to compare axes: two would agree on some axis by accident."""

@@ -1,4 +1,4 @@
-"""Every run of the experiment, with the reason for it. Data; what is computed from it stands elsewhere.
+"""Every run of the experiment, with the reason for it.
 
 All conditions have one preset, without its clips: the same budget, no early stop. Three ask what three times as much
 would do. They differ from `stiction train --preset PRESET --video-every 0` in the options that stand here and nothing
@@ -6,11 +6,9 @@ else. The first part is trained with any preset, the others with `TWO_PHASE` alo
 
 The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
 kp · action scale · σ = 100 N m/rad · 0.25 rad · 0.8 = 20 N m, one standard deviation, against 5 N m (hip, thigh) and
-9 N m (shank) of friction at level 0.2: by default they break away. So both sides of that are tried: `strong` with
-σ = 1.6 (40 N m, four to eight times the friction; PPO, whose entropy bonus stays as it is, has 1.47 after 60
-iterations), and `weak` with σ = 0.15 (3.75 N m, less than the friction of every joint), beside `weak` without friction,
-to tell weak exploration itself from friction that filters it. Both `weak` stood still, so there is `mid`, σ = 0.3
-(7.5 N m, between the friction of hip and shank), with and without friction.
+9 N m (shank) of friction at level 0.2: by default they break away. Both sides of that are tried: `strong` with σ = 1.6
+(40 N m), and with and without friction `weak` with σ = 0.15 (3.75 N m, less than the friction of every joint) and `mid`
+with σ = 0.3 (7.5 N m, between that of hip and shank).
 """
 
 from __future__ import annotations
@@ -34,7 +32,7 @@ LEVEL = 0.2
 
 LOAD_COEFFICIENTS = (0.05, 0.2, 0.442)
 """Coefficients of the law `load` [-]: where walking begins to suffer and where it ends, for policies that never met the
-law (mean friction 3 and 12 N m a joint), and the number of the paper's Table III read as one."""
+law, and the number of the paper's Table III read as one."""
 
 TWO_PHASE = "two-phase"
 """Preset of `stiction train` with which all parts are trained; the first part also with those of one phase."""

@@ -14,20 +14,9 @@ from markupsafe import Markup
 from stiction.formats.following import BAND, LEAST
 from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
 from stiction.report.following import changes_sheet, levels_sheet
-from stiction.report.page import (
-    COLORS,
-    INK,
-    Section,
-    Sheet,
-    figure_uri,
-    fold,
-    legend,
-    new_figure,
-    paragraph,
-    picture,
-)
+from stiction.report.page import COLORS, INK, Section, Sheet, figure_uri, fold, legend, new_figure, paragraph, picture
 from stiction.studies import study
-from stiction.studies.claims import LIMITS
+from stiction.studies.claims import JUDGED
 from stiction.studies.friction.records import STUDENT, ConditionRecord, Experiment, SeedMean
 
 if TYPE_CHECKING:
@@ -36,10 +25,7 @@ if TYPE_CHECKING:
 
 WORDS = dict(zip(DIRECTIONS, ("forward", "backward"), strict=True))
 
-UNITS = {
-    "coulomb": "dry friction, % of each joint's torque limit",
-    "load": "friction coefficient times 100",
-}
+UNITS = {"coulomb": "dry friction, % of each joint's torque limit", "load": "friction coefficient times 100"}
 """Label of the axis of levels, by law."""
 
 MOST_FRICTION = 0.3
@@ -258,14 +244,6 @@ def _mean(rows: Sequence[ResultRow], column: str, form: str) -> str:
     return format(sum(values) / len(values), form) if values else "–"
 
 
-VERDICT_NOTE = (
-    "Numbers are means over training seeds with their 95 % t-interval in brackets and every seed in parentheses. "
-    f"`undecided`: the interval straddles the criterion. {LIMITS} One seed carries no verdict. Each sentence is "
-    "judged by itself at 95 %: the number of sentences is not corrected for."
-)
-"""What a reader of the verdicts must know."""
-
-
 def onset_sheet(experiment: Experiment) -> Sheet:
     """Return the friction at which each condition is too slow, on every candidate axis."""
     names = list(experiment.onsets[0].scales) if experiment.onsets else []
@@ -368,7 +346,7 @@ def draw_figures(experiment: Experiment) -> dict[str, Figure]:
 def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
     """Return the tables in the order of the page."""
     first = [condition.name for condition in experiment.conditions if condition.part == "1"]
-    sheets = {"verdicts": study.verdict_sheet(experiment.verdicts, VERDICT_NOTE, "The paper's sentences")}
+    sheets = {"verdicts": study.verdict_sheet(experiment.verdicts, JUDGED, "The paper's sentences")}
     if first:
         sheets["following"] = following_sheet(experiment, first)
         sheets |= {f"methods-{who}": methods_sheet(experiment, first, who) for who in policies_of(experiment)}

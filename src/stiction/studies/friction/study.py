@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from stiction.core.errors import TrainingError
-from stiction.report.terminal import stop_requests
 from stiction.studies.study import ParallelOptions, Report, Study, Work
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, ship
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction.studies.friction.manifest import PlannedRun, runs_of
-    from stiction.studies.friction.training import train_missing
+    from stiction.studies.friction.training import train
 
     if options.judge_again:
         return report_of(options, judge_again(options.out, work.made))
@@ -79,12 +78,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         )
     before = read_earlier(options.out, options.preset) if options.add else None
     work.begin()
-    failed: dict[str, str] = {}
-    if options.train:
-        with stop_requests(work.say, "an iteration of each run") as asked:
-            failed = train_missing(planned, work.jobs, work.progress, asked=asked)
-        if asked():
-            return asked.status
+    failed = train(planned, work.jobs, work.progress, work.say) if options.train else {}
     base = replace(BASE, episodes=options.episodes, seconds=options.seconds)
     finished = [run for run in planned if run.state() == "finished"]
     rows, unevaluated = evaluate_tasks(tasks_for(finished, base, options.cache), work.jobs, work.progress)

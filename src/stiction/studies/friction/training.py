@@ -13,7 +13,9 @@ from dataclasses import dataclass
 from io import TextIOWrapper
 
 from stiction.core.provenance import PACKAGE, THREADS_VARIABLE
+from stiction.report.terminal import stop_requests
 from stiction.studies.friction.manifest import PlannedRun
+from stiction.studies.study import Stopped
 
 Progress = Callable[[str, float], None]
 """Called with the name of a run, or `ALL`, and the share of it that is done."""
@@ -120,6 +122,15 @@ def train_missing(
             shares.report(trained, failed)
     finally:
         stop(running)
+    return failed
+
+
+def train(planned: Sequence[PlannedRun], jobs: int, progress: Progress, say: Callable[[str], None]) -> dict[str, str]:
+    """Train as `train_missing` until it is done or Ctrl-C; `say` prints a line. Raises `Stopped` at Ctrl-C."""
+    with stop_requests(say, "an iteration of each run") as asked:
+        failed = train_missing(planned, jobs, progress, asked=asked)
+    if asked():
+        raise Stopped(asked.status)
     return failed
 
 

@@ -15,13 +15,7 @@ from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.evaluation import sample_text
-from stiction.report.following import (
-    changes_sheet,
-    friction_text,
-    needs_sentence,
-    needs_sheet,
-    places_sheet,
-)
+from stiction.report.following import changes_sheet, friction_text, needs_sentence, needs_sheet, places_sheet
 from stiction.report.page import (
     COLORS,
     INK,
@@ -38,7 +32,7 @@ from stiction.report.page import (
 )
 from stiction.robots.terrain import STEPS, TREAD
 from stiction.studies import study
-from stiction.studies.claims import LIMITS, Verdict
+from stiction.studies.claims import JUDGED
 from stiction.studies.replication.clips import ClipPair, clip_sections
 from stiction.studies.replication.plan import OVER
 from stiction.studies.replication.records import (
@@ -222,10 +216,7 @@ COUNTERPARTS = (
     ("Fig. Actuator Net", "`stiction study actuator`, which runs f0, log, net, f1"),
     ("Fig. Sim2Sim and Sim2Real", "the tables of methods on this page: other engines, and the virtual robot"),
     ("Table robot parameters", "`saturn_lite` and `go1` in the package's robots"),
-    (
-        "Table of randomisation",
-        "`stiction train --help`, and `stiction doctor --randomization`, which measures each",
-    ),
+    ("Table of randomisation", "`stiction train --help`, and `stiction doctor --randomization`, which measures each"),
     ("Table shank motors", "`stiction identify`, and its table of references"),
     ("Section V, B and k_d", "`stiction study damping`"),
     ("Gait rewards", "`stiction study gait`"),
@@ -234,24 +225,17 @@ COUNTERPARTS = (
 
 
 VERDICT_NOTE = (
-    "Means over training seeds with 95 % t-intervals in brackets and every seed in parentheses. `undecided`: the "
-    f"interval straddles the criterion. {LIMITS} Shares of the torque limit and of the load are axes of their own: "
+    f"{JUDGED} Shares of the torque limit and of the load are axes of their own: "
     "the evidence says on which one x is, and on the others the sentence holds throughout, or nowhere. A rate "
     "(falls, crossings) also has Wilson's interval, over trials, and is decided where both agree: the one knows "
     "how trainings differ, the other how many walks there were. A trial is a walk; of virtual robots it is a pair "
     "of policy and robot, since the walks of one robot are not independent. All policies walk on the same virtual "
     "robots: there, rates and speeds have one more interval with the robots as the sample, which must agree; joint "
-    "accelerations are compared over seeds alone, of those that walk. One seed carries no verdict: `not tested`, "
-    "with its number. Each sentence is judged by itself; their number is not corrected for. E: the paper's "
+    "accelerations are compared over seeds alone, of those that walk. E: the paper's "
     "comparison; V: its section on training with friction; T: what it concludes from its motors; X: explanations "
     "for what it saw."
 )
 """What a reader of the verdicts must know."""
-
-
-def verdict_sheet(verdicts: Sequence[Verdict]) -> Sheet:
-    """Return what became of each sentence and explanation."""
-    return study.verdict_sheet(verdicts, VERDICT_NOTE, "The paper's sentences")
 
 
 def evidence_sheet(claim: str, evidence: Sequence[EvidenceRow]) -> Sheet:
@@ -361,7 +345,12 @@ def sheets_of(result: Replication) -> list[Sheet]:
     """Return the tables that a README can take."""
     needs = (needs_sheet(result.needs), places_sheet(result.needs)) if result.needs else ()
     changes = changes_sheet(result.summary)
-    first = [*needs, onset_sheet(result.onsets), verdict_sheet(result.verdicts), *((changes,) if changes else ())]
+    first = [
+        *needs,
+        onset_sheet(result.onsets),
+        study.verdict_sheet(result.verdicts, VERDICT_NOTE, "The paper's sentences"),
+        *((changes,) if changes else ()),
+    ]
     others = (*(forward_sheet(result.forward, virtual) for virtual in (True, False)), stairs_sheet(result.samples))
     return [*first, *(sheet for sheet in others if sheet), *engine_sheets(result.samples)]
 
@@ -397,7 +386,7 @@ def sections(result: Replication, figures: Mapping[str, Figure], clips: Sequence
 
 def verdict_blocks(result: Replication) -> tuple[Markup, ...]:
     """Return the verdicts, and behind a fold for each its numbers, their intervals and the rows that it read."""
-    sheet = verdict_sheet(result.verdicts)
+    sheet = study.verdict_sheet(result.verdicts, VERDICT_NOTE, "The paper's sentences")
     short = replace(sheet, header=sheet.header[:-1], rows=tuple(cells[:-1] for cells in sheet.rows))
     folds = []
     for verdict in result.verdicts:

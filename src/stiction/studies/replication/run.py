@@ -70,8 +70,7 @@ def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | 
 def check_nothing_lost(now: Iterable[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
     """Raise `StictionError` where a report has rows, or more walks in a row, that would not be written in their place.
 
-    They are of another preset, of other policies or robots, or of a part that is not walked anew and was measured by
-    other code.
+    They are of another preset, of other policies or robots, or of a part that is not walked anew, by other code.
 
     Args:
         now: row -> walks that will be in it, of every part in their order; the first part that has a row counts.
@@ -213,12 +212,7 @@ def judged(records: Sequence[PartRecord], spec: RobotSpec, summary: dict[str, An
 
 
 def _records(
-    bundles: Sequence[Bundle],
-    parts: Sequence[Part],
-    out: Path,
-    jobs: int,
-    progress: Progress,
-    asked: Collection[str],
+    bundles: Sequence[Bundle], parts: Sequence[Part], out: Path, jobs: int, progress: Progress, asked: Collection[str]
 ) -> list[PartRecord]:
     """Return the parts that have rows, those that are not asked for as they were; arguments as of `replicate`."""
     takes = {part.name: [bundle for bundle in bundles if part.takes(bundle.contract)] for part in parts}

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Literal
 
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError, unknown_name
 from stiction.core.records import make_folder
-from stiction.report.terminal import stop_requests
 from stiction.studies.study import ParallelOptions, Report, Study, Work
 
 if TYPE_CHECKING:
@@ -75,7 +74,7 @@ class ReplicateOptions(ParallelOptions):
         return self.out or Path(f"stiction-replication-{self.preset}")
 
 
-def run(options: ReplicateOptions, work: Work) -> Report | int:
+def run(options: ReplicateOptions, work: Work) -> Report:
     """Walk the comparison and judge it; the exit status is 1 if a run could not be trained."""
     from stiction.formats.advice import TRANSFER, write_source
     from stiction.robots.catalog import find_robot
@@ -92,10 +91,7 @@ def run(options: ReplicateOptions, work: Work) -> Report | int:
     if not options.judge_again:
         check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
     out = work.begin()
-    found = find_policies(options, work)
-    if isinstance(found, int):
-        return found
-    bundles, folders, failed = found
+    bundles, folders, failed = find_policies(options, work)
     if options.judge_again:
         result = judge_again(out, work.made)
     else:
@@ -114,11 +110,8 @@ def run(options: ReplicateOptions, work: Work) -> Report | int:
     return replace(report(result, clips), files=write_advice, status=1 if failed else 0)
 
 
-def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], dict[str, Path], dict[str, str]] | int:
-    """Return the checked policies, the folder of each, and why others could not be trained.
-
-    Or the exit status of a training that was asked to stop.
-    """
+def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], dict[str, Path], dict[str, str]]:
+    """Return the checked policies, the folder of each, and why others could not be trained."""
     from stiction.core.parallel import spread
     from stiction.deploy.check import check_bundle
     from stiction.formats.bundle import find_bundle, shipped_bundles
@@ -126,10 +119,7 @@ def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], 
     folders = [find_bundle(path) for path in options.policies] or list(shipped_bundles().values())
     failed: dict[str, str] = {}
     if options.preset == "full" and not options.policies and not options.judge_again:
-        trained = train_all(options, work.jobs, work.progress, work.say)
-        if isinstance(trained, int):
-            return trained
-        folders, failed = trained
+        folders, failed = train_all(options, work.jobs, work.progress, work.say)
     runs = [number for number, path in enumerate(folders) if (path / "checkpoints").is_dir()]
     tasks = [(folders[number], work.out) for number in runs]
     for done, (task, folder) in enumerate(spread(exported, tasks, work.jobs), start=1):
@@ -157,34 +147,30 @@ def exported(run: Path, out: Path) -> Path:
 
 def train_all(
     options: ReplicateOptions, jobs: int, progress: Callable[[str, float], None], say: Callable[[str], None]
-) -> tuple[list[Path], dict[str, str]] | int:
+) -> tuple[list[Path], dict[str, str]]:
     """Train everything that is missing; return the folders of the finished runs, and why the others are not finished.
 
-    Or the exit status if asked to stop. A run that fails stops nobody: what is finished is walked.
+    A run that fails does not stop the others: what is finished is walked. Raises `Stopped` at Ctrl-C.
 
     Raises:
         StictionError: no run is finished, or a folder holds another run.
 
     """
     from stiction.studies.friction.manifest import PlannedRun
-    from stiction.studies.friction.training import train_missing
+    from stiction.studies.friction.training import train
     from stiction.studies.replication.plan import comparison_runs
 
     folders: list[Path] = []
     failed: dict[str, str] = {}
 
-    def trained(runs: Sequence[Run]) -> int:
+    def add(runs: Sequence[Run]) -> None:
         planned = [PlannedRun.of(run, options.runs) for run in runs]
-        with stop_requests(say, "an iteration of each run") as asked:
-            failed.update(train_missing(planned, jobs, progress, asked=asked))
+        failed.update(train(planned, jobs, progress, say))
         folders.extend(run.path for run in planned if run.run.name not in failed)
-        return asked.status if asked() else 0
 
     runs = options.runs.resolve()
-    if status := trained(comparison_runs(known_joints(runs, jobs, progress))):
-        return status
-    if status := trained(loop_runs(runs, failed, jobs, progress)):
-        return status
+    add(comparison_runs(known_joints(runs, jobs, progress)))
+    add(loop_runs(runs, failed, jobs, progress))
     for name, reason in failed.items():
         say(f"{name} is left out: {reason}")
     if not folders:
