@@ -19,7 +19,7 @@ from stiction.rma.run import RunDirectory
 from stiction.studies.claims import Verdict, rejudged_summary
 from stiction.studies.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction.studies.friction.evaluation import CANDIDATES, COMMANDS, collapse, learning_curve, onsets, training_mean
-from stiction.studies.friction.evidence import TrainingEvidence, median_seed, policy_of, seed_means
+from stiction.studies.friction.evidence import TrainingEvidence, median_seed, parse_policy, seed_means
 from stiction.studies.friction.manifest import PARTS, TWO_PHASE, PlannedRun
 from stiction.studies.friction.records import (
     STUDENT,
@@ -40,8 +40,8 @@ FEWEST_SEEDS = 3
 
 def _condition_and_policy(row: ResultRow) -> str:
     """Return what `following` counts by: `CONDITION/student` or `CONDITION/teacher`."""
-    policy = policy_of(row)
-    return f"{policy.condition}/{policy.who}"
+    _, condition, _, who = parse_policy(row.policy)
+    return f"{condition}/{who}"
 
 
 def source_of(experiment: Experiment) -> Source:
@@ -144,8 +144,8 @@ def assemble(
         used = {one.condition for one in elsewhere.values()} - conditions.keys()
         conditions |= {one.name: one for one in before.lists["conditions"] if one.name in used}
         rank = {name: number for number, name in enumerate(records)}
-        rows = [*(row for row in before.rows if policy_of(row).run in elsewhere), *rows]
-        rows = sorted(rows, key=lambda row: rank[policy_of(row).run])
+        rows = [*(row for row in before.rows if parse_policy(row.policy)[0] in elsewhere), *rows]
+        rows = sorted(rows, key=lambda row: rank[parse_policy(row.policy)[0]])
         curves |= {name: points for name, points in before.curves.items() if name in elsewhere}
         curves = {name: curves[name] for name in records if name in curves}
     evidence = TrainingEvidence.of_runs(rows, curves)

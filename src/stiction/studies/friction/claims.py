@@ -32,8 +32,9 @@ from stiction.studies.claims import (
     within,
 )
 from stiction.studies.friction.evaluation import iterations_by_seed
-from stiction.studies.friction.evidence import HIGHEST, TrainingEvidence, at
+from stiction.studies.friction.evidence import TrainingEvidence, at
 from stiction.studies.friction.manifest import LEVEL, LOAD_COEFFICIENTS
+from stiction.studies.friction.records import HIGHEST, short_name
 
 STATIONARY = 0.2
 """Below this share of the commanded speed a robot counts as stationary [-]."""
@@ -56,21 +57,11 @@ Judge = Callable[[TrainingEvidence], Finding]
 """A criterion as a function of the results."""
 
 
-def name_of(method: str) -> str:
-    """Return a method as the evidence calls it."""
-    return method.removeprefix("coulomb20-")
-
-
-def _error(e: TrainingEvidence, method: str) -> Labelled:
-    """Return the mean error over levels, with a label."""
-    return name_of(method), e.mean_error(method)
-
-
 def _iterations(e: TrainingEvidence, method: str) -> Labelled:
     """Return the iterations until the robot walks both ways in the first phase, with a label that says how many seeds
     never do: they count as the whole phase, less than the truth.
     """
-    (found, late), name = iterations_by_seed(method, e.curves), name_of(method)
+    (found, late), name = iterations_by_seed(method, e.curves), short_name(method)
     return f"{name} ({late} of {len(found)} seeds not before the end)" if late else name, Measurement(found)
 
 
@@ -81,7 +72,7 @@ def takes_longer(method: str, than: str) -> Judge:
 
 def stationary(method: str) -> Judge:
     """The robot hardly moves in either direction at the friction that it was trained with."""
-    label = f"{name_of(method)}, faster direction"
+    label = f"{short_name(method)}, faster direction"
     return lambda e: within(label, e.faster(method, NOMINAL), -np.inf, STATIONARY)
 
 
@@ -111,7 +102,7 @@ def filtered(e: TrainingEvidence) -> Finding:
 
 def too_slow(method: str) -> Judge:
     """The policy is too slow in its slower direction at the nominal friction, however fast it is elsewhere."""
-    label = f"{name_of(method)}, slower direction"
+    label = f"{short_name(method)}, slower direction"
     return lambda e: within(label, e.slower(method, NOMINAL), -np.inf, FOLLOWS[0])
 
 
@@ -132,7 +123,7 @@ def stands_badly(e: TrainingEvidence) -> Finding:
 
 def follows_at(method: str, level: float) -> Judge:
     """Every seed follows the command at a level, in both directions, and nobody falls."""
-    return lambda e: follows(e, method, at(level), f"{name_of(method)} at {level:g}")
+    return lambda e: follows(e, method, at(level), f"{short_name(method)} at {level:g}")
 
 
 def easy_robots(e: TrainingEvidence) -> Finding:
@@ -144,9 +135,9 @@ def easy_robots(e: TrainingEvidence) -> Finding:
     return Finding(found.outcome, f"{found.evidence}; {beside}")
 
 
-def nearer_than(*others: str) -> Judge:
-    """Over the levels, the wide range is nearer to the command than each of other methods."""
-    return lambda e: all_of(*(larger(_error(e, other), _error(e, DECEPTION)) for other in others))
+def nearer_than(other: str) -> Judge:
+    """Over the levels, the wide range is nearer to the command than another method."""
+    return lambda e: larger(*((short_name(method), e.mean_error(method)) for method in (other, DECEPTION)))
 
 
 def underperforms(e: TrainingEvidence) -> Finding:
@@ -235,7 +226,7 @@ CLAIMS: tuple[Claim[TrainingEvidence], ...] = (
         "V11",
         "expanding the randomization range enhances the robot's robustness to mechanical wear",
         f"mean |speed ratio - 1| over 0 to {HIGHEST:g}: deception is below direct and below none",
-        nearer_than(DIRECT, NONE),
+        each(nearer_than(DIRECT), nearer_than(NONE)),
     ),
     Claim(
         "A1",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
@@ -13,26 +13,13 @@ from stiction.evaluate.grid import BATCH
 from stiction.evaluate.samples import Condition, Evidence, Measurement
 from stiction.formats.results import ResultRow
 from stiction.studies.friction.manifest import condition_of
-from stiction.studies.friction.records import STUDENT, CurvePoint, SeedMean
-
-HIGHEST = 0.3
-"""Highest friction level that counts in means over levels, and in tables [-]."""
+from stiction.studies.friction.records import HIGHEST, STUDENT, CurvePoint, SeedMean
 
 
-class Policy(NamedTuple):
-    """What the name of a policy says, in results.csv `coulomb20-none-s3/student`."""
-
-    run: str
-    condition: str
-    seed: int
-    who: str
-    """`teacher` or `student`."""
-
-
-def policy_of(row: ResultRow) -> Policy:
-    """Return the policy of a row."""
-    run, _, who = row.policy.partition("/")
-    return Policy(run, *condition_of(run), who)
+def parse_policy(policy: str) -> tuple[str, str, int, str]:
+    """Return run, condition, seed and which policy: `a-s3/student` -> (`a-s3`, `a`, 3, `student`)."""
+    run, _, who = policy.partition("/")
+    return run, *condition_of(run), who
 
 
 @dataclass(frozen=True)
@@ -47,7 +34,7 @@ class TrainingEvidence(Evidence):
         """Sort rows by their cells. curves: run -> its learning curve."""
         named = []
         for row in rows:
-            _, condition, seed, who = policy_of(row)
+            _, condition, seed, who = parse_policy(row.policy)
             method = condition if who == STUDENT else f"{condition}/{who}"
             named.append(asdict(row) | {"method": method, "seed": seed})
         return replace(cls.of(named), curves=curves or {})

@@ -13,28 +13,18 @@ from markupsafe import Markup
 
 from stiction.formats.following import BAND, LEAST
 from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
+from stiction.joints.friction import level_axis, level_number
 from stiction.report.following import changes_sheet, levels_sheet
 from stiction.report.page import COLORS, INK, Section, Sheet, figure_uri, fold, legend, new_figure, paragraph, picture
 from stiction.studies import study
 from stiction.studies.claims import JUDGED
-from stiction.studies.friction.records import STUDENT, ConditionRecord, Experiment, SeedMean
+from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 WORDS = dict(zip(DIRECTIONS, ("forward", "backward"), strict=True))
-
-UNITS = {"coulomb": "dry friction, % of each joint's torque limit", "load": "friction coefficient times 100"}
-"""Label of the axis of levels, by law."""
-
-MOST_FRICTION = 0.3
-"""Highest level in tables [-]."""
-
-
-def short(condition: str) -> str:
-    """Return a condition's name without what all have."""
-    return condition.removeprefix("coulomb20-")
 
 
 def _names(axis: Axes) -> None:
@@ -78,24 +68,25 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
         _band(axis)
         for color, condition in zip(COLORS, conditions, strict=False):
             means = [m for m in means_of(experiment, condition, who) if m.command == command]
-            _draw_mean(axis, means, color, short(condition))
+            _draw_mean(axis, means, color, short_name(condition), law)
             seeds: dict[int, list[tuple[float, float]]] = {}
             for row in rows_of(experiment, condition, who):
                 if row.command == command and row.speed_ratio is not None:
-                    seeds.setdefault(row.seed, []).append((100 * row.friction_level, row.speed_ratio))
+                    seeds.setdefault(row.seed, []).append((level_number(law, row.friction_level), row.speed_ratio))
             for points in map(sorted, seeds.values()):
                 axis.plot(*zip(*points, strict=True), color=color, linewidth=0.6, alpha=0.6, marker=".", markersize=3)
         axis.set(title=f"{who}, {WORDS[command]}, 0.5 m/s", ylabel="speed reached / commanded")
     for axis in axes[-2:]:
-        axis.set_xlabel(UNITS[law])
+        axis.set_xlabel(level_axis(law))
     _names(axes[0])
     return figure
 
 
-def _draw_mean(axis: Axes, means: Sequence[SeedMean], color: str, label: str) -> None:
+def _draw_mean(axis: Axes, means: Sequence[SeedMean], color: str, label: str, law: str) -> None:
     """Draw the mean over levels, and its band where there is more than one seed."""
-    axis.plot([100 * m.friction_level for m in means], [m.mean for m in means], color=color, linewidth=2, label=label)
-    if known := [(100 * m.friction_level, m.low, m.high) for m in means if m.low is not None]:
+    points = [(level_number(law, m.friction_level), m) for m in means]
+    axis.plot([at for at, _ in points], [m.mean for m in means], color=color, linewidth=2, label=label)
+    if known := [(at, m.low, m.high) for at, m in points if m.low is not None]:
         levels, low, high = zip(*known, strict=True)
         axis.fill_between(levels, low, high, color=color, alpha=0.15, linewidth=0)
 
@@ -115,7 +106,7 @@ def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
             if curves:
                 ends = [end for end, _ in min(curves.values(), key=len)]
                 mean = np.mean([[ratio for _, ratio in curve[: len(ends)]] for curve in curves.values()], axis=0)
-                axis.plot(ends, mean, color=color, linewidth=2, label=short(condition))
+                axis.plot(ends, mean, color=color, linewidth=2, label=short_name(condition))
         axis.set(title=f"{title}, while training", xlabel="iteration of the teacher")
     axes[0].set_ylabel("speed reached / commanded")
     _names(axes[0])
@@ -143,7 +134,7 @@ def draw_conditions(experiment: Experiment, conditions: Sequence[str]) -> Figure
                 if _is_at(m, level) and m.low is not None and m.high is not None:
                     _, color, shift = styles[m.command]
                     axis.plot([m.low, m.high], [line + shift] * 2, color=color, linewidth=1.5, alpha=0.6)
-        axis.set_yticks(range(len(conditions)), [short(name) for name in conditions])
+        axis.set_yticks(range(len(conditions)), [short_name(name) for name in conditions])
         axis.set(title=title, xlabel="speed reached / commanded")
         axis.set_ylim(len(conditions) - 0.5, -0.5)
     axes[1].set_yticklabels([])
@@ -170,7 +161,9 @@ def draw_collapse(experiment: Experiment) -> Figure:
                 if m.friction_level > 0:
                     slower[m.friction_level] = min(slower.get(m.friction_level, m.mean), m.mean)
             places = [level * onset.scales[name] for level in slower]
-            axis.plot(places, [*slower.values()], color=color, marker="o", markersize=3, label=short(onset.condition))
+            axis.plot(
+                places, [*slower.values()], color=color, marker="o", markersize=3, label=short_name(onset.condition)
+            )
         axis.set_xscale("log")
         axis.set(title=method, xlabel=name)
     axes[0].set_ylabel("speed reached / commanded")
@@ -187,10 +180,10 @@ def mean_text(mean: SeedMean | None) -> str:
 
 
 def methods_sheet(experiment: Experiment, conditions: Sequence[str], who: str) -> Sheet:
-    """Return the speed ratio of some conditions over the levels up to `MOST_FRICTION`, a row for each direction."""
+    """Return the speed ratio of some conditions over the levels up to `HIGHEST`, a row for each direction."""
     own = [m for condition in conditions for m in means_of(experiment, condition, who)]
     means = {(m.condition, m.command, m.friction_level): m for m in own}
-    levels = sorted({m.friction_level for m in own if m.friction_level <= MOST_FRICTION})
+    levels = sorted({m.friction_level for m in own if m.friction_level <= HIGHEST})
     rows = [
         (f"{name}, {word}", *(mean_text(means.get((name, command, level))) for level in levels))
         for name in conditions

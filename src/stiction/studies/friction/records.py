@@ -13,6 +13,14 @@ from stiction.studies.claims import Verdict
 STUDENT = "student"
 """Of a run's two policies the one that is deployed, and judged."""
 
+HIGHEST = 0.3
+"""Highest friction level that counts in means over levels, and in tables [-]."""
+
+
+def short_name(condition: str) -> str:
+    """Return a condition's name as pages and evidence have it."""
+    return condition.removeprefix("coulomb20-")
+
 
 @dataclass(frozen=True)
 class ConditionRecord:

@@ -10,12 +10,10 @@ from stiction.evaluate.command import STAND
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.grid import BATCH, GridCfg
 from stiction.evaluate.methods import method_of
-from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.results import DIRECTIONS
 from stiction.robots.model import RobotSpec
 from stiction.studies.friction.manifest import MANIFEST, Condition, Run
-from stiction.studies.replication.net import WalkedNet
 from stiction.studies.replication.records import CAUSES
 from stiction.virtual.bench import Bench
 from stiction.virtual.cases import Case, parse_level, reported
@@ -184,11 +182,6 @@ TAKEN = ("none", "direct", "deception", "finetune", "iterative", "compensation")
 def known_bench(spec: RobotSpec) -> Bench:
     """Return the bench of the robot that training knows; spec: its data sheet."""
     return Bench("physx", KNOWN, spec)
-
-
-def walked_net(spec: RobotSpec, policy: Bundle) -> WalkedNet:
-    """Return the Actuator Net of the robot that training knows; spec: its data sheet; policy: f0, which walks on it."""
-    return WalkedNet("physx", KNOWN, spec, policy)
 
 
 def first_policy(seed: int) -> str:

@@ -214,10 +214,11 @@ def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str
     """
     from stiction.deploy.check import check_bundle
     from stiction.robots.catalog import find_robot
-    from stiction.studies.replication.net import make_net
-    from stiction.studies.replication.plan import walked_net
+    from stiction.studies.replication.net import WalkedNet, make_net
+    from stiction.studies.replication.plan import known_bench
 
-    walked = walked_net(find_robot(ROBOT), check_bundle(exported(conventional, runs)).bundle)
+    bench, policy = known_bench(find_robot(ROBOT)), check_bundle(exported(conventional, runs)).bundle
+    walked = WalkedNet(bench.engine, bench.case, bench.spec, policy)
     folder = runs / "nets" / walked.label
     make_net(walked, folder, "stiction replicate --preset full", jobs, progress)
     return folder
