@@ -57,7 +57,7 @@ def sample(command: str, column: str, mean: float, engine: str = "physx", law: s
 
 
 RESULT = Replication(
-    parts=[PartRecord("engines", "Sim2Sim", ROWS, details(ROWS))],
+    parts=[PartRecord("engines", "Sim2Sim", details(ROWS))],
     samples=[
         sample("vx=0.5", "speed_ratio", 0.9),
         sample("wz=0.5", "speed_ratio", 0.7, seeds="0", low=None, high=None),

@@ -235,8 +235,8 @@ class PlannedRun:
         if not (self.path / "config.json").exists():
             return "missing"
         run = RunDirectory(self.path)
-        pathless = (replace(cfg, joints=None, actuator=None) for cfg in (run.config(), self.cfg))
-        if other := [*differences(*pathless), *self._other_files(run)]:
+        found, expected = (replace(cfg, joints=None, actuator=None) for cfg in (run.config(), self.cfg))
+        if other := [*differences(found, expected), *self._other_files(run)]:
             raise TrainingError(
                 f"{self.path} holds another run than the manifest's: {', '.join(other)}; "
                 "move it away, or name another folder with --runs"

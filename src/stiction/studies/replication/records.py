@@ -12,7 +12,7 @@ from stiction.core.errors import FileError
 from stiction.evaluate.methods import MethodCell
 from stiction.evaluate.table import Sample
 from stiction.formats.following import Following
-from stiction.formats.results import ResultRow
+from stiction.formats.results import COLUMNS, ResultRow
 from stiction.studies.claims import Verdict
 
 SUMMARY = "summary.json"
@@ -107,13 +107,17 @@ class PartRecord:
     """Name of its folder."""
     title: str
     """What it asks."""
-    rows: Sequence[ResultRow]
     details: Sequence[dict[str, Any]]
-    """The same with intervals of the rates, as in summary.json."""
+    """Its rows with intervals of the rates, as in summary.json."""
     kept: str = ""
     """Of a part that was not asked for: what of it was there from before."""
     warnings: Sequence[str] = ()
     """What could not be walked, and why: sentences."""
+
+    @property
+    def rows(self) -> list[ResultRow]:
+        """Its rows as in results.csv."""
+        return [ResultRow(**{column: row[column] for column in COLUMNS}) for row in self.details]
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from stiction.formats.advice import Source, TrainedWith
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.following import following
-from stiction.formats.results import COLUMNS, ResultRow, read_summary
+from stiction.formats.results import read_summary
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import RobotSpec
 from stiction.studies.claims import Verdict, rejudged_summary
@@ -45,7 +45,8 @@ def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progr
     make_folder(out)
     grid = _grid(part, bundles)
     done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
-    return PartRecord(part.name, part.title, *rows_of(done, bundles), warnings=_unidentified(done, bundles, grid, out))
+    _, details = rows_of(done, bundles)
+    return PartRecord(part.name, part.title, details, warnings=_unidentified(done, bundles, grid, out))
 
 
 def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
@@ -61,13 +62,13 @@ def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | 
     done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
     missing = {walk.cell for walk in walks if walk not in done}
     whole = {walk: found for walk, found in done.items() if walk.cell not in missing}
-    rows, details = rows_of(whole, bundles)
-    kept = f"not asked for: {len(rows)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
+    _, details = rows_of(whole, bundles)
+    kept = f"not asked for: {len(details)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
     notes = _unidentified(walks, bundles, grid, out)
-    return PartRecord(part.name, part.title, rows, details, kept, notes) if rows else None
+    return PartRecord(part.name, part.title, details, kept, notes) if details else None
 
 
-def check_nothing_lost(now: Iterable[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
+def check_nothing_lost(now: Sequence[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
     """Raise `StictionError` where a report has rows, or more walks in a row, that would not be written in their place.
 
     They are of another preset, of other policies or robots, or of a part that is not walked anew, by other code.
@@ -79,8 +80,8 @@ def check_nothing_lost(now: Iterable[Mapping[Key, int]], report: Path, asked: Co
 
     """
     walks: dict[Key, int] = {}
-    for rows in now:
-        walks = {**rows, **walks}
+    for rows in reversed(now):
+        walks |= rows
     for name, before in read_parts(report).items():
         if lost := sum(row["episodes"] > walks.get(key_of(row), 0) for row in before):
             add = "" if name in asked else f"add {name} to --parts, or "
@@ -180,7 +181,7 @@ def replicate(
     asked = [part.name for part in parts] if asked is None else asked
     check_engines([part for part in parts if part.name in asked], robot_of(bundles[0].contract))
     start = time.perf_counter()
-    records = _once(_records(bundles, parts, out, jobs, progress, asked))
+    records = _records(bundles, parts, out, jobs, progress, asked)
     by_name = {part.name: part for part in parts}
     spec = robot_of(bundles[0].contract)
     made = {
@@ -220,28 +221,30 @@ def _records(
         raise ConfigurationError(
             "no policy fits any part of the comparison; give policies for flat ground or for stairs"
         )
-    others = [part for part in parts if part.name not in asked]
-    found = {part.name: kept_part(part, takes[part.name], out / part.name) for part in others}
-    planned = {part.name: planned_rows(part, takes[part.name]) for part in parts if part.name in asked}
-    kept = {name: rows_in(record.details) for name, record in found.items() if record is not None}
-    check_nothing_lost([(planned | kept).get(part.name, {}) for part in parts], out / SUMMARY, asked)
+    found: dict[str, PartRecord | None] = {}
+    planned: list[dict[Key, int]] = []
+    for part in parts:
+        if part.name in asked:
+            planned.append(planned_rows(part, takes[part.name]))
+        else:
+            found[part.name] = record = kept_part(part, takes[part.name], out / part.name)
+            planned.append(rows_in(record.details) if record else {})
+    check_nothing_lost(planned, out / SUMMARY, asked)
     for part in parts:
         if part.name in asked and takes[part.name]:
             found[part.name] = walk_part(part, takes[part.name], out / part.name, jobs, progress)
-    return [record for part in parts if (record := found.get(part.name)) is not None]
+    return _once([record for part in parts if (record := found.get(part.name)) is not None])
 
 
 def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
     """Return the parts without rows that a part before has: a cell that several parts walk is one row."""
     seen: set[Key] = set()
-    kept = []
+    once = []
     for record in records:
-        keys = [key_of(detail) for detail in record.details]
-        new = [number for number, key in enumerate(keys) if key not in seen]
-        rows, details = ([some[number] for number in new] for some in (record.rows, record.details))
-        kept.append(replace(record, rows=rows, details=details))
-        seen.update(keys)
-    return kept
+        new = [row for row in record.details if key_of(row) not in seen]
+        seen.update(map(key_of, new))
+        once.append(replace(record, details=new))
+    return once
 
 
 def check_methods(bundles: Sequence[Bundle]) -> None:
@@ -334,5 +337,6 @@ def judge_again(out: Path, made: dict[str, Any]) -> Replication:
 
 def _record(name: str, part: dict[str, Any], grid: dict[str, Any]) -> PartRecord:
     """Return one part as it was walked."""
-    rows = [ResultRow(**{column: row[column] for column in COLUMNS}) for row in part["rows"]]
-    return PartRecord(name, part["title"], rows, part["rows"], grid.get("kept", ""), grid.get("warnings", ()))
+    record = PartRecord(name, part["title"], part["rows"], grid.get("kept", ""), grid.get("warnings", ()))
+    _ = record.rows  # Raises `KeyError` here, where the file is named, if a row lacks a column.
+    return record
