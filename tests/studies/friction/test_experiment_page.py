@@ -13,7 +13,7 @@ from stiction.rma.arguments import parse
 from stiction.studies.friction import assemble
 from stiction.studies.friction.evaluation import BASE
 from stiction.studies.friction.manifest import Condition, PlannedRun, Run
-from stiction.studies.friction.page import Sheet, lead, methods_sheet, part_sheet, report, sheets_of
+from stiction.studies.friction.page import lead, methods_sheet, part_sheet, report, sheets_of
 from stiction.studies.friction.records import Experiment
 from stiction.studies.study import write_report
 from synthetic import condition_rows, write_run
@@ -84,12 +84,6 @@ def test_tables_show_means_with_intervals_and_single_seeds_without(tmp_path: Pat
     one = part_sheet(experiment(tmp_path / "b", seeds=1), "1")
     assert one.rows[0][:6] == ("coulomb20-none: a purpose", "student", "1", "0.90 / 0.45", "0.90 / 0.45", "0.45 / 0.23")
     assert one.rows[-2][4] == "– / –"  # nothing was evaluated at the mean of deception, 0.12
-
-
-def test_markdown_survives_a_pipe_in_a_cell() -> None:
-    """|speed ratio - 1| stands in a criterion: if it were not escaped, the table would fall apart."""
-    text = Sheet("t", ("a", "b"), (("1", "|x|"),), "note").markdown()
-    assert text == "**t**\n\n| a | b |\n| --- | --- |\n| 1 | \\|x\\| |\n\nnote\n"
 
 
 def test_verdicts_stand_with_criterion_and_evidence(tmp_path: Path) -> None:

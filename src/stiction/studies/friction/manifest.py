@@ -104,22 +104,24 @@ def condition_of(run: str) -> tuple[str, int]:
     return name, int(seed)
 
 
-def _coulomb(name: str, part: str, purpose: str, method: str, *options: str, seeds: int = 1) -> Condition:
-    """Return a condition with Coulomb friction at the experiment's level."""
-    words = ("--method", method, "--friction-level", f"{LEVEL:g}", *options)
+def _coulomb(
+    name: str, part: str, purpose: str, method: str, *options: str, seeds: int = 1, level: float = LEVEL
+) -> Condition:
+    """Return a condition with Coulomb friction."""
+    words = ("--method", method, "--friction-level", f"{level:g}", *options)
     return Condition(f"coulomb20-{name}", part, purpose, words, tuple(range(seeds)))
+
+
+def _robots(name: str, robot: str, level: float = LEVEL) -> list[Condition]:
+    """Return conditions with another robot at the same friction in N m."""
+    purpose, words = f"{robot}, the same friction in N m", ("--robot", robot)
+    return [_coulomb(f"{m}-{name}", "4", purpose, m, *words, level=level) for m in ("direct", "deception")]
 
 
 def _load(coefficient: float, method: str) -> Condition:
     """Return a condition under the law `load`."""
     options = ("--method", method, "--friction-law", "load", "--friction-level", f"{coefficient:g}")
     return Condition(f"load{round(1000 * coefficient)}-{method}", "5", "the number as a coefficient of load", options)
-
-
-def _variant(short: str, robot: str, level: float, method: str) -> Condition:
-    """Return a condition with another robot at the same friction in N m."""
-    options = ("--method", method, "--friction-level", f"{level:g}", "--robot", robot)
-    return Condition(f"coulomb20-{method}-{short}", "4", f"{robot}, the same friction in N m", options)
 
 
 LONG_STUDENT = ("--student.iterations", "240")
@@ -153,9 +155,9 @@ MANIFEST: tuple[Condition, ...] = (
         *("--task.friction.mixture", "0.2", "0", "0", "0.8", "1", "1"),
     ),
     _coulomb("deception-joint", "3", "drawn for each joint", "deception", "--task.friction.per", "joint"),
-    *(_variant("kp05", "saturn_lite@kp=0.5", LEVEL, method) for method in ("direct", "deception")),
-    *(_variant("kp2", "saturn_lite@kp=2", LEVEL, method) for method in ("direct", "deception")),
-    *(_variant("torque2", "saturn_lite@torque=2", LEVEL / 2, method) for method in ("direct", "deception")),
+    *_robots("kp05", "saturn_lite@kp=0.5"),
+    *_robots("kp2", "saturn_lite@kp=2"),
+    *_robots("torque2", "saturn_lite@torque=2", LEVEL / 2),
     *(_load(coefficient, method) for coefficient in LOAD_COEFFICIENTS for method in ("direct", "deception")),
     *(
         replace(_coulomb(method, "6", "a quadruped", method, "--robot", "go1"), name=f"go1-coulomb20-{method}")
@@ -177,18 +179,17 @@ def runs_of(parts: Collection[str], preset: str = TWO_PHASE) -> list[Run]:
 
     Raises `StictionError` for a part that does not exist, or is not trained with this preset.
     """
-    unknown = [part for part in parts if part not in PARTS]
-    if unknown:
-        raise ConfigurationError(unknown_name("part", unknown[0], PARTS))
-    own = list(PARTS) if preset == TWO_PHASE else list(PARTS)[:1]
+    order = list(PARTS)
+    if unknown := [part for part in parts if part not in order]:
+        raise ConfigurationError(unknown_name("part", unknown[0], order))
+    own = order if preset == TWO_PHASE else order[:1]
     if others := [part for part in parts if part not in own]:
         raise ConfigurationError(
             f"part {others[0]} is not trained with the preset {preset!r}; expected part {own[0]} alone, or --preset "
             f"{TWO_PHASE}"
         )
     asked = parts or own
-    chosen = [replace(r, preset=preset) for c in MANIFEST if c.part in asked for r in c.runs]
-    order = list(PARTS)
+    chosen = [replace(run, preset=preset) for one in MANIFEST if one.part in asked for run in one.runs]
     return sorted(chosen, key=lambda run: (order.index(run.condition.part), run.seed))
 
 
