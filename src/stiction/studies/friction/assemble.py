@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -58,47 +58,36 @@ def source_of(experiment: Experiment) -> Source:
     return Source(experiment.summary["command"], experiment.summary["revision"], tuple(policies), methods, tuple(cells))
 
 
-@dataclass(frozen=True)
-class Stored:
-    """What the files of an experiment have."""
-
-    rows: Sequence[ResultRow]
-    curves: Mapping[str, Sequence[CurvePoint]]
-    """Run -> its learning curve."""
-    lists: Mapping[str, Any]
-    """The records of summary.json by their names in `LISTS`, and `parts`."""
-    verdicts: Sequence[Verdict]
-    summary: dict[str, Any]
+LISTS = {
+    "conditions": ConditionRecord,
+    "runs": RunRecord,
+    "onsets": Onset,
+    "collapses": Collapse,
+    "verdicts": Verdict,
+}
+"""Lists of summary.json."""
 
 
-LISTS = {"conditions": ConditionRecord, "runs": RunRecord, "onsets": Onset, "collapses": Collapse}
-"""Lists of summary.json that are not judged."""
-
-
-def read_stored(out: Path) -> Stored:
-    """Return what a folder has of the experiment.
+def read_experiment(out: Path) -> Experiment:
+    """Return the experiment as it stands in the files of a folder, without means and who follows.
 
     Raises:
         StictionError: the folder has no files of the experiment.
 
     """
     summary = read_summary(out / "summary.json")
-    rows = read_results(out / "results.csv")
-    curves: dict[str, list[CurvePoint]] = {}
-    for point in read_rows(out / "curves.csv", CurvePoint):
-        curves.setdefault(point.run, []).append(point)
+    rows, curves = read_results(out / "results.csv"), read_rows(out / "curves.csv", CurvePoint)
     try:
-        lists = {name: [kind(**one) for one in summary[name]] for name, kind in LISTS.items()}
-        verdicts = [Verdict(**one) for one in summary["verdicts"]]
-        return Stored(rows, curves, lists | {"parts": summary["parts"]}, verdicts, summary)
+        lists: dict[str, Any] = {name: [kind(**one) for one in summary[name]] for name, kind in LISTS.items()}
+        return Experiment(rows, curves, parts=summary["parts"], summary=summary, **lists)
     except (KeyError, TypeError) as error:
         raise FileError(
             f"{out / 'summary.json'} is no summary of `stiction study friction` ({error!r}); expected one that it wrote"
         ) from error
 
 
-def read_earlier(out: Path, preset: str) -> Stored | None:
-    """Return what a folder has of the experiment, None where it has nothing yet.
+def read_earlier(out: Path, preset: str) -> Experiment | None:
+    """Return the same, None where a folder has nothing yet.
 
     Raises:
         StictionError: its files are damaged, or its runs were trained with another preset.
@@ -106,7 +95,7 @@ def read_earlier(out: Path, preset: str) -> Stored | None:
     """
     if not (out / "summary.json").exists():
         return None
-    found = read_stored(out)
+    found = read_experiment(out)
     if (other := found.summary.get("preset", TWO_PHASE)) != preset:
         raise ConfigurationError(f"{out} has runs of the preset {other!r}, not {preset!r}; choose another --out")
     return found
@@ -117,7 +106,7 @@ def assemble(
     rows: Sequence[ResultRow],
     base: EvaluationCfg,
     summary: Mapping[str, Any],
-    before: Stored | None = None,
+    before: Experiment | None = None,
 ) -> Experiment:
     """Return the experiment as far as it has come.
 
@@ -129,7 +118,7 @@ def assemble(
         before: what was found of runs that are elsewhere now.
 
     """
-    curves: dict[str, Sequence[CurvePoint]] = {
+    curves = {
         run.run.name: learning_curve(run.run.name, read_metrics(run.path / "metrics.jsonl"))
         for run in planned
         if run.state() == "finished"
@@ -137,22 +126,19 @@ def assemble(
     records = {run.run.name: _record(run) for run in planned}
     conditions = {run.run.condition.name: _condition(run) for run in planned}
     if before is not None:
-        elsewhere = {
-            one.name: one for one in before.lists["runs"] if one.state == "finished" and one.name not in curves
-        }
+        elsewhere = {one.name: one for one in before.runs if one.state == "finished" and one.name not in curves}
         records |= elsewhere
         used = {one.condition for one in elsewhere.values()} - conditions.keys()
-        conditions |= {one.name: one for one in before.lists["conditions"] if one.name in used}
+        conditions |= {one.name: one for one in before.conditions if one.name in used}
         rank = {name: number for number, name in enumerate(records)}
         rows = [*(row for row in before.rows if parse_policy(row.policy)[0] in elsewhere), *rows]
         rows = sorted(rows, key=lambda row: rank[parse_policy(row.policy)[0]])
-        curves |= {name: points for name, points in before.curves.items() if name in elsewhere}
+        curves |= {name: points for name, points in curves_by_run(before.curves).items() if name in elsewhere}
         curves = {name: curves[name] for name in records if name in curves}
-    evidence = TrainingEvidence.of_runs(rows, curves)
-    found = onsets(evidence, {run.run.condition.name: run.cfg for run in planned})
-    return _judged(
-        evidence,
+    found = onsets(TrainingEvidence.of_runs(rows), {run.run.condition.name: run.cfg for run in planned})
+    experiment = Experiment(
         rows,
+        [point for points in curves.values() for point in points],
         conditions=list(conditions.values()),
         runs=list(records.values()),
         onsets=found,
@@ -165,6 +151,26 @@ def assemble(
             "median_seeds": {name: median_seed(rows, name) for name in ADVISED.values()},
         },
     )
+    return _judged(experiment)
+
+
+def curves_by_run(points: Iterable[CurvePoint]) -> dict[str, list[CurvePoint]]:
+    """Return run -> its learning curve."""
+    curves: dict[str, list[CurvePoint]] = {}
+    for point in points:
+        curves.setdefault(point.run, []).append(point)
+    return curves
+
+
+def _judged(experiment: Experiment) -> Experiment:
+    """Return an experiment with what follows from its rows and curves."""
+    evidence = TrainingEvidence.of_runs(experiment.rows, curves_by_run(experiment.curves))
+    return replace(
+        experiment,
+        means=seed_means(evidence),
+        verdicts=[claim.verdict(evidence) for claim in CLAIMS],
+        following=following(experiment.rows, _condition_and_policy),
+    )
 
 
 def judge_again(out: Path, made: dict[str, Any]) -> Experiment:
@@ -176,22 +182,10 @@ def judge_again(out: Path, made: dict[str, Any]) -> Experiment:
         StictionError: the folder has no files of the experiment.
 
     """
-    stored = read_stored(out)
-    found = _judged(TrainingEvidence.of_runs(stored.rows, stored.curves), stored.rows, **stored.lists)
-    summary = rejudged_summary(stored.summary, stored.verdicts, found.verdicts, made, own=LISTS)
+    before = read_experiment(out)
+    found = _judged(before)
+    summary = rejudged_summary(before.summary, before.verdicts, found.verdicts, made, own=LISTS)
     return replace(found, summary={"warnings": []} | summary)
-
-
-def _judged(evidence: TrainingEvidence, rows: Sequence[ResultRow], **others: Any) -> Experiment:
-    """Return the experiment with all that follows from its rows. others: the rest of its fields."""
-    return Experiment(
-        rows=rows,
-        means=seed_means(evidence),
-        curves=[point for points in evidence.curves.values() for point in points],
-        verdicts=[claim.verdict(evidence) for claim in CLAIMS],
-        following=following(rows, _condition_and_policy),
-        **others,
-    )
 
 
 def _condition(planned: PlannedRun) -> ConditionRecord:

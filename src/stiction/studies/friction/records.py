@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from stiction.formats.following import Following
@@ -128,22 +128,22 @@ class Experiment:
     """Everything that the experiment's page shows."""
 
     rows: Sequence[ResultRow]
+    curves: Sequence[CurvePoint]
     conditions: Sequence[ConditionRecord]
     """The training methods in the parts that were asked for."""
     runs: Sequence[RunRecord]
-    means: Sequence[SeedMean]
-    curves: Sequence[CurvePoint]
-    verdicts: Sequence[Verdict]
-    following: Sequence[Following]
-    """Who follows, by condition and policy, `coulomb20-none/student`."""
     onsets: Sequence[Onset]
     """One a condition of the fourth part."""
     collapses: Sequence[Collapse]
     """One a method."""
     parts: dict[str, str]
     """Part -> title."""
-    summary: dict[str, Any] = field(default_factory=dict)
+    summary: dict[str, Any]
     """What was run, on what, and the settings of the evaluation."""
+    means: Sequence[SeedMean] = ()
+    verdicts: Sequence[Verdict] = ()
+    following: Sequence[Following] = ()
+    """Who follows, by condition and policy, `coulomb20-none/student`."""
 
     @property
     def tables(self) -> dict[str, Sequence[Any]]:
