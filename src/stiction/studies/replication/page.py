@@ -315,17 +315,17 @@ REMEDY = (
 
 def report(result: Replication, clips: Sequence[ClipPair]) -> study.Report:
     """Return the report of the comparison. clips: of some policies."""
-    figures = draw_figures(result)
+    figures, sheets = draw_figures(result), sheets_of(result)
     return study.Report(
         title=TITLE,
         lead=lead(result),
         tables=result.tables,
-        sections=sections(result, figures, clips),
+        sections=sections(result, figures, sheets, clips),
         run=run_blocks(result),
         summary=result.plain,
         notes=warnings(result),
         figures=figures,
-        sheets=sheets_of(result),
+        sheets=tuple(sheets.values()),
         json={verdict.id: verdict.outcome for verdict in result.verdicts},
     )
 
@@ -341,65 +341,76 @@ def draw_figures(result: Replication) -> dict[str, Figure]:
     return figures
 
 
-def sheets_of(result: Replication) -> list[Sheet]:
-    """Return the tables that a README can take."""
-    needs = (needs_sheet(result.needs), places_sheet(result.needs)) if result.needs else ()
-    changes = changes_sheet(result.summary)
-    first = [
-        *needs,
-        onset_sheet(result.onsets),
-        study.verdict_sheet(result.verdicts, VERDICT_NOTE, "The paper's sentences"),
-        *((changes,) if changes else ()),
-    ]
-    others = (*(forward_sheet(result.forward, virtual) for virtual in (True, False)), stairs_sheet(result.samples))
-    return [*first, *(sheet for sheet in others if sheet), *engine_sheets(result.samples)]
+def sheets_of(result: Replication) -> dict[str, Sheet]:
+    """Return the tables that a README can take, by name."""
+    named = {
+        "needs": needs_sheet(result.needs) if result.needs else None,
+        "places": places_sheet(result.needs) if result.needs else None,
+        "onsets": onset_sheet(result.onsets),
+        "verdicts": study.verdict_sheet(result.verdicts, VERDICT_NOTE, "The paper's sentences"),
+        "changes": changes_sheet(result.summary),
+        "forward": forward_sheet(result.forward, virtual=True),
+        "forward-exact": forward_sheet(result.forward, virtual=False),
+        "stairs": stairs_sheet(result.samples),
+    }
+    engines = {f"engine-{number}": sheet for number, sheet in enumerate(engine_sheets(result.samples))}
+    return {name: sheet for name, sheet in (named | engines).items() if sheet is not None}
 
 
-def sections(result: Replication, figures: Mapping[str, Figure], clips: Sequence[ClipPair]) -> list[Section]:
+def sections(
+    result: Replication, figures: Mapping[str, Figure], sheets: Mapping[str, Sheet], clips: Sequence[ClipPair]
+) -> list[Section]:
     """Return the sections of the page: what a robot builder needs, the verdicts, then all the rest folded."""
-    page = []
+
+    def shown(name: str) -> tuple[Markup, ...]:
+        return sheets[name].blocks() if name in sheets else ()
+
+    def folded(name: str, title: str = "") -> tuple[Markup, ...]:
+        return (fold(title or sheets[name].title, shown(name)),) if name in sheets else ()
+
+    needs: tuple[Markup, ...] = ()
     if "needs" in figures:
         caption = (
-            "Training seeds that follow. ▼ too slow, ▲ too fast, × fell; a seed can be too slow one way, too fast "
+            "Training seeds that follow. ▼ too slow, ▲ too fast, × fell; a seed can be too slow in one direction, "
         )
-        caption += "the other."
-        table = fold("The same place by place, in numbers", places_sheet(result.needs).blocks())
-        blocks = (*needs_sheet(result.needs).blocks(), picture(figure_uri(figures["needs"]), caption), table)
-        page.append(Section("Which training does my joint need?", blocks))
+        caption += "too fast in the other."
+        image = picture(figure_uri(figures["needs"]), caption)
+        needs = *shown("needs"), image, *folded("places", "The same place by place, in numbers")
+    levels: tuple[Markup, ...] = ()
     if "budget" in figures:
         caption = f"Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: {BAND}."
-        table = fold(f"Where each method slows under {LEAST}, in numbers", onset_sheet(result.onsets).blocks())
-        page.append(Section("The friction budget", (picture(figure_uri(figures["budget"]), caption), table)))
-    page += clip_sections(clips)
-    robot, exact = (forward_sheet(result.forward, virtual) for virtual in (True, False))
-    fed = (*(robot.blocks() if robot else ()), *((fold(exact.title, exact.blocks()),) if exact else ()))
-    if fed:
-        page.append(Section("Is it enough to feed friction forward?", fed))
-    page.append(Section("What became of the paper's sentences", verdict_blocks(result)))
-    if stairs := stairs_sheet(result.samples):
-        page.append(Section("Stairs", stairs.blocks()))
-    if sheets := engine_sheets(result.samples):
-        page.append(Section("Every method, place by place", tuple(fold(one.title, one.blocks()) for one in sheets)))
+        image = picture(figure_uri(figures["budget"]), caption)
+        levels = image, *folded("onsets", f"Where each method slows under {LEAST}, in numbers")
     counterparts = Sheet("The paper's figures and tables, and ours", ("in the paper", "here"), COUNTERPARTS)
-    return [*page, Section("Where the paper's figures are", counterparts.blocks())]
+    page = [
+        Section("Which training does my joint need?", needs),
+        Section("The friction budget", levels),
+        *clip_sections(clips),
+        Section("Is it enough to feed friction forward?", (*shown("forward"), *folded("forward-exact"))),
+        Section(
+            "What became of the paper's sentences",
+            (*_brief(sheets["verdicts"]).blocks(), *folded("changes"), evidence_fold(result)),
+        ),
+        Section("Stairs", shown("stairs")),
+        Section("Every method, place by place", tuple(f for n in sheets if n.startswith("engine-") for f in folded(n))),
+        Section("Where the paper's figures are", counterparts.blocks()),
+    ]
+    return [section for section in page if section.blocks]
 
 
-def verdict_blocks(result: Replication) -> tuple[Markup, ...]:
-    """Return the verdicts, and behind a fold for each its numbers, their intervals and the rows that it read."""
-    sheet = study.verdict_sheet(result.verdicts, VERDICT_NOTE, "The paper's sentences")
-    short = replace(sheet, header=sheet.header[:-1], rows=tuple(cells[:-1] for cells in sheet.rows))
+def _brief(verdicts: Sheet) -> Sheet:
+    """Return the verdicts without their evidence."""
+    return replace(verdicts, header=verdicts.header[:-1], rows=tuple(cells[:-1] for cells in verdicts.rows))
+
+
+def evidence_fold(result: Replication) -> Markup:
+    """Return, for each verdict, its numbers, their intervals and the rows that it read."""
     folds = []
     for verdict in result.verdicts:
         rows = evidence_sheet(verdict.id, result.evidence)
         blocks = [paragraph(verdict.evidence), *(rows.blocks() if rows.rows else ())]
         folds.append(fold(f"{verdict.id}: {verdict.outcome}", blocks))
-    changes = changes_sheet(result.summary)
-    changed = (fold(changes.title, changes.blocks()),) if changes else ()
-    return (
-        *short.blocks(),
-        *changed,
-        fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds),
-    )
+    return fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds)
 
 
 def run_blocks(result: Replication) -> tuple[Markup, ...]:
