@@ -229,12 +229,6 @@ def test_the_same_policies_are_compared_one_by_one() -> None:
     assert judged(criteria.lower_is_better, at(0.1, 0.2), at(0.2, 0.3)).outcome == "reproduces"
 
 
-def test_a_robot_that_is_too_fast_does_not_make_up_for_one_that_is_too_slow() -> None:
-    """0.5 and 1.5 have a mean of 1 and a deviation of a half."""
-    found = [row | {"robots": {"1000": 0.5, "1001": 1.5}} for row in rows("none", REAL[0], 1.0, seeds=(1,))]
-    assert Evidence.of(found).error("none", REAL[0]).seeds == {1: 0.5}
-
-
 def test_who_falls_over_does_not_stand() -> None:
     """A robot that lies has no speed."""
     stands_badly = on_robot("iterative", criteria.stands_badly)

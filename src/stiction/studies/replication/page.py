@@ -371,9 +371,9 @@ def sections(
     needs: tuple[Markup, ...] = ()
     if "needs" in figures:
         caption = (
-            "Training seeds that follow. ▼ too slow, ▲ too fast, × fell; a seed can be too slow in one direction, "
+            "Training seeds that follow. ▼ too slow, ▲ too fast, × fell; a seed can be too slow in one direction, too "
+            "fast in the other."
         )
-        caption += "too fast in the other."
         image = picture(figure_uri(figures["needs"]), caption)
         needs = *shown("needs"), image, *folded("places", "The same place by place, in numbers")
     levels: tuple[Markup, ...] = ()
