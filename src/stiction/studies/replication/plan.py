@@ -83,16 +83,31 @@ class Part:
         return by_ground and (not self.methods or method_of(contract) in self.methods)
 
 
+def _stairs(quick: bool, robots: int | None) -> tuple[Part, Part]:
+    """Return the grids over stairs; arguments as of `parts_of`."""
+    # 80 % of crossings are shown by 18, six of each of three seeds, and not by 15 (Wilson: from 0.824, from 0.796). On
+    # virtual robots it takes 16 of them, however often each of them crosses.
+    base = EvaluationCfg((0.0, 0.2), (OVER,), 3 if quick else 6, SECONDS)
+    heights = ("stairs=0.08",) if quick else ("stairs=0.06", "stairs=0.08", "stairs=0.1")
+    virtual = GridCfg(
+        replace(base, episodes=2),
+        (ROBOT,),
+        heights,
+        reported(robots or (2 if quick else 16)),
+        robot_levels=("0", "0.2") if quick else ("0", "0.1", "0.2"),
+    )
+    return (
+        Part("stairs", "Stairs, up, landing and down", GridCfg(base, (BATCH, *OTHERS), heights), stairs=True),
+        Part("stairs-robot", "Stairs, on the virtual robot", virtual, stairs=True),
+    )
+
+
 def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
     """Return the grids of a preset; `robots`: how many virtual robots, by default 2 (quick), or 8, over stairs 16."""
     quick = size == "quick"
     # Training seeds are the sample: episodes differ in their first angles alone, and two show whether that matters.
     base = EvaluationCfg(SHORT if quick else LEVELS, DIRECTIONS, 2, SECONDS)
-    # 80 % of crossings are shown by 18, six of each of three seeds, and not by 15 (Wilson: from 0.824, from 0.796). On
-    # virtual robots it takes 16 of them, however often each of them crosses.
-    stairs = EvaluationCfg((0.0, 0.2), (OVER,), 3 if quick else 6, SECONDS)
-    heights = ("stairs=0.08",) if quick else ("stairs=0.06", "stairs=0.08", "stairs=0.1")
-    flat_robots, stairs_robots = reported(robots or (2 if quick else 8)), reported(robots or (2 if quick else 16))
+    flat_robots = reported(robots or (2 if quick else 8))
 
     def on_robots(
         levels: tuple[str, ...], *cells: str, commands: tuple[str, ...] = DIRECTIONS, forward_only: bool = False
@@ -131,19 +146,7 @@ def parts_of(size: Size, robots: int | None = None) -> tuple[Part, ...]:
             ("none",),
             forward=True,
         ),
-        Part("stairs", "Stairs, up, landing and down", GridCfg(stairs, (BATCH, *OTHERS), heights), stairs=True),
-        Part(
-            "stairs-robot",
-            "Stairs, on the virtual robot",
-            GridCfg(
-                replace(stairs, episodes=2),
-                (ROBOT,),
-                heights,
-                stairs_robots,
-                robot_levels=("0", "0.2") if quick else ("0", "0.1", "0.2"),
-            ),
-            stairs=True,
-        ),
+        *_stairs(quick, robots),
         *(
             Part(
                 law,
