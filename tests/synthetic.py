@@ -10,7 +10,7 @@ from typing import Any
 from stiction.core.records import to_plain
 from stiction.formats.results import ResultRow
 from stiction.rma.arguments import parse
-from stiction.studies.friction.manifest import Condition, Place, Run
+from stiction.studies.friction.manifest import Condition, PlannedRun, Run
 from stiction.studies.friction.records import CurvePoint
 
 
@@ -59,14 +59,14 @@ def curve(run: str, walks_at: int, iterations: int = 350) -> list[CurvePoint]:
     ]
 
 
-def place(folder: Path, name: str = "toy", seed: int = 0, *options: str) -> Place:
+def place(folder: Path, name: str = "toy", seed: int = 0, *options: str) -> PlannedRun:
     """A run of a made-up condition with one iteration in each phase."""
     words = ("--teacher.iterations", "1", "--student.iterations", "1", *options)
     run = Run(Condition(name, "1", "a test", words, (seed,)), seed)
-    return Place(run, parse([*run.arguments]).config, folder / run.name)
+    return PlannedRun(run, parse([*run.arguments]).config, folder / run.name)
 
 
-def run_files(at: Place) -> dict[str, str]:
+def run_files(at: PlannedRun) -> dict[str, str]:
     """File -> text of what a finished run leaves, as far as the experiment looks at it."""
     header = {"command": "stiction train", "revision": "abc", "seed": at.run.seed, "identified": None}
     phases = [{"phase": phase, "iteration": 1, "seconds": 30.0} for phase in ("teacher", "student")]
@@ -80,7 +80,7 @@ def run_files(at: Place) -> dict[str, str]:
     }
 
 
-def write_run(at: Place, *leave_out: str) -> None:
+def write_run(at: PlannedRun, *leave_out: str) -> None:
     """Write those files, some left out."""
     for name, text in run_files(at).items():
         if name not in leave_out:

@@ -1,23 +1,20 @@
-"""One sentence and what became of it: claims, the words and the rules by which they are judged.
+"""Claims, and the rules by which they are judged.
 
 A criterion is about means over training seeds, by their 95 % t-intervals. An interval wholly on one side of the
-criterion decides; one that straddles it does not, and the outcome says so. A single seed carries no verdict, whatever
-it shows: its number is given.
+criterion decides; one that straddles it does not. A single seed carries no verdict, its number is given.
 
-All policies walk on the same virtual robots. So an interval over seeds says what another training would come to on
-these robots, and nothing of other robots; one over robots says that, of these trainings. What is measured on virtual
-robots is decided where both agree. Without robots (the robot of the data sheet) the seeds decide alone.
+All policies walk on the same virtual robots: an interval over seeds holds for other trainings on these robots, one over
+robots for these trainings on other robots. What is measured on virtual robots is decided where both agree; without
+robots (the robot of the data sheet) the seeds decide alone.
 
-A rate, such as the share of walks that end in a fall, also has Wilson's interval over all its trials, and over robots,
-and is decided where they agree with the seeds. The t-interval of the seeds' rates knows how much the outcome of a
-training varies, but not how many walks there were: where every seed has the same rate, such as none, it is a point,
-and Wilson's interval alone says how much is known.
+A rate, such as the share of walks that end in a fall, also has Wilson's interval over its trials, and over robots, and
+is decided where they agree with the seeds: where every seed has the same rate, such as none, the t-interval is a point.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar
 
 import numpy as np
@@ -34,15 +31,22 @@ LIMITS = (
     "at every level below, and is refuted above. Levels next to x may be open on its far side: the evidence names "
     "them, and the levels that could not be judged."
 )
-"""What the outcomes with an x say, for the pages."""
+"""What the outcomes with an x say."""
+
+JUDGED = (
+    "Numbers are means over training seeds with their 95 % t-interval in brackets and every seed in parentheses. "
+    f"`undecided`: the interval straddles the criterion. {LIMITS} One seed carries no verdict: `not tested`, with its "
+    "number. Each sentence is judged by itself at 95 %: the number of sentences is not corrected for."
+)
+"""What a reader of the verdicts must know."""
 
 ABOVE_ZERO = float(np.nextafter(0.0, 1.0))
 """Least difference that is one: two samples that are the same do not differ."""
 
 STABLE = 1 / 3
 """Share of walks that may fall of a robot that is stable. No fall on eight robots shows that the rate over robots is
-under it (Wilson: 0.324), however many policies walked on them; to show a rate under 10 % takes 35 robots. No fall in
-twelve walks shows it on the robot of the data sheet (0.242), and none in six does not (0.390)."""
+under it (Wilson: 0.324), however many policies walked on them; so does no fall in twelve walks on the robot of the data
+sheet (0.242), and none in six does not (0.390)."""
 
 FOLLOWING = f"{BAND} both ways by every seed and no fall, and falls shown to be in under a third of walks"
 """What `follows` asks, for criteria."""
@@ -50,12 +54,10 @@ FOLLOWING = f"{BAND} both ways by every seed and no fall, and falls shown to be 
 
 @dataclass(frozen=True)
 class Finding:
-    """What a rule found."""
+    """What a rule found: the verdict, and the numbers behind it."""
 
     outcome: Outcome
-    """The verdict."""
     evidence: str
-    """The numbers behind it."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +69,8 @@ class Verdict:
     sentence: str
     """The sentence, shortened."""
     criterion: str
-    """What must hold for it to reproduce, computed from the results."""
+    """What must hold for it to reproduce."""
     outcome: Outcome
-    """What came out."""
     evidence: str
     """The numbers."""
 
@@ -80,54 +81,56 @@ Results = TypeVar("Results")
 
 @dataclass(frozen=True)
 class Claim(Generic[Results]):
-    """One sentence, and how it is judged."""
+    """One sentence, and how it is judged; fields as of `Verdict`."""
 
     id: str
-    """Section and number."""
     sentence: str
-    """The sentence, shortened."""
     criterion: str
-    """What must hold for it to reproduce."""
     judge: Callable[[Results], Finding]
     """The criterion as a function of the results."""
 
     def verdict(self, results: Results) -> Verdict:
         """Return what became of the sentence."""
-        finding = self.judge(results)
-        return Verdict(self.id, self.sentence, self.criterion, finding.outcome, finding.evidence)
-
-
-@dataclass(frozen=True)
-class Change:
-    """A sentence of which the same rows are judged otherwise than before."""
-
-    id: str
-    """Section and number."""
-    before: Outcome
-    """What came out under the criterion of before."""
-    asked_before: str
-    """That criterion."""
-    now: Outcome
-    """What comes out."""
-    asked: str
-    """The criterion."""
+        found = self.judge(results)
+        return Verdict(self.id, self.sentence, self.criterion, found.outcome, found.evidence)
 
 
 def changed_verdicts(
     before: Iterable[Verdict], now: Iterable[Verdict], earlier: Iterable[Mapping[str, Any]] = ()
 ) -> list[dict[str, Any]]:
-    """Return, as plain data, every `Change` between two judgements of the same rows.
+    """Return the sentences whose outcome differs between two judgements of the same rows, with both criteria.
 
-    earlier: changes that were known before: of such a sentence what it was at first is kept.
+    earlier: changes that were known before: of such a sentence the first outcome stays.
     """
     first = {verdict.id: (verdict.outcome, verdict.criterion) for verdict in before}
     first |= {one["id"]: (one["before"], one["asked_before"]) for one in earlier}
-    changes = [Change(v.id, *first[v.id], v.outcome, v.criterion) for v in now if v.id in first]
-    return [asdict(change) for change in changes if change.before != change.now]
+    pairs = ((first[verdict.id], verdict) for verdict in now if verdict.id in first)
+    return [
+        {"id": v.id, "before": outcome, "asked_before": asked, "now": v.outcome, "asked": v.criterion}
+        for (outcome, asked), v in pairs
+        if outcome != v.outcome
+    ]
+
+
+def rejudged_summary(
+    before: Mapping[str, Any],
+    verdicts: Iterable[Verdict],
+    now: Iterable[Verdict],
+    made: Mapping[str, Any],
+    own: Iterable[str],
+) -> dict[str, Any]:
+    """Return what summary.json keeps where its rows are judged anew, with `judged` and `changed`.
+
+    before: the summary, with `verdicts`; now: those of today; made: by what the rows are judged now; own: entries that
+    are written anew, beside verdicts and parts.
+    """
+    anew = {"schema_version", "verdicts", "parts", *own}
+    kept = {name: value for name, value in before.items() if name not in anew}
+    return kept | {"judged": made, "changed": changed_verdicts(verdicts, now, before.get("changed", []))}
 
 
 Labelled = tuple[str, Measurement]
-"""What it is called in the evidence, and the number."""
+"""A name for the evidence, and the number."""
 
 
 def side(interval: Interval, low: float, high: float) -> Outcome:
@@ -140,7 +143,7 @@ def side(interval: Interval, low: float, high: float) -> Outcome:
 
 
 def describe(label: str, seeds: SeedValues) -> str:
-    """Return values as text: `direct 0.93 [0.88, 0.98] (0.90, 0.95, 0.94)`, mean, t-interval, every seed."""
+    """Return mean, t-interval and every seed as text: `direct 0.93 [0.88, 0.98] (0.90, 0.95, 0.94)`."""
     if not seeds:
         return f"{label} not evaluated"
     values = list(seeds.values())
@@ -238,41 +241,41 @@ def follows(e: Evidence, method: str, condition: Condition, label: str) -> Findi
         "fell": {seed for rate in rates.values() for seed, share in rate.seeds.items() if share > 0.0},
     }
     follow = len(slower.seeds.keys() - set.union(*wrong.values()))
-    said = (f"{follow} of {len(slower.seeds)} seeds follow", *(f"{len(w)} {name}" for name, w in wrong.items() if w))
+    counts = (f"{follow} of {len(slower.seeds)} seeds follow", *(f"{len(w)} {name}" for name, w in wrong.items() if w))
     falls = (rate_within(f"{label}, falls at {vx}", rate, -np.inf, STABLE) for vx, rate in rates.items())
-    every = Finding("reproduces" if follow == len(slower.seeds) else "does not", ", ".join(said))
+    every = Finding("reproduces" if follow == len(slower.seeds) else "does not", ", ".join(counts))
     return all_of(mean, every, *falls)
 
 
 def all_of(*findings: Finding) -> Finding:
     """Judge that several things hold together: it fails with one that does not, and stands when all do."""
-    outcomes = [finding.outcome for finding in findings]
-    evidence = "; ".join(finding.evidence for finding in findings)
-    for outcome in ("does not", "not tested", "undecided"):
-        if outcome in outcomes:
-            return Finding(outcome, evidence)
-    return Finding("reproduces", evidence)
+    return _first(findings, "does not", "not tested", "undecided", "reproduces")
 
 
 def any_of(*findings: Finding) -> Finding:
     """Judge that at least one of several things holds: it stands with one that does, and fails when none does."""
-    if holding := [finding.evidence for finding in findings if finding.outcome == "reproduces"]:
-        return Finding("reproduces", "; ".join(holding))
-    outcomes = [finding.outcome for finding in findings]
-    evidence = "; ".join(finding.evidence for finding in findings)
-    for outcome in ("not tested", "undecided"):
-        if outcome in outcomes:
-            return Finding(outcome, evidence)
-    return Finding("does not", evidence)
+    holding = [finding for finding in findings if finding.outcome == "reproduces"]
+    return _first(holding or findings, "reproduces", "not tested", "undecided", "does not")
+
+
+def each(*judges: Callable[[Results], Finding]) -> Callable[[Results], Finding]:
+    """Judge that several criteria hold together."""
+    return lambda results: all_of(*(judge(results) for judge in judges))
+
+
+def _first(findings: Sequence[Finding], *order: Outcome) -> Finding:
+    """Return the first outcome in an order that there is, else the last of the order, with all evidence."""
+    outcomes = {finding.outcome for finding in findings}
+    outcome = next((one for one in order if one in outcomes), order[-1])
+    return Finding(outcome, "; ".join(finding.evidence for finding in findings))
 
 
 def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
     """Judge a sentence that names no level: at every level above zero, at none, only above x, or only up to x.
 
-    `findings`: level -> whether the sentence holds there, from low to high. Above x: it is refuted at x and at every
-    level below, and holds at the highest. Up to x: it holds at x and at every level below, and is refuted at the
-    highest. Levels next to x on its far side may be undecided, and no others; the evidence names them. Otherwise
-    undecided. Levels that could not be tested do not count; the evidence then says which were judged.
+    findings: level -> whether the sentence holds there, from low to high. `only above x`: it is refuted at x and at
+    every level below, and holds at the highest; `only up to x` the other way round. Levels next to x on its far side
+    may be undecided, and no others. Levels that could not be tested do not count; the evidence names them.
     """
     above = [(level, finding) for level, finding in findings if level > 0]
     tested = [(level, finding) for level, finding in above if finding.outcome != "not tested"]
@@ -294,9 +297,8 @@ def over_levels(findings: Sequence[tuple[float, Finding]]) -> Finding:
         limit: Outcome = "only above x" if outcomes[-1] == "reproduces" else "only up to x"
         still = f"undecided at {levels}; " if (levels := _levels(tested, "undecided")) else ""
         return Finding(limit, f"x = {tested[changes[0] - 1][0]:g}; {still}{at}")
-    words: tuple[tuple[str, Outcome], ...]
-    words = (("it holds", "reproduces"), ("is refuted", "does not"), ("undecided", "undecided"))
-    where = ", ".join(f"{word} at {levels}" for word, outcome in words if (levels := _levels(tested, outcome)))
+    words: dict[Outcome, str] = {"reproduces": "it holds", "does not": "is refuted", "undecided": "undecided"}
+    where = ", ".join(f"{word} at {levels}" for outcome, word in words.items() if (levels := _levels(tested, outcome)))
     return Finding("undecided", f"{where}; {at}")
 
 

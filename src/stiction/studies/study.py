@@ -1,11 +1,10 @@
-"""One framework for every study: a study asks, runs, and says what its page shows; all else is done here.
+"""The framework of all studies: a study says what it asks, runs, and what its page shows; all else is done here.
 
     STUDY = Study(question, description, options, run)      in studies/NAME/study.py, or anywhere on the Python path
 
     arguments -> options -> run(options, work) -> Report -> CSV tables, claims.csv, summary.json, figures, report.html
 
-Nothing heavy is imported at the top, here and in the modules that hold a `STUDY`: `--help` needs neither simulator nor
-torch.
+This module and those that hold a `STUDY` import nothing heavy at the top: `--help` needs neither simulator nor torch.
 """
 
 from __future__ import annotations
@@ -44,12 +43,12 @@ Summary = Mapping[str, Any]
 """What stands in summary.json."""
 
 DPI = 130
-"""Resolution of the figures that are written beside the page, that of the page's own [1/in]."""
+"""Resolution of the figures beside the page, as on the page [1/in]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """What every study takes; a study's own options are the fields of a subclass."""
+    """Options of every study; a study's own are the fields of a subclass."""
 
     out: Path = Path("stiction-study")
     """Directory for tables, summary.json, figures and report.html."""
@@ -64,7 +63,7 @@ class Options:
 
 @dataclass(frozen=True, kw_only=True)
 class ParallelOptions(Options):
-    """The same of a study whose work is spread over processes."""
+    """Options of a study whose work is spread over processes."""
 
     jobs: int | None = None
     """Tasks at once, each on one thread; by default as many as there are cores (STICTION_THREADS)."""
@@ -74,11 +73,20 @@ class UsageError(Exception):
     """Raised by a study for a command line that lacks something: one line that says what."""
 
 
+class Stopped(Exception):
+    """Raised by a study that was asked to stop: nothing is written."""
+
+    def __init__(self, status: int) -> None:
+        """`status`: exit status of a program that a signal ended."""
+        super().__init__(f"stopped, status {status}")
+        self.status = status
+
+
 class Work:
-    """What a study works with: its folder, policies, processes, what it has done before, and how far it is."""
+    """What a study works with: its folder, policies, processes, results of before, and progress."""
 
     def __init__(self, options: Options, verb: str, command: str, code: str, stack: ExitStack) -> None:
-        """`verb`: words that call the study; `code`: digest of its module; `stack`: what ends with the work."""
+        """`verb`: words that call the study; `code`: digest of its module; `stack`: ends with the work."""
         self.verb, self.command, self.out = verb, command, options.folder
         self.jobs = jobs_of(getattr(options, "jobs", None))
         """Processes at once."""
@@ -88,7 +96,7 @@ class Work:
         self._code, self._stack, self._start = code, stack, time.perf_counter()
 
     def begin(self) -> Path:
-        """Return the study's folder, made now: whatever refuses the options comes before, hours of work after."""
+        """Make and return the study's folder: call it when the options are checked, before the work begins."""
         make_folder(self.out)
         self._start = time.perf_counter()
         return self.out
@@ -160,11 +168,11 @@ class Report:
     run: Sequence[Markup] = ()
     """What was run, beside command, revision and machine."""
     summary: Summary = field(default_factory=dict)
-    """What summary.json has beside `Work.made`, warnings and claims; where it has one of these itself, that counts."""
+    """What summary.json has beside `Work.made`, warnings and claims, or in their place."""
     warnings: Sequence[str] = ()
     """What a reader must know first: printed, on the page, in summary.json."""
     notes: Sequence[str] = ()
-    """The same, of which summary.json has the data: on the page alone."""
+    """The same, on the page alone."""
     figures: Mapping[str, Figure | None] = field(default_factory=dict)
     """Name -> figure, written as NAME.png; of None, a file of before is removed."""
     sheets: Sequence[Sheet] = ()
@@ -172,11 +180,11 @@ class Report:
     files: Callable[[Path], None] | None = None
     """Writes what else belongs into the folder."""
     answer: Sequence[Any] = ()
-    """What is printed in place of the lead: lines, and tables of `rich`."""
+    """Printed in place of the lead: lines, and tables of `rich`."""
     further: Sequence[str] = ()
     """Lines that are printed after the path of the page."""
     json: Summary | None = None
-    """What --json prints in place of the summary, on one line."""
+    """Printed by --json in place of the summary, on one line."""
     status: int = 0
     """Exit status: 1 where something that was asked for failed."""
 
@@ -195,7 +203,7 @@ class Study(Generic[Chosen]):
     options: type[Chosen]
     """Dataclass of its options."""
     run: Callable[[Chosen, Work], Report | int]
-    """Does it; or returns an exit status, where there is nothing to write."""
+    """Does it; returns an exit status where there is nothing to write."""
 
     def main(self, arguments: Sequence[str], verb: str) -> int:
         """Run the study from the command line; return the exit status. verb: the words before the arguments.
@@ -215,6 +223,8 @@ class Study(Generic[Chosen]):
             except UsageError as error:
                 work.say(f"{error}; `{program} --help` shows the usage")
                 return 2
+            except Stopped as stopped:
+                return stopped.status
         if isinstance(report, int):
             return report
         warnings = [*work.origin.warnings(), *report.warnings]

@@ -12,8 +12,8 @@ from stiction.formats.results import read_results
 from stiction.rma.arguments import parse
 from stiction.studies.friction import assemble
 from stiction.studies.friction.evaluation import BASE
-from stiction.studies.friction.manifest import Condition, Place, Run
-from stiction.studies.friction.page import Sheet, lead, methods_sheet, part_sheet, report, verdict_sheet
+from stiction.studies.friction.manifest import Condition, PlannedRun, Run
+from stiction.studies.friction.page import lead, methods_sheet, part_sheet, report, sheets_of
 from stiction.studies.friction.records import Experiment
 from stiction.studies.study import write_report
 from synthetic import condition_rows, write_run
@@ -32,7 +32,7 @@ def experiment(folder: Path, parts: tuple[str, ...] = ("1",), seeds: int = 3) ->
             condition = Condition(name, part, "a purpose", options, tuple(range(seeds)))
             cfg = parse(["--preset", "two-phase", *options, "--teacher.iterations", "1", "--student.iterations", "1"])
             for seed in range(seeds):
-                places.append(Place(Run(condition, seed), cfg.config, folder / f"{name}-s{seed}"))
+                places.append(PlannedRun(Run(condition, seed), cfg.config, folder / f"{name}-s{seed}"))
                 write_run(places[-1])
             ratios = [0.9 + 0.1 * seed for seed in range(seeds)]
             for who in ("student", "teacher"):
@@ -86,15 +86,9 @@ def test_tables_show_means_with_intervals_and_single_seeds_without(tmp_path: Pat
     assert one.rows[-2][4] == "– / –"  # nothing was evaluated at the mean of deception, 0.12
 
 
-def test_markdown_survives_a_pipe_in_a_cell() -> None:
-    """|speed ratio - 1| stands in a criterion: if it were not escaped, the table would fall apart."""
-    text = Sheet("t", ("a", "b"), (("1", "|x|"),), "note").markdown()
-    assert text == "**t**\n\n| a | b |\n| --- | --- |\n| 1 | \\|x\\| |\n\nnote\n"
-
-
 def test_verdicts_stand_with_criterion_and_evidence(tmp_path: Path) -> None:
     """If this failed, an outcome would be an opinion."""
-    rows = verdict_sheet(experiment(tmp_path)).rows
+    rows = sheets_of(experiment(tmp_path))["verdicts"].rows
     assert len(rows) == 18 and all(all(cells) for cells in rows)
     assert rows[1][:2] == ("V2", "does not")  # faster direction 0.45, 0.50, 0.55: [0.38, 0.62], and not under 0.2
     assert rows[1][4] == "direct, faster direction 0.50 [0.38, 0.62] (0.45, 0.50, 0.55)"

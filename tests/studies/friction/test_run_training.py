@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from stiction.studies.friction.manifest import Place
+from stiction.studies.friction.manifest import PlannedRun
 from stiction.studies.friction.training import ALL, start, stop, train_command, train_missing
 from synthetic import place, run_files, write_run
 
@@ -19,12 +19,12 @@ for name, text in files.items():
 """
 
 
-def succeed(at: Place) -> list[str]:
+def succeed(at: PlannedRun) -> list[str]:
     """A training that leaves a finished run at once."""
     return [sys.executable, "-c", WRITE, json.dumps(run_files(at)), str(at.path)]
 
 
-def sleep(at: Place) -> list[str]:
+def sleep(at: PlannedRun) -> list[str]:
     """A training that does not end."""
     return [sys.executable, "-c", "import time; time.sleep(60)"]
 
@@ -35,7 +35,7 @@ def test_only_what_is_missing_is_trained_and_a_failure_stops_nobody(tmp_path: Pa
     write_run(places[0])
     started, shares = [], []
 
-    def command(at: Place) -> list[str]:
+    def command(at: PlannedRun) -> list[str]:
         started.append(at.run.seed)
         if at.run.seed == 1:
             return [sys.executable, "-c", "print('training diverged in iteration 7'); raise SystemExit(1)"]
@@ -55,7 +55,7 @@ def test_an_interrupt_ends_every_run_and_frees_its_lock(tmp_path: Path) -> None:
     def interrupt(name: str, share: float) -> None:
         raise KeyboardInterrupt
 
-    def command(at: Place) -> list[str]:
+    def command(at: PlannedRun) -> list[str]:
         running.append(at.run.seed)
         return sleep(at)
 

@@ -13,14 +13,14 @@ def test_slower_faster_and_error_by_hand() -> None:
     found = TrainingEvidence.of_runs(condition_rows("a", {0.0: [1.0], 0.2: [0.6]}, backward=0.5))
     assert found.slower("a", at(0.2)).seeds == {0: pytest.approx(0.3)}
     assert found.faster("a", at(0.2)).seeds == {0: pytest.approx(0.6)}
-    assert found.error_up_to("a").seeds == {0: pytest.approx(0.4)}
-    assert found.slower("b", at(0.2)).seeds == {} and found.error_up_to("b").seeds == {}
+    assert found.mean_error("a").seeds == {0: pytest.approx(0.4)}
+    assert found.slower("b", at(0.2)).seeds == {} and found.mean_error("b").seeds == {}
 
 
 def test_a_seed_without_every_level_is_no_sample() -> None:
     """If this failed, a mean over levels would compare different levels."""
     found = TrainingEvidence.of_runs(condition_rows("a", {0.0: [1.0, 1.0], 0.2: [1.0]}))
-    assert list(found.error_up_to("a").seeds) == [0]
+    assert list(found.mean_error("a").seeds) == [0]
 
 
 def test_means_are_over_seeds_and_one_seed_has_no_interval() -> None:

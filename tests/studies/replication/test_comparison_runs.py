@@ -18,7 +18,7 @@ from stiction.studies.replication.plan import (
     known_bench,
     parts_of,
 )
-from stiction.studies.replication.run import check_ways
+from stiction.studies.replication.run import check_methods
 
 
 def test_a_way_has_one_run_a_seed() -> None:
@@ -73,9 +73,9 @@ def test_two_policies_of_one_way_and_seed_are_refused(tmp_path: Path) -> None:
     """Their mean would count as one sample; of several seeds each is one."""
     first, same = (read_bundle(make_bundle(tmp_path / name, make_contract())) for name in ("a", "b"))
     other = read_bundle(make_bundle(tmp_path / "c", make_contract(seed=1)))
-    check_ways([first, other])
+    check_methods([first, other])
     with pytest.raises(StictionError, match="a and b are both of the method 'none'"):
-        check_ways([first, other, same])
+        check_methods([first, other, same])
 
 
 @pytest.mark.parametrize(
@@ -95,6 +95,6 @@ def test_policies_of_two_trainings_are_no_seeds_of_one(tmp_path: Path, change: d
         return replace(plain, name=name, contract=make_contract(**fields))
 
     first, second = like("first", terrain="stairs"), like("second", **({"terrain": "stairs", "seed": 1} | change))
-    check_ways([plain, first, like("third", terrain="stairs", seed=1)])
+    check_methods([plain, first, like("third", terrain="stairs", seed=1)])
     with pytest.raises(StictionError, match=f"first and second are both of the method 'none'.*{told}"):
-        check_ways([plain, first, second])
+        check_methods([plain, first, second])

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from stiction.evaluate.samples import Condition, Evidence, Row
+from stiction.formats.results import DIRECTIONS
 from stiction.studies.claims import Finding
 from stiction.studies.replication import criteria
 from stiction.studies.replication.claims import CLAIMS, judge_all
-from stiction.studies.replication.criteria import together_over_axes
+from stiction.studies.replication.criteria import elsewhere, on_robot, together_over_axes
 from stiction.studies.replication.plan import ROBOT
 
 SEEDS = (0, 1, 2)
@@ -50,6 +51,7 @@ def judged(judge: criteria.Judge, *parts: list[Row]) -> Finding:
 
 
 PHYSX, ODE = Condition("physx", 0.0), Condition("ode-webots", 0.0)
+JITTERS_ELSEWHERE = elsewhere("deception", criteria.jitters("none", *DIRECTIONS))
 REAL = [Condition(ROBOT, level, "real") for level in (0.1, 0.2)]
 
 
@@ -69,7 +71,7 @@ def test_two_policies_of_one_seed_are_one_sample() -> None:
 
 def test_all_other_engines_must_agree() -> None:
     """An Actuator Net that fails in one engine and walks in the other did not fail elsewhere."""
-    fails = criteria.fails_elsewhere("actuator")
+    fails = elsewhere("actuator", criteria.fails)
     assert judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.05)).outcome == "reproduces"
     found = judged(fails, rows("actuator", PHYSX, 0.0), rows("actuator", ODE, 0.9))
     assert found.outcome == "does not"
@@ -78,14 +80,15 @@ def test_all_other_engines_must_agree() -> None:
 
 def test_one_seed_carries_no_verdict() -> None:
     """Its number is given."""
-    found = judged(criteria.fails_elsewhere("actuator"), rows("actuator", PHYSX, 0.0, seeds=(1,)))
+    found = judged(elsewhere("actuator", criteria.fails), rows("actuator", PHYSX, 0.0, seeds=(1,)))
     assert (found.outcome, "0.00 (one seed)" in found.evidence) == ("not tested", True)
 
 
 def test_who_is_best_without_friction() -> None:
     """None at 0.98 is nearer than deception at 1.3 and actuator at 0.5; deception at 0.99 would be nearer."""
     none, actuator = rows("none", PHYSX, 0.95), rows("actuator", PHYSX, 0.5)
-    best = criteria.best_without_friction
+    (e1,) = (claim for claim in CLAIMS if claim.id == "E1")
+    best = e1.judge
     assert judged(best, none, actuator, rows("deception", PHYSX, 1.3)).outcome == "reproduces"
     assert judged(best, none, actuator, rows("deception", PHYSX, 0.99)).outcome == "does not"
 
@@ -95,24 +98,23 @@ def test_jitter_is_a_multiple() -> None:
     none = rows("none", PHYSX, 1.0, joint_jitter=100.0)
     for jitter, outcome in ((160.0, "reproduces"), (140.0, "does not")):
         deception = rows("deception", PHYSX, 1.0, joint_jitter=jitter)
-        assert judged(criteria.jitters_elsewhere, none, deception).outcome == outcome
+        assert judged(JITTERS_ELSEWHERE, none, deception).outcome == outcome
 
 
 def test_the_virtual_robot_is_judged_level_by_level() -> None:
     """A policy that walks at 10 % and stands at 20 % walks at some levels: the sentence says none."""
-    walks = criteria.walks("none", "vx=-0.5")
+    walks = on_robot("none", criteria.walks("vx=-0.5"))
     low, high = REAL
     assert judged(walks, rows("none", low, 0.9), rows("none", high, 0.8)).outcome == "reproduces"
     assert judged(walks, rows("none", low, 0.9), rows("none", high, 0.1)).outcome == "only up to x"
-    assert (
-        judged(criteria.stationary("none"), rows("none", low, 0.9), rows("none", high, 0.1)).outcome == "only above x"
-    )
+    stationary = on_robot("none", criteria.stationary)
+    assert judged(stationary, rows("none", low, 0.9), rows("none", high, 0.1)).outcome == "only above x"
     assert judged(walks).outcome == "not tested"
 
 
 def test_falls_are_counted_in_the_direction_that_the_sentence_names() -> None:
     """Half of the walks forward."""
-    falls = criteria.falls("none", "vx=0.5")
+    falls = on_robot("none", criteria.falls("vx=0.5"))
     for rate, outcome in ((0.9, "reproduces"), (0.1, "does not")):
         parts = [rows("none", condition, 0.5, fall_rate=rate) for condition in REAL]
         assert judged(falls, *parts).outcome == outcome
@@ -120,7 +122,7 @@ def test_falls_are_counted_in_the_direction_that_the_sentence_names() -> None:
 
 def test_one_seed_that_does_not_follow_refutes_that_a_way_follows() -> None:
     """The mean of three is within the band; one is over it, or falls, or is slow in one direction: that is named."""
-    follows = criteria.follows("none+forward")
+    follows = criteria.follows_on_robot("none+forward")
     found = judged(follows, *(rows("none+forward", condition, 1.0) for condition in REAL))
     assert found.outcome == "reproduces" and "3 of 3 seeds follow" in found.evidence
     fast = judged(follows, *(rows("none+forward", condition, 1.195) for condition in REAL))
@@ -137,7 +139,7 @@ def test_one_seed_that_does_not_follow_refutes_that_a_way_follows() -> None:
 
 def test_stable_is_both_ways_and_upright() -> None:
     """One direction at 1.4, or a fall in two, is not stable."""
-    stable = criteria.follows("deception")
+    stable = criteria.follows_on_robot("deception")
     assert judged(stable, *(rows("deception", condition, 1.0) for condition in REAL)).outcome == "reproduces"
     assert judged(stable, *(rows("deception", condition, 1.0, 1.4) for condition in REAL)).outcome == "does not"
     assert (
@@ -156,7 +158,7 @@ def test_friction_is_the_cause_where_it_costs_more_than_the_rest() -> None:
 
 def test_every_height_must_be_crossed() -> None:
     """9 of 10 on steps of 6 cm and none on steps of 10 cm is no navigation of stairs."""
-    climbs = criteria.climbs("deception", "physx", 0.0)
+    climbs = criteria.under("deception", PHYSX, criteria.climbs)
 
     def crossings(terrain: str, share: float) -> list[Row]:
         return rows("deception", PHYSX, 0.8, terrain=terrain, crossed=share, command="vx=0.4")
@@ -196,7 +198,7 @@ def test_nothing_walked_is_nothing_judged() -> None:
 
 def test_a_share_ends_at_one_and_its_interval_does_not() -> None:
     """Crossings of 1, 0.95 and 1 have a t-interval up to 1.05: undecided, and so would no falls at all be."""
-    climbs = criteria.climbs("deception", "physx", 0.0)
+    climbs = criteria.under("deception", PHYSX, criteria.climbs)
     crossings = [
         row | {"crossed": share}
         for seed, share in enumerate((1.0, 0.95, 1.0))
@@ -209,7 +211,7 @@ def test_a_share_ends_at_one_and_its_interval_does_not() -> None:
         for seed, share in enumerate((0.9, 1.0, 0.95))
         for row in rows("none", condition, 0.5, seeds=(seed,))
     ]
-    assert judged(criteria.falls("none", "vx=0.5"), falls).outcome == "reproduces"
+    assert judged(on_robot("none", criteria.falls("vx=0.5")), falls).outcome == "reproduces"
 
 
 def test_the_same_policies_are_compared_one_by_one() -> None:
@@ -227,15 +229,9 @@ def test_the_same_policies_are_compared_one_by_one() -> None:
     assert judged(criteria.lower_is_better, at(0.1, 0.2), at(0.2, 0.3)).outcome == "reproduces"
 
 
-def test_a_robot_that_is_too_fast_does_not_make_up_for_one_that_is_too_slow() -> None:
-    """0.5 and 1.5 have a mean of 1 and a deviation of a half."""
-    found = [row | {"robots": {"1000": 0.5, "1001": 1.5}} for row in rows("none", REAL[0], 1.0, seeds=(1,))]
-    assert Evidence.of(found).error("none", REAL[0]).seeds == {1: 0.5}
-
-
 def test_who_falls_over_does_not_stand() -> None:
     """A robot that lies has no speed."""
-    stands_badly = criteria.stands_badly("iterative")
+    stands_badly = on_robot("iterative", criteria.stands_badly)
     still = [
         rows("iterative", condition, 1.0, command="stand", tracking_error=0.0, fall_rate=1.0) for condition in REAL
     ]
@@ -246,7 +242,7 @@ def test_who_falls_over_does_not_stand() -> None:
 
 def test_robots_must_agree_on_who_stands_badly() -> None:
     """0.3, 0.3 and 0 m/s on three robots, with every seed: over seeds 0.2 ± 0, over robots 0.2 ± 4.303 · 0.1."""
-    stands_badly = criteria.stands_badly("iterative")
+    stands_badly = on_robot("iterative", criteria.stands_badly)
     three = {"robots": {"1000": None, "1001": None, "1002": None}, "command": "stand", "speed_ratio": None}
     for speeds, outcome in (((0.3, 0.3, 0.0), "undecided"), ((0.3, 0.3, 0.28), "reproduces")):
         beside = three | {"robot_tracking_errors": speeds, "tracking_error": float(np.mean(speeds))}
@@ -258,8 +254,8 @@ def test_robots_must_agree_on_who_stands_badly() -> None:
 def test_one_per_cent_is_felt_where_it_costs_something() -> None:
     """A policy that is slow without friction, too, did not feel it."""
     felt, slow = Condition("physx", 0.01), rows("none", PHYSX, 0.7)
-    assert judged(criteria.loses("none", 0.01), slow, rows("none", felt, 0.5)).outcome == "reproduces"
-    assert judged(criteria.loses("none", 0.01), slow, rows("none", felt, 0.7)).outcome == "does not"
+    assert judged(elsewhere("none", criteria.loses, 0.01), slow, rows("none", felt, 0.5)).outcome == "reproduces"
+    assert judged(elsewhere("none", criteria.loses, 0.01), slow, rows("none", felt, 0.7)).outcome == "does not"
 
 
 def walked_by(method: str, condition: Condition, rate: float, episodes: int, robots: int = 0) -> list[Row]:
@@ -270,7 +266,7 @@ def walked_by(method: str, condition: Condition, rate: float, episodes: int, rob
 
 def test_seeds_that_agree_are_no_certainty() -> None:
     """No fall in 3 times 2 walks: a t-interval of no width, and Wilson's goes up to 0.390; that of 9 ends at 0.299."""
-    stable = criteria.follows("deception")
+    stable = criteria.follows_on_robot("deception")
     few, enough = ([walked_by("deception", condition, 0.0, episodes) for condition in REAL] for episodes in (2, 3))
     found = judged(stable, *few)
     assert found.outcome == "undecided"
@@ -286,7 +282,7 @@ def test_many_walks_do_not_make_up_for_seeds_that_differ() -> None:
         for seed, share in enumerate((0.0, 0.0, 0.6))
         for row in rows("none", condition, 0.5, seeds=(seed,), episodes=1000)
     ]
-    assert judged(criteria.falls("none", "vx=0.5"), apart).outcome == "undecided"
+    assert judged(on_robot("none", criteria.falls("vx=0.5")), apart).outcome == "undecided"
 
 
 def test_walks_of_one_virtual_robot_are_one_trial() -> None:
@@ -297,7 +293,7 @@ def test_walks_of_one_virtual_robot_are_one_trial() -> None:
     assert rate.interval == (pytest.approx(0.0, abs=1e-9), pytest.approx(0.2425, abs=1e-4))
     both = Evidence.of(parts[0]).rate("deception", REAL[0], ("vx=0.5", "vx=-0.5"), "fall_rate")
     assert both.trials == 12
-    assert judged(criteria.follows("deception"), *parts).outcome == "undecided"
+    assert judged(criteria.follows_on_robot("deception"), *parts).outcome == "undecided"
 
 
 def test_a_rate_over_two_commands_is_their_mean() -> None:
@@ -315,7 +311,7 @@ def test_falls_alone_are_abnormal_and_a_failure() -> None:
     upright, falling = (
         [rows("actuator", condition, 1.0, fall_rate=rate) for condition in (PHYSX, ODE)] for rate in (0.0, 0.9)
     )
-    for judge in (criteria.abnormal_elsewhere("actuator", "none"), criteria.fails_elsewhere("actuator")):
+    for judge in (elsewhere("actuator", criteria.unsteady("none", *DIRECTIONS)), elsewhere("actuator", criteria.fails)):
         assert judged(judge, *none, *falling).outcome == "reproduces"
         assert judged(judge, *none, *upright).outcome == "does not"
 
@@ -326,14 +322,14 @@ def test_a_steady_policy_is_shown_by_the_walks_that_are_planned() -> None:
     parts = [
         walked_by(method, condition, 0.0, episodes=2) for method in ("none", "actuator") for condition in conditions
     ]
-    found = judged(criteria.abnormal_elsewhere("actuator", "none"), *parts)
+    found = judged(elsewhere("actuator", criteria.unsteady("none", *DIRECTIONS)), *parts)
     assert found.outcome == "does not"
     assert "actuator, falls 0.00 [0.00, 0.00] (0.00, 0.00, 0.00), 12 trials [0.00, 0.24]" in found.evidence
 
 
 def test_unsteady_is_jitter_or_falls() -> None:
     """Twice the accelerations of deception are unsteady, and so are falls; neither is not."""
-    judge = criteria.unsteady("actuator", "deception", "vx=0.5")
+    judge = on_robot("actuator", criteria.unsteady("deception", "vx=0.5"))
     calm = [rows("deception", condition, 1.0) for condition in REAL]
     for columns, outcome in (
         ({"joint_jitter": 100.0}, "reproduces"),
@@ -376,7 +372,7 @@ def test_who_falls_is_not_stationary() -> None:
     """After a fall the speed counts as zero: a policy that falls in every walk would remain stationary."""
     for rate, outcome in ((0.0, "reproduces"), (0.95, "does not"), (0.5, "undecided")):
         falling = [rows("direct", condition, 0.0, fall_rate=rate) for condition in REAL]
-        assert judged(criteria.stationary("direct"), *falling).outcome == outcome
+        assert judged(on_robot("direct", criteria.stationary), *falling).outcome == outcome
         frozen = rows("none", Condition("mujoco", 0.442, "load"), 0.0, fall_rate=rate)
         assert judged(criteria.frozen_by("load"), frozen).outcome == outcome
 
@@ -385,9 +381,9 @@ def test_jitter_is_compared_while_both_walk() -> None:
     """A robot that lies has no jitter and one that stands hardly any: any walk would be a multiple of it."""
     for lame in ({"fall_rate": 1.0, "joint_jitter": 0.0}, {"joint_jitter": 2.0}):
         none = rows("none", PHYSX, 0.05, **lame)
-        found = judged(criteria.jitters_elsewhere, none, rows("deception", PHYSX, 1.0))
+        found = judged(JITTERS_ELSEWHERE, none, rows("deception", PHYSX, 1.0))
         assert (found.outcome, "none stands or falls with seed 0 1 2" in found.evidence) == ("not tested", True)
-        found = judged(criteria.jitters_elsewhere, rows("none", PHYSX, 1.0), rows("deception", PHYSX, 0.05, **lame))
+        found = judged(JITTERS_ELSEWHERE, rows("none", PHYSX, 1.0), rows("deception", PHYSX, 0.05, **lame))
         assert found.outcome == "not tested"
 
 
@@ -395,9 +391,7 @@ def test_a_seed_that_lies_is_left_out_of_jitter() -> None:
     """Two seeds at 160 against 100, and a third that fell at once, with an acceleration of zero."""
     none = rows("none", PHYSX, 1.0, joint_jitter=100.0)
     lying = rows("deception", PHYSX, 0.0, seeds=(2,), joint_jitter=0.0, fall_rate=1.0)
-    found = judged(
-        criteria.jitters_elsewhere, none, rows("deception", PHYSX, 1.0, seeds=(0, 1), joint_jitter=160.0), lying
-    )
+    found = judged(JITTERS_ELSEWHERE, none, rows("deception", PHYSX, 1.0, seeds=(0, 1), joint_jitter=160.0), lying)
     assert (found.outcome, "deception stands or falls with seed 2" in found.evidence) == ("reproduces", True)
 
 
@@ -412,7 +406,7 @@ def on_robots(method: str, condition: Condition, *ratios: float, less: float = 0
 
 def test_seeds_on_the_same_robots_do_not_speak_of_other_robots() -> None:
     """Speeds of 0.9, 0.9 and 0.3 on three robots: over seeds 0.70 ± 0.02, over robots 0.7 ± 4.303 · 0.2."""
-    walks = criteria.walks("none", "vx=0.5")
+    walks = on_robot("none", criteria.walks("vx=0.5"))
     found = judged(walks, *(on_robots("none", condition, 0.9, 0.9, 0.3) for condition in REAL))
     assert (found.outcome, "3 robots [-0.16, 1.56]" in found.evidence) == ("undecided", True)
     assert judged(walks, *(on_robots("none", condition, 0.9, 0.9, 0.8) for condition in REAL)).outcome == "reproduces"
@@ -423,7 +417,7 @@ def test_seeds_on_the_same_robots_do_not_speak_of_other_robots() -> None:
 
 def test_ways_are_compared_robot_by_robot() -> None:
     """Both suffer on the third robot: 0.2 better on each is better; better by 0.5 on one of them is not."""
-    better = criteria.better_on_the_robot("deception", "none")
+    better = criteria.nearer_on_robot("deception", "none")
     condition = REAL[0]
     none = on_robots("none", condition, 0.7, 0.7, 0.1)
     assert judged(better, none, on_robots("deception", condition, 0.9, 0.9, 0.3)).outcome == "reproduces"
@@ -432,7 +426,7 @@ def test_ways_are_compared_robot_by_robot() -> None:
 
 def test_ways_are_compared_on_the_robots_on_which_both_walked() -> None:
     """Friction is not fed forward on the two sticky robots: 0.9 against 0.95 on the other three, not 0.69 on five."""
-    better, condition = criteria.better_on_the_robot("deception", "none+forward"), REAL[0]
+    better, condition = criteria.nearer_on_robot("deception", "none+forward"), REAL[0]
     fed = on_robots("none+forward", condition, 0.9, 0.91, 0.89)
     for three, outcome in (((0.95, 0.96, 0.94), "reproduces"), ((0.85, 0.86, 0.84), "does not")):
         found = judged(better, fed, on_robots("deception", condition, *three, 0.3, 0.3))
@@ -451,10 +445,10 @@ def test_robots_on_which_nothing_was_fed_forward_are_counted() -> None:
     """A policy that walks on eight robots of ten, the easy ones, would read as one that walks on all."""
     eight = 4 * (0.91, 0.89)
     fed, none = on_robots("none+forward", REAL[0], *eight), on_robots("none", REAL[0], *eight, 0.3, 0.3)
-    found = judged(criteria.follows("none+forward"), fed, none)
+    found = judged(criteria.follows_on_robot("none+forward"), fed, none)
     assert found.outcome == "reproduces"
     assert found.evidence.endswith("; at 0.1 (real) robots counted: 8, left out: 2")
-    assert "left out" not in judged(criteria.follows("none+forward"), fed).evidence
+    assert "left out" not in judged(criteria.follows_on_robot("none+forward"), fed).evidence
 
 
 def test_a_range_is_held_against_the_value_alone_where_there_is_such_a_policy() -> None:
@@ -476,7 +470,7 @@ def test_the_slower_direction_is_the_policys_on_every_robot() -> None:
 
 def test_falls_on_few_robots_are_no_rate_of_robots() -> None:
     """No fall of any of three policies: on eight robots the rate is under a third, on seven up to 0.354."""
-    stable = criteria.follows("deception")
+    stable = criteria.follows_on_robot("deception")
     for robots, outcome in ((7, "undecided"), (8, "reproduces")):
         parts = [on_robots("deception", condition, *np.linspace(0.99, 1.01, robots)) for condition in REAL]
         assert judged(stable, *parts).outcome == outcome
@@ -487,7 +481,7 @@ BENCH, LOADED = (Condition(ROBOT, 0.0107, f"real-bench{load}") for load in ("", 
 
 def test_the_bench_and_its_load_are_frictions_of_the_robot() -> None:
     """A policy that walks at 10 and 20 % and not with a share of the load does not walk at each level."""
-    walks = criteria.walks("none", "vx=0.5")
+    walks = on_robot("none", criteria.walks("vx=0.5"))
     real = [rows("none", condition, 0.9) for condition in REAL]
     found = judged(walks, *real, rows("none", BENCH, 0.95), rows("none", LOADED, 0.9))
     assert found.outcome == "reproduces"
@@ -501,7 +495,7 @@ def test_the_bench_and_its_load_are_frictions_of_the_robot() -> None:
 def test_levels_at_which_a_way_was_not_walked_are_named() -> None:
     """A sentence that holds at one level of three would read as one that holds at each."""
     others = [rows("direct", condition, 0.9) for condition in (*REAL, BENCH, LOADED)]
-    found = judged(criteria.walks("none", "vx=0.5"), rows("none", REAL[1], 0.9), *others)
+    found = judged(on_robot("none", criteria.walks("vx=0.5")), rows("none", REAL[1], 0.9), *others)
     assert found.outcome == "reproduces"
     assert "judged at 0.2 alone, not tested at 0.0107, 0.1" in found.evidence
     assert "load beside the bench's value: not tested, at 0.1: none, vx=0.5 not evaluated" in found.evidence

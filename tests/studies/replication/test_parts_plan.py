@@ -31,7 +31,7 @@ from stiction.studies.replication.plan import (
     parts_of,
 )
 from stiction.studies.replication.records import CAUSES
-from stiction.studies.replication.run import check_ways
+from stiction.studies.replication.run import check_methods
 from stiction.studies.stairs.climb import ENOUGH
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
@@ -90,7 +90,7 @@ def walked(part: Part, bundles: list[Bundle]) -> list[dict]:
 @pytest.mark.parametrize("size", SIZES)
 def test_every_sentence_is_asked_of_walks_that_are_planned(size: Size, bundles: list[Bundle]) -> None:
     """A part that is trimmed, or a method with one seed, would leave a sentence `not tested`, whatever is walked."""
-    check_ways(bundles)
+    check_methods(bundles)
     evidence = Evidence.of(row for part in parts_of(size, 2) for row in walked(part, bundles))
     verdicts, read = judge_all(evidence)
     left = [verdict.id for verdict in verdicts if verdict.outcome == "not tested"]

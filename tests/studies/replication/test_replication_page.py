@@ -17,9 +17,9 @@ from stiction.studies.claims import Verdict
 from stiction.studies.replication.clips import ClipPair
 from stiction.studies.replication.page import (
     draw_needs,
+    engine_sheets,
     forward_sheet,
     lead,
-    place_sheets,
     report,
     stairs_sheet,
     warnings,
@@ -57,7 +57,7 @@ def sample(command: str, column: str, mean: float, engine: str = "physx", law: s
 
 
 RESULT = Replication(
-    parts=[PartRecord("engines", "Sim2Sim", ROWS, details(ROWS))],
+    parts=[PartRecord("engines", "Sim2Sim", details(ROWS))],
     samples=[
         sample("vx=0.5", "speed_ratio", 0.9),
         sample("wz=0.5", "speed_ratio", 0.7, seeds="0", low=None, high=None),
@@ -231,7 +231,7 @@ def test_a_part_that_was_not_walked_now_is_named() -> None:
 
 def test_a_table_has_every_command_with_its_intervals() -> None:
     """Means alone would hide that one seed is no sample, and that few walks tell little about falls."""
-    (sheet,) = place_sheets(RESULT.samples)
+    (sheet,) = engine_sheets(RESULT.samples)
     assert sheet.title == "Sim2Sim: PhysX"
     assert sheet.header == ("friction", "method", "seeds", "forward", "turn", "falls")
     assert sheet.rows == (("10 %", "none", "one or 2", "0.90 ± 0.10", "0.70", "10% ± 10% (4% to 23%)"),)
@@ -242,7 +242,7 @@ def test_a_virtual_robot_has_its_bench_levels_in_one_table() -> None:
     laws = ("real-bench+load0.02", "real", "real-bench")
     samples = [sample("vx=0.5", "speed_ratio", 0.9, "physx+all", law) for law in laws]
     samples += [sample("vx=0.5", "speed_ratio", 0.9, "mujoco", law) for law in ("coulomb", "load")]
-    sheets = {sheet.title: [row[0] for row in sheet.rows] for sheet in place_sheets(samples)}
+    sheets = {sheet.title: [row[0] for row in sheet.rows] for sheet in engine_sheets(samples)}
     assert sheets["The virtual robot"] == ["10 %", "bench (10 %)", "bench (10 %) and 0.02 of the load"]
     assert sheets["MuJoCo, the simulator of the training"] == ["10 %"]
     assert sheets["MuJoCo, the simulator of the training, friction by the law load"] == ["c = 0.1"]

@@ -17,7 +17,7 @@ from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.results import write_summary
 from stiction.studies.replication import run as walked
 from stiction.studies.replication.page import warnings
-from stiction.studies.replication.plan import Part, Size, climbers, everyone, parts_of
+from stiction.studies.replication.plan import Part, Size, parts_of
 from stiction.studies.replication.run import kept_part, planned_rows, replicate, rows_in, walk_part
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run robots")
@@ -26,7 +26,7 @@ FLAT = GridCfg(EvaluationCfg((0.0, 0.1), ("vx=0.5",), episodes=2, seconds=1.0, s
 METRICS = Metrics(0.9, 0.1, 0.0, 4.0, 1.0, 50.0, 0.8, 0.0, (0.4, 0.4), 1.0)
 """What a walk may be worth."""
 
-FIRST, SECOND = (Part(name, f"The {name} part", everyone, FLAT) for name in ("first", "second"))
+FIRST, SECOND = (Part(name, f"The {name} part", FLAT) for name in ("first", "second"))
 
 
 @pytest.fixture
@@ -118,7 +118,7 @@ def test_what_could_not_be_walked_is_said_before_the_numbers(
 def test_policies_that_fit_no_part_are_refused(still: Bundle, tmp_path: Path) -> None:
     """A page without a row would look like a comparison."""
     with pytest.raises(StictionError, match="no policy fits any part"):
-        replicate([still], (replace(FIRST, takes=climbers), SECOND), tmp_path, asked=["first"])
+        replicate([still], (replace(FIRST, stairs=True), SECOND), tmp_path, asked=["first"])
 
 
 def test_what_is_no_report_is_not_replaced(still: Bundle, tmp_path: Path) -> None:
@@ -136,7 +136,7 @@ def test_a_report_is_not_replaced_by_less(still: Bundle, tmp_path: Path, monkeyp
         replace(FIRST, grid=replace(FLAT, base=replace(FLAT.base, **change)))
         for change in ({"friction_levels": (0.0,)}, {"episodes": 1})
     )
-    stairs = replace(FIRST, takes=climbers)
+    stairs = replace(FIRST, stairs=True)
     renamed = replace(still, name="other")
     for bundle, parts, lost in (
         (still, (levels,), 1),

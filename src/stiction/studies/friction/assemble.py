@@ -9,19 +9,20 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import ConfigurationError, FileError, TrainingError
-from stiction.core.records import read_rows
+from stiction.core.records import part_of, read_rows
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.formats.advice import Source, TrainedWith
-from stiction.formats.following import Following, following
+from stiction.formats.following import following
 from stiction.formats.results import ResultRow, read_metrics, read_results, read_summary
 from stiction.locomotion.friction import FRICTION_RANGES
 from stiction.rma.run import RunDirectory
-from stiction.studies.claims import Verdict, changed_verdicts
+from stiction.studies.claims import Verdict, rejudged_summary
 from stiction.studies.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction.studies.friction.evaluation import CANDIDATES, COMMANDS, collapse, learning_curve, onsets, training_mean
-from stiction.studies.friction.evidence import STUDENT, TrainingEvidence, median_seed, seed_means
-from stiction.studies.friction.manifest import PARTS, PRESETS, Place, condition_of
+from stiction.studies.friction.evidence import TrainingEvidence, median_seed, parse_policy, seed_means
+from stiction.studies.friction.manifest import PARTS, TWO_PHASE, PlannedRun
 from stiction.studies.friction.records import (
+    STUDENT,
     Collapse,
     ConditionRecord,
     CurvePoint,
@@ -30,44 +31,78 @@ from stiction.studies.friction.records import (
     RunRecord,
 )
 
-ASKED = {"none": NONE, "direct": DIRECT, "deception": DECEPTION}
-"""Method -> condition of the manifest that has several seeds of it."""
-
-
-def who_follows(rows: Sequence[ResultRow]) -> list[Following]:
-    """Return who follows of every condition, `CONDITION/student` and `CONDITION/teacher`."""
-    return following(rows, _way_of)
-
-
-def _way_of(row: ResultRow) -> str:
-    """Return condition and policy of a row."""
-    run, _, who = row.policy.partition("/")
-    return f"{condition_of(run)[0]}/{who}"
-
-
-def source_of(experiment: Experiment) -> Source:
-    """Return the students of the three methods: what is deployed."""
-    nominal = {condition.name: condition.nominal for condition in experiment.conditions}
-    names = {f"{condition}/{STUDENT}": method for method, condition in ASKED.items()}
-    cells = [replace(one, method=names[one.method]) for one in experiment.following if one.method in names]
-    methods = {
-        method: TrainedWith(method, 0.0 if method == "none" else nominal[condition], *FRICTION_RANGES[method])
-        for method, condition in ASKED.items()
-        if condition in nominal
-    }
-    policies = sorted({row.policy for row in experiment.rows if _way_of(row) in names})
-    return Source(experiment.summary["command"], experiment.summary["revision"], tuple(policies), methods, tuple(cells))
-
-
-SHIPPED = ("coulomb20-none", "coulomb20-direct", "coulomb20-deception")
-"""Conditions whose median seed is shipped."""
+ADVISED = {"none": NONE, "direct": DIRECT, "deception": DECEPTION}
+"""Method -> the condition whose students `stiction identify` advises by, and whose median seed is shipped."""
 
 FEWEST_SEEDS = 3
 """A median of fewer seeds is none."""
 
 
+def _condition_and_policy(row: ResultRow) -> str:
+    """Return what `following` counts by: `CONDITION/student` or `CONDITION/teacher`."""
+    _, condition, _, who = parse_policy(row.policy)
+    return f"{condition}/{who}"
+
+
+def source_of(experiment: Experiment) -> Source:
+    """Return the students of the three methods: what is deployed."""
+    nominal = {condition.name: condition.nominal for condition in experiment.conditions}
+    names = {f"{condition}/{STUDENT}": method for method, condition in ADVISED.items()}
+    cells = [replace(one, method=names[one.method]) for one in experiment.following if one.method in names]
+    methods = {
+        method: TrainedWith(method, 0.0 if method == "none" else nominal[condition], *FRICTION_RANGES[method])
+        for method, condition in ADVISED.items()
+        if condition in nominal
+    }
+    policies = sorted({row.policy for row in experiment.rows if _condition_and_policy(row) in names})
+    return Source(experiment.summary["command"], experiment.summary["revision"], tuple(policies), methods, tuple(cells))
+
+
+LISTS = {
+    "conditions": ConditionRecord,
+    "runs": RunRecord,
+    "onsets": Onset,
+    "collapses": Collapse,
+    "verdicts": Verdict,
+}
+"""Lists of summary.json."""
+
+
+def read_experiment(out: Path) -> Experiment:
+    """Return the experiment as it stands in the files of a folder, without means and who follows.
+
+    Raises:
+        StictionError: the folder has no files of the experiment.
+
+    """
+    summary = read_summary(out / "summary.json")
+    rows, curves = read_results(out / "results.csv"), read_rows(out / "curves.csv", CurvePoint)
+    try:
+        lists: dict[str, Any] = {name: [kind(**one) for one in summary[name]] for name, kind in LISTS.items()}
+        return Experiment(rows, curves, parts=summary["parts"], summary=summary, **lists)
+    except (KeyError, TypeError) as error:
+        raise FileError(
+            f"{out / 'summary.json'} is no summary of `stiction study friction` ({error!r}); expected one that it wrote"
+        ) from error
+
+
+def read_earlier(out: Path, preset: str) -> Experiment | None:
+    """Return the same, None where a folder has nothing yet.
+
+    Raises:
+        StictionError: its files are damaged, or its runs were trained with another preset.
+
+    """
+    if not (out / "summary.json").exists():
+        return None
+    found = read_experiment(out)
+    if (other := found.summary.get("preset", TWO_PHASE)) != preset:
+        raise ConfigurationError(f"{out} has runs of the preset {other!r}, not {preset!r}; choose another --out")
+    return found
+
+
 def assemble(
-    places: Sequence[Place],
+    planned: Sequence[PlannedRun],
     rows: Sequence[ResultRow],
     base: EvaluationCfg,
     summary: Mapping[str, Any],
@@ -76,36 +111,36 @@ def assemble(
     """Return the experiment as far as it has come.
 
     Args:
-        places: the runs of the parts that were asked for.
+        planned: the runs of the parts that were asked for.
         rows: results of those that are finished.
         base: how they were evaluated, levels in units of the experiment's own.
         summary: what else belongs into summary.json: the command, what `Origin` says, and what failed.
         before: what was found of runs that are elsewhere now.
 
     """
-    curves = {place.run.name: _curve(place) for place in places if place.state() == "finished"}
-    records = {place.run.name: _record(place) for place in places}
+    curves = {
+        run.run.name: learning_curve(run.run.name, read_metrics(run.path / "metrics.jsonl"))
+        for run in planned
+        if run.state() == "finished"
+    }
+    records = {run.run.name: _record(run) for run in planned}
+    conditions = {run.run.condition.name: _condition(run) for run in planned}
     if before is not None:
-        elsewhere = [one for one in before.runs if one.state == "finished" and one.name not in curves]
-        names = {one.name for one in elsewhere}
-        rows = [*(row for row in before.rows if _run_of(row) in names), *rows]
-        rows = sorted(rows, key=lambda row: list(records).index(_run_of(row)))
-        curves |= _by_run([point for point in before.curves if point.run in names])
+        elsewhere = {one.name: one for one in before.runs if one.state == "finished" and one.name not in curves}
+        records |= elsewhere
+        used = {one.condition for one in elsewhere.values()} - conditions.keys()
+        conditions |= {one.name: one for one in before.conditions if one.name in used}
+        rank = {name: number for number, name in enumerate(records)}
+        rows = [*(row for row in before.rows if parse_policy(row.policy)[0] in elsewhere), *rows]
+        rows = sorted(rows, key=lambda row: rank[parse_policy(row.policy)[0]])
+        curves |= {name: points for name, points in curves_by_run(before.curves).items() if name in elsewhere}
         curves = {name: curves[name] for name in records if name in curves}
-        records |= {one.name: one for one in elsewhere}
-    evidence = TrainingEvidence.of_runs(rows, curves)
-    configured = {place.run.condition.name: place.cfg for place in places}
-    found = onsets(evidence, configured)
-    conditions = list({place.run.condition.name: _condition(place) for place in places}.values())
-    medians = {name: median_seed(rows, name) for name in SHIPPED}
-    return Experiment(
-        rows=rows,
-        conditions=conditions,
+    found = onsets(TrainingEvidence.of_runs(rows), {run.run.condition.name: run.cfg for run in planned})
+    experiment = Experiment(
+        rows,
+        [point for points in curves.values() for point in points],
+        conditions=list(conditions.values()),
         runs=list(records.values()),
-        means=seed_means(evidence),
-        curves=[point for points in curves.values() for point in points],
-        verdicts=[claim.verdict(evidence) for claim in CLAIMS],
-        following=who_follows(rows),
         onsets=found,
         collapses=[collapse(method, found) for method in CANDIDATES],
         parts=PARTS,
@@ -113,108 +148,29 @@ def assemble(
             **summary,
             "evaluation": asdict(base) | {"commands": COMMANDS},
             "conditions_of_evaluation": base.conditions,
-            "median_seeds": medians,
+            "median_seeds": {name: median_seed(rows, name) for name in ADVISED.values()},
         },
     )
+    return _judged(experiment)
 
 
-def _curve(place: Place) -> list[CurvePoint]:
-    """Return the learning curve of a run."""
-    return learning_curve(place.run.name, read_metrics(place.path / "metrics.jsonl"))
-
-
-def _condition(place: Place) -> ConditionRecord:
-    """Return the record of the condition that a run belongs to."""
-    condition, friction = place.run.condition, place.cfg.task.friction
-    return ConditionRecord(
-        name=condition.name,
-        part=condition.part,
-        purpose=condition.purpose,
-        arguments=shlex.join(condition.options),
-        robot=place.cfg.task.robot,
-        law=friction.law,
-        nominal=friction.level or 0.0,
-        training_mean=training_mean(friction),
-    )
-
-
-def _record(place: Place) -> RunRecord:
-    """Return the record of one run."""
-    state = place.state()
-    header = RunDirectory(place.path).header() if state != "missing" else {}
-    minutes = None
-    if state == "finished":
-        rows = read_metrics(place.path / "metrics.jsonl")
-        minutes = round(sum(row["seconds"] for row in rows) / 60, 1)
-    run = place.run
-    return RunRecord(run.name, run.condition.name, run.seed, state, str(header.get("revision", "")), minutes)
-
-
-def bundle_name(place: Place) -> str:
-    """Return the name of a shipped bundle: robot, terrain, method, level."""
-    friction = place.cfg.task.friction
-    return f"{place.cfg.task.robot}-flat-{friction.method}-{friction.level:g}"
-
-
-def ship(places: Sequence[Place], rows: Iterable[ResultRow], out: Path) -> list[Path]:
-    """Export the median seed of every shipped condition as a policy bundle into `out`; return their folders.
-
-    Raises:
-        StictionError: a condition has too few finished seeds, or its folder exists; nothing was exported then.
-
-    """
-    from stiction.evaluate.export import export_run
-
-    rows, chosen = list(rows), []
-    for condition in SHIPPED:
-        finished = [p for p in places if p.run.condition.name == condition and p.state() == "finished"]
-        if len(finished) < FEWEST_SEEDS:
-            raise TrainingError(
-                f"{condition} has {len(finished)} finished seeds, its median needs at least {FEWEST_SEEDS}; train more "
-                "with --train, or leave --ship out"
-            )
-        seed = median_seed(rows, condition)
-        place = next((p for p in finished if p.run.seed == seed), None)
-        if place is None:
-            raise ConfigurationError(
-                f"{condition} was not evaluated, so that it has no median seed; see the failures above"
-            )
-        chosen.append((place, out / bundle_name(place)))
-    for _, folder in chosen:
-        if folder.exists():
-            raise FileError(f"{folder} exists already; remove it first, or name another folder with --ship")
-    for place, folder in chosen:
-        export_run(place.path, folder)
-    return [folder for _, folder in chosen]
-
-
-LISTS = {"conditions": ConditionRecord, "runs": RunRecord, "onsets": Onset, "collapses": Collapse}
-"""Lists of summary.json that are not judged."""
-
-
-def _run_of(row: ResultRow) -> str:
-    """Return the run of a row's policy."""
-    return row.policy.partition("/")[0]
-
-
-def _by_run(curves: Sequence[CurvePoint]) -> dict[str, list[CurvePoint]]:
+def curves_by_run(points: Iterable[CurvePoint]) -> dict[str, list[CurvePoint]]:
     """Return run -> its learning curve."""
-    return {run: [point for point in curves if point.run == run] for run in dict.fromkeys(p.run for p in curves)}
+    curves: dict[str, list[CurvePoint]] = {}
+    for point in points:
+        curves.setdefault(point.run, []).append(point)
+    return curves
 
 
-def read_experiment(out: Path, preset: str) -> Experiment | None:
-    """Return the experiment that a folder has, None where it has none yet.
-
-    Raises:
-        StictionError: its files are damaged, or its runs were trained with another preset.
-
-    """
-    if not (out / "summary.json").exists():
-        return None
-    found = judge_again(out, {})
-    if (other := found.summary.get("preset", PRESETS[0])) != preset:
-        raise ConfigurationError(f"{out} has runs of the preset {other!r}, not {preset!r}; choose another --out")
-    return found
+def _judged(experiment: Experiment) -> Experiment:
+    """Return an experiment with what follows from its rows and curves."""
+    evidence = TrainingEvidence.of_runs(experiment.rows, curves_by_run(experiment.curves))
+    return replace(
+        experiment,
+        means=seed_means(evidence),
+        verdicts=[claim.verdict(evidence) for claim in CLAIMS],
+        following=following(experiment.rows, _condition_and_policy),
+    )
 
 
 def judge_again(out: Path, made: dict[str, Any]) -> Experiment:
@@ -226,29 +182,65 @@ def judge_again(out: Path, made: dict[str, Any]) -> Experiment:
         StictionError: the folder has no files of the experiment.
 
     """
-    before = read_summary(out / "summary.json")
-    rows = read_results(out / "results.csv")
-    curves = read_rows(out / "curves.csv", CurvePoint)
-    try:
-        lists = {name: [kind(**one) for one in before[name]] for name, kind in LISTS.items()}
-        verdicts = [Verdict(**one) for one in before["verdicts"]]
-        parts = before["parts"]
-    except (KeyError, TypeError) as error:
-        raise FileError(
-            f"{out / 'summary.json'} is no summary of `stiction study friction` ({error!r}); expected one that it wrote"
-        ) from error
-    evidence = TrainingEvidence.of_runs(rows, _by_run(curves))
-    now = [claim.verdict(evidence) for claim in CLAIMS]
-    own = ("schema_version", "verdicts", "parts", *LISTS)
-    kept = {"warnings": [], **{name: value for name, value in before.items() if name not in own}}
-    changed = changed_verdicts(verdicts, now, before.get("changed", []))
-    return Experiment(
-        rows=rows,
-        means=seed_means(evidence),
-        curves=curves,
-        verdicts=now,
-        following=who_follows(rows),
-        parts=parts,
-        summary=kept | {"judged": made, "changed": changed},
-        **lists,
+    before = read_experiment(out)
+    found = _judged(before)
+    summary = rejudged_summary(before.summary, before.verdicts, found.verdicts, made, own=LISTS)
+    return replace(found, summary={"warnings": []} | summary)
+
+
+def _condition(planned: PlannedRun) -> ConditionRecord:
+    """Return the record of the condition that a run belongs to."""
+    condition, friction = planned.run.condition, planned.cfg.task.friction
+    return part_of(
+        ConditionRecord,
+        condition,
+        arguments=shlex.join(condition.options),
+        robot=planned.cfg.task.robot,
+        law=friction.law,
+        nominal=friction.level or 0.0,
+        training_mean=training_mean(friction),
     )
+
+
+def _record(planned: PlannedRun) -> RunRecord:
+    """Return the record of one run."""
+    state, run = planned.state(), planned.run
+    header = RunDirectory(planned.path).header() if state != "missing" else {}
+    minutes = None
+    if state == "finished":
+        rows = read_metrics(planned.path / "metrics.jsonl")
+        minutes = round(sum(row["seconds"] for row in rows) / 60, 1)
+    return RunRecord(run.name, run.condition.name, run.seed, state, str(header.get("revision", "")), minutes)
+
+
+def ship(planned: Sequence[PlannedRun], rows: Iterable[ResultRow], out: Path) -> list[Path]:
+    """Export the median seed of every condition of `ADVISED` as a policy bundle into `out`; return their folders.
+
+    Raises:
+        StictionError: a condition has too few finished seeds, or its folder exists; nothing was exported then.
+
+    """
+    from stiction.evaluate.export import export_run
+
+    rows, chosen = list(rows), []
+    for condition in ADVISED.values():
+        finished = [run for run in planned if run.run.condition.name == condition and run.state() == "finished"]
+        if len(finished) < FEWEST_SEEDS:
+            raise TrainingError(
+                f"{condition} has {len(finished)} finished seeds, its median needs at least {FEWEST_SEEDS}; train more "
+                "with --train, or leave --ship out"
+            )
+        seed = median_seed(rows, condition)
+        run = next((run for run in finished if run.run.seed == seed), None)
+        if run is None:
+            raise ConfigurationError(
+                f"{condition} was not evaluated, so that it has no median seed; see the failures above"
+            )
+        friction = run.cfg.task.friction
+        chosen.append((run.path, out / f"{run.cfg.task.robot}-flat-{friction.method}-{friction.level:g}"))
+    for _, folder in chosen:
+        if folder.exists():
+            raise FileError(f"{folder} exists already; remove it first, or name another folder with --ship")
+    for path, folder in chosen:
+        export_run(path, folder)
+    return [folder for _, folder in chosen]

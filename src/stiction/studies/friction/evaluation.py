@@ -1,7 +1,7 @@
 """Evaluates the finished runs, teacher and student, over friction; what was evaluated once is read from its file.
 
-Candidates: friction over torque limit, f/τ_max; over the gain, f/kp, the dead band; over what the first actions ask
-for, f/(kp · action scale · σ). The three differ once gains, limits and σ are varied one at a time.
+Candidate axes for the onset of a policy: friction over torque limit, f/τ_max; over the gain, f/kp, the dead band; over
+what the first actions ask for, f/(kp · action scale · σ).
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from stiction.rma.config import TrainCfg
 from stiction.rma.run import latest_checkpoint
 from stiction.robots.catalog import find_robot
 from stiction.studies.friction.evidence import TrainingEvidence, at
-from stiction.studies.friction.manifest import LEVEL, Place, condition_of
-from stiction.studies.friction.records import Collapse, CurvePoint, Onset
+from stiction.studies.friction.manifest import LEVEL, PlannedRun, condition_of
+from stiction.studies.friction.records import STUDENT, Collapse, CurvePoint, Onset
 
 Who = Literal["teacher", "student"]
 
 LEVELS = (0.0, 0.01, 0.05, 0.1, 0.12, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5)
 """Coulomb friction of the evaluation at nominal 0.2 [-]: none, the paper's 1 %, the mean of deception (0.12), the
-nominal one, and beyond what was trained, so that the onset of every policy is in sight. In proportion where the nominal
-level is another: a robot with twice the torque meets the same friction in N m."""
+nominal one, and beyond what was trained. In proportion where the nominal level is another: a robot with twice the
+torque meets the same friction in N m."""
 
 COEFFICIENTS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.3, 0.442)
 """Coefficients of the law `load` in the evaluation [-]."""
@@ -48,7 +48,7 @@ BASE = EvaluationCfg(LEVELS, DIRECTIONS, episodes=16, seconds=10.0)
 """The evaluation of a run at the experiment's level; commands by policy."""
 
 DIGITS = 6
-"""Significant digits that are kept: more than the episodes can tell, and the files stay small."""
+"""Significant digits of results."""
 
 
 def training_mean(friction: FrictionCfg) -> float:
@@ -73,9 +73,9 @@ def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
     levels: set[float] = set(COEFFICIENTS)
     if not has_coefficient(friction.law):
         levels = {round(level * (friction.level or 0.0) / LEVEL, 6) for level in base.friction_levels}
-    settings = replace(base, friction_levels=tuple(sorted(levels | {training_mean(friction)})))
     return replace(
-        settings,
+        base,
+        friction_levels=tuple(sorted(levels | {training_mean(friction)})),
         friction_law=friction.law,
         static_ratio=friction.static_ratio,
         stribeck_velocity=friction.stribeck_velocity,
@@ -89,11 +89,9 @@ class Task:
     path: Path
     """Folder of its run."""
     who: Who
-    """Which of the run's two policies."""
     settings: EvaluationCfg
-    """What it is put through."""
     cache: Path
-    """Folder in which its rows are kept."""
+    """Folder of its rows."""
 
     @property
     def name(self) -> str:
@@ -113,21 +111,21 @@ class Task:
         return entry_file(self.cache, self.who, key_of([weights, asdict(self.settings)], *RUN_WALKING), ".csv")
 
 
-def tasks_for(places: Sequence[Place], base: EvaluationCfg = BASE, cache: Path | None = None) -> list[Task]:
+def tasks_for(planned: Sequence[PlannedRun], base: EvaluationCfg = BASE, cache: Path | None = None) -> list[Task]:
     """Return the policies of finished runs, of one phase the student alone: no teacher walked in its training.
 
     cache: a folder for the rows; by default `evaluation` in each run's.
     """
     return [
         Task(
-            place.path,
+            run.path,
             who,
-            replace(settings_for(place.cfg, base), commands=COMMANDS[who]),
-            place.path / "evaluation" if cache is None else cache / place.run.name,
+            replace(settings_for(run.cfg, base), commands=COMMANDS[who]),
+            run.path / "evaluation" if cache is None else cache / run.run.name,
         )
-        for place in places
+        for run in planned
         for who in get_args(Who)
-        if who == "student" or place.cfg.teacher.latent != "history"
+        if who == STUDENT or run.cfg.teacher.latent != "history"
     ]
 
 
@@ -148,8 +146,9 @@ def evaluate_task(task: Task) -> list[ResultRow]:
 
 def _rounded(row: ResultRow) -> ResultRow:
     """Return a row with `DIGITS` significant digits in every number."""
-    numbers: dict[str, Any] = {name: value for name, value in asdict(row).items() if isinstance(value, float)}
-    numbers = {name: float(f"{value:.{DIGITS}g}") for name, value in numbers.items()}
+    numbers: dict[str, Any] = {
+        name: float(f"{value:.{DIGITS}g}") for name, value in asdict(row).items() if isinstance(value, float)
+    }
     return replace(row, **numbers)
 
 
@@ -181,20 +180,17 @@ def _rows_or_reason(task: Task) -> list[ResultRow] | str:
         return str(error)
 
 
-Rows = Sequence[dict[str, Any]]
-"""The lines of one run's metrics.jsonl."""
-
-WALKS = FOLLOWS[0]
-"""Speed ratio in training from which a teacher counts as walking, however fast [-]."""
-
 WINDOW = 10
 """Iterations that are averaged: 240 control steps of 512 robots."""
 
 FORWARD, BACKWARD = "walk/forward_ratio", "walk/backward_ratio"
 
 
-def learning_curve(run: str, rows: Rows) -> list[CurvePoint]:
-    """Return the speed ratios of a run, means of `WINDOW` iterations; a rest that is shorter is left out."""
+def learning_curve(run: str, rows: Sequence[dict[str, Any]]) -> list[CurvePoint]:
+    """Return the speed ratios of a run, means of `WINDOW` iterations; a rest that is shorter is left out.
+
+    rows: the lines of its metrics.jsonl.
+    """
     points = []
     for phase in ("teacher", "student"):
         own = [row for row in rows if row["phase"] == phase]
@@ -205,31 +201,26 @@ def learning_curve(run: str, rows: Rows) -> list[CurvePoint]:
     return points
 
 
-def iterations_to_walk(curve: Sequence[CurvePoint]) -> tuple[int, bool]:
-    """Return the iteration from which the robot walks both ways, and whether it does at all. curve: of a first phase.
-
-    A run that never walks counts as its whole first phase, which is less than the truth.
-    """
-    for point in curve:
-        if min(point.forward_ratio, point.backward_ratio) >= WALKS:
-            return point.iteration, True
-    return curve[-1].iteration, False
-
-
 def iterations_by_seed(condition: str, curves: Mapping[str, Sequence[CurvePoint]]) -> tuple[SeedValues, int]:
     """Return the iterations of every seed of a condition until it walks both ways, and how many seeds never do.
 
-    curves: run -> its learning curve.
+    A teacher walks from the speed ratio on from which a policy is not too slow. A run that never walks counts as its
+    whole first phase, which is less than the truth. curves: run -> its learning curve.
     """
-    first = {condition_of(run): [p for p in curve if p.phase == "teacher"] for run, curve in curves.items()}
-    own = {seed: curve for (name, seed), curve in sorted(first.items()) if name == condition and curve}
-    found = {seed: iterations_to_walk(curve) for seed, curve in own.items()}
-    never = sum(not walks for _, walks in found.values())
-    return {seed: float(iteration) for seed, (iteration, _) in found.items()}, never
+    found: SeedValues = {}
+    never = 0
+    for (name, seed), run in sorted((condition_of(run), run) for run in curves):
+        first = [point for point in curves[run] if point.phase == "teacher"]
+        if name == condition and first:
+            walks = (p.iteration for p in first if min(p.forward_ratio, p.backward_ratio) >= FOLLOWS[0])
+            begin = next(walks, None)
+            found[seed] = float(first[-1].iteration if begin is None else begin)
+            never += begin is None
+    return found, never
 
 
 CLEARER = 1.2
-"""The best axis must beat the second by this factor in spread to count as decided: seeds move an onset by some 10 %."""
+"""The best axis must beat the second by this factor in spread to count as decided."""
 
 FEWEST = 3
 """Conditions needed to compare axes: two would agree on some axis by accident."""
@@ -244,10 +235,9 @@ CANDIDATES = {
 
 
 def onset_level(levels: Sequence[float], ratios: Sequence[float]) -> float | None:
-    """Return the level at which the speed ratio first slows under 80 %, the lower of `FOLLOWS`, between levels.
+    """Return the level at which the speed ratio falls under the lower end of `FOLLOWS`, interpolated between levels.
 
-    That it does not says nothing of being too fast. 0 where it is under from the start, None where it never is.
-    `levels` rise from 0.
+    0 where it is under from the start, None where it never is. `levels` rise from 0.
     """
     for index, ratio in enumerate(ratios):
         if ratio < FOLLOWS[0]:
@@ -272,11 +262,10 @@ def onsets(evidence: TrainingEvidence, configured: Mapping[str, TrainCfg]) -> li
     found = []
     for method, endings in CANDIDATES.items():
         for name in (f"coulomb20-{method}{ending}" for ending in endings):
-            measured = {level: evidence.slower(name, at(level)).seeds for level in evidence.levels(name, BATCH)}
-            slower = {level: list(seeds.values()) for level, seeds in measured.items()}
-            levels = [level for level, values in slower.items() if values]
-            if levels and name in configured:
-                level = onset_level(levels, [float(np.mean(slower[level])) for level in levels])
+            measured = ((level, evidence.slower(name, at(level)).seeds) for level in evidence.levels(name, BATCH))
+            ratios = {level: float(np.mean([*seeds.values()])) for level, seeds in measured if seeds}
+            if ratios and name in configured:
+                level = onset_level([*ratios], [*ratios.values()])
                 found.append(Onset(name, method, level, axis_scales(configured[name])))
     return found
 
@@ -290,14 +279,10 @@ def collapse(method: str, found: Sequence[Onset]) -> Collapse:
     if without:
         where = ", ".join(without)
         return Collapse(method, {}, None, f"not decided: no onset between the tested levels for {where}")
-    spread = {axis: _ratio([onset.on(axis) or 0.0 for onset in own]) for axis in AXES}
+    each = {axis: [onset.on(axis) or 0.0 for onset in own] for axis in AXES}
+    spread = {axis: max(values) / min(values) for axis, values in each.items()}
     best, second = sorted(AXES, key=spread.__getitem__)[:2]
     text = f"spread {spread[best]:.2f} on {best}, {spread[second]:.2f} on {second}"
     if spread[second] < CLEARER * spread[best]:
         return Collapse(method, spread, None, f"not decided: {text}, too close to tell")
     return Collapse(method, spread, best, f"{text}, over {len(own)} conditions")
-
-
-def _ratio(values: Sequence[float]) -> float:
-    """Return the largest over the smallest."""
-    return max(values) / min(values)

@@ -13,34 +13,35 @@ from stiction.evaluate.grid import BATCH
 from stiction.evaluate.samples import Condition, Evidence, Measurement
 from stiction.formats.results import ResultRow
 from stiction.studies.friction.manifest import condition_of
-from stiction.studies.friction.records import CurvePoint, SeedMean
+from stiction.studies.friction.records import HIGHEST, STUDENT, CurvePoint, SeedMean
 
-STUDENT = "student"
+
+def parse_policy(policy: str) -> tuple[str, str, int, str]:
+    """Return run, condition, seed and which policy: `a-s3/student` -> (`a-s3`, `a`, 3, `student`)."""
+    run, _, who = policy.partition("/")
+    return run, *condition_of(run), who
 
 
 @dataclass(frozen=True)
 class TrainingEvidence(Evidence):
-    """Rows by cell, and learning curves. The method of a student is the name of its training condition."""
+    """Rows by cell, and learning curves. The method is the condition for students, `CONDITION/teacher` for teachers."""
 
     curves: Mapping[str, Sequence[CurvePoint]] = field(default_factory=dict)
     """Run -> its learning curve."""
 
     @classmethod
     def of_runs(cls, rows: Iterable[ResultRow], curves: Mapping[str, Sequence[CurvePoint]] | None = None) -> Self:
-        """Sort rows whose policies are called `<condition>-s<seed>/<who>`; teachers are methods `<condition>/<who>`."""
-        named = (asdict(row) | dict(zip(("method", "seed"), _method_and_seed(row), strict=True)) for row in rows)
+        """Sort rows by their cells. curves: run -> its learning curve."""
+        named = []
+        for row in rows:
+            _, condition, seed, who = parse_policy(row.policy)
+            method = condition if who == STUDENT else f"{condition}/{who}"
+            named.append(asdict(row) | {"method": method, "seed": seed})
         return replace(cls.of(named), curves=curves or {})
 
-    def error_up_to(self, method: str, highest: float = 0.3) -> Measurement:
-        """Return the mean of |speed ratio - 1| over both directions and the levels up to one, of every seed."""
-        return self.error(method, *(at(level) for level in self.levels(method, BATCH) if level <= highest))
-
-
-def _method_and_seed(row: ResultRow) -> tuple[str, int]:
-    """Return the training condition, with `/teacher` for one, and the seed of a row."""
-    run, _, who = row.policy.partition("/")
-    condition, seed = condition_of(run)
-    return condition if who == STUDENT else f"{condition}/{who}", seed
+    def mean_error(self, method: str) -> Measurement:
+        """Return the mean of |speed ratio - 1| over both directions and the levels up to `HIGHEST`, of every seed."""
+        return self.error(method, *(at(level) for level in self.levels(method, BATCH) if level <= HIGHEST))
 
 
 def at(level: float, law: str = "coulomb") -> Condition:
@@ -61,11 +62,11 @@ def seed_means(evidence: Evidence) -> list[SeedMean]:
     return sorted(found, key=lambda one: (one.condition, one.who, one.friction_level, one.command))
 
 
-def median_seed(rows: Iterable[ResultRow], condition: str, highest: float = 0.3) -> int | None:
-    """Return the seed that is shipped: the median by the student's speed error over levels up to `highest`.
+def median_seed(rows: Iterable[ResultRow], condition: str) -> int | None:
+    """Return the median seed by the student's speed error over levels up to `HIGHEST`.
 
     Of an even number of seeds the better of the two in the middle; None where no student was evaluated.
     """
-    errors = TrainingEvidence.of_runs(rows).error_up_to(condition, highest).seeds
+    errors = TrainingEvidence.of_runs(rows).mean_error(condition).seeds
     ranked = sorted(errors, key=lambda seed: (errors[seed], seed))
     return ranked[(len(ranked) - 1) // 2] if ranked else None

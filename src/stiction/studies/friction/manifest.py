@@ -1,16 +1,14 @@
-"""Every run of the experiment, with the reason for it. Data; what is computed from it stands elsewhere.
+"""Every run of the experiment, with the reason for it.
 
 All conditions have one preset, without its clips: the same budget, no early stop. Three ask what three times as much
 would do. They differ from `stiction train --preset PRESET --video-every 0` in the options that stand here and nothing
-else. The first part is trained with any preset of `PRESETS`, the others with `two-phase` alone, whose phases they name.
+else. The first part is trained with any preset, the others with `TWO_PHASE` alone, whose phases they name.
 
 The paper explains frozen training by friction that filters early actions. The first actions of saturn_lite ask for
 kp · action scale · σ = 100 N m/rad · 0.25 rad · 0.8 = 20 N m, one standard deviation, against 5 N m (hip, thigh) and
-9 N m (shank) of friction at level 0.2: by default they break away. So both sides of that are tried: `strong` with
-σ = 1.6 (40 N m, four to eight times the friction; PPO, whose entropy bonus stays as it is, has 1.47 after 60
-iterations), and `weak` with σ = 0.15 (3.75 N m, less than the friction of every joint), beside `weak` without friction,
-to tell weak exploration itself from friction that filters it. Both `weak` stood still, so there is `mid`, σ = 0.3
-(7.5 N m, between the friction of hip and shank), with and without friction.
+9 N m (shank) of friction at level 0.2: by default they break away. Both sides of that are tried: `strong` with σ = 1.6
+(40 N m), and with and without friction `weak` with σ = 0.15 (3.75 N m, less than the friction of every joint) and `mid`
+with σ = 0.3 (7.5 N m, between that of hip and shank).
 """
 
 from __future__ import annotations
@@ -19,14 +17,13 @@ import hashlib
 from collections.abc import Collection
 from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
-
-import numpy as np
+from typing import Any, Literal, Self
 
 from stiction.core.errors import ConfigurationError, FileError, TrainingError, unknown_name
 from stiction.formats.actuator import read_actuator
 from stiction.formats.results import read_metrics
 from stiction.joints.net import ActuatorNet
+from stiction.rma.arguments import parse
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, latest_checkpoint
 
@@ -35,10 +32,10 @@ LEVEL = 0.2
 
 LOAD_COEFFICIENTS = (0.05, 0.2, 0.442)
 """Coefficients of the law `load` [-]: where walking begins to suffer and where it ends, for policies that never met the
-law (mean friction 3 and 12 N m a joint), and the number of the paper's Table III read as one."""
+law, and the number of the paper's Table III read as one."""
 
-PRESETS = ("two-phase", "quick", "full")
-"""Presets of `stiction train` that the first part can have; of two phases, and of one."""
+TWO_PHASE = "two-phase"
+"""Preset of `stiction train` with which all parts are trained; the first part also with those of one phase."""
 
 PARTS = {
     "1": "The training methods, five seeds",
@@ -55,12 +52,12 @@ PARTS = {
 
 @dataclass(frozen=True)
 class Condition:
-    """one training method, and the seeds that it is trained with."""
+    """One training method, and the seeds that it is trained with."""
 
     name: str
     """Name of its runs without `-s<seed>`."""
     part: str
-    """Part of the experiment, see `PARTS`."""
+    """One of `PARTS`."""
     purpose: str
     """Why it is there."""
     options: tuple[str, ...]
@@ -82,7 +79,7 @@ class Run:
     """What it is a sample of."""
     seed: int
     """Seed of everything random in it."""
-    preset: str = PRESETS[0]
+    preset: str = TWO_PHASE
     """Preset of its training."""
 
     @property
@@ -107,23 +104,31 @@ def condition_of(run: str) -> tuple[str, int]:
     return name, int(seed)
 
 
-def _coulomb(name: str, part: str, purpose: str, method: str, *options: str, seeds: int = 1) -> Condition:
-    """Return a condition with Coulomb friction at the experiment's level."""
-    words = ("--method", method, "--friction-level", f"{LEVEL:g}", *options)
+def _coulomb(
+    name: str, part: str, purpose: str, method: str, *options: str, seeds: int = 1, level: float = LEVEL
+) -> Condition:
+    """Return a condition with Coulomb friction."""
+    words = ("--method", method, "--friction-level", f"{level:g}", *options)
     return Condition(f"coulomb20-{name}", part, purpose, words, tuple(range(seeds)))
 
 
+def _robots(name: str, robot: str, level: float = LEVEL) -> list[Condition]:
+    """Return conditions with another robot at the same friction in N m."""
+    purpose, words = f"{robot}, the same friction in N m", ("--robot", robot)
+    return [_coulomb(f"{m}-{name}", "4", purpose, m, *words, level=level) for m in ("direct", "deception")]
+
+
 def _load(coefficient: float, method: str) -> Condition:
-    """Return a condition with friction c (|F| + |T|)."""
+    """Return a condition under the law `load`."""
     options = ("--method", method, "--friction-law", "load", "--friction-level", f"{coefficient:g}")
     return Condition(f"load{round(1000 * coefficient)}-{method}", "5", "the number as a coefficient of load", options)
 
 
-def _variant(short: str, robot: str, level: float, method: str) -> Condition:
-    """Return a condition with another robot at the same friction in N m."""
-    options = ("--method", method, "--friction-level", f"{level:g}", "--robot", robot)
-    return Condition(f"coulomb20-{method}-{short}", "4", f"{robot}, the same friction in N m", options)
+LONG_STUDENT = ("--student.iterations", "240")
+LONG = ("--teacher.iterations", "1050", *LONG_STUDENT)
+"""Options of three times the budget."""
 
+NO_TROT, NO_UNSYNC = ("--task.rewards.trot", "0"), ("--task.rewards.unsync", "0")
 
 MANIFEST: tuple[Condition, ...] = (
     _coulomb("none", "1", "conventional randomisation", "none", seeds=5),
@@ -132,17 +137,11 @@ MANIFEST: tuple[Condition, ...] = (
     _coulomb("finetune", "2", "half the budget without friction, then all of it at once", "finetune"),
     _coulomb("iterative", "2", "half the budget without friction, then four steps", "iterative"),
     _coulomb("compensation", "2", "the nominal friction added to the command", "compensation"),
-    _coulomb(
-        *("direct-long", "2", "three times the budget: slow, or stuck?", "direct"),
-        *("--teacher.iterations", "1050", "--student.iterations", "240"),
-    ),
-    _coulomb(
-        *("deception-long", "2", "the same for the wide range", "deception"),
-        *("--teacher.iterations", "1050", "--student.iterations", "240"),
-    ),
+    _coulomb("direct-long", "2", "three times the budget: slow, or stuck?", "direct", *LONG),
+    _coulomb("deception-long", "2", "the same for the wide range", "deception", *LONG),
     _coulomb(
         *("deception-student240", "2", "three times the student's budget: does it overshoot less?", "deception"),
-        *("--student.iterations", "240"),
+        *LONG_STUDENT,
     ),
     _coulomb("direct-strong", "2", "first actions of 40 N m (σ)", "direct", "--network.initial-std", "1.6"),
     _coulomb("direct-weak", "2", "first actions of 3.75 N m (σ)", "direct", "--network.initial-std", "0.15"),
@@ -156,23 +155,17 @@ MANIFEST: tuple[Condition, ...] = (
         *("--task.friction.mixture", "0.2", "0", "0", "0.8", "1", "1"),
     ),
     _coulomb("deception-joint", "3", "drawn for each joint", "deception", "--task.friction.per", "joint"),
-    *(_variant("kp05", "saturn_lite@kp=0.5", LEVEL, method) for method in ("direct", "deception")),
-    *(_variant("kp2", "saturn_lite@kp=2", LEVEL, method) for method in ("direct", "deception")),
-    *(_variant("torque2", "saturn_lite@torque=2", LEVEL / 2, method) for method in ("direct", "deception")),
+    *_robots("kp05", "saturn_lite@kp=0.5"),
+    *_robots("kp2", "saturn_lite@kp=2"),
+    *_robots("torque2", "saturn_lite@torque=2", LEVEL / 2),
     *(_load(coefficient, method) for coefficient in LOAD_COEFFICIENTS for method in ("direct", "deception")),
     *(
-        Condition(
-            *(f"go1-coulomb20-{method}", "6", "a quadruped"),
-            ("--method", method, "--friction-level", f"{LEVEL:g}", "--robot", "go1"),
-        )
+        replace(_coulomb(method, "6", "a quadruped", method, "--robot", "go1"), name=f"go1-coulomb20-{method}")
         for method in ("none", "direct", "deception")
     ),
-    _coulomb("none-notrot", "gait", "without r_trot", "none", "--task.rewards.trot", "0"),
-    _coulomb("none-nounsync", "gait", "without r_unsync", "none", "--task.rewards.unsync", "0"),
-    _coulomb(
-        *("none-nogait", "gait", "without both", "none"),
-        *("--task.rewards.trot", "0", "--task.rewards.unsync", "0"),
-    ),
+    _coulomb("none-notrot", "gait", "without r_trot", "none", *NO_TROT),
+    _coulomb("none-nounsync", "gait", "without r_unsync", "none", *NO_UNSYNC),
+    _coulomb("none-nogait", "gait", "without both", "none", *NO_TROT, *NO_UNSYNC),
     # The set that runs from t - H to t has H + 1 frames.
     _coulomb("deception-history20", "history", "H = 20 in place of 10", "deception", "--task.history", "21"),
     _coulomb("deception-history50", "history", "H = 50", "deception", "--task.history", "51"),
@@ -180,44 +173,41 @@ MANIFEST: tuple[Condition, ...] = (
 """The conditions in the order in which they are trained."""
 
 
-def runs_of(parts: Collection[str], preset: str = PRESETS[0]) -> list[Run]:
+def runs_of(parts: Collection[str], preset: str = TWO_PHASE) -> list[Run]:
     """Return the runs of some parts, of all that the preset has where none is named: part by part, in each part seed by
     seed. So an experiment that is cut short has the same seeds of every condition.
 
     Raises `StictionError` for a part that does not exist, or is not trained with this preset.
     """
-    unknown = [part for part in parts if part not in PARTS]
-    if unknown:
-        raise ConfigurationError(unknown_name("part", unknown[0], PARTS))
-    own = list(PARTS) if preset == PRESETS[0] else list(PARTS)[:1]
+    order = list(PARTS)
+    if unknown := [part for part in parts if part not in order]:
+        raise ConfigurationError(unknown_name("part", unknown[0], order))
+    own = order if preset == TWO_PHASE else order[:1]
     if others := [part for part in parts if part not in own]:
         raise ConfigurationError(
             f"part {others[0]} is not trained with the preset {preset!r}; expected part {own[0]} alone, or --preset "
-            f"{PRESETS[0]}"
+            f"{TWO_PHASE}"
         )
     asked = parts or own
-    chosen = [replace(r, preset=preset) for c in MANIFEST if c.part in asked for r in c.runs]
-    order = list(PARTS)
+    chosen = [replace(run, preset=preset) for one in MANIFEST if one.part in asked for run in one.runs]
     return sorted(chosen, key=lambda run: (order.index(run.condition.part), run.seed))
 
 
 State = Literal["missing", "interrupted", "finished"]
 
 
-MADE_BY = {"layers": None, "revision": None, "command": None}
-"""Fields of an Actuator Net that are compared by value, or not at all."""
-
-
 @dataclass(frozen=True)
-class Place:
-    """A run of the manifest, what it is to be, and the folder where it is or will be."""
+class PlannedRun:
+    """A run with its complete configuration, and the folder where it is or will be."""
 
     run: Run
-    """The run."""
     cfg: TrainCfg
-    """Its configuration, complete."""
     path: Path
-    """Its folder."""
+
+    @classmethod
+    def of(cls, run: Run, runs: Path) -> Self:
+        """Return a run as `stiction train` reads its arguments. runs: folder of all runs."""
+        return cls(run, parse([*run.arguments]).config, runs / run.name)
 
     @property
     def iterations(self) -> int:
@@ -236,7 +226,7 @@ class Place:
         """Return where the run stands.
 
         A configuration that was written before a field existed equals the manifest's when the field has its default. A
-        `joints.json` and an Actuator Net are known by what is in them, and may have moved.
+        `joints.json` and an Actuator Net are known by their content, and may have moved.
 
         Raises:
             StictionError: the folder holds a run with another configuration, joints or net, or one of the manifest's
@@ -246,7 +236,8 @@ class Place:
         if not (self.path / "config.json").exists():
             return "missing"
         run = RunDirectory(self.path)
-        if other := [*differences(_pathless(run.config()), _pathless(self.cfg)), *self._other_files(run)]:
+        found, expected = (replace(cfg, joints=None, actuator=None) for cfg in (run.config(), self.cfg))
+        if other := [*differences(found, expected), *self._other_files(run)]:
             raise TrainingError(
                 f"{self.path} holds another run than the manifest's: {', '.join(other)}; "
                 "move it away, or name another folder with --runs"
@@ -256,35 +247,25 @@ class Place:
         return "finished" if last and (self.path / "summary.json").is_file() else "interrupted"
 
     def _other_files(self, run: RunDirectory) -> list[str]:
-        """Return in which of the files that a training starts from a run is another than the manifest's."""
+        """Return in which of the files that a training starts from a run differs from the manifest."""
         identified, joints = run.header()["identified"], self.cfg.joints
         found = identified["sha256"] if identified else None
-        expected = None if joints is None else _digest(Path(joints))
+        try:
+            expected = None if joints is None else hashlib.sha256(Path(joints).read_bytes()).hexdigest()
+        except OSError as error:
+            raise FileError(f"{joints} cannot be read: {error}; expected the joints.json to train with") from error
         net = None if self.cfg.actuator is None else read_actuator(Path(self.cfg.actuator))
         other = differences(found, expected, "SHA-256 of joints")
-        return other if _alike(run.actuator(), net) else [*other, f"actuator is another net than {self.cfg.actuator}"]
+        same_net = _content(run.actuator()) == _content(net)
+        return other if same_net else [*other, f"actuator is another net than {self.cfg.actuator}"]
 
 
-def _pathless(cfg: TrainCfg) -> TrainCfg:
-    """Return a configuration without the paths of its files, which say nothing of what is in them."""
-    return replace(cfg, joints=None, actuator=None)
-
-
-def _digest(file: Path) -> str:
-    """Return the SHA-256 of a file, as `stiction train` records it; raise `StictionError` where it cannot be read."""
-    try:
-        return hashlib.sha256(file.read_bytes()).hexdigest()
-    except OSError as error:
-        raise FileError(f"{file} cannot be read: {error}; expected the joints.json to train with") from error
-
-
-def _alike(net: ActuatorNet | None, other: ActuatorNet | None) -> bool:
-    """Say whether two nets are the same but for the command and the revision that made them."""
-    if net is None or other is None:
-        return net is other
-    arrays, others = ([array for group in one.layers for layer in group for array in layer] for one in (net, other))
-    same = len(arrays) == len(others) and all(map(np.array_equal, arrays, others))
-    return same and vars(net) | MADE_BY == vars(other) | MADE_BY
+def _content(net: ActuatorNet | None) -> Any:
+    """Return all of a net, for comparison, but the command and the revision that made it."""
+    if net is None:
+        return None
+    arrays = [array.tolist() for group in net.layers for layer in group for array in layer]
+    return vars(net) | {"layers": arrays, "revision": None, "command": None}
 
 
 def differences(found: Any, expected: Any, name: str = "") -> list[str]:

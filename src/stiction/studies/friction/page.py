@@ -12,42 +12,19 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.formats.following import BAND, LEAST
-from stiction.formats.results import FOLLOWS, ResultRow
-from stiction.joints.friction import level_text
+from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
+from stiction.joints.friction import level_axis, level_number
 from stiction.report.following import changes_sheet, levels_sheet
-from stiction.report.page import (
-    COLORS,
-    INK,
-    Section,
-    Sheet,
-    figure_uri,
-    fold,
-    legend,
-    new_figure,
-    paragraph,
-    picture,
-)
+from stiction.report.page import COLORS, INK, Section, Sheet, figure_uri, fold, legend, new_figure, paragraph, picture
 from stiction.studies import study
-from stiction.studies.claims import LIMITS
-from stiction.studies.friction.records import ConditionRecord, CurvePoint, Experiment, SeedMean
+from stiction.studies.claims import JUDGED
+from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-
-DIRECTIONS = {"vx=0.5": "forward, 0.5 m/s", "vx=-0.5": "backward, 0.5 m/s"}
-
-UNITS = {
-    "coulomb": "dry friction, % of each joint's torque limit",
-    "load": "friction coefficient times 100",
-}
-"""Label of the axis of levels, by law."""
-
-
-def short(condition: str) -> str:
-    """Return a condition's name without what all have."""
-    return condition.removeprefix("coulomb20-")
+WORDS = dict(zip(DIRECTIONS, ("forward", "backward"), strict=True))
 
 
 def _names(axis: Axes) -> None:
@@ -64,8 +41,19 @@ def _band(axis: Axes) -> None:
 
 def policies_of(experiment: Experiment) -> list[str]:
     """Return which policies of a run were evaluated: its student, and of two phases its teacher. Always the student."""
-    evaluated = {mean.who for mean in experiment.means}
-    return ["student", *(["teacher"] if "teacher" in evaluated else [])]
+    return [STUDENT, *sorted({mean.who for mean in experiment.means} - {STUDENT})]
+
+
+def rows_of(experiment: Experiment, condition: str, who: str = STUDENT) -> list[ResultRow]:
+    """Return the rows of one policy of a condition, all seeds, forward and backward."""
+    named = (row for row in experiment.rows if row.policy == f"{condition}-s{row.seed}/{who}")
+    return [row for row in named if row.command in WORDS]
+
+
+def means_of(experiment: Experiment, condition: str, who: str = STUDENT) -> list[SeedMean]:
+    """Return the means over its seeds, by rising level."""
+    own = (m for m in experiment.means if (m.condition, m.who) == (condition, who) and m.command in WORDS)
+    return sorted(own, key=lambda m: m.friction_level)
 
 
 def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "coulomb") -> Figure:
@@ -73,40 +61,34 @@ def draw_budget(experiment: Experiment, conditions: Sequence[str], law: str = "c
 
     A thin line is a seed, a thick one their mean, the band around it the 95 % t-interval.
     """
-    who_walked = policies_of(experiment)
-    figure, axes = new_figure(len(who_walked), 2, size=(9.6, 3.2 * len(who_walked)))
-    panels = [(who, command) for who in who_walked for command in DIRECTIONS]
+    evaluated = policies_of(experiment)
+    figure, axes = new_figure(len(evaluated), 2, size=(9.6, 3.2 * len(evaluated)))
+    panels = [(who, command) for who in evaluated for command in WORDS]
     for axis, (who, command) in zip(axes, panels, strict=True):
         _band(axis)
         for color, condition in zip(COLORS, conditions, strict=False):
-            means = [m for m in experiment.means if (m.condition, m.who, m.command) == (condition, who, command)]
-            _draw_mean(axis, sorted(means, key=lambda m: m.friction_level), color, short(condition))
-            for points in _by_seed(experiment.rows, condition, who, command):
+            means = [m for m in means_of(experiment, condition, who) if m.command == command]
+            _draw_mean(axis, means, color, short_name(condition), law)
+            seeds: dict[int, list[tuple[float, float]]] = {}
+            for row in rows_of(experiment, condition, who):
+                if row.command == command and row.speed_ratio is not None:
+                    seeds.setdefault(row.seed, []).append((level_number(law, row.friction_level), row.speed_ratio))
+            for points in map(sorted, seeds.values()):
                 axis.plot(*zip(*points, strict=True), color=color, linewidth=0.6, alpha=0.6, marker=".", markersize=3)
-        axis.set(title=f"{who}, {DIRECTIONS[command]}", ylabel="speed reached / commanded")
+        axis.set(title=f"{who}, {WORDS[command]}, 0.5 m/s", ylabel="speed reached / commanded")
     for axis in axes[-2:]:
-        axis.set_xlabel(UNITS[law])
+        axis.set_xlabel(level_axis(law))
     _names(axes[0])
     return figure
 
 
-def _draw_mean(axis: Axes, means: Sequence[SeedMean], color: str, label: str) -> None:
+def _draw_mean(axis: Axes, means: Sequence[SeedMean], color: str, label: str, law: str) -> None:
     """Draw the mean over levels, and its band where there is more than one seed."""
-    axis.plot([100 * m.friction_level for m in means], [m.mean for m in means], color=color, linewidth=2, label=label)
-    known = [(100 * m.friction_level, m.low, m.high) for m in means if m.low is not None and m.high is not None]
-    if known:
+    points = [(level_number(law, m.friction_level), m) for m in means]
+    axis.plot([at for at, _ in points], [m.mean for m in means], color=color, linewidth=2, label=label)
+    if known := [(at, m.low, m.high) for at, m in points if m.low is not None]:
         levels, low, high = zip(*known, strict=True)
         axis.fill_between(levels, low, high, color=color, alpha=0.15, linewidth=0)
-
-
-def _by_seed(rows: Sequence[ResultRow], condition: str, who: str, command: str) -> list[list[tuple[float, float]]]:
-    """Return (level in %, speed ratio) of each seed of a condition, by rising level."""
-    seeds: dict[int, list[tuple[float, float]]] = {}
-    for row in rows:
-        named = row.policy == f"{condition}-s{row.seed}/{who}"
-        if named and row.command == command and row.speed_ratio is not None:
-            seeds.setdefault(row.seed, []).append((100 * row.friction_level, row.speed_ratio))
-    return [sorted(points) for points in seeds.values()]
 
 
 def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
@@ -115,26 +97,20 @@ def draw_learning(experiment: Experiment, conditions: Sequence[str]) -> Figure:
     for axis, (name, title) in zip(axes, (("forward_ratio", "forward"), ("backward_ratio", "backward")), strict=True):
         _band(axis)
         for color, condition in zip(COLORS, conditions, strict=False):
-            curves = _teacher_curves(experiment.curves, condition, name)
-            for curve in curves:
+            curves: dict[str, list[tuple[int, float]]] = {}
+            for point in experiment.curves:
+                if point.phase == "teacher" and point.run.rpartition("-s")[0] == condition:
+                    curves.setdefault(point.run, []).append((point.iteration, getattr(point, name)))
+            for curve in curves.values():
                 axis.plot(*zip(*curve, strict=True), color=color, linewidth=0.6, alpha=0.6)
             if curves:
-                ends = [end for end, _ in min(curves, key=len)]
-                mean = np.mean([[ratio for _, ratio in curve[: len(ends)]] for curve in curves], axis=0)
-                axis.plot(ends, mean, color=color, linewidth=2, label=short(condition))
+                ends = [end for end, _ in min(curves.values(), key=len)]
+                mean = np.mean([[ratio for _, ratio in curve[: len(ends)]] for curve in curves.values()], axis=0)
+                axis.plot(ends, mean, color=color, linewidth=2, label=short_name(condition))
         axis.set(title=f"{title}, while training", xlabel="iteration of the teacher")
     axes[0].set_ylabel("speed reached / commanded")
     _names(axes[0])
     return figure
-
-
-def _teacher_curves(points: Sequence[CurvePoint], condition: str, name: str) -> list[list[tuple[int, float]]]:
-    """Return (iteration, ratio) of the teacher of each run of a condition."""
-    runs: dict[str, list[tuple[int, float]]] = {}
-    for point in points:
-        if point.phase == "teacher" and point.run.rpartition("-s")[0] == condition:
-            runs.setdefault(point.run, []).append((point.iteration, getattr(point, name)))
-    return list(runs.values())
 
 
 def draw_conditions(experiment: Experiment, conditions: Sequence[str]) -> Figure:
@@ -144,33 +120,29 @@ def draw_conditions(experiment: Experiment, conditions: Sequence[str]) -> Figure
     """
     figure, axes = new_figure(1, 2, size=(9.6, 0.9 + 0.32 * max(3, len(conditions))))
     nominal = {condition.name: condition.nominal for condition in experiment.conditions}
+    styles = dict(zip(DIRECTIONS, ((">", COLORS[0], -0.12), ("<", COLORS[1], 0.12)), strict=True))
     for axis, title in zip(axes, ("without friction", "at the nominal friction"), strict=True):
         axis.axvspan(*FOLLOWS, color=COLORS[2], alpha=0.12, linewidth=0)
         axis.axvline(0.0, color=INK, linewidth=0.8)
         for line, condition in enumerate(conditions):
             level = 0.0 if axis is axes[0] else nominal[condition]
-            for command, marker, color, shift in (("vx=0.5", ">", COLORS[0], -0.12), ("vx=-0.5", "<", COLORS[1], 0.12)):
-                _draw_line(axis, experiment, (condition, command), level, line + shift, marker, color)
-        axis.set_yticks(range(len(conditions)), [short(name) for name in conditions])
+            for row in rows_of(experiment, condition):
+                if _is_at(row, level) and row.speed_ratio is not None:
+                    marker, color, shift = styles[row.command]
+                    axis.plot(row.speed_ratio, line + shift, marker=marker, color=color, markersize=4, linewidth=0)
+            for m in means_of(experiment, condition):
+                if _is_at(m, level) and m.low is not None and m.high is not None:
+                    _, color, shift = styles[m.command]
+                    axis.plot([m.low, m.high], [line + shift] * 2, color=color, linewidth=1.5, alpha=0.6)
+        axis.set_yticks(range(len(conditions)), [short_name(name) for name in conditions])
         axis.set(title=title, xlabel="speed reached / commanded")
         axis.set_ylim(len(conditions) - 0.5, -0.5)
     axes[1].set_yticklabels([])
     return figure
 
 
-def _draw_line(
-    axis: Axes, experiment: Experiment, cell: tuple[str, str], level: float, y: float, marker: str, color: str
-) -> None:
-    """Draw the seeds of one condition and command at a level, and the interval of their mean."""
-    condition, command = cell
-    for row in experiment.rows:
-        named = row.policy == f"{condition}-s{row.seed}/student" and row.command == command
-        if named and abs(row.friction_level - level) < 1e-6 and row.speed_ratio is not None:
-            axis.plot(row.speed_ratio, y, marker=marker, color=color, markersize=4, linewidth=0)
-    for m in experiment.means:
-        same = (m.condition, m.who, m.command) == (condition, "student", command)
-        if same and abs(m.friction_level - level) < 1e-6 and m.low is not None and m.high is not None:
-            axis.plot([m.low, m.high], [y, y], color=color, linewidth=1.5, alpha=0.6)
+def _is_at(row: ResultRow | SeedMean, level: float) -> bool:
+    return abs(row.friction_level - level) < 1e-6
 
 
 def draw_collapse(experiment: Experiment) -> Figure:
@@ -184,14 +156,13 @@ def draw_collapse(experiment: Experiment) -> Figure:
     for axis, (method, name) in zip(axes, [(m, n) for m in methods for n in names], strict=True):
         _band(axis)
         for color, onset in zip(COLORS, [o for o in experiment.onsets if o.method == method], strict=False):
-            points = _slower(experiment.means, onset.condition)
+            slower: dict[float, float] = {}
+            for m in means_of(experiment, onset.condition):
+                if m.friction_level > 0:
+                    slower[m.friction_level] = min(slower.get(m.friction_level, m.mean), m.mean)
+            places = [level * onset.scales[name] for level in slower]
             axis.plot(
-                [level * onset.scales[name] for level, _ in points],
-                [ratio for _, ratio in points],
-                color=color,
-                marker="o",
-                markersize=3,
-                label=short(onset.condition),
+                places, [*slower.values()], color=color, marker="o", markersize=3, label=short_name(onset.condition)
             )
         axis.set_xscale("log")
         axis.set(title=method, xlabel=name)
@@ -199,15 +170,6 @@ def draw_collapse(experiment: Experiment) -> Figure:
     for axis in axes[:: len(names)]:
         _names(axis)
     return figure
-
-
-def _slower(means: Sequence[SeedMean], condition: str) -> list[tuple[float, float]]:
-    """Return (level, mean speed ratio of the slower direction) of a condition's students, above level 0."""
-    lowest: dict[float, float] = {}
-    for m in means:
-        if (m.condition, m.who) == (condition, "student") and m.command in DIRECTIONS and m.friction_level > 0:
-            lowest[m.friction_level] = min(lowest.get(m.friction_level, m.mean), m.mean)
-    return sorted(lowest.items())
 
 
 def mean_text(mean: SeedMean | None) -> str:
@@ -218,27 +180,24 @@ def mean_text(mean: SeedMean | None) -> str:
 
 
 def methods_sheet(experiment: Experiment, conditions: Sequence[str], who: str) -> Sheet:
-    """Return the speed ratio of some conditions over the levels up to 30 %, a row for each direction."""
-    means = {
-        (m.condition, m.command, m.friction_level): m
-        for m in experiment.means
-        if m.who == who and m.condition in conditions and m.command in ("vx=0.5", "vx=-0.5")
-    }
-    levels = sorted({level for _, _, level in means if level <= 0.3})
+    """Return the speed ratio of some conditions over the levels up to `HIGHEST`, a row for each direction."""
+    own = [m for condition in conditions for m in means_of(experiment, condition, who)]
+    means = {(m.condition, m.command, m.friction_level): m for m in own}
+    levels = sorted({m.friction_level for m in own if m.friction_level <= HIGHEST})
     rows = [
         (f"{name}, {word}", *(mean_text(means.get((name, command, level))) for level in levels))
         for name in conditions
-        for word, command in (("forward", "vx=0.5"), ("backward", "vx=-0.5"))
+        for command, word in WORDS.items()
     ]
     header = (f"{who}, friction in % of the torque limit", *(f"{100 * level:g}" for level in levels))
-    counts = sorted({m.seeds for m in means.values()})
+    counts = sorted({m.seeds for m in own})
     seeds = "1 seed" if counts == [1] else f"{' or '.join(map(str, counts))} seeds"
     note = f"Speed reached over commanded, mean and 95 % t-interval over {seeds}." if counts else ""
     return Sheet(f"Speed over friction, {who}", header, tuple(rows), note)
 
 
 def following_sheet(experiment: Experiment, conditions: Sequence[str]) -> Sheet:
-    """Return how many seeds of some conditions follow, students before teachers, over the levels up to 30 %."""
+    """Return how many seeds of some conditions follow, students before teachers."""
     names = {f"{name}/{who}": f"{name}, {who}" for who in policies_of(experiment) for name in conditions}
     own = [replace(cell, method=names[cell.method]) for cell in experiment.following if cell.method in names]
     rank = list(names.values())
@@ -247,10 +206,8 @@ def following_sheet(experiment: Experiment, conditions: Sequence[str]) -> Sheet:
 
 def part_sheet(experiment: Experiment, part: str) -> Sheet:
     """Return teacher and student of a part's conditions at no friction, the mean of training, and the nominal level."""
-    rows = []
-    for condition in experiment.conditions:
-        if condition.part == part:
-            rows += [_condition_row(experiment, condition, who) for who in policies_of(experiment)]
+    own = [condition for condition in experiment.conditions if condition.part == part]
+    rows = [_condition_row(experiment, condition, who) for condition in own for who in policies_of(experiment)]
     header = (
         *("condition", "policy", "seeds", "without friction", "at the mean of training", "at the nominal friction"),
         *("falls", "jitter [rad/s²]", "tripod"),
@@ -264,23 +221,14 @@ def part_sheet(experiment: Experiment, part: str) -> Sheet:
 
 def _condition_row(experiment: Experiment, condition: ConditionRecord, who: str) -> tuple[str, ...]:
     """Return one policy of one condition."""
-    own = [m for m in experiment.means if (m.condition, m.who) == (condition.name, who)]
-
-    def at(level: float) -> str:
-        found = {m.command: m for m in own if abs(m.friction_level - level) < 1e-6}
-        return " / ".join(mean_text(found.get(command)) for command in ("vx=0.5", "vx=-0.5"))
-
-    rows = [
-        row
-        for row in experiment.rows
-        if row.policy == f"{condition.name}-s{row.seed}/{who}"
-        and abs(row.friction_level - condition.nominal) < 1e-6
-        and row.command in ("vx=0.5", "vx=-0.5")
-    ]
+    cells = []
+    for level in (0.0, condition.training_mean, condition.nominal):
+        found = {m.command: m for m in means_of(experiment, condition.name, who) if _is_at(m, level)}
+        cells.append(" / ".join(mean_text(found.get(command)) for command in WORDS))
+    rows = [row for row in rows_of(experiment, condition.name, who) if _is_at(row, condition.nominal)]
     seeds = len({row.seed for row in rows})
-    levels = 0.0, condition.training_mean, condition.nominal
     figures = (_mean(rows, "fall_rate", ".0%"), _mean(rows, "joint_jitter", ".0f"), _mean(rows, "tripod_share", ".0%"))
-    return f"{condition.name}: {condition.purpose}", who, str(seeds), *(at(level) for level in levels), *figures
+    return f"{condition.name}: {condition.purpose}", who, str(seeds), *cells, *figures
 
 
 def _mean(rows: Sequence[ResultRow], column: str, form: str) -> str:
@@ -289,18 +237,8 @@ def _mean(rows: Sequence[ResultRow], column: str, form: str) -> str:
     return format(sum(values) / len(values), form) if values else "–"
 
 
-def verdict_sheet(experiment: Experiment) -> Sheet:
-    """Return what became of each sentence."""
-    note = (
-        "Numbers are means over training seeds with their 95 % t-interval in brackets and every seed in parentheses. "
-        f"`undecided`: the interval straddles the criterion. {LIMITS} One seed carries no verdict. Each sentence is "
-        "judged by itself at 95 %: the number of sentences is not corrected for."
-    )
-    return study.verdict_sheet(experiment.verdicts, note, "The paper's sentences")
-
-
 def onset_sheet(experiment: Experiment) -> Sheet:
-    """Return the friction at which each condition slows under 80 %, on every candidate axis."""
+    """Return the friction at which each condition is too slow, on every candidate axis."""
     names = list(experiment.onsets[0].scales) if experiment.onsets else []
     rows = []
     for onset in experiment.onsets:
@@ -308,18 +246,18 @@ def onset_sheet(experiment: Experiment) -> Sheet:
         nowhere = "stays above" if onset.level is None else "under from the start"
         rows.append((onset.condition, *(nowhere if value is None else f"{value:.3f}" for value in values)))
     note = " ".join(f"{c.method}: {c.axis or 'no axis'}; {c.reason}." for c in experiment.collapses)
-    return Sheet(
-        f"Friction at which the slower direction slows under {LEAST}", ("condition", *names), tuple(rows), note
-    )
+    title = f"Friction at which the slower direction slows under {LEAST}"
+    return Sheet(title, ("condition", *names), tuple(rows), note)
 
 
 def run_sheet(experiment: Experiment) -> Sheet:
     """Return every run with its command, state, revision and time."""
     arguments = {condition.name: condition.arguments for condition in experiment.conditions}
+    preset = experiment.summary.get("preset", "two-phase")
     rows = tuple(
         (
             run.name,
-            f"--preset two-phase {arguments[run.condition]} --seed {run.seed}",
+            f"--preset {preset} {arguments[run.condition]} --seed {run.seed}",
             run.state,
             run.revision or "–",
             "–" if run.minutes is None else f"{run.minutes:.0f}",
@@ -331,26 +269,30 @@ def run_sheet(experiment: Experiment) -> Sheet:
 
 TITLE = "Training with dry friction in the joints"
 
-CAPTIONS = {
-    "budget": f"Thin: a seed. Thick: the mean over seeds, with its 95 % t-interval. Green: {BAND} of the command.",
-    "learning": "Speed in training, randomised, noisy and pushed, under each method's own friction; all seeds, mean.",
-    "conditions": "Students. A triangle is a seed and points where it is told to walk. A bar: the t-interval.",
-    "collapse": "Friction of the shank on three axes. The axis on which curves agree is the one that predicts.",
-    "load": "Friction that grows with the force and torque in the joint; trained at several coefficients.",
-    "go1": "The same three training methods, on a quadruped.",
+FIGURES = {
+    "budget": (
+        "Speed over friction",
+        f"Thin: a seed. Thick: the mean over seeds, with its 95 % t-interval. Green: {BAND} of the command.",
+    ),
+    "learning": (
+        "How fast they learn",
+        "Speed in training, randomised, noisy and pushed, under each method's own friction; all seeds, mean.",
+    ),
+    "conditions": (
+        "Every training method, side by side",
+        "Students. A triangle is a seed and points where it is commanded to walk. A bar: the t-interval.",
+    ),
+    "collapse": (
+        "Which number predicts the onset",
+        "Friction of the shank on three axes. The axis on which curves agree is the one that predicts.",
+    ),
+    "load": (
+        "Friction that grows with load",
+        "Friction that grows with the force and torque in the joint; trained at several coefficients.",
+    ),
+    "go1": ("A robot that can fall", "The same three training methods, on a quadruped."),
 }
-"""Figure -> what to see in it."""
-
-HEADINGS = {
-    "budget": "Speed over friction",
-    "learning": "How fast they learn",
-    "conditions": "Every training method, side by side",
-    "collapse": "Which number predicts the onset",
-    "load": "Friction that grows with load",
-    "go1": "A robot that can fall",
-}
-"""Figure -> heading of its section."""
-
+"""Figure -> heading of its section, and what to see in it."""
 
 APART = ("following", "verdicts", "runs")
 """Tables that are not folded away."""
@@ -397,7 +339,7 @@ def draw_figures(experiment: Experiment) -> dict[str, Figure]:
 def sheets_of(experiment: Experiment) -> dict[str, Sheet]:
     """Return the tables in the order of the page."""
     first = [condition.name for condition in experiment.conditions if condition.part == "1"]
-    sheets = {"verdicts": verdict_sheet(experiment)}
+    sheets = {"verdicts": study.verdict_sheet(experiment.verdicts, JUDGED, "The paper's sentences")}
     if first:
         sheets["following"] = following_sheet(experiment, first)
         sheets |= {f"methods-{who}": methods_sheet(experiment, first, who) for who in policies_of(experiment)}
@@ -412,10 +354,11 @@ def sections(experiment: Experiment, figures: Mapping[str, Figure], sheets: Mapp
     """Return the sections of the page: verdicts, figures, tables, what was run."""
     page = [Section(sheets["following"].title, sheets["following"].blocks())] if "following" in sheets else []
     changes = changes_sheet(experiment.summary)
-    told = (fold(changes.title, changes.blocks()),) if changes else ()
-    page.append(Section("What became of the paper's sentences", (*sheets["verdicts"].blocks(), *told)))
+    folded = (fold(changes.title, changes.blocks()),) if changes else ()
+    page.append(Section("What became of the paper's sentences", (*sheets["verdicts"].blocks(), *folded)))
     for name, figure in figures.items():
-        page.append(Section(HEADINGS[name], (picture(figure_uri(figure), CAPTIONS[name]),)))
+        heading, caption = FIGURES[name]
+        page.append(Section(heading, (picture(figure_uri(figure), caption),)))
     tables = [fold(sheet.title, sheet.blocks()) for name, sheet in sheets.items() if name not in APART]
     return [*page, Section("Tables", tuple(tables))]
 
@@ -432,24 +375,11 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
 
 
 def lead(experiment: Experiment) -> str:
-    """Return the answer in a few sentences: how far it has come, and how many sentences came out how."""
+    """Return how far it has come, and how many sentences came out how."""
     finished = sum(run.state == "finished" for run in experiment.runs)
     outcomes = Counter(verdict.outcome for verdict in experiment.verdicts)
-    said = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
+    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     return (
         f"{finished} of {len(experiment.runs)} runs are finished. Of {len(experiment.verdicts)} sentences of the paper "
-        f"on training with friction: {said}."
-        f"{_follow_text(experiment)}"
+        f"on training with friction: {counts}."
     )
-
-
-def _follow_text(experiment: Experiment) -> str:
-    """Say at which levels the students of each condition of the first part follow with every seed."""
-    first = {f"{c.name}/student": c.name for c in experiment.conditions if c.part == "1"}
-    said = []
-    for method, name in first.items():
-        own = [cell for cell in experiment.following if cell.method == method]
-        sure = ", ".join(level_text("coulomb", cell.friction_level) for cell in own if cell.every_seed)
-        if own:
-            said.append(f"{name} at {sure or 'no tested level'}")
-    return f" With every seed follow: {'; '.join(said)}." if said else ""

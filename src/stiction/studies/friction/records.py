@@ -3,28 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from stiction.formats.following import Following
 from stiction.formats.results import ResultRow
 from stiction.studies.claims import Verdict
 
+STUDENT = "student"
+"""Of a run's two policies the one that is deployed, and judged."""
+
+HIGHEST = 0.3
+"""Highest friction level that counts in means over levels, and in tables [-]."""
+
+
+def short_name(condition: str) -> str:
+    """Return a condition's name as pages and evidence have it."""
+    return condition.removeprefix("coulomb20-")
+
 
 @dataclass(frozen=True)
 class ConditionRecord:
-    """one training method, as the manifest has it."""
+    """One training method, as the manifest has it."""
 
     name: str
     """Name of its runs without the seed."""
     part: str
-    """Part of the experiment."""
     purpose: str
     """Why it is there."""
     arguments: str
     """Words for `stiction train`, without preset, seed and folder."""
     robot: str
-    """Robot that it was trained on."""
     law: str
     """Friction law that it was trained and is evaluated with."""
     nominal: float
@@ -38,11 +47,8 @@ class RunRecord:
     """One run of the manifest."""
 
     name: str
-    """Name of its folder."""
     condition: str
-    """The training method that it is a sample of."""
     seed: int
-    """Seed of everything random in it."""
     state: str
     """`missing`, `interrupted`, `finished`."""
     revision: str
@@ -56,15 +62,12 @@ class SeedMean:
     """The mean speed ratio of a condition over its seeds; a row of intervals.csv. The seeds are in results.csv."""
 
     condition: str
-    """Training method."""
     who: str
     """`teacher` or `student`."""
     friction_law: str
-    """Law of the evaluation."""
     friction_level: float
     """Level of the evaluation [-]."""
     command: str
-    """Commanded velocity."""
     seeds: int
     """Number of seeds."""
     mean: float
@@ -72,7 +75,6 @@ class SeedMean:
     low: float | None
     """Lower end of the 95 % t-interval of that mean; None with one seed."""
     high: float | None
-    """Upper end."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,6 @@ class CurvePoint:
     """One point of the learning curves; a row of curves.csv. Of the randomised training, not of an evaluation."""
 
     run: str
-    """Name of the run."""
     phase: str
     """`teacher` or `student`."""
     iteration: int
@@ -88,7 +89,6 @@ class CurvePoint:
     forward_ratio: float
     """Speed over commanded speed while forward is commanded [-]."""
     backward_ratio: float
-    """The same while backward is commanded [-]."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,6 @@ class Onset:
     """Where one condition slows under 80 % of the command; above that it may be too fast."""
 
     condition: str
-    """Training method, and robot."""
     method: str
     """`direct` or `deception`."""
     level: float | None
@@ -129,37 +128,27 @@ class Experiment:
     """Everything that the experiment's page shows."""
 
     rows: Sequence[ResultRow]
-    """Every policy at every level and command."""
+    curves: Sequence[CurvePoint]
     conditions: Sequence[ConditionRecord]
     """The training methods in the parts that were asked for."""
     runs: Sequence[RunRecord]
-    """Their runs."""
-    means: Sequence[SeedMean]
-    """Means over seeds."""
-    curves: Sequence[CurvePoint]
-    """Learning curves."""
-    verdicts: Sequence[Verdict]
-    """One a sentence."""
-    following: Sequence[Following]
-    """Who follows, by condition and policy, `coulomb20-none/student`."""
     onsets: Sequence[Onset]
     """One a condition of the fourth part."""
     collapses: Sequence[Collapse]
     """One a method."""
     parts: dict[str, str]
     """Part -> title."""
-    summary: dict[str, Any] = field(default_factory=dict)
+    summary: dict[str, Any]
     """What was run, on what, and the settings of the evaluation."""
+    means: Sequence[SeedMean] = ()
+    verdicts: Sequence[Verdict] = ()
+    following: Sequence[Following] = ()
+    """Who follows, by condition and policy, `coulomb20-none/student`."""
 
     @property
     def tables(self) -> dict[str, Sequence[Any]]:
         """File -> its rows."""
-        return {
-            "results": self.rows,
-            "intervals": self.means,
-            "following": self.following,
-            "curves": self.curves,
-        }
+        return {"results": self.rows, "intervals": self.means, "following": self.following, "curves": self.curves}
 
     @property
     def plain(self) -> dict[str, Any]:

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from stiction.core.errors import TrainingError
-from stiction.report.terminal import stop_requests
 from stiction.studies.study import ParallelOptions, Report, Study, Work
 
 if TYPE_CHECKING:
-    from stiction.studies.friction.manifest import Place
+    from stiction.studies.friction.manifest import PlannedRun
     from stiction.studies.friction.records import Experiment
 
 DESCRIPTION = """The experiment on training with dry friction: every run of its manifest, and what follows from them.
@@ -58,80 +57,64 @@ class FrictionOptions(ParallelOptions):
     """Print the verdicts as JSON on standard output, and nothing else."""
 
 
-def places_of(options: FrictionOptions) -> list[Place]:
-    """Return the runs of the chosen parts with their configurations and folders."""
-    from stiction.rma.arguments import parse
-    from stiction.studies.friction.manifest import Place, runs_of
-
-    runs = runs_of(options.parts, options.preset)
-    return [Place(run, parse([*run.arguments]).config, options.runs / run.name) for run in runs]
-
-
 def run(options: FrictionOptions, work: Work) -> Report | int:
     """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
-    from stiction.studies.friction.assemble import assemble, judge_again, read_experiment, ship
+    from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, ship
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
-    from stiction.studies.friction.training import train_missing
+    from stiction.studies.friction.manifest import PlannedRun, runs_of
+    from stiction.studies.friction.training import train
 
     if options.judge_again:
-        return told(options, judge_again(options.out, work.made))
-    places = places_of(options)
-    states = {place.run.name: place.state() for place in places}
+        return report_of(options, judge_again(options.out, work.made))
+    planned = [PlannedRun.of(run, options.runs) for run in runs_of(options.parts, options.preset)]
+    states = {run.run.name: run.state() for run in planned}
     if options.list:
-        print_places(places, states)
+        print_runs(planned, states)
         return 0
     if not options.train and "finished" not in states.values():
         raise TrainingError(
             f"no run of the experiment in {options.runs} is finished; train them with --train, or name their folder "
             "with --runs"
         )
-    before = read_experiment(options.out, options.preset) if options.add else None
+    before = read_earlier(options.out, options.preset) if options.add else None
     work.begin()
-    failed: dict[str, str] = {}
-    if options.train:
-        with stop_requests(work.say, "an iteration of each run") as asked:
-            failed = train_missing(places, work.jobs, work.progress, asked=asked)
-        if asked():
-            return asked.status
+    failed = train(planned, work.jobs, work.progress, work.say) if options.train else {}
     base = replace(BASE, episodes=options.episodes, seconds=options.seconds)
-    finished = [place for place in places if place.state() == "finished"]
+    finished = [run for run in planned if run.state() == "finished"]
     rows, unevaluated = evaluate_tasks(tasks_for(finished, base, options.cache), work.jobs, work.progress)
     failed |= unevaluated
     for name, reason in failed.items():
         work.say(f"{name}: {reason}")
 
-    made = work.made | {"failed": failed, "preset": options.preset}
-
-    def write_bundles(_: Path) -> None:
-        for folder in ship(places, rows, options.ship) if options.ship else []:
+    def write_bundles() -> None:
+        for folder in ship(planned, rows, options.ship) if options.ship else []:
             work.say(f"shipped {folder}")
 
-    report = told(options, assemble(places, rows, base, made, before), write_bundles)
+    made = work.made | {"failed": failed, "preset": options.preset}
+    report = report_of(options, assemble(planned, rows, base, made, before), write_bundles)
     return replace(report, status=1 if failed else 0)
 
 
-def told(
-    options: FrictionOptions, experiment: Experiment, further: Callable[[Path], None] = lambda out: None
-) -> Report:
+def report_of(options: FrictionOptions, experiment: Experiment, further: Callable[[], None] = lambda: None) -> Report:
     """Return the report of the experiment; with it its part of the advice is written if asked for, then `further`."""
     from stiction.formats.advice import TRAINING, write_source
     from stiction.studies.friction.assemble import source_of
     from stiction.studies.friction.page import report
 
-    def write_advice(out: Path) -> None:
+    def write_files(_: Path) -> None:
         if options.advice is not None:
             write_source(options.advice, TRAINING, source_of(experiment))
-        further(out)
+        further()
 
-    return replace(report(experiment), files=write_advice)
+    return replace(report(experiment), files=write_files)
 
 
-def print_places(places: list[Place], states: Mapping[str, str]) -> None:
+def print_runs(planned: list[PlannedRun], states: Mapping[str, str]) -> None:
     """Print every run with its state and the command that trains it by hand."""
-    for place in places:
-        run = place.run
-        share = place.done() / place.iterations
-        print(f"{states[run.name]:<12}{share:>5.0%}  stiction train {shlex.join(run.arguments)} --out {place.path}")
+    for run in planned:
+        share = run.done() / run.iterations
+        words = shlex.join(run.run.arguments)
+        print(f"{states[run.run.name]:<12}{share:>5.0%}  stiction train {words} --out {run.path}")
 
 
 STUDY = Study(

@@ -8,12 +8,14 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from io import TextIOWrapper
 
 from stiction.core.provenance import PACKAGE, THREADS_VARIABLE
-from stiction.studies.friction.manifest import Place
+from stiction.report.terminal import stop_requests
+from stiction.studies.friction.manifest import PlannedRun
+from stiction.studies.study import Stopped
 
 Progress = Callable[[str, float], None]
 """Called with the name of a run, or `ALL`, and the share of it that is done."""
@@ -31,35 +33,35 @@ LOG = "train.log"
 """What a run printed, in its folder."""
 
 
-def train_command(place: Place) -> list[str]:
+def train_command(run: PlannedRun) -> list[str]:
     """Return the command that begins a run, or goes on with it."""
     program = [sys.executable, "-m", "stiction", "train"]
-    if place.state() == "interrupted":
-        return [*program, "--resume", str(place.path)]
-    return [*program, *place.run.arguments, "--out", str(place.path)]
+    if run.state() == "interrupted":
+        return [*program, "--resume", str(run.path)]
+    return [*program, *run.run.arguments, "--out", str(run.path)]
 
 
 @dataclass
 class Job:
     """A run in training."""
 
-    place: Place
+    run: PlannedRun
     process: subprocess.Popen
     lock: TextIOWrapper
 
-    def last_words(self) -> str:
+    def last_line(self) -> str:
         """Return the last line that the run printed: of one that failed, the reason."""
-        lines = (self.place.path / LOG).read_text(errors="replace").split("\n")
+        lines = (self.run.path / LOG).read_text(errors="replace").split("\n")
         return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
 
 
-def start(place: Place, command: Callable[[Place], list[str]] = train_command) -> Job | None:
+def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_command) -> Job | None:
     """Start the training of a run on one thread, by this very code; None where another process trains it.
 
     The lock passes to the run's own process, so that it holds as long as the training goes on, whoever is interrupted.
     """
-    place.path.mkdir(parents=True, exist_ok=True)
-    lock = (place.path / ".lock").open("w")
+    run.path.mkdir(parents=True, exist_ok=True)
+    lock = (run.path / ".lock").open("w")
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
@@ -67,10 +69,10 @@ def start(place: Place, command: Callable[[Place], list[str]] = train_command) -
         return None
     path = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
     environment = {**os.environ, THREADS_VARIABLE: "1", "PYTHONPATH": path}
-    with (place.path / LOG).open("a") as log:
+    with (run.path / LOG).open("a") as log:
         # In a session of its own, so that Ctrl-C reaches it once, from `stop`: a second one would not wait.
         process = subprocess.Popen(
-            command(place),
+            command(run),
             stdout=log,
             stderr=log,
             stdin=subprocess.DEVNULL,
@@ -78,14 +80,14 @@ def start(place: Place, command: Callable[[Place], list[str]] = train_command) -
             pass_fds=[lock.fileno()],
             start_new_session=True,
         )
-    return Job(place, process, lock)
+    return Job(run, process, lock)
 
 
 def train_missing(
-    places: Sequence[Place],
+    planned: Sequence[PlannedRun],
     jobs: int,
     progress: Progress = lambda name, share: None,
-    command: Callable[[Place], list[str]] = train_command,
+    command: Callable[[PlannedRun], list[str]] = train_command,
     poll: float = POLL,
     asked: Callable[[], bool] = lambda: False,
 ) -> dict[str, str]:
@@ -98,29 +100,37 @@ def train_missing(
         StictionError: a folder holds a run with another configuration; nothing was started then.
 
     """
-    waiting = [place for place in places if place.state() != "finished"]
-    share = Shares(waiting, progress)
+    waiting = [run for run in planned if run.state() != "finished"]
+    shares = Shares(waiting, progress)
     running: list[Job] = []
     failed: dict[str, str] = {}
     try:
         while (waiting or running) and not asked():
             while waiting and len(running) < jobs:
-                place = waiting.pop(0)
-                job = start(place, command)
-                if job is None:
-                    failed[place.run.name] = "another process trains it"
-                else:
+                run = waiting.pop(0)
+                if job := start(run, command):
                     running.append(job)
+                else:
+                    failed[run.run.name] = "another process trains it"
             time.sleep(poll)
-            trained = [job.place for job in running]
+            trained = [job.run for job in running]
             for job in [job for job in running if job.process.poll() is not None]:
                 running.remove(job)
                 job.lock.close()
-                if job.place.state() != "finished":
-                    failed[job.place.run.name] = f"{job.last_words()} (see {job.place.path / LOG})"
-            share.report(trained, failed)
+                if job.run.state() != "finished":
+                    failed[job.run.run.name] = f"{job.last_line()} (see {job.run.path / LOG})"
+            shares.report(trained, failed)
     finally:
         stop(running)
+    return failed
+
+
+def train(planned: Sequence[PlannedRun], jobs: int, progress: Progress, say: Callable[[str], None]) -> dict[str, str]:
+    """Train as `train_missing` until it is done or Ctrl-C; `say` prints a line. Raises `Stopped` at Ctrl-C."""
+    with stop_requests(say, "an iteration of each run") as asked:
+        failed = train_missing(planned, jobs, progress, asked=asked)
+    if asked():
+        raise Stopped(asked.status)
     return failed
 
 
@@ -140,26 +150,23 @@ def stop(running: Sequence[Job]) -> None:
 class Shares:
     """How far the runs are, each and together, by iterations; what was done before does not count as progress."""
 
-    def __init__(self, places: Sequence[Place], progress: Progress) -> None:
+    def __init__(self, runs: Sequence[PlannedRun], progress: Progress) -> None:
         """Remember where every run stands."""
-        self.places = {place.run.name: place for place in places}
-        self.before = {name: place.done() for name, place in self.places.items()}
-        self.done = dict(self.before)
-        self.told: dict[str, float] = {}
+        self.length = {run.run.name: run.iterations for run in runs}
+        self.done = {run.run.name: run.done() for run in runs}
+        self.before = sum(self.done.values())
         self.progress = progress
+        self.reported: dict[str, float] = {}
 
-    def report(self, trained: Sequence[Place], failed: Mapping[str, str]) -> None:
-        """Report runs that are or were in training, and all together: a run that failed has nothing left to do."""
-        for place in trained:
-            self.done[place.run.name] = place.done()
-            self._tell(place.run.name, self.done[place.run.name] / place.iterations)
-        left = sum(place.iterations - self.done[name] for name, place in self.places.items() if name not in failed)
-        gained = sum(self.done.values()) - sum(self.before.values())
+    def report(self, trained: Sequence[PlannedRun], failed: Collection[str]) -> None:
+        """Report the shares that have changed: a run that failed has nothing left to do."""
+        self.done |= {run.run.name: run.done() for run in trained}
+        shares = {run.run.name: self.done[run.run.name] / run.iterations for run in trained}
+        left = sum(length - self.done[name] for name, length in self.length.items() if name not in failed)
+        gained = sum(self.done.values()) - self.before
         if gained + left:
-            self._tell(ALL, gained / (gained + left))
-
-    def _tell(self, name: str, share: float) -> None:
-        """Report a share that has changed."""
-        if self.told.get(name) != share:
-            self.told[name] = share
-            self.progress(name, share)
+            shares[ALL] = gained / (gained + left)
+        for name, share in shares.items():
+            if self.reported.get(name) != share:
+                self.reported[name] = share
+                self.progress(name, share)

@@ -1,22 +1,38 @@
-"""The friction budget: how speed falls with friction for each training method, and where it slows under 80 %."""
+"""The friction budget: how speed falls with friction for each training method, and where a robot becomes too slow."""
 
 from __future__ import annotations
-
-from collections.abc import Sequence
 
 import numpy as np
 
 from stiction.core.statistics import t_interval
 from stiction.evaluate.methods import FED, FORWARD
 from stiction.evaluate.samples import Condition, Evidence
+from stiction.formats.advice import FrictionEffect
+from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient
+<<<<<<< HEAD
 from stiction.robots.model import Robot
+=======
+from stiction.robots.model import Robot
+from stiction.studies.claims import differences
+>>>>>>> tidy-a
 from stiction.studies.friction.evaluation import onset_level
 from stiction.studies.replication.plan import FRICTION, NOMINAL, REST, ROBOT
-from stiction.studies.replication.records import FEWEST_LEVELS, BudgetPoint, ForwardPoint, Onset
+from stiction.studies.replication.records import (
+    CAUSES,
+    FEWEST_LEVELS,
+    SHARES,
+    BudgetPoint,
+    ForwardPoint,
+    Onset,
+    Replication,
+)
 
 BESIDE = ("none", FED, "deception")
 """Friction fed forward between the methods that it is held against."""
+
+BARE = {ROBOT: REST, FRICTION: NOMINAL}
+"""Cell with friction -> the same robot without."""
 
 
 def budget(evidence: Evidence) -> list[BudgetPoint]:
@@ -53,8 +69,13 @@ def _point(evidence: Evidence, method: str, condition: Condition) -> BudgetPoint
     return BudgetPoint(*where, len(points), float(np.mean(points)), low, high, each)
 
 
+<<<<<<< HEAD
 def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
     """Return where every method slows under 80 % of the command. `spec`: the robot, for the dead band of its shank.
+=======
+def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
+    """Return where every method becomes too slow. `spec`: the robot, for the dead band of its shank.
+>>>>>>> tidy-a
 
     The onset is found for each seed and then averaged: a mean of curves has another one. A seed that stays above counts
     with the highest level that it was tested at itself, which is less than the truth; there is no interval then. A
@@ -62,18 +83,19 @@ def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
     """
     found = []
     for method, engine, law in _curves(evidence):
-        curves = [curve for curve in _by_seed(evidence, method, engine, law).values() if len(curve[0]) >= FEWEST_LEVELS]
+        curves = [curve for curve in _by_seed(evidence, method, engine, law).values() if len(curve) >= FEWEST_LEVELS]
         if not curves:
             continue
-        each, last = [onset_level(*curve) for curve in curves], [levels[-1] for levels, _ in curves]
-        above = [level is None for level in each]
-        ends = [end if level is None else level for level, end in zip(each, last, strict=True)]
+        each = [(onset_level([*curve], [*curve.values()]), max(curve)) for curve in curves]
+        above = [level is None for level, _ in each]
+        ends = [last if level is None else level for level, last in each]
         level = None if all(above) else float(np.mean(ends))
         low, high = (None if any(above) else t_interval(ends)) or (None, None)
-        words = " ".join(f">{end:g}" if one is None else f"{one:.3g}" for one, end in zip(each, last, strict=True))
+        words = " ".join(f">{last:g}" if one is None else f"{one:.3g}" for one, last in each)
         unit = spec.shank.torque_limit / spec.shank.stiffness
         band = None if level is None or has_coefficient(law) else level * unit
-        found.append(Onset(method, engine, law, len(each), level, low, high, min(last), words, band))
+        tested = min(last for _, last in each)
+        found.append(Onset(method, engine, law, len(each), level, low, high, tested, words, band))
     return found
 
 
@@ -82,24 +104,47 @@ def _curves(evidence: Evidence) -> list[tuple[str, str, str]]:
     return list(dict.fromkeys((method, engine, law) for method, engine, law, *_ in evidence.cells))
 
 
-BARE = {ROBOT: REST, FRICTION: NOMINAL}
-"""Cell with friction -> the same robot without."""
-
-
-def _by_seed(
-    evidence: Evidence, method: str, engine: str, law: str
-) -> dict[int, tuple[Sequence[float], Sequence[float]]]:
-    """Return levels from 0 on and the slower direction's ratios of every seed."""
+def _by_seed(evidence: Evidence, method: str, engine: str, law: str) -> dict[int, dict[float, float]]:
+    """Return the slower direction's ratio of every seed at every level, from 0 on."""
     conditions = [Condition(engine, level, law) for level in evidence.levels(method, engine, law)]
     if engine in BARE and law != "coulomb":
         conditions = [Condition(BARE[engine], 0.0), *conditions]
-    curves: dict[int, tuple[list[float], list[float]]] = {}
+    curves: dict[int, dict[float, float]] = {}
     for condition in conditions:
-        ratios_of = evidence.slower(method, condition).seeds
-        if not ratios_of and condition.level == 0.0:
-            ratios_of = evidence.slower(method.removesuffix(FORWARD), condition).seeds
-        for seed, ratio in ratios_of.items():
-            levels, ratios = curves.setdefault(seed, ([], []))
-            levels.append(condition.level)
-            ratios.append(ratio)
-    return {seed: curve for seed, curve in curves.items() if curve[0][0] == 0.0}
+        ratios = evidence.slower(method, condition).seeds
+        if not ratios and condition.level == 0.0:
+            ratios = evidence.slower(method.removesuffix(FORWARD), condition).seeds
+        for seed, ratio in ratios.items():
+            curves.setdefault(seed, {})[condition.level] = ratio
+    return {seed: curve for seed, curve in curves.items() if 0.0 in curve}
+
+
+def friction_effects(result: Replication, method: str = "none") -> tuple[FrictionEffect, ...]:
+    """Return what friction did to a method in every engine, and on the virtual robots, where its level is a share of
+    the torque limit: the evidence behind the verdicts of `stiction identify`.
+    """
+    evidence = Evidence.of(row for part in result.parts for row in part.details)
+    unit = result.summary["dead_band"]
+    own = (onset for onset in result.onsets if onset.method == method and onset.friction_law in SHARES)
+    return tuple(_effect(evidence, onset, unit) for onset in own if onset.engine not in CAUSES)
+
+
+def _effect(evidence: Evidence, onset: Onset, unit: float) -> FrictionEffect:
+    """Return the effect in one engine. unit: dead band per level [rad]."""
+    method, engine, law = onset.method, onset.engine, onset.friction_law
+    bare = evidence.slower(method, Condition(BARE.get(engine, engine), 0.0)).seeds
+    levels = [level for level in evidence.levels(method, engine, law) if level > 0]
+    speeds = {level: evidence.slower(method, Condition(engine, level, law)).seeds for level in levels}
+    losses = {level: list(differences(bare, own).values()) for level, own in speeds.items()}
+    noticeable = next((level for level in levels if (ends := t_interval(losses[level])) and ends[0] > 0), None)
+    severe = (level for level, own in speeds.items() if own and max(own.values()) < FOLLOWS[0])
+    return FrictionEffect(
+        engine=engine,
+        seeds=onset.seeds,
+        frictionless_speed=float(np.mean(list(bare.values()))),
+        noticeable=noticeable,
+        speed_loss=None if noticeable is None else float(np.mean(losses[noticeable])),
+        dead_band=None if noticeable is None else round(noticeable * unit, 9),
+        onset=onset.level,
+        severe=next(severe, None),
+    )

@@ -12,112 +12,127 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from stiction.evaluate.grid import REAL
 from stiction.evaluate.methods import FED
-from stiction.evaluate.samples import Evidence, each_seed
+from stiction.evaluate.samples import Condition, Evidence, each_seed
 from stiction.formats.following import LEAST
 from stiction.formats.results import DIRECTIONS
-from stiction.studies.claims import FOLLOWING, Claim, Verdict
+from stiction.studies.claims import FOLLOWING, Claim, Verdict, each
+from stiction.studies.friction.claims import HARDLY, JITTER, MOVES
 from stiction.studies.replication import criteria
-from stiction.studies.replication.plan import ROBOT
+from stiction.studies.replication.criteria import HALF, JUMPING, NOTICEABLE, elsewhere, on_robot
+from stiction.studies.replication.plan import PAPER, ROBOT
 from stiction.studies.replication.records import EvidenceRow
+from stiction.studies.stairs.climb import ENOUGH
 
 FORWARD, BACKWARD = DIRECTIONS
 
+STICKY = Condition(ROBOT, 0.2, REAL)
+"""The virtual robot with the friction of the training, on which stairs are judged."""
+
+ALL_CLIMBED = f"at least {100 * ENOUGH:g} % of crossings, at each height"
+
+FROZEN = f"{HARDLY} of the command in the faster direction, upright in most walks in each"
+
+TIMES = f"above {JITTER:g} times those of"
+
+NOTICED = f"the slower direction loses at least {100 * NOTICEABLE:g} % of the command"
 
 CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "E1",
         "in Sim2Sim the robot achieved the best performance using domain randomization without static friction",
         "other engines, no friction: mean |speed ratio - 1| of none is below that of deception, and of actuator",
-        criteria.best_without_friction,
+        each(*(elsewhere(other, criteria.farther_than("none")) for other in ("deception", "actuator"))),
     ),
     Claim(
         "E2a",
         "using Actuator Net, the robot exhibited significant abnormal behavior [in Sim2Sim]",
-        "actuator, other engines, no friction: joint accelerations above 1.5 times those of none while both walk, or "
+        f"actuator, other engines, no friction: joint accelerations {TIMES} none while both walk, or "
         "falls in more than a third of walks, both directions together",
-        criteria.abnormal_elsewhere("actuator", "none"),
+        elsewhere("actuator", criteria.unsteady("none", *DIRECTIONS)),
     ),
     Claim(
         "E2b",
         "eventually leading to system failure",
-        "actuator, other engines, no friction: under 20 % of the command in the slower direction, or at least half of "
+        f"actuator, other engines, no friction: {HARDLY} of the command in the slower direction, or at least half of "
         "the walks in a direction end in a fall",
-        criteria.fails_elsewhere("actuator"),
+        elsewhere("actuator", criteria.fails),
     ),
     Claim(
         "E3",
         "with static friction, the robot displayed irregular jittering [in Sim2Sim]",
-        "other engines, no friction: joint accelerations of deception above 1.5 times those of none while both walk",
-        criteria.jitters_elsewhere,
+        f"other engines, no friction: joint accelerations of deception {TIMES} none while both walk",
+        elsewhere("deception", criteria.jitters("none", *DIRECTIONS)),
     ),
     Claim(
         "E4",
         "and jumping",
-        "other engines, no friction: deception has no foot on the ground in more than 5 % of its moving steps",
-        criteria.jumps_elsewhere,
+        "other engines, no friction: deception has no foot on the ground in more than "
+        f"{100 * JUMPING:g} % of its moving steps",
+        elsewhere("deception", criteria.jumps),
     ),
     Claim(
         "E5",
         "but was still capable of ascending and descending stairs",
-        "deception trained on stairs, other engines, no friction: at least 80 % of crossings, at each height",
+        f"deception trained on stairs, other engines, no friction: {ALL_CLIMBED}",
         criteria.climbs_elsewhere("deception"),
     ),
     Claim(
         "E6",
         "domain randomization without static friction enabled the robot to walk backward on flat ground",
-        "none, virtual robot: at least 50 % of the command backward, at each level",
-        criteria.walks("none", BACKWARD),
+        f"none, virtual robot: at least {100 * HALF:g} % of the command backward, at each level",
+        on_robot("none", criteria.walks(BACKWARD)),
     ),
     Claim(
         "E7",
         "but forward walking caused it to fall",
         "none, virtual robot: at least half of the walks forward end in a fall, at each level",
-        criteria.falls("none", FORWARD),
+        on_robot("none", criteria.falls(FORWARD)),
     ),
     Claim(
         "E8a",
         "using Actuator Net allowed the robot to walk forward",
-        "actuator, virtual robot: at least 50 % of the command forward, at each level",
-        criteria.walks("actuator", FORWARD),
+        f"actuator, virtual robot: at least {100 * HALF:g} % of the command forward, at each level",
+        on_robot("actuator", criteria.walks(FORWARD)),
     ),
     Claim(
         "E8b",
         "albeit unsteadily",
-        "actuator, virtual robot, forward: joint accelerations above 1.5 times those of deception while both walk, or "
+        f"actuator, virtual robot, forward: joint accelerations {TIMES} deception while both walk, or "
         "falls in more than a third of walks, at each level",
-        criteria.unsteady("actuator", "deception", FORWARD),
+        on_robot("actuator", criteria.unsteady("deception", FORWARD)),
     ),
     Claim(
         "E9",
         "and it was unable to climb stairs",
-        "actuator trained on stairs, virtual robot, level 0.2: under 20 % of crossings, at each height; no preset "
-        "trains such a policy: judged only where some are given",
-        criteria.climbs_not("actuator", ROBOT, 0.2),
+        f"actuator trained on stairs, virtual robot, level {STICKY.level:g}: {HARDLY} of crossings, at each height; no "
+        "preset trains such a policy: judged only where some are given",
+        criteria.under("actuator", STICKY, criteria.climbs_not),
     ),
     Claim(
         "E10",
         "domain randomization with static friction achieved stable walking on flat ground",
         f"deception follows on the virtual robot: {FOLLOWING}, at each level",
-        criteria.follows("deception"),
+        criteria.follows_on_robot("deception"),
     ),
     Claim(
         "E11",
         "and successful stair navigation",
-        "deception trained on stairs, virtual robot, level 0.2: at least 80 % of crossings, at each height",
-        criteria.climbs("deception", ROBOT, 0.2),
+        f"deception trained on stairs, virtual robot, level {STICKY.level:g}: {ALL_CLIMBED}",
+        criteria.under("deception", STICKY, criteria.climbs),
     ),
     Claim(
         "E12",
         "this approach significantly improved Sim2Real performance",
         "virtual robot: mean |speed ratio - 1| of deception is below that of none, at each level",
-        criteria.better_on_the_robot("deception", "none"),
+        criteria.nearer_on_robot("deception", "none"),
     ),
     Claim(
         "E13",
         "albeit with a slight sacrifice in Sim2Sim performance",
         "other engines, no friction: mean |speed ratio - 1| of deception is above that of none",
-        criteria.worse_elsewhere("deception", "none"),
+        elsewhere("deception", criteria.farther_than("none")),
     ),
     Claim(
         "E14",
@@ -128,42 +143,41 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "V2",
         "directly incorporating static friction caused the robot to remain stationary [during training]",
-        "direct, moved to the virtual robot: under 20 % of the command in the faster direction, and upright in most "
+        f"direct, moved to the virtual robot: {HARDLY} of the command in the faster direction, and upright in most "
         "walks in each, at each level; training itself is judged by `stiction study friction`",
-        criteria.stationary("direct"),
+        on_robot("direct", criteria.stationary),
     ),
     Claim(
         "V3",
         "manually compensating for it in the actions caused the robot to remain stationary [during training]",
-        "compensation, moved to the virtual robot: under 20 % of the command in the faster direction, and upright in "
+        f"compensation, moved to the virtual robot: {HARDLY} of the command in the faster direction, and upright in "
         "most walks in each, at each level; training itself is judged by `stiction study friction`",
-        criteria.stationary("compensation"),
+        on_robot("compensation", criteria.stationary),
     ),
     Claim(
         "V5",
         "fine-tuning a model that was trained without static friction also failed",
         f"finetune, virtual robot: too slow, under {LEAST} of the command in the slower direction, at each level",
-        criteria.too_slow("finetune"),
+        on_robot("finetune", criteria.too_slow),
     ),
     Claim(
         "V7",
         "models trained with the iterative method exhibited severe jitter during real-world deployment",
-        "virtual robot: joint accelerations of iterative above 1.5 times those of deception while both walk, at each "
-        "level",
-        criteria.jitters_on_the_robot("iterative", "deception"),
+        f"virtual robot: joint accelerations of iterative {TIMES} deception while both walk, at each level",
+        on_robot("iterative", criteria.jitters("deception", *DIRECTIONS)),
     ),
     Claim(
         "V8",
         "even making stable standing difficult",
-        "iterative, virtual robot, told to stand: faster than 0.1 m/s, or more than a third of walks fall, at each "
-        "level",
-        criteria.stands_badly("iterative"),
+        f"iterative, virtual robot, told to stand: faster than {MOVES:g} m/s, or more than a third of walks fall, at "
+        "each level",
+        on_robot("iterative", criteria.stands_badly),
     ),
     Claim(
         "T1",
         "static friction [0.98 % of the torque limit] leads to a noticeable impact",
-        "none, other engines: the slower direction loses at least 10 % of the command between no friction and 1 %",
-        criteria.loses("none", 0.01),
+        f"none, other engines: {NOTICED} between no friction and 1 %",
+        elsewhere("none", criteria.loses, 0.01),
     ),
     Claim(
         "T2",
@@ -173,20 +187,20 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     ),
     Claim(
         "X1",
-        "the unit: 0.442 read as a coefficient of the joint's load freezes conventional policies",
-        "none, law load, c = 0.442: under 20 % of the command in the faster direction, upright in most walks in each",
+        f"the unit: {PAPER:g} read as a coefficient of the joint's load freezes conventional policies",
+        f"none, law load, c = {PAPER:g}: {FROZEN}",
         criteria.frozen_by("load"),
     ),
     Claim(
         "X2",
-        "the unit: 0.442 read as a coefficient of the motor's torque does",
-        "none, law effort, c = 0.442: under 20 % of the command in the faster direction, upright in most walks in each",
+        f"the unit: {PAPER:g} read as a coefficient of the motor's torque does",
+        f"none, law effort, c = {PAPER:g}: {FROZEN}",
         criteria.frozen_by("effort"),
     ),
     Claim(
         "X3",
         "had the paper's Sim2Sim had joint friction, it would have shown [Webots ignores it under position control]",
-        "none, ODE as Webots sets it up: the slower direction loses at least 10 % of the command, at each level above "
+        f"none, ODE as Webots sets it up: {NOTICED}, at each level above "
         "0; that Webots ignores it was read in its source and not tried",
         criteria.loses_at_each_level("none", "ode-webots"),
     ),
@@ -202,20 +216,20 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
         "what a user would try: friction fed forward in the joint controllers makes a conventional policy walk",
         f"{FED} follows on the virtual robot, friction as identified on its bench: {FOLLOWING}, at each level; robots "
         "whose bench does not tell the friction are left out, and counted",
-        criteria.follows(FED),
+        criteria.follows_on_robot(FED),
     ),
     Claim(
         "X6",
         "and training with friction is better than that",
         f"virtual robot: mean |speed ratio - 1| of deception is below that of {FED}, at each level, over the robots "
         "on which friction was fed forward",
-        criteria.better_on_the_robot("deception", FED),
+        criteria.nearer_on_robot("deception", FED),
     ),
     Claim(
         "X7",
         "and a range, around and below the friction that one knows, is better than training at that friction alone",
         "virtual robot: mean |speed ratio - 1| of deception is below that of point, at each level",
-        criteria.better_on_the_robot("deception", "point"),
+        criteria.nearer_on_robot("deception", "point"),
     ),
 )
 """In the order of the paper, then the criteria."""

@@ -1,4 +1,8 @@
-"""The criteria of the comparison: functions of what the policies reached in other engines and on the virtual robot."""
+"""The criteria of the comparison: functions of what the policies reached in other engines and on the virtual robot.
+
+A criterion under one condition is a function of the rows, a training method and the condition (`JudgeAt`); `elsewhere`,
+`on_robot` and `under` say where it must hold.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +28,7 @@ from stiction.studies.claims import (
     rate_within,
     within,
 )
-from stiction.studies.friction.claims import JITTER, STATIONARY
+from stiction.studies.friction.claims import JITTER, MOVES, STATIONARY
 from stiction.studies.replication.plan import FRICTION, OTHERS, OVER, PAPER, REST, ROBOT
 from stiction.studies.stairs.climb import ENOUGH
 
@@ -37,11 +41,8 @@ LOADED = "+load"
 Judge = Callable[[Evidence], Finding]
 """A criterion as a function of the rows."""
 
-JudgeAt = Callable[[Evidence, Condition], Finding]
-"""A criterion under one condition."""
-
-MOVES = 0.1
-"""Speed at which a robot that is told to stand does not [m/s]."""
+JudgeAt = Callable[[Evidence, str, Condition], Finding]
+"""A criterion of a training method under one condition."""
 
 HALF, JUMPING = 0.5, 0.05
 """Share of the command that counts as walking, and of walks that fall as failing; of steps in the air as jumping."""
@@ -50,7 +51,29 @@ NOTICEABLE = 0.1
 """Loss of speed ratio that one notices."""
 
 
-def over_frictions(method: str, engine: str, judge: JudgeAt) -> Judge:
+def under(method: str, condition: Condition, judge: JudgeAt) -> Judge:
+    """Judge a method under one condition."""
+    return lambda e: judge(e, method, condition)
+
+
+def elsewhere(method: str, judge: JudgeAt, level: float = 0.0) -> Judge:
+    """Judge in every other engine in which a method was walked at a level of Coulomb friction; all must agree."""
+
+    def judge_all(e: Evidence) -> Finding:
+        engines = [engine for engine in OTHERS if level in e.levels(method, engine)]
+        if not engines:
+            return Finding("not tested", f"{method} was not walked in another engine")
+        return all_of(*(_located(engine, judge(e, method, Condition(engine, level))) for engine in engines))
+
+    return judge_all
+
+
+def _located(engine: str, found: Finding) -> Finding:
+    """Return a finding that says in which engine it was made."""
+    return Finding(found.outcome, f"{engine}: {found.evidence}")
+
+
+def on_robot(method: str, judge: JudgeAt, engine: str = ROBOT) -> Judge:
     """Judge a sentence that names no level at every friction of virtual robots: where a method was not walked and
     others were, the evidence says so.
 
@@ -65,14 +88,13 @@ def over_frictions(method: str, engine: str, judge: JudgeAt) -> Judge:
         bench = ""
         conditions = {condition for other in e.methods() for condition in e.frictions(other, engine)}
         for condition in sorted(conditions, key=lambda one: (_load(one), one.level, one.law)):
-            found = judge(e, condition)
+            found = judge(e, method, condition)
             if condition.law == BENCHED:
                 bench = f"; at the bench's value, {condition.level:g}: {found.outcome}, {found.evidence}"
             load = _load(condition)
             base = (condition.law.partition(LOADED)[0], condition.level) if load else ("", 0.0)
             axes.setdefault(base, []).append((load or condition.level, found))
-        judged = [_named(base, over_levels(findings)) for base, findings in axes.items()]
-        together = together_over_axes(judged)
+        together = together_over_axes([_named(base, over_levels(findings)) for base, findings in axes.items()])
         return Finding(together.outcome, together.evidence + bench)
 
     return judge_all
@@ -107,51 +129,19 @@ def together_over_axes(findings: Sequence[Finding]) -> Finding:
     return Finding(next(iter(decided)) if len(decided) == 1 else "undecided", evidence)
 
 
-def on_robot(method: str, judge: JudgeAt) -> Judge:
-    """Judge at every friction of the virtual robot."""
-    return over_frictions(method, ROBOT, judge)
+def _counted(judge: Judge, *methods: str) -> Judge:
+    """Say in the evidence at which frictions virtual robots are left out: not all of the methods walked on them."""
 
+    def judge_counted(e: Evidence) -> Finding:
+        found = judge(e)
+        evidence = [found.evidence]
+        for c in e.frictions(methods[-1], ROBOT):
+            counted, left_out = e.robots(c, *methods)
+            if left_out:
+                evidence.append(f"at {c.level:g} ({c.law}) robots counted: {len(counted)}, left out: {len(left_out)}")
+        return Finding(found.outcome, "; ".join(evidence))
 
-def everywhere(method: str, judge: JudgeAt, level: float = 0.0) -> Judge:
-    """Judge in every other engine in which a method was walked at a level of Coulomb friction; all must agree."""
-
-    def judge_all(e: Evidence) -> Finding:
-        engines = [engine for engine in OTHERS if level in e.levels(method, engine)]
-        if not engines:
-            return Finding("not tested", f"{method} was not walked in another engine")
-        return all_of(*(_located(engine, judge(e, Condition(engine, level))) for engine in engines))
-
-    return judge_all
-
-
-def _located(engine: str, found: Finding) -> Finding:
-    """Return a finding that says in which engine it was made."""
-    return Finding(found.outcome, f"{engine}: {found.evidence}")
-
-
-def best_without_friction(e: Evidence) -> Finding:
-    """Without friction in other engines nobody is nearer to the command than conventional training."""
-    return all_of(*(worse_elsewhere(other, "none")(e) for other in ("deception", "actuator")))
-
-
-def worse_elsewhere(method: str, than: str) -> Judge:
-    """One method is farther from the command than another, in other engines without friction."""
-    return everywhere(method, lambda e, c: larger((method, e.error(method, c)), (than, e.error(than, c))))
-
-
-def abnormal_elsewhere(method: str, than: str) -> Judge:
-    """A method jitters, beside another one, or falls, in other engines without friction."""
-    return everywhere(method, unsteady_at(method, than, DIRECTIONS))
-
-
-def fails_elsewhere(method: str) -> Judge:
-    """A method comes to a stand in one direction, or half of its walks fall, in other engines without friction."""
-
-    def at(e: Evidence, c: Condition) -> Finding:
-        stands = within(f"{method}, slower direction", e.slower(method, c), -np.inf, STATIONARY)
-        return any_of(stands, *_falls(e, method, c, DIRECTIONS, HALF, np.inf))
-
-    return everywhere(method, at)
+    return judge_counted
 
 
 def _falls(e: Evidence, method: str, c: Condition, commands: Sequence[str], low: float, high: float) -> list[Finding]:
@@ -160,35 +150,51 @@ def _falls(e: Evidence, method: str, c: Condition, commands: Sequence[str], low:
     return [rate_within(f"{method}, falls at {vx}", rate, low, high) for vx, rate in rates.items()]
 
 
-def unsteady_at(method: str, than: str, commands: Sequence[str]) -> JudgeAt:
+def farther_than(other: str) -> JudgeAt:
+    """A method is farther from the command than another."""
+    return lambda e, method, c: larger((method, e.error(method, c)), (other, e.error(other, c)))
+
+
+def nearer_on_robot(method: str, than: str) -> Judge:
+    """One method is nearer to the command than another on the virtual robots on which both walked."""
+
+    def nearer(e: Evidence, method: str, c: Condition) -> Finding:
+        shared = e.on_shared_robots(c, method, than)
+        return larger((than, shared.error(than, c)), (method, shared.error(method, c)))
+
+    return _counted(on_robot(method, nearer), method, than)
+
+
+def follows_on_robot(method: str) -> Judge:
+    """Every seed of a method follows on the virtual robots on which it walked, and nobody falls."""
+    return _counted(on_robot(method, lambda e, method, c: claims.follows(e, method, c, method)), method)
+
+
+def fails(e: Evidence, method: str, c: Condition) -> Finding:
+    """A method comes to a stand in one direction, or half of its walks in one fall."""
+    stands = within(f"{method}, slower direction", e.slower(method, c), -np.inf, STATIONARY)
+    return any_of(stands, *_falls(e, method, c, DIRECTIONS, HALF, np.inf))
+
+
+def unsteady(than: str, *commands: str) -> JudgeAt:
     """A method jitters beside another one, or falls too often to be stable, over the commands together."""
 
-    def at(e: Evidence, c: Condition) -> Finding:
+    def judge(e: Evidence, method: str, c: Condition) -> Finding:
         falling = rate_within(f"{method}, falls", e.rate(method, c, commands, "fall_rate"), STABLE, np.inf)
-        return any_of(jitters_at(method, than, commands)(e, c), falling)
+        return any_of(jitters(than, *commands)(e, method, c), falling)
 
-    return at
-
-
-def jitters_elsewhere(e: Evidence) -> Finding:
-    """The friction-aware policy's joints accelerate a multiple of the conventional one's."""
-    return everywhere("deception", jitters_at("deception", "none"))(e)
+    return judge
 
 
-def jitters_on_the_robot(method: str, than: str) -> Judge:
-    """The same on the virtual robot, of any two methods."""
-    return on_robot(method, jitters_at(method, than))
-
-
-def jitters_at(method: str, than: str, commands: Sequence[str] = DIRECTIONS) -> JudgeAt:
-    """The joints' accelerations of one method are above `JITTER` times those of another, while both walk.
+def jitters(than: str, *commands: str) -> JudgeAt:
+    """The joints' accelerations of a method are above `JITTER` times those of another, while both walk.
 
     Joints of a robot that stands hardly accelerate, and of one that lies they are not measured: of each method only the
     seeds count that reach at least `HALF` of every command and fall in less than `HALF` of its walks. On virtual robots
     seeds alone decide: each may fall on other robots, and of a robot on which it fell there is no jitter to compare.
     """
 
-    def at(e: Evidence, c: Condition) -> Finding:
+    def judge(e: Evidence, method: str, c: Condition) -> Finding:
         (first, halted), (second, others) = (_jitter_of_walking(e, name, c, commands) for name in (method, than))
         allowed = Measurement({seed: JITTER * value for seed, value in second.items()})
         found = larger((f"{method} [rad/s²]", Measurement(first)), (f"{JITTER:g} x {than}", allowed))
@@ -199,133 +205,82 @@ def jitters_at(method: str, than: str, commands: Sequence[str] = DIRECTIONS) -> 
         ]
         return Finding(found.outcome, "; ".join([found.evidence, *reasons]))
 
-    return at
+    return judge
 
 
 def _jitter_of_walking(e: Evidence, method: str, c: Condition, commands: Sequence[str]) -> tuple[SeedValues, list[int]]:
     """Return the largest joint acceleration over commands of the seeds that walk upright, and the seeds that do not."""
     jitter = e.worst(method, c, "joint_jitter", commands).seeds
-    speed, falls = e.slower(method, c, commands).seeds, e.worst(method, c, "fall_rate", commands).seeds
-    walking = {seed: value for seed, value in jitter.items() if speed.get(seed, 0.0) >= HALF > falls.get(seed, 1.0)}
+    speed, falling = e.slower(method, c, commands).seeds, e.worst(method, c, "fall_rate", commands).seeds
+    walking = {seed: value for seed, value in jitter.items() if speed.get(seed, 0.0) >= HALF > falling.get(seed, 1.0)}
     return walking, [seed for seed in jitter if seed not in walking]
 
 
-def jumps_elsewhere(e: Evidence) -> Finding:
-    """The friction-aware policy flies."""
-
-    def at(e: Evidence, c: Condition) -> Finding:
-        return within("share of steps in the air", e.worst("deception", c, "flight_share"), JUMPING, np.inf)
-
-    return everywhere("deception", at)(e)
+def jumps(e: Evidence, method: str, c: Condition) -> Finding:
+    """A method has no foot on the ground in too many steps."""
+    return within("share of steps in the air", e.worst(method, c, "flight_share"), JUMPING, np.inf)
 
 
-def climbs(method: str, engine: str, level: float) -> Judge:
+def climbs(e: Evidence, method: str, c: Condition) -> Finding:
     """A method crosses stairs of every height that was tried."""
-    return lambda e: _crossings(e, method, engine, level, ENOUGH, np.inf)
+    return _crossings(e, method, c, ENOUGH, np.inf)
 
 
 def climbs_elsewhere(method: str) -> Judge:
     """A method crosses stairs of every height that was tried in each other engine, without friction."""
-    return lambda e: all_of(*(_located(engine, climbs(method, engine, 0.0)(e)) for engine in OTHERS))
+    return lambda e: all_of(*(_located(engine, climbs(e, method, Condition(engine, 0.0))) for engine in OTHERS))
 
 
-def climbs_not(method: str, engine: str, level: float) -> Judge:
+def climbs_not(e: Evidence, method: str, c: Condition) -> Finding:
     """A method crosses stairs of no height that was tried."""
-    return lambda e: _crossings(e, method, engine, level, -np.inf, STATIONARY)
+    return _crossings(e, method, c, -np.inf, STATIONARY)
 
 
-def _crossings(e: Evidence, method: str, engine: str, level: float, low: float, high: float) -> Finding:
+def _crossings(e: Evidence, method: str, c: Condition, low: float, high: float) -> Finding:
     """Judge the share of crossings at each height."""
-    law = REAL if engine == ROBOT and level > 0 else "coulomb"
-    walked = {terrain for name, at, *_, terrain, _ in e.cells if (name, at) == (method, engine)}
-    found = []
-    for terrain in sorted(walked - {"flat"}):
-        rate = e.rate(method, Condition(engine, level, law), (OVER,), "crossed", terrain)
-        found.append(rate_within(f"{method} on {terrain}", rate, low, high))
-    return all_of(*found) if found else Finding("not tested", f"{method} was not walked over stairs in {engine}")
+    walked = {terrain for name, engine, *_, terrain, _ in e.cells if (name, engine) == (method, c.engine)}
+    rates = {terrain: e.rate(method, c, (OVER,), "crossed", terrain) for terrain in sorted(walked - {"flat"})}
+    if not rates:
+        return Finding("not tested", f"{method} was not walked over stairs in {c.engine}")
+    return all_of(*(rate_within(f"{method} on {terrain}", rate, low, high) for terrain, rate in rates.items()))
 
 
-def walks(method: str, command: str) -> Judge:
-    """A method reaches half of a command on the virtual robot."""
-
-    def at(e: Evidence, c: Condition) -> Finding:
-        return within(f"{method}, {command}", e.mean(method, c, "speed_ratio", command), HALF, np.inf)
-
-    return on_robot(method, at)
+def walks(command: str) -> JudgeAt:
+    """A method reaches half of a command."""
+    return lambda e, method, c: within(f"{method}, {command}", e.mean(method, c, "speed_ratio", command), HALF, np.inf)
 
 
-def follows(method: str) -> Judge:
-    """Every seed of a method follows on the virtual robots on which it walked, and nobody falls."""
-    return _counted(on_robot(method, lambda e, c: claims.follows(e, method, c, method)), method)
+def falls(command: str) -> JudgeAt:
+    """Half of the walks end in a fall."""
+    return lambda e, method, c: all_of(*_falls(e, method, c, (command,), HALF, np.inf))
 
 
-def falls(method: str, command: str) -> Judge:
-    """Half of the walks on the virtual robot end in a fall."""
-    return on_robot(method, lambda e, c: all_of(*_falls(e, method, c, (command,), HALF, np.inf)))
-
-
-def unsteady(method: str, than: str, command: str) -> Judge:
-    """A method jitters on the virtual robot, beside another one, or falls more often than a stable one."""
-    return on_robot(method, unsteady_at(method, than, (command,)))
-
-
-def better_on_the_robot(method: str, than: str) -> Judge:
-    """One method is nearer to the command than another on the virtual robots on which both walked."""
-
-    def at(e: Evidence, c: Condition) -> Finding:
-        shared = e.on_shared_robots(c, method, than)
-        return larger((than, shared.error(than, c)), (method, shared.error(method, c)))
-
-    return _counted(on_robot(method, at), method, than)
-
-
-def _counted(judge: Judge, *methods: str) -> Judge:
-    """Say in the evidence at which frictions virtual robots are left out: not all of the methods walked on them."""
-
-    def judge_counted(e: Evidence) -> Finding:
-        found, said = judge(e), []
-        for c in e.frictions(methods[-1], ROBOT):
-            counted, left_out = e.robots(c, *methods)
-            if left_out:
-                said.append(f"at {c.level:g} ({c.law}) robots counted: {len(counted)}, left out: {len(left_out)}")
-        return Finding(found.outcome, "; ".join([found.evidence, *said]))
-
-    return judge_counted
-
-
-def stationary(method: str) -> Judge:
-    """A method hardly moves in either direction on the virtual robot, and stays upright."""
-    return on_robot(method, stands_at(method))
-
-
-def stands_at(method: str) -> JudgeAt:
+def stationary(e: Evidence, method: str, c: Condition) -> Finding:
     """A method hardly moves in either direction, and stays upright in most walks: after a fall the speed is zero."""
-
-    def at(e: Evidence, c: Condition) -> Finding:
-        still = within(f"{method}, faster direction", e.faster(method, c), -np.inf, STATIONARY)
-        return all_of(still, *_falls(e, method, c, DIRECTIONS, -np.inf, HALF))
-
-    return at
+    still = within(f"{method}, faster direction", e.faster(method, c), -np.inf, STATIONARY)
+    return all_of(still, *_falls(e, method, c, DIRECTIONS, -np.inf, HALF))
 
 
-def too_slow(method: str) -> Judge:
-    """A method is too slow in its slower direction on the virtual robot."""
-    return on_robot(method, lambda e, c: within(method, e.slower(method, c), -np.inf, FOLLOWS[0]))
+def frozen_by(law: str) -> Judge:
+    """The paper's number as a coefficient stops a policy that never met friction: it stands upright."""
+    return under("none", Condition(BATCH, PAPER, law), stationary)
 
 
-def stands_badly(method: str) -> Judge:
-    """A method moves where it is told to stand on the virtual robot, or falls: then it has no speed."""
-
-    def at(e: Evidence, c: Condition) -> Finding:
-        speed = within(f"{method} at stand [m/s]", e.mean(method, c, "tracking_error", STAND), MOVES, np.inf)
-        return any_of(speed, *_falls(e, method, c, (STAND,), STABLE, np.inf))
-
-    return on_robot(method, at)
+def too_slow(e: Evidence, method: str, c: Condition) -> Finding:
+    """A method is too slow in its slower direction."""
+    return within(method, e.slower(method, c), -np.inf, FOLLOWS[0])
 
 
-def loses(method: str, level: float) -> Judge:
-    """A method loses a noticeable part of its speed up to a level, in other engines, policy by policy."""
-    return everywhere(method, loses_at(method), level)
+def stands_badly(e: Evidence, method: str, c: Condition) -> Finding:
+    """A method moves where it is commanded to stand, or falls: then it has no speed."""
+    speed = within(f"{method} at stand [m/s]", e.mean(method, c, "tracking_error", STAND), MOVES, np.inf)
+    return any_of(speed, *_falls(e, method, c, (STAND,), STABLE, np.inf))
+
+
+def loses(e: Evidence, method: str, c: Condition) -> Finding:
+    """A method loses a noticeable part of its speed ratio between no friction and a condition, policy by policy."""
+    lost = differences(e.slower(method, replace(c, level=0.0)).seeds, e.slower(method, c).seeds)
+    return within(f"{method}, speed ratio lost", Measurement(lost), NOTICEABLE, np.inf)
 
 
 def loses_at_each_level(method: str, engine: str) -> Judge:
@@ -335,29 +290,18 @@ def loses_at_each_level(method: str, engine: str) -> Judge:
         levels = [level for level in e.levels(method, engine) if level > 0]
         if not levels:
             return Finding("not tested", f"{method} was not walked with friction in {engine}")
-        return over_levels([(level, loses_at(method)(e, Condition(engine, level))) for level in levels])
+        return over_levels([(level, loses(e, method, Condition(engine, level))) for level in levels])
 
     return judge
 
 
-def loses_at(method: str) -> JudgeAt:
-    """A method loses a noticeable part of its speed ratio between no friction and a condition."""
-
-    def at(e: Evidence, c: Condition) -> Finding:
-        lost = differences(e.slower(method, replace(c, level=0.0)).seeds, e.slower(method, c).seeds)
-        return within(f"{method}, speed ratio lost", Measurement(lost), NOTICEABLE, np.inf)
-
-    return at
+def slower_than_by_all_else(e: Evidence, method: str, c: Condition) -> Finding:
+    """A friction leaves a method slower than all other differences of the virtual robot alone, policy by policy."""
+    rest = e.slower(method, Condition(REST, 0.0))
+    return larger_paired(("all but friction", rest), ("friction alone", e.slower(method, c)))
 
 
-def friction_is_the_cause(e: Evidence) -> Finding:
-    """Friction alone leaves the conventional policy slower than all other differences alone, policy by policy."""
-
-    def at(e: Evidence, c: Condition) -> Finding:
-        rest = e.slower("none", Condition(REST, 0.0))
-        return larger_paired(("all but friction", rest), ("friction alone", e.slower("none", c)))
-
-    return over_frictions("none", FRICTION, at)(e)
+friction_is_the_cause = on_robot("none", slower_than_by_all_else, FRICTION)
 
 
 def lower_is_better(e: Evidence) -> Finding:
@@ -366,20 +310,11 @@ def lower_is_better(e: Evidence) -> Finding:
     return larger_paired(("none at 0.2", high), ("at 0.1", low))
 
 
-def frozen_by(law: str) -> Judge:
-    """The paper's number as a coefficient stops a policy that never met friction: it stands upright."""
-    return lambda e: stands_at("none")(e, Condition(BATCH, PAPER, law))
-
-
 def load_above_bench(e: Evidence) -> Finding:
     """The bench's friction does not trouble the conventional policy, a share of the load does."""
     frictions = {condition.law: condition for condition in e.frictions("none", ROBOT)}
-    not_slow, slow = (FOLLOWS[0], np.inf), (-np.inf, FOLLOWS[0])
-    asked = ((BENCHED, not_slow), (f"{BENCHED}{LOADED}0.1", slow))
-    if any(law not in frictions for law, _ in asked):
+    asked = {BENCHED: (FOLLOWS[0], np.inf), f"{BENCHED}{LOADED}0.1": (-np.inf, FOLLOWS[0])}
+    if not asked.keys() <= frictions.keys():
         return Finding("not tested", "the virtual robot was not walked at the bench's friction with 0.1 of the load")
-    found = []
-    for law, ends in asked:
-        c = frictions[law]
-        found.append(within(f"none at {law} {c.level:g}", e.slower("none", c), *ends))
-    return all_of(*found)
+    at = {law: frictions[law] for law in asked}
+    return all_of(*(within(f"none at {law} {c.level:g}", e.slower("none", c), *asked[law]) for law, c in at.items()))

@@ -1,9 +1,9 @@
-"""The Actuator Net of the comparison: fitted to what the motors of one virtual robot said while it walked.
+"""The Actuator Net of the comparison: fitted to what the motors of one virtual robot report while it walks.
 
 As in the paper the conventional policy f0 walks on the robot, backward only, and its log trains f_motor; f1 is then
-trained with that net in place of the PD law. The torque is the motors' own, a current times a constant, for that is
-what such a robot logs: friction of the joints, which lies behind the motor, is not in it. `stiction study actuator`
-asks what a torque sensor behind the gear would change.
+trained with that net in place of the PD law. The torque is a motor current times a constant, which is what such a robot
+logs: friction of the joints, behind the motor, is not in it. `stiction study actuator` compares it with a sensor behind
+the gear.
 
 The folder has the logs and the net; it is an entry of `core.cache`.
 """
@@ -48,14 +48,17 @@ class WalkedNet:
     """Name in the catalogue of engines."""
     case: Case
     """The robot."""
+<<<<<<< HEAD
     spec: Robot
     """Its data sheet."""
+=======
+    spec: Robot
+>>>>>>> tidy-a
     policy: Bundle
     """f0, which walks."""
     seconds: float = 10.0
     """Length of each of its `RUNS` walks [s]."""
     cfg: ActuatorCfg = field(default_factory=ActuatorCfg)
-    """How the net is fitted."""
 
     @property
     def label(self) -> str:
@@ -64,7 +67,7 @@ class WalkedNet:
 
     @property
     def key(self) -> str:
-        """What it was made from, as one number: robot, engine, policy, settings, code."""
+        """Digest of robot, engine, policy, settings and code."""
         return key_of([self.engine, self.case, self.spec, self.policy.digest, self.seconds, self.cfg], *MAKING)
 
 
@@ -77,7 +80,7 @@ def make_net(
         walked: robot, policy and settings.
         folder: for `logs` and the net's files.
         command: the command line, for the record.
-        jobs: processes at once. They do not change the result.
+        jobs: processes at once; they do not change the result.
         progress: see `Progress`.
 
     Raises:
@@ -102,7 +105,10 @@ def make_net(
                     f"{walked.policy.name} fell at once on {walked.case.label}: {len(runs)} of {len(tasks)} logs, too "
                     "few for a net; give a policy that walks"
                 )
-            write_trained(net, train_actuator(runs, walked.cfg, command, partial(_named, progress)))
+            fitted = train_actuator(
+                runs, walked.cfg, command, lambda group, share: progress(f"Actuator Net, {group}", share)
+            )
+            write_trained(net, fitted)
     except OSError as error:
         raise FileError(f"{folder} cannot be written: {error}; choose another --runs") from error
 
@@ -120,7 +126,3 @@ def log_walk(walked: WalkedNet, command: str, episode: int, logs: Path) -> None:
     if len(trial.steps) * contract.control_period >= SHORTEST:
         log = walk_log(trial.steps, walked.policy, walked.spec, walked.engine, command)
         write_walk(logs / f"{command}--{episode}.npz", log)
-
-
-def _named(progress: Progress, group: str, share: float) -> None:
-    progress(f"Actuator Net, {group}", share)

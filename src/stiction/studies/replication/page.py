@@ -1,4 +1,4 @@
-"""The page of the paper's comparison: verdicts, the friction budget, every method in every place, and clips."""
+"""The page of the paper's comparison: verdicts, the friction budget, every method in every engine, and clips."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from stiction.evaluate.methods import FED
 from stiction.evaluate.table import BOTH, Sample
@@ -15,13 +15,7 @@ from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.evaluation import sample_text
-from stiction.report.following import (
-    changes_sheet,
-    friction_text,
-    needs_sentence,
-    needs_sheet,
-    places_sheet,
-)
+from stiction.report.following import changes_sheet, friction_text, needs_sentence, needs_sheet, places_sheet
 from stiction.report.page import (
     COLORS,
     INK,
@@ -34,12 +28,13 @@ from stiction.report.page import (
     new_figure,
     paragraph,
     picture,
+    table,
 )
-from stiction.report.page import table as page_table
 from stiction.robots.terrain import STEPS, TREAD
 from stiction.studies import study
-from stiction.studies.claims import LIMITS, Verdict
+from stiction.studies.claims import JUDGED
 from stiction.studies.replication.clips import ClipPair, clip_sections
+from stiction.studies.replication.plan import OVER
 from stiction.studies.replication.records import (
     FEWEST_LEVELS,
     BudgetPoint,
@@ -51,7 +46,6 @@ from stiction.studies.replication.records import (
 
 if TYPE_CHECKING:
     from markupsafe import Markup
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -69,6 +63,7 @@ def draw_budget(points: Sequence[BudgetPoint], methods: Sequence[str], band: flo
     band: dead band f/kp of the shank at a friction of the whole torque limit [rad], for the axis on top.
     """
     shown = curves(points)
+    unit = 10 * band  # mrad per per cent
     columns = min(3, len(shown))
     rows = -(-len(shown) // columns)
     figure, axes = new_figure(rows, columns, size=(max(6.3, 4.2 * columns), 3.7 * rows))
@@ -78,12 +73,13 @@ def draw_budget(points: Sequence[BudgetPoint], methods: Sequence[str], band: flo
         for method in methods:
             own = sorted((p for p in some if p.method == method), key=lambda p: p.friction_level)
             if own:
-                places = (level_number(law, p.friction_level) for p in own)
-                spreads = [Spread(at, p.ratio, p.low, p.high, p.each) for at, p in zip(places, own, strict=True)]
+                spreads = [Spread(level_number(law, p.friction_level), p.ratio, p.low, p.high, p.each) for p in own]
                 draw_seeds(axis, spreads, method, methods)
         axis.set(title=engine, xlabel=level_axis(law), ylim=(-0.2, 1.9))
         if not has_coefficient(law):
-            _dead_band(axis, band)
+            top = axis.secondary_xaxis("top", functions=(lambda level: level * unit, lambda angle: angle / unit))
+            top.set_xlabel("dead band f/kp of the shank [mrad]", fontsize=8, color=INK)
+            top.tick_params(colors=INK, labelsize=7)
     for axis in axes[len(shown) :]:
         axis.set_visible(False)
     axes[0].set_ylabel("speed reached / commanded")
@@ -94,52 +90,37 @@ def draw_budget(points: Sequence[BudgetPoint], methods: Sequence[str], band: flo
     return figure
 
 
-def _dead_band(axis: Axes, band: float) -> None:
-    """Add the axis of the shank's dead band on top."""
-    unit = 10 * band  # mrad per per cent
-
-    def angle(level: Any) -> Any:
-        return level * unit
-
-    def level(angle: Any) -> Any:
-        return angle / unit
-
-    top = axis.secondary_xaxis("top", functions=(angle, level))
-    top.set_xlabel("dead band f/kp of the shank [mrad]", fontsize=8, color=INK)
-    top.tick_params(colors=INK, labelsize=7)
-
-
 def draw_needs(cells: Sequence[Following], methods: Sequence[str]) -> Figure:
-    """Return how many seeds of each method follow at each tested level, a panel for each place; at least one cell.
+    """Return how many seeds of each method follow at each tested level, a panel for each engine; at least one cell.
 
     The greener, the more seeds; ▼ so many are too slow, ▲ so many too fast, × so many fell.
     """
-    places = list(dict.fromkeys(cell.engine for cell in cells))
+    engines = list(dict.fromkeys(cell.engine for cell in cells))
     levels = sorted({cell.friction_level for cell in cells})
     shown = [method for method in methods if any(cell.method == method for cell in cells)]
-    columns = min(2, len(places))
-    height = -(-len(places) // columns)
+    columns = min(2, len(engines))
+    height = -(-len(engines) // columns)
     figure, axes = new_figure(height, columns, size=(5.4 * columns, (0.62 * len(shown) + 1.1) * height))
-    for axis, place in zip(axes, places, strict=False):
-        for cell in (cell for cell in cells if cell.engine == place and cell.method in shown):
+    for axis, engine in zip(axes, engines, strict=False):
+        for cell in (cell for cell in cells if cell.engine == engine and cell.method in shown):
             at, row = levels.index(cell.friction_level), shown.index(cell.method)
             share = cell.follow / cell.seeds
             axis.barh(row, 0.94, 0.9, at - 0.47, color=COLORS[2], alpha=0.05 + 0.6 * share, linewidth=0)
             wrong = (("▼", cell.too_slow), ("▲", cell.too_fast), ("×", cell.fell))
             text = " ".join(f"{mark}{number}" for mark, number in wrong if number)
-            said = f"{cell.follow} of {cell.seeds}" + (f"\n{text}" if text else "")
-            axis.text(at, row, said, ha="center", va="center", fontsize=7.5, color=INK)
+            label = f"{cell.follow} of {cell.seeds}" + (f"\n{text}" if text else "")
+            axis.text(at, row, label, ha="center", va="center", fontsize=7.5, color=INK)
         axis.set_xticks(range(len(levels)), [level_text("coulomb", level) for level in levels])
         axis.set_yticks(range(len(shown)), shown)
         axis.grid(False)
-        axis.set(title=place, xlim=(-0.5, len(levels) - 0.5), ylim=(len(shown) - 0.5, -0.5))
-    for axis in axes[len(places) :]:
+        axis.set(title=engine, xlim=(-0.5, len(levels) - 0.5), ylim=(len(shown) - 0.5, -0.5))
+    for axis in axes[len(engines) :]:
         axis.set_visible(False)
     figure.supxlabel("dry friction over each joint's torque limit", fontsize=9, color=INK)
     return figure
 
 
-PLACES = {
+ENGINES = {
     "mujoco": "MuJoCo, the simulator of the training",
     "mujoco-alone": "Sim2Sim: MuJoCo with one robot in it, motors and friction by us",
     "physx": "Sim2Sim: PhysX",
@@ -174,8 +155,8 @@ NOTE = (
 """What a reader of these tables must know."""
 
 
-def place_sheets(samples: Sequence[Sample]) -> list[Sheet]:
-    """Return a table of all ways at all levels for every engine and law on flat ground, known engines first.
+def engine_sheets(samples: Sequence[Sample]) -> list[Sheet]:
+    """Return a table of all methods at all levels for every engine and law on flat ground, known engines first.
 
     The laws of a virtual robot share one: they are its friction alone, of the bench, and with load.
     """
@@ -184,19 +165,16 @@ def place_sheets(samples: Sequence[Sample]) -> list[Sheet]:
         if sample.terrain == "flat":
             law = "" if "+" in sample.engine else sample.friction_law
             groups.setdefault((sample.engine, law), []).append(sample)
-    rank = {engine: number for number, engine in enumerate(PLACES)}
-    keys = sorted(groups, key=lambda key: rank.get(key[0], len(rank)))
-    return [_place_sheet(_title(*key), groups[key]) for key in keys]
+    rank = {engine: number for number, engine in enumerate(ENGINES)}
+    sheets = []
+    for engine, law in sorted(groups, key=lambda key: rank.get(key[0], len(rank))):
+        title = ENGINES.get(engine, engine) + (f", friction by the law {law}" if law not in ("", "coulomb") else "")
+        sheets.append(_engine_sheet(title, groups[engine, law]))
+    return sheets
 
 
-def _title(engine: str, law: str) -> str:
-    """Return the title of a table."""
-    title = PLACES.get(engine, engine)
-    return title if law in ("", "coulomb") else f"{title}, friction by the law {law}"
-
-
-def _place_sheet(title: str, own: Sequence[Sample]) -> Sheet:
-    """Return one place: a row for every friction and method, the columns that somebody has."""
+def _engine_sheet(title: str, own: Sequence[Sample]) -> Sheet:
+    """Return one engine: a row for every friction and method, the columns that somebody has."""
     cells = {(s.friction_law, s.friction_level, s.method, s.command, s.column): s for s in own}
     frictions = sorted({key[:2] for key in cells}, key=lambda one: (len(one[0]), one))
     methods = list(dict.fromkeys(s.method for s in own))
@@ -225,10 +203,10 @@ def stairs_sheet(samples: Sequence[Sample]) -> Sheet | None:
     for (method, engine, law, level, terrain, column), sample in cells.items():
         if column == "crossed":
             steps = cells.get((method, engine, law, level, terrain, "steps_climbed"))
-            place = method, engine, friction_text(law, level), terrain, seeds_text([sample]), str(sample.trials)
-            rows.append((*place, sample_text(sample, ".0%"), sample_text(steps, ".1f")))
+            where = method, engine, friction_text(law, level), terrain, seeds_text([sample]), str(sample.trials)
+            rows.append((*where, sample_text(sample, ".0%"), sample_text(steps, ".1f")))
     header = ("method", "engine", "friction", "ground", "seeds", "trials", "crossed", "steps passed")
-    note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, 0.4 m/s. {NOTE}"
+    note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, {OVER.removeprefix('vx=')} m/s. {NOTE}"
     return Sheet("Stairs", header, tuple(rows), note) if rows else None
 
 
@@ -238,10 +216,7 @@ COUNTERPARTS = (
     ("Fig. Actuator Net", "`stiction study actuator`, which runs f0, log, net, f1"),
     ("Fig. Sim2Sim and Sim2Real", "the tables of methods on this page: other engines, and the virtual robot"),
     ("Table robot parameters", "`saturn_lite` and `go1` in the package's robots"),
-    (
-        "Table of randomisation",
-        "`stiction train --help`, and `stiction doctor --randomization`, which measures each",
-    ),
+    ("Table of randomisation", "`stiction train --help`, and `stiction doctor --randomization`, which measures each"),
     ("Table shank motors", "`stiction identify`, and its table of references"),
     ("Section V, B and k_d", "`stiction study damping`"),
     ("Gait rewards", "`stiction study gait`"),
@@ -249,22 +224,18 @@ COUNTERPARTS = (
 """What the paper shows, and where its counterpart is."""
 
 
-def verdict_sheet(verdicts: Sequence[Verdict]) -> Sheet:
-    """Return what became of each sentence and explanation."""
-    note = (
-        "Means over training seeds with 95 % t-intervals in brackets and every seed in parentheses. `undecided`: the "
-        f"interval straddles the criterion. {LIMITS} Shares of the torque limit and of the load are axes of their own: "
-        "the evidence says on which one x is, and on the others the sentence holds throughout, or nowhere. A rate "
-        "(falls, crossings) also has Wilson's interval, over trials, and is decided where both agree: the one knows "
-        "how trainings differ, the other how many walks there were. A trial is a walk; of virtual robots it is a pair "
-        "of policy and robot, since the walks of one robot are not independent. All policies walk on the same virtual "
-        "robots: there, rates and speeds have one more interval with the robots as the sample, which must agree; joint "
-        "accelerations are compared over seeds alone, of those that walk. One seed carries no verdict: `not tested`, "
-        "with its number. Each sentence is judged by itself; their number is not corrected for. E: the paper's "
-        "comparison; V: its section on training with friction; T: what it concludes from its motors; X: explanations "
-        "for what it saw."
-    )
-    return study.verdict_sheet(verdicts, note, "The paper's sentences")
+VERDICT_NOTE = (
+    f"{JUDGED} Shares of the torque limit and of the load are axes of their own: "
+    "the evidence says on which one x is, and on the others the sentence holds throughout, or nowhere. A rate "
+    "(falls, crossings) also has Wilson's interval, over trials, and is decided where both agree: the one knows "
+    "how trainings differ, the other how many walks there were. A trial is a walk; of virtual robots it is a pair "
+    "of policy and robot, since the walks of one robot are not independent. All policies walk on the same virtual "
+    "robots: there, rates and speeds have one more interval with the robots as the sample, which must agree; joint "
+    "accelerations are compared over seeds alone, of those that walk. E: the paper's "
+    "comparison; V: its section on training with friction; T: what it concludes from its motors; X: explanations "
+    "for what it saw."
+)
+"""What a reader of the verdicts must know."""
 
 
 def evidence_sheet(claim: str, evidence: Sequence[EvidenceRow]) -> Sheet:
@@ -280,7 +251,7 @@ def evidence_sheet(claim: str, evidence: Sequence[EvidenceRow]) -> Sheet:
 
 
 def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
-    """Return where each method slows under 80 %, in every engine, with every seed."""
+    """Return where each method becomes too slow, in every engine, with every seed."""
     rows = []
     for one in onsets:
         if one.level is None:
@@ -328,14 +299,9 @@ def _ratio_text(point: BudgetPoint | None) -> str:
     return f"{point.ratio:.2f}{spread} ({point.seeds})"
 
 
-def counterpart_sheet() -> Sheet:
-    """Return where each of the paper's figures and tables has its counterpart."""
-    return Sheet("The paper's figures and tables, and ours", ("in the paper", "here"), COUNTERPARTS)
-
-
 TITLE = "Does it transfer? The paper's comparison"
 
-SAID = 0.2
+NAMED_LEVEL = 0.2
 """Friction of which the first sentence says who follows [-]: that of the training."""
 
 REMEDY = (
@@ -349,17 +315,17 @@ REMEDY = (
 
 def report(result: Replication, clips: Sequence[ClipPair]) -> study.Report:
     """Return the report of the comparison. clips: of some policies."""
-    figures = draw_figures(result)
+    figures, sheets = draw_figures(result), sheets_of(result)
     return study.Report(
         title=TITLE,
         lead=lead(result),
         tables=result.tables,
-        sections=sections(result, figures, clips),
+        sections=sections(result, figures, sheets, clips),
         run=run_blocks(result),
         summary=result.plain,
         notes=warnings(result),
         figures=figures,
-        sheets=sheets_of(result),
+        sheets=tuple(sheets.values()),
         json={verdict.id: verdict.outcome for verdict in result.verdicts},
     )
 
@@ -367,65 +333,84 @@ def report(result: Replication, clips: Sequence[ClipPair]) -> study.Report:
 def draw_figures(result: Replication) -> dict[str, Figure]:
     """Return the friction budget and who follows where."""
     methods = list(dict.fromkeys(point.method for point in result.budget))
-    found = (
-        {"budget": draw_budget(result.budget, methods, result.summary["dead_band"])} if curves(result.budget) else {}
-    )
-    return found | ({"needs": draw_needs(result.needs, list(result.methods))} if result.needs else {})
+    figures = {}
+    if curves(result.budget):
+        figures["budget"] = draw_budget(result.budget, methods, result.summary["dead_band"])
+    if result.needs:
+        figures["needs"] = draw_needs(result.needs, list(result.methods))
+    return figures
 
 
-def sheets_of(result: Replication) -> list[Sheet]:
-    """Return the tables that a README can take."""
-    needs = (needs_sheet(result.needs), places_sheet(result.needs)) if result.needs else ()
-    changes = changes_sheet(result.summary)
-    first = [*needs, onset_sheet(result.onsets), verdict_sheet(result.verdicts), *((changes,) if changes else ())]
-    others = (*(forward_sheet(result.forward, virtual) for virtual in (True, False)), stairs_sheet(result.samples))
-    return [*first, *(sheet for sheet in others if sheet), *place_sheets(result.samples)]
+def sheets_of(result: Replication) -> dict[str, Sheet]:
+    """Return the tables that a README can take, by name."""
+    named = {
+        "needs": needs_sheet(result.needs) if result.needs else None,
+        "places": places_sheet(result.needs) if result.needs else None,
+        "onsets": onset_sheet(result.onsets),
+        "verdicts": study.verdict_sheet(result.verdicts, VERDICT_NOTE, "The paper's sentences"),
+        "changes": changes_sheet(result.summary),
+        "forward": forward_sheet(result.forward, virtual=True),
+        "forward-exact": forward_sheet(result.forward, virtual=False),
+        "stairs": stairs_sheet(result.samples),
+    }
+    engines = {f"engine-{number}": sheet for number, sheet in enumerate(engine_sheets(result.samples))}
+    return {name: sheet for name, sheet in (named | engines).items() if sheet is not None}
 
 
-def sections(result: Replication, figures: Mapping[str, Figure], clips: Sequence[ClipPair]) -> list[Section]:
+def sections(
+    result: Replication, figures: Mapping[str, Figure], sheets: Mapping[str, Sheet], clips: Sequence[ClipPair]
+) -> list[Section]:
     """Return the sections of the page: what a robot builder needs, the verdicts, then all the rest folded."""
-    page = []
+
+    def shown(name: str) -> tuple[Markup, ...]:
+        return sheets[name].blocks() if name in sheets else ()
+
+    def folded(name: str, title: str = "") -> tuple[Markup, ...]:
+        return (fold(title or sheets[name].title, shown(name)),) if name in sheets else ()
+
+    needs: tuple[Markup, ...] = ()
     if "needs" in figures:
         caption = (
-            "Training seeds that follow. ▼ too slow, ▲ too fast, × fell; a seed can be too slow one way, too fast "
+            "Training seeds that follow. ▼ too slow, ▲ too fast, × fell; a seed can be too slow in one direction, too "
+            "fast in the other."
         )
-        caption += "the other."
-        table = fold("The same place by place, in numbers", places_sheet(result.needs).blocks())
-        blocks = (*needs_sheet(result.needs).blocks(), picture(figure_uri(figures["needs"]), caption), table)
-        page.append(Section("Which training does my joint need?", blocks))
+        image = picture(figure_uri(figures["needs"]), caption)
+        needs = *shown("needs"), image, *folded("places", "The same place by place, in numbers")
+    levels: tuple[Markup, ...] = ()
     if "budget" in figures:
         caption = f"Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: {BAND}."
-        table = fold(f"Where each method slows under {LEAST}, in numbers", onset_sheet(result.onsets).blocks())
-        page.append(Section("The friction budget", (picture(figure_uri(figures["budget"]), caption), table)))
-    page += clip_sections(clips)
-    if fed := forward_blocks(result):
-        page.append(Section("Is it enough to feed friction forward?", fed))
-    page.append(Section("What became of the paper's sentences", verdict_blocks(result)))
-    if stairs := stairs_sheet(result.samples):
-        page.append(Section("Stairs", stairs.blocks()))
-    if places := place_sheets(result.samples):
-        page.append(Section("Every method, place by place", tuple(fold(one.title, one.blocks()) for one in places)))
-    return [*page, Section("Where the paper's figures are", counterpart_sheet().blocks())]
+        image = picture(figure_uri(figures["budget"]), caption)
+        levels = image, *folded("onsets", f"Where each method slows under {LEAST}, in numbers")
+    counterparts = Sheet("The paper's figures and tables, and ours", ("in the paper", "here"), COUNTERPARTS)
+    page = [
+        Section("Which training does my joint need?", needs),
+        Section("The friction budget", levels),
+        *clip_sections(clips),
+        Section("Is it enough to feed friction forward?", (*shown("forward"), *folded("forward-exact"))),
+        Section(
+            "What became of the paper's sentences",
+            (*_brief(sheets["verdicts"]).blocks(), *folded("changes"), evidence_fold(result)),
+        ),
+        Section("Stairs", shown("stairs")),
+        Section("Every method, place by place", tuple(f for n in sheets if n.startswith("engine-") for f in folded(n))),
+        Section("Where the paper's figures are", counterparts.blocks()),
+    ]
+    return [section for section in page if section.blocks]
 
 
-def forward_blocks(result: Replication) -> tuple[Markup, ...]:
-    """Return what feeding friction forward came to: on the virtual robot, and behind a fold where f is known."""
-    robot, sheet = (forward_sheet(result.forward, virtual) for virtual in (True, False))
-    return (*(robot.blocks() if robot else ()), *((fold(sheet.title, sheet.blocks()),) if sheet else ()))
+def _brief(verdicts: Sheet) -> Sheet:
+    """Return the verdicts without their evidence."""
+    return replace(verdicts, header=verdicts.header[:-1], rows=tuple(cells[:-1] for cells in verdicts.rows))
 
 
-def verdict_blocks(result: Replication) -> tuple[Markup, ...]:
-    """Return the verdicts, and behind a fold for each its numbers, their intervals and the rows that it read."""
-    sheet = verdict_sheet(result.verdicts)
-    short = replace(sheet, header=sheet.header[:-1], rows=tuple(cells[:-1] for cells in sheet.rows))
+def evidence_fold(result: Replication) -> Markup:
+    """Return, for each verdict, its numbers, their intervals and the rows that it read."""
     folds = []
     for verdict in result.verdicts:
         rows = evidence_sheet(verdict.id, result.evidence)
         blocks = [paragraph(verdict.evidence), *(rows.blocks() if rows.rows else ())]
         folds.append(fold(f"{verdict.id}: {verdict.outcome}", blocks))
-    changes = changes_sheet(result.summary)
-    told = (fold(changes.title, changes.blocks()),) if changes else ()
-    return (*short.blocks(), *told, fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds))
+    return fold("Numbers, intervals and the rows behind each sentence (evidence.csv)", folds)
 
 
 def run_blocks(result: Replication) -> tuple[Markup, ...]:
@@ -437,8 +422,8 @@ def run_blocks(result: Replication) -> tuple[Markup, ...]:
     ]
     grids = [paragraph(f"{name}: {json.dumps(grid)}") for name, grid in summary["grids"].items()]
     return (
-        page_table(("method", "what it is"), list(result.methods.items())),
-        fold("Policies", [page_table(("policy", "method", "seed", "revision", "digest", "made by"), policies)]),
+        table(("method", "what it is"), list(result.methods.items())),
+        fold("Policies", [table(("policy", "method", "seed", "revision", "digest", "made by"), policies)]),
         fold("Grids", grids),
         paragraph("Everything here is simulation. The virtual robot plays the real one; no robot was involved."),
     )
@@ -446,40 +431,37 @@ def run_blocks(result: Replication) -> tuple[Markup, ...]:
 
 def lead(result: Replication) -> str:
     """Return the outcome in a sentence or two; where each method has one seed, first that nothing is judged."""
-    single, several = seeds_of_ways(result)
-    told = ""
+    single, several = single_and_several(result)
+    outcomes = ""
     if several:
         counts = Counter(verdict.outcome for verdict in result.verdicts)
-        outcomes = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
-        told = f"Of {len(result.verdicts)} sentences and explanations: {outcomes}."
+        listed = ", ".join(f"{number} {outcome}" for outcome, number in counts.items())
+        outcomes = f"Of {len(result.verdicts)} sentences and explanations: {listed}."
     elif single:
-        told = f"One training seed a method: numbers, no verdicts. {REMEDY}"
-    return f"{told} {needs_sentence(result.needs, SAID)}".strip()
+        outcomes = f"One training seed a method: numbers, no verdicts. {REMEDY}"
+    return f"{outcomes} {needs_sentence(result.needs, NAMED_LEVEL)}".strip()
 
 
-def seeds_of_ways(result: Replication) -> tuple[list[str], list[str]]:
+def single_and_several(result: Replication) -> tuple[list[str], list[str]]:
     """Return the training methods of which one seed walked, and those of several; on stairs apart from flat ground."""
     seeds: dict[str, set[str]] = {}
     for sample in result.samples:
         where = sample.method if sample.terrain == "flat" else f"{sample.method} on stairs"
         seeds.setdefault(where, set()).update(sample.seeds.split())
-    return [method for method, own in seeds.items() if len(own) == 1], [
-        method for method, own in seeds.items() if len(own) > 1
-    ]
+    single = [method for method, own in seeds.items() if len(own) == 1]
+    return single, [method for method in seeds if method not in single]
 
 
 def warnings(result: Replication) -> list[str]:
     """Return what a reader must know before the numbers."""
     failed: Mapping[str, str] = result.summary.get("failed", {})
     found = [f"Not trained, and left out: {name}. {reason}" for name, reason in failed.items()]
-    single, several = seeds_of_ways(result)
+    single, several = single_and_several(result)
     if single and several:
         found.append(f"One training seed, a number and no verdict: {', '.join(single)}. {REMEDY}")
-    kept = [f"{part.title} ({part.kept})" for part in result.parts if part.kept]
-    if kept:
+    if kept := [f"{part.title} ({part.kept})" for part in result.parts if part.kept]:
         found.append(f"Not walked by this command: {'; '.join(kept)}.")
     found += [f"{part.title}. {warning}" for part in result.parts for warning in part.warnings]
-    missing = [method for method in ("none", "actuator", "deception") if method not in result.methods]
-    if missing:
+    if missing := [method for method in ("none", "actuator", "deception") if method not in result.methods]:
         found.append(f"Of the paper's three methods there is no policy here for: {', '.join(missing)}.")
     return found

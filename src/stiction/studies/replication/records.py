@@ -12,7 +12,7 @@ from stiction.core.errors import FileError
 from stiction.evaluate.methods import MethodCell
 from stiction.evaluate.table import Sample
 from stiction.formats.following import Following
-from stiction.formats.results import ResultRow
+from stiction.formats.results import COLUMNS, ResultRow
 from stiction.studies.claims import Verdict
 
 SUMMARY = "summary.json"
@@ -21,10 +21,8 @@ SUMMARY = "summary.json"
 FEWEST_LEVELS = 3
 """Levels without which there is no curve."""
 
-
 CAUSES = ("physx+nominal", "physx+friction", "physx+rest")
 """Cells of the virtual robot by which causes are told apart: robots that nobody has, whose friction limits nobody."""
-
 
 SHARES = ("coulomb", "real")
 """Laws under which a level is a share of the torque limit and nothing else, as a user knows it of a joint."""
@@ -49,21 +47,18 @@ class BudgetPoint:
     """Speed ratio of the slower direction of one training method at one level in one engine; a row of budget.csv."""
 
     method: str
-    """Training method."""
     engine: str
     """Engine, and what of a virtual robot is real in it."""
     friction_law: str
-    """Law of the friction."""
     friction_level: float
     """Friction over the torque limit, or a coefficient [-]."""
     seeds: int
-    """Training seeds."""
+    """Number of training seeds."""
     ratio: float
     """Mean over the seeds [-]."""
     low: float | None
     """Lower end of its 95 % t-interval; None for one seed."""
     high: float | None
-    """Upper end."""
     each: str
     """Every seed's, separated by blanks."""
 
@@ -76,33 +71,26 @@ class ForwardPoint(BudgetPoint):
     """
 
     robots: int
-    """Those robots; 0: it is the robot of the data sheet."""
+    """Number of those robots; 0: it is the robot of the data sheet."""
     left_out: int
-    """The other robots there: their benches do not tell the friction of every joint."""
+    """Number of the others: their benches do not tell the friction of every joint."""
 
 
 @dataclass(frozen=True)
 class Onset:
-    """Where one training method slows under 80 % of the command in one engine; a row of onsets.csv.
-
-    That it does not says nothing of being too fast: see `Following`.
-    """
+    """Where one training method becomes too slow in one engine; a row of onsets.csv. It may be too fast before."""
 
     method: str
-    """Training method."""
     engine: str
-    """Engine."""
     friction_law: str
-    """Law of the friction."""
     seeds: int
-    """Training seeds."""
+    """Number of training seeds."""
     level: float | None
-    """Level at which the slower direction falls under it, mean over the seeds [-]: 0 where it is under from the start,
-    None where every seed stays above at every level it was tested at. A seed that does counts with its highest."""
+    """Level at which the slower direction becomes too slow, mean over the seeds [-]: 0 where it is from the start, None
+    where no seed is at any level it was tested at. A seed that never is counts with its highest."""
     low: float | None
     """Lower end of its 95 % t-interval; None for one seed, and where a seed stays above."""
     high: float | None
-    """Upper end."""
     tested: float
     """Highest level at which every seed was tested [-]."""
     each: str
@@ -119,14 +107,17 @@ class PartRecord:
     """Name of its folder."""
     title: str
     """What it asks."""
-    rows: Sequence[ResultRow]
-    """Its rows."""
     details: Sequence[dict[str, Any]]
-    """The same with intervals of the rates, as in summary.json."""
+    """Its rows with intervals of the rates, as in summary.json."""
     kept: str = ""
     """Of a part that was not asked for: what of it was there from before."""
     warnings: Sequence[str] = ()
     """What could not be walked, and why: sentences."""
+
+    @property
+    def rows(self) -> list[ResultRow]:
+        """Its rows as in results.csv."""
+        return [ResultRow(**{column: row[column] for column in COLUMNS}) for row in self.details]
 
 
 @dataclass(frozen=True)
@@ -134,21 +125,16 @@ class Replication:
     """Everything that the page shows."""
 
     parts: Sequence[PartRecord]
-    """The grids."""
     samples: Sequence[Sample]
     """Training methods over their seeds."""
     budget: Sequence[BudgetPoint]
-    """The friction budget."""
     forward: Sequence[ForwardPoint]
     """Friction fed forward, and what it is held against, on the same robots."""
     onsets: Sequence[Onset]
-    """Where each method slows under 80 %."""
     following: Sequence[Following]
-    """Who follows."""
     verdicts: Sequence[Verdict]
-    """One a sentence."""
     evidence: Sequence[EvidenceRow]
-    """What they were judged by."""
+    """What the verdicts were judged by."""
     methods: dict[str, str]
     """Training method -> what it is."""
     summary: dict[str, Any]

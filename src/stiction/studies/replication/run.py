@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,6 @@ from stiction.engines.catalog import what_is_missing
 from stiction.evaluate.benches import all_made, bench_of, benches_of, forwarded, informed, not_identified, not_told
 from stiction.evaluate.grid import GridCfg, Walk, plan, plan_forward
 from stiction.evaluate.methods import METHODS, method_of
-from stiction.evaluate.metrics import Metrics
 from stiction.evaluate.run import BENCHES, LEDGER, WalkLedger, walk_grid
 from stiction.evaluate.samples import Evidence, samples
 from stiction.evaluate.summary import check_names, describe
@@ -25,13 +24,18 @@ from stiction.formats.advice import Source, TrainedWith
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.following import following
-from stiction.formats.results import COLUMNS, ResultRow, read_summary
+from stiction.formats.results import read_summary
 from stiction.robots.catalog import find_robot
+<<<<<<< HEAD
 from stiction.robots.model import Robot
 from stiction.studies.claims import Verdict, changed_verdicts
 from stiction.studies.replication.budget import beside_forward, budget, onsets
+=======
+from stiction.robots.model import Robot
+from stiction.studies.claims import Verdict, rejudged_summary
+from stiction.studies.replication.budget import beside_forward, budget, friction_effects, onsets
+>>>>>>> tidy-a
 from stiction.studies.replication.claims import judge_all
-from stiction.studies.replication.effects import friction_effects
 from stiction.studies.replication.plan import Part, conventional
 from stiction.studies.replication.records import SUMMARY, PartRecord, Replication, read_parts
 
@@ -39,21 +43,16 @@ Progress = Callable[[str, float], None]
 """Called with part and engine, and the share of its walks that is done."""
 
 Key = tuple[Any, ...]
-"""The values of `KEY`."""
-
-KEY = ("policy", "engine", "friction_law", "friction_level", "terrain", "command")
-"""Columns by which a row is known."""
+"""By what a row is known: policy, engine, friction law and level, terrain, command."""
 
 
 def walk_part(part: Part, bundles: Sequence[Bundle], out: Path, jobs: int, progress: Progress) -> PartRecord:
-    """Walk one grid, resumable; in its rows the method is the training method.
-
-    bundles: those that the part takes. out: folder of its ledger.
-    """
+    """Walk one grid, resumable. bundles: those that the part takes. out: folder of its ledger."""
     make_folder(out)
     grid = _grid(part, bundles)
     done = walk_grid(bundles, grid, out, jobs, None, lambda name, share: progress(f"{part.name}, {name}", share))
-    return PartRecord(part.name, part.title, *rows_of(done, bundles), warnings=_not_known(done, bundles, grid, out))
+    _, details = rows_of(done, bundles)
+    return PartRecord(part.name, part.title, details, warnings=_unidentified(done, bundles, grid, out))
 
 
 def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | None:
@@ -67,17 +66,18 @@ def kept_part(part: Part, bundles: Sequence[Bundle], out: Path) -> PartRecord | 
     ledger = WalkLedger(out / LEDGER, grid, {bundle.name: bundle.digest for bundle in bundles})
     walks = _planned(grid, bundles, out)
     done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
-    rows, details = rows_of(_whole(walks, done), bundles)
-    kept = f"not asked for: {len(rows)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
-    not_known = _not_known(walks, bundles, grid, out)
-    return PartRecord(part.name, part.title, rows, details, kept, not_known) if rows else None
+    missing = {walk.cell for walk in walks if walk not in done}
+    whole = {walk: found for walk, found in done.items() if walk.cell not in missing}
+    _, details = rows_of(whole, bundles)
+    kept = f"not asked for: {len(details)} of {len({walk.cell for walk in walks})} rows, from walks that were there"
+    notes = _unidentified(walks, bundles, grid, out)
+    return PartRecord(part.name, part.title, details, kept, notes) if details else None
 
 
-def check_nothing_lost(now: Iterable[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
+def check_nothing_lost(now: Sequence[Mapping[Key, int]], report: Path, asked: Collection[str]) -> None:
     """Raise `StictionError` where a report has rows, or more walks in a row, that would not be written in their place.
 
-    They are of another preset, of other policies or robots, or of a part that is not walked anew and was measured by
-    other code.
+    They are of another preset, of other policies or robots, or of a part that is not walked anew, by other code.
 
     Args:
         now: row -> walks that will be in it, of every part in their order; the first part that has a row counts.
@@ -86,8 +86,8 @@ def check_nothing_lost(now: Iterable[Mapping[Key, int]], report: Path, asked: Co
 
     """
     walks: dict[Key, int] = {}
-    for rows in now:
-        walks = {**rows, **walks}
+    for rows in reversed(now):
+        walks |= rows
     for name, before in read_parts(report).items():
         if lost := sum(row["episodes"] > walks.get(key_of(row), 0) for row in before):
             add = "" if name in asked else f"add {name} to --parts, or "
@@ -117,7 +117,8 @@ def rows_in(details: Iterable[Mapping[str, Any]]) -> dict[Key, int]:
 
 def key_of(row: Mapping[str, Any]) -> Key:
     """Return by what a row of summary.json is known: one of every policy in every cell."""
-    return tuple(row[name] for name in KEY)
+    columns = ("policy", "engine", "friction_law", "friction_level", "terrain", "command")
+    return tuple(row[name] for name in columns)
 
 
 def row_key(walk: Walk, contract: Contract) -> Key:
@@ -141,20 +142,15 @@ def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
     benches = [bench for walk in plan_forward(grid) if (bench := bench_of(walk, specs[walk.policy])) is not None]
     if all_made(benches, out / BENCHES):
         walks += forwarded(bundles, grid, out / BENCHES)
-    told = all_made(benches_of(walks, bundles, grid), out / BENCHES)
-    return informed(walks, bundles, grid, out / BENCHES) if told else walks
+    if all_made(benches_of(walks, bundles, grid), out / BENCHES):
+        return informed(walks, bundles, grid, out / BENCHES)
+    return walks
 
 
-def _not_known(walks: Collection[Walk], bundles: Sequence[Bundle], grid: GridCfg, out: Path) -> list[str]:
-    """Return sentences for what the benches did not tell: friction that is not fed forward, or told otherwise."""
+def _unidentified(walks: Collection[Walk], bundles: Sequence[Bundle], grid: GridCfg, out: Path) -> list[str]:
+    """Return sentences for friction that the benches did not identify: it is not fed forward, or given otherwise."""
     benches = out / BENCHES
     return [*not_told(bundles, grid, benches), *not_identified(walks, bundles, grid, benches)]
-
-
-def _whole(walks: Sequence[Walk], done: Mapping[Walk, Metrics]) -> dict[Walk, Metrics]:
-    """Return the walks of cells that are done to the last one, in the order of `walks`."""
-    missing = Counter(walk.cell for walk in walks if walk not in done)
-    return {walk: done[walk] for walk in walks if not missing[walk.cell]}
 
 
 def replicate(
@@ -179,7 +175,7 @@ def replicate(
 
     Raises:
         StictionError: two bundles have one name, they are of several robots, none fits a part, as `walk_grid`, as
-            `check_ways`, or as `check_nothing_lost`.
+            `check_methods`, or as `check_nothing_lost`.
 
     """
     check_names([bundle.name for bundle in bundles])
@@ -187,11 +183,11 @@ def replicate(
         raise ConfigurationError(
             f"policies of {len(robots)} robots ({', '.join(sorted(robots))}); expected those of one"
         )
-    check_ways(bundles)
+    check_methods(bundles)
     asked = [part.name for part in parts] if asked is None else asked
     check_engines([part for part in parts if part.name in asked], robot_of(bundles[0].contract))
     start = time.perf_counter()
-    records = _once(_records(bundles, parts, out, jobs, progress, asked))
+    records = _records(bundles, parts, out, jobs, progress, asked)
     by_name = {part.name: part for part in parts}
     spec = robot_of(bundles[0].contract)
     made = {
@@ -223,12 +219,7 @@ def judged(records: Sequence[PartRecord], spec: Robot, summary: dict[str, Any]) 
 
 
 def _records(
-    bundles: Sequence[Bundle],
-    parts: Sequence[Part],
-    out: Path,
-    jobs: int,
-    progress: Progress,
-    asked: Collection[str],
+    bundles: Sequence[Bundle], parts: Sequence[Part], out: Path, jobs: int, progress: Progress, asked: Collection[str]
 ) -> list[PartRecord]:
     """Return the parts that have rows, those that are not asked for as they were; arguments as of `replicate`."""
     takes = {part.name: [bundle for bundle in bundles if part.takes(bundle.contract)] for part in parts}
@@ -236,44 +227,43 @@ def _records(
         raise ConfigurationError(
             "no policy fits any part of the comparison; give policies for flat ground or for stairs"
         )
-    others = [part for part in parts if part.name not in asked]
-    found = {part.name: kept_part(part, takes[part.name], out / part.name) for part in others}
-    planned = {part.name: planned_rows(part, takes[part.name]) for part in parts if part.name in asked}
-    kept = {name: rows_in(record.details) for name, record in found.items() if record is not None}
-    check_nothing_lost([(planned | kept).get(part.name, {}) for part in parts], out / SUMMARY, asked)
+    found: dict[str, PartRecord | None] = {}
+    planned: list[dict[Key, int]] = []
+    for part in parts:
+        if part.name in asked:
+            planned.append(planned_rows(part, takes[part.name]))
+        else:
+            found[part.name] = record = kept_part(part, takes[part.name], out / part.name)
+            planned.append(rows_in(record.details) if record else {})
+    check_nothing_lost(planned, out / SUMMARY, asked)
     for part in parts:
         if part.name in asked and takes[part.name]:
             found[part.name] = walk_part(part, takes[part.name], out / part.name, jobs, progress)
-    return [record for part in parts if (record := found.get(part.name)) is not None]
+    return _once([record for part in parts if (record := found.get(part.name)) is not None])
 
 
 def _once(records: Sequence[PartRecord]) -> list[PartRecord]:
     """Return the parts without rows that a part before has: a cell that several parts walk is one row."""
-    seen: set[tuple[object, ...]] = set()
-    kept = []
+    seen: set[Key] = set()
+    once = []
     for record in records:
-        pairs = []
-        for row, detail in zip(record.rows, record.details, strict=True):
-            cell = key_of(detail)
-            if cell not in seen:
-                pairs.append((row, detail))
-            seen.add(cell)
-        rows, details = [row for row, _ in pairs], [detail for _, detail in pairs]
-        kept.append(replace(record, rows=rows, details=details))
-    return kept
+        new = [row for row in record.details if key_of(row) not in seen]
+        seen.update(map(key_of, new))
+        once.append(replace(record, details=new))
+    return once
 
 
-def check_ways(bundles: Sequence[Bundle]) -> None:
-    """Raise `StictionError` where policies of one way are no seeds of one training: they would count as its samples.
+def check_methods(bundles: Sequence[Bundle]) -> None:
+    """Raise `StictionError` where policies of one method are no seeds of one training: they would count as its samples.
 
     On flat ground and over stairs apart, they must be of one robot, ground and friction, and of a seed each.
     """
     groups: dict[tuple[str, bool], list[Bundle]] = {}
     for bundle in bundles:
         groups.setdefault((method_of(bundle.contract), bundle.contract.terrain == "flat"), []).append(bundle)
-    for (method, _), own in groups.items():
-        first, seeds = own[0], {own[0].contract.seed: own[0].name}
-        for other in own[1:]:
+    for (method, _), (first, *others) in groups.items():
+        seeds = {first.contract.seed: first.name}
+        for other in others:
             if (one := _trained(first.contract)) != (two := _trained(other.contract)):
                 raise ConfigurationError(
                     f"{first.name} and {other.name} are both of the method {method!r}, trained as {one} and as {two}; "
@@ -303,7 +293,8 @@ def check_engines(parts: Sequence[Part], spec: Robot) -> None:
 
 def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
     """Return what a part asks, as plain data."""
-    grid = part.grid
+    grid, base = part.grid, asdict(part.grid.base)
+    asked = ("friction_levels", "friction_law", "commands", "episodes", "seconds", "seed")
     return {
         "title": part.title,
         **({"kept": record.kept} if record.kept else {}),
@@ -312,12 +303,7 @@ def _settings(part: Part, record: PartRecord) -> dict[str, Any]:
         "terrains": list(grid.terrains),
         "robots": grid.used_robots,
         "robot_levels": list(grid.levels_of_robots) if grid.used_robots else [],
-        "friction_levels": list(grid.base.friction_levels),
-        "friction_law": grid.base.friction_law,
-        "commands": list(grid.base.commands),
-        "episodes": grid.base.episodes,
-        "seconds": grid.base.seconds,
-        "seed": grid.base.seed,
+        **{name: base[name] for name in asked},
     }
 
 
@@ -350,14 +336,13 @@ def judge_again(out: Path, made: dict[str, Any]) -> Replication:
         raise FileError(
             f"{out / SUMMARY} is no summary of `stiction replicate` ({error!r}); expected one that it wrote"
         ) from error
-    own = ("schema_version", "ways", "verdicts", "parts", "warnings")
-    kept = {name: value for name, value in before.items() if name not in own}
-    found = judged(records, find_robot(robot), kept | {"judged": made})
-    found.summary["changed"] = changed_verdicts(verdicts, found.verdicts, before.get("changed", []))
-    return found
+    found = judged(records, find_robot(robot), {})
+    summary = rejudged_summary(before, verdicts, found.verdicts, made, own=("ways", "warnings"))
+    return replace(found, summary=summary)
 
 
 def _record(name: str, part: dict[str, Any], grid: dict[str, Any]) -> PartRecord:
     """Return one part as it was walked."""
-    rows = [ResultRow(**{column: row[column] for column in COLUMNS}) for row in part["rows"]]
-    return PartRecord(name, part["title"], rows, part["rows"], grid.get("kept", ""), grid.get("warnings", ()))
+    record = PartRecord(name, part["title"], part["rows"], grid.get("kept", ""), grid.get("warnings", ()))
+    _ = record.rows  # Raises `KeyError` here, where the file is named, if a row lacks a column.
+    return record

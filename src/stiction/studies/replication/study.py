@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError, unknown_name
 from stiction.core.records import make_folder
-from stiction.report.terminal import stop_requests
 from stiction.studies.study import ParallelOptions, Report, Study, Work
 
 if TYPE_CHECKING:
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
 
     from stiction.formats.bundle import Bundle
     from stiction.studies.friction.manifest import Run
-    from stiction.studies.replication.clips import ClipPair
 
 DESCRIPTION = """The paper's comparison as one command, resumable: conventional, Actuator Net and friction-aware
 training, the paper's other ways, and what a user would try; in other physics engines, on a virtual robot with joints of
@@ -29,13 +27,8 @@ method on flat ground, and of two over stairs; none of an Actuator Net over stai
 that fails is named and left out, and the exit status is 1. Stop it at any time: the same command goes on; a walk in
 progress, or a bench of some minutes, is begun anew."""
 
-CLIPS = ("none", "actuator", "direct", "deception")
-"""Training methods that are shown, each in the simulator of the training and on a virtual robot."""
-
 ROBOT = "saturn_lite"
 """The paper's robot: engines are tried with it before anything is trained."""
-
-CLIP_LEVEL, CLIP_COMMAND = 0.2, "vx=0.5"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,12 +74,11 @@ class ReplicateOptions(ParallelOptions):
         return self.out or Path(f"stiction-replication-{self.preset}")
 
 
-def run(options: ReplicateOptions, work: Work) -> Report | int:
+def run(options: ReplicateOptions, work: Work) -> Report:
     """Walk the comparison and judge it; the exit status is 1 if a run could not be trained."""
-    from dataclasses import replace
-
     from stiction.formats.advice import TRANSFER, write_source
     from stiction.robots.catalog import find_robot
+    from stiction.studies.replication.clips import render
     from stiction.studies.replication.page import report, warnings
     from stiction.studies.replication.plan import parts_of
     from stiction.studies.replication.run import check_engines, judge_again, replicate, source_of
@@ -99,10 +91,7 @@ def run(options: ReplicateOptions, work: Work) -> Report | int:
     if not options.judge_again:
         check_engines([part for part in parts if part.name in asked], find_robot(ROBOT))
     out = work.begin()
-    found = find_policies(options, work)
-    if isinstance(found, int):
-        return found
-    bundles, folders, failed = found
+    bundles, folders, failed = find_policies(options, work)
     if options.judge_again:
         result = judge_again(out, work.made)
     else:
@@ -115,43 +104,29 @@ def run(options: ReplicateOptions, work: Work) -> Report | int:
 
     walked = result.summary["policies"]
     bundles = [one for one in bundles if walked.get(one.name, {}).get("digest") == one.digest]
-    clips = render(bundles, folders, out, work.say) if options.clips else []
+    clips = render(bundles, folders, out, find_robot(ROBOT), work.say) if options.clips else []
     for note in warnings(result):
         work.say(note)
     return replace(report(result, clips), files=write_advice, status=1 if failed else 0)
 
 
-def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], dict[str, Path], dict[str, str]] | int:
-    """Return the checked policies, the folder of each, and why others could not be trained.
-
-    Or the exit status of a training that was asked to stop.
-    """
+def find_policies(options: ReplicateOptions, work: Work) -> tuple[list[Bundle], dict[str, Path], dict[str, str]]:
+    """Return the checked policies, the folder of each, and why others could not be trained."""
+    from stiction.core.parallel import spread
     from stiction.deploy.check import check_bundle
     from stiction.formats.bundle import find_bundle, shipped_bundles
 
-    given = [find_bundle(path) for path in options.policies] or list(shipped_bundles().values())
+    folders = [find_bundle(path) for path in options.policies] or list(shipped_bundles().values())
     failed: dict[str, str] = {}
     if options.preset == "full" and not options.policies and not options.judge_again:
-        trained = train_all(options, work.jobs, work.progress, work.say)
-        if isinstance(trained, int):
-            return trained
-        given, failed = trained
-    folders = export_all(given, work.out, work.jobs, work.progress)
+        folders, failed = train_all(options, work.jobs, work.progress, work.say)
+    runs = [number for number, path in enumerate(folders) if (path / "checkpoints").is_dir()]
+    tasks = [(folders[number], work.out) for number in runs]
+    for done, (task, folder) in enumerate(spread(exported, tasks, work.jobs), start=1):
+        folders[runs[task]] = folder
+        work.progress("export", done / len(tasks))
     bundles = [check_bundle(folder).bundle for folder in folders]
     return bundles, {bundle.name: folder for bundle, folder in zip(bundles, folders, strict=True)}, failed
-
-
-def export_all(given: Sequence[Path], out: Path, jobs: int, progress: Callable[[str, float], None]) -> list[Path]:
-    """Return the folder of each bundle, of a training run what is exported of it into `out`; `jobs` at once."""
-    from stiction.core.parallel import spread
-
-    folders = list(given)
-    runs = [number for number, path in enumerate(given) if (path / "checkpoints").is_dir()]
-    tasks = [(given[number], out) for number in runs]
-    for done, (task, folder) in enumerate(spread(exported, tasks, jobs), start=1):
-        folders[runs[task]] = folder
-        progress("export", done / len(tasks))
-    return folders
 
 
 def exported(run: Path, out: Path) -> Path:
@@ -172,35 +147,30 @@ def exported(run: Path, out: Path) -> Path:
 
 def train_all(
     options: ReplicateOptions, jobs: int, progress: Callable[[str, float], None], say: Callable[[str], None]
-) -> tuple[list[Path], dict[str, str]] | int:
+) -> tuple[list[Path], dict[str, str]]:
     """Train everything that is missing; return the folders of the finished runs, and why the others are not finished.
 
-    Or the exit status if asked to stop. A run that fails stops nobody: what is finished is walked.
+    A run that fails does not stop the others: what is finished is walked. Raises `Stopped` at Ctrl-C.
 
     Raises:
         StictionError: no run is finished, or a folder holds another run.
 
     """
-    from stiction.rma.arguments import parse
-    from stiction.studies.friction.manifest import Place
-    from stiction.studies.friction.training import train_missing
+    from stiction.studies.friction.manifest import PlannedRun
+    from stiction.studies.friction.training import train
     from stiction.studies.replication.plan import comparison_runs
 
     folders: list[Path] = []
     failed: dict[str, str] = {}
 
-    def trained(runs: Sequence[Run]) -> int:
-        places = [Place(run, parse([*run.arguments]).config, options.runs / run.name) for run in runs]
-        with stop_requests(say, "an iteration of each run") as asked:
-            failed.update(train_missing(places, jobs, progress, asked=asked))
-        folders.extend(place.path for place in places if place.run.name not in failed)
-        return asked.status if asked() else 0
+    def add(runs: Sequence[Run]) -> None:
+        planned = [PlannedRun.of(run, options.runs) for run in runs]
+        failed.update(train(planned, jobs, progress, say))
+        folders.extend(run.path for run in planned if run.run.name not in failed)
 
     runs = options.runs.resolve()
-    if status := trained(comparison_runs(known_joints(runs, jobs, progress))):
-        return status
-    if status := trained(loop_runs(runs, failed, jobs, progress)):
-        return status
+    add(comparison_runs(known_joints(runs, jobs, progress)))
+    add(loop_runs(runs, failed, jobs, progress))
     for name, reason in failed.items():
         say(f"{name} is left out: {reason}")
     if not folders:
@@ -227,18 +197,14 @@ def loop_runs(runs: Path, failed: dict[str, str], jobs: int, progress: Callable[
 
 def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
     """Return the `joints.json` of the robot that training knows, identified on its bench where that is not done yet."""
-    from stiction.core.cache import has_entry
+    from stiction.evaluate.benches import make_benches
     from stiction.robots.catalog import find_robot
     from stiction.studies.replication.plan import known_bench
-    from stiction.virtual.bench import JOINTS, make_bench
+    from stiction.virtual.bench import JOINTS
 
     bench = known_bench(find_robot(ROBOT))
-    folder = runs / "bench" / bench.label
-    if not has_entry(folder, bench.key):
-        progress("bench", 0.0)
-        make_bench(bench, folder, jobs)
-        progress("bench", 1.0)
-    return folder / JOINTS
+    make_benches([bench], runs / "bench", jobs, progress)
+    return runs / "bench" / bench.label / JOINTS
 
 
 def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
@@ -248,40 +214,14 @@ def known_net(runs: Path, conventional: Path, jobs: int, progress: Callable[[str
     """
     from stiction.deploy.check import check_bundle
     from stiction.robots.catalog import find_robot
-    from stiction.studies.replication.net import make_net
-    from stiction.studies.replication.plan import walked_net
+    from stiction.studies.replication.net import WalkedNet, make_net
+    from stiction.studies.replication.plan import known_bench
 
-    policy = check_bundle(exported(conventional, runs)).bundle
-    walked = walked_net(find_robot(ROBOT), policy)
+    bench, policy = known_bench(find_robot(ROBOT)), check_bundle(exported(conventional, runs)).bundle
+    walked = WalkedNet(bench.engine, bench.case, bench.spec, policy)
     folder = runs / "nets" / walked.label
     make_net(walked, folder, "stiction replicate --preset full", jobs, progress)
     return folder
-
-
-def render(bundles: list[Bundle], folders: dict[str, Path], out: Path, say: Callable[[str], None]) -> list[ClipPair]:
-    """Render clips of the first policy of each of `CLIPS`; without OpenGL or PhysX say so once and go on."""
-    from stiction.engines.catalog import what_is_missing
-    from stiction.evaluate.clip import ENGINE, ClipError, record_clip
-    from stiction.evaluate.methods import method_of
-    from stiction.robots.catalog import find_robot
-    from stiction.studies.replication.clips import ClipPair
-    from stiction.virtual.cases import FIRST_REPORTED
-
-    if why := what_is_missing(ENGINE, find_robot(ROBOT)):
-        say(f"no clips on the virtual robot: {why}")
-    clips: list[ClipPair] = []
-    for method in CLIPS:
-        name = next((b.name for b in bundles if method_of(b.contract) == method and b.contract.terrain == "flat"), None)
-        if name is not None:
-            asked = folders[name], CLIP_LEVEL, CLIP_COMMAND
-            try:
-                trained = record_clip(*asked, out / f"{name}.webp")
-                robot = None if why else record_clip(*asked, out / f"{name}-robot.webp", robot=FIRST_REPORTED)
-            except ClipError as error:
-                say(str(error))
-                return clips
-            clips.append(ClipPair(method, name, trained, robot))
-    return clips
 
 
 STUDY = Study(
