@@ -10,12 +10,8 @@ from stiction.evaluate.samples import Condition, Evidence
 from stiction.formats.advice import FrictionEffect
 from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient
-<<<<<<< HEAD
-from stiction.robots.model import Robot
-=======
 from stiction.robots.model import Robot
 from stiction.studies.claims import differences
->>>>>>> tidy-a
 from stiction.studies.friction.evaluation import onset_level
 from stiction.studies.replication.plan import FRICTION, NOMINAL, REST, ROBOT
 from stiction.studies.replication.records import (
@@ -69,13 +65,8 @@ def _point(evidence: Evidence, method: str, condition: Condition) -> BudgetPoint
     return BudgetPoint(*where, len(points), float(np.mean(points)), low, high, each)
 
 
-<<<<<<< HEAD
-def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
-    """Return where every method slows under 80 % of the command. `spec`: the robot, for the dead band of its shank.
-=======
 def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
     """Return where every method becomes too slow. `spec`: the robot, for the dead band of its shank.
->>>>>>> tidy-a
 
     The onset is found for each seed and then averaged: a mean of curves has another one. A seed that stays above counts
     with the highest level that it was tested at itself, which is less than the truth; there is no interval then. A
@@ -92,7 +83,7 @@ def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
         level = None if all(above) else float(np.mean(ends))
         low, high = (None if any(above) else t_interval(ends)) or (None, None)
         words = " ".join(f">{last:g}" if one is None else f"{one:.3g}" for one, last in each)
-        unit = spec.shank.torque_limit / spec.shank.stiffness
+        unit = DEADBAND
         band = None if level is None or has_coefficient(law) else level * unit
         tested = min(last for _, last in each)
         found.append(Onset(method, engine, law, len(each), level, low, high, tested, words, band))

@@ -48,12 +48,7 @@ class WalkedNet:
     """Name in the catalogue of engines."""
     case: Case
     """The robot."""
-<<<<<<< HEAD
     spec: Robot
-    """Its data sheet."""
-=======
-    spec: Robot
->>>>>>> tidy-a
     policy: Bundle
     """f0, which walks."""
     seconds: float = 10.0

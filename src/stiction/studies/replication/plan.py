@@ -187,14 +187,6 @@ def known_bench(spec: Robot) -> Bench:
     return Bench("physx", KNOWN, spec)
 
 
-<<<<<<< HEAD
-def walked_net(spec: Robot, policy: Bundle) -> WalkedNet:
-    """Return the Actuator Net of the robot that training knows; spec: its data sheet; policy: f0, which walks on it."""
-    return WalkedNet("physx", KNOWN, spec, policy)
-
-
-=======
->>>>>>> tidy-a
 def first_policy(seed: int) -> str:
     """Return the name of the run of f0, which walks on the robot that training knows."""
     return f"coulomb20-none-s{seed}"

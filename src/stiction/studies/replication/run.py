@@ -26,15 +26,9 @@ from stiction.formats.contract import Contract
 from stiction.formats.following import following
 from stiction.formats.results import read_summary
 from stiction.robots.catalog import find_robot
-<<<<<<< HEAD
-from stiction.robots.model import Robot
-from stiction.studies.claims import Verdict, changed_verdicts
-from stiction.studies.replication.budget import beside_forward, budget, onsets
-=======
 from stiction.robots.model import Robot
 from stiction.studies.claims import Verdict, rejudged_summary
 from stiction.studies.replication.budget import beside_forward, budget, friction_effects, onsets
->>>>>>> tidy-a
 from stiction.studies.replication.claims import judge_all
 from stiction.studies.replication.plan import Part, conventional
 from stiction.studies.replication.records import SUMMARY, PartRecord, Replication, read_parts
@@ -192,7 +186,7 @@ def replicate(
     spec = robot_of(bundles[0].contract)
     made = {
         **(summary or {}),
-        "dead_band": spec.shank.torque_limit / spec.shank.stiffness,
+        "dead_band": DEADBAND,
         "grids": {record.name: _settings(by_name[record.name], record) for record in records},
         "seconds": time.perf_counter() - start,
         "policies": {bundle.name: describe(bundle) | {"way": method_of(bundle.contract)} for bundle in bundles},
