@@ -21,8 +21,8 @@ def pd_net(robot: str = "saturn_lite", kp: float = 1.0, kd: float = 1.0, **chang
     for group in groups:
         joint = spec.joint_names.index(group[0])
         weight = np.zeros((1, 8), np.float32)
-        weight[0, 0] = kp * spec.joint_values("stiffness")[joint] / limits[joint]
-        weight[0, 4] = -kd * spec.joint_values("derivative")[joint] / limits[joint]
+        weight[0, 0] = kp * spec.joint_values("kp")[joint] / limits[joint]
+        weight[0, 4] = -kd * spec.joint_values("kd")[joint] / limits[joint]
         layers.append(((weight, np.zeros(1, np.float32)),))
     net = ActuatorNet(
         robot=robot,

@@ -15,7 +15,7 @@ from stiction.deploy.pilot import Port
 from stiction.formats.joints import load_joints
 from stiction.formats.log import Log
 from stiction.rma.arguments import parse
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 from stiction.studies.bench import robots as bench_study
 from stiction.virtual.bench import BenchCfg, bench_log
 
@@ -30,7 +30,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a study of one robot, with short logs of its hips alone."""
     folder = tmp_path_factory.mktemp("study")
 
-    def hips(port: Port, spec: RobotSpec, cfg: BenchCfg) -> Log:
+    def hips(port: Port, spec: Robot, cfg: BenchCfg) -> Log:
         return bench_log(port, spec, replace(cfg, kinds=("hip",)))
 
     with pytest.MonkeyPatch.context() as patch:

@@ -18,7 +18,7 @@ from stiction.engines.engine import BlownUp, Body, Make, Motion
 from stiction.engines.ground import Ground, flat
 from stiction.engines.mujoco_engine import MujocoEngine
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import RobotSpec
+from stiction.robots.model import Robot
 
 ROBOT = find_robot("saturn_lite")
 
@@ -74,7 +74,7 @@ def test_a_robot_that_cannot_stand_on_all_feet_but_one_is_refused() -> None:
 def test_every_robot_can_be_built_and_stands(make: Make, name: str) -> None:
     """A quadruped's legs, masses and gains must be built from its own description, in every engine."""
     spec = find_robot(name)
-    body, standing = Body.nominal(spec), spec.joint_values("standing")
+    body, standing = Body.nominal(spec), spec.joint_values("default_position")
     engine = make(body, flat(), TIMESTEP)
     engine.reset(standing, np.array([1.0, -2.0, spec.standing_height]), UPRIGHT)
     for _ in range(200):
@@ -82,7 +82,7 @@ def test_every_robot_can_be_built_and_stands(make: Make, name: str) -> None:
     motion = engine.motion()
     np.testing.assert_allclose(motion.base_position, [1.0, -2.0, spec.standing_height], atol=3e-3)
     np.testing.assert_allclose(motion.joint_position, standing, atol=3e-3)
-    assert motion.foot_contact.shape == (len(spec.legs),) and motion.foot_contact.all()
+    assert motion.foot_contact.shape == (len(spec.feet),) and motion.foot_contact.all()
 
 
 def test_a_robot_that_blew_up_is_told_and_begins_anew(make: Make) -> None:
@@ -92,7 +92,7 @@ def test_a_robot_that_blew_up_is_told_and_begins_anew(make: Make) -> None:
     place = np.array([0.0, 0.0, spec.standing_height])
     with pytest.raises(StictionError):
         engine.step(np.full(spec.num_joints, np.nan), np.zeros(spec.num_joints))
-    engine.reset(spec.joint_values("standing"), place, UPRIGHT)
+    engine.reset(spec.joint_values("default_position"), place, UPRIGHT)
     motion = engine.motion()
     np.testing.assert_allclose(motion.base_position, place, atol=1e-6)
     assert not motion.base_linear_velocity.any() and not motion.joint_velocity.any()
@@ -110,7 +110,7 @@ def test_the_suite_names_the_check_of_every_figure(monkeypatch: pytest.MonkeyPat
     """A table of figures needs to say which engine did what, at which step."""
     seen = []
 
-    def check(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    def check(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
         seen.append(timestep)
         return Figure("one", 1.0, "m", 2.0), Figure("two", 2.0, "m", 2.0)
 
@@ -123,10 +123,10 @@ def test_the_suite_names_the_check_of_every_figure(monkeypatch: pytest.MonkeyPat
 def test_a_robot_that_blows_up_fails_the_check_and_the_suite_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """One broken check would hide what all the others say, or pass for want of a number."""
 
-    def breaks(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    def breaks(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
         raise BlownUp("gone")
 
-    def holds(make: Make, spec: RobotSpec, timestep: float) -> tuple[Figure, ...]:
+    def holds(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
         return (Figure("one", 0.0, "m", 1.0),)
 
     monkeypatch.setattr("stiction.engines.conformance.suite.CHECKS", {"first": breaks, "second": holds})

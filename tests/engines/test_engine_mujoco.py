@@ -18,7 +18,7 @@ SECONDS = 0.1
 
 def apart(timestep: float) -> float:
     """Return how far joints of a fleet and of the engine are apart after a step of the targets, with friction [rad]."""
-    target, friction = SPEC.joint_values("standing") + 0.1, np.full(SPEC.num_joints, 1.0)
+    target, friction = SPEC.joint_values("default_position") + 0.1, np.full(SPEC.num_joints, 1.0)
     fleet = Fleet(SPEC, 1, timestep, round(SECONDS / timestep))
     fleet.friction[:] = friction
     fleet.set_targets(target)
@@ -30,7 +30,7 @@ def apart(timestep: float) -> float:
         return np.clip(torque, -limit, limit), friction
 
     engine = MujocoEngine(Body.nominal(SPEC), flat(), timestep)
-    engine.reset(SPEC.joint_values("standing"), np.array([0.0, 0.0, SPEC.standing_height]), UPRIGHT)
+    engine.reset(SPEC.joint_values("default_position"), np.array([0.0, 0.0, SPEC.standing_height]), UPRIGHT)
     motion = record(engine, round(SECONDS / timestep), act)
     return float(np.abs(motion.joint_position[-1] - fleet.joint_position[0]).max())
 
@@ -46,7 +46,7 @@ def test_stiffer_contacts_give_way_less() -> None:
     height = []
     for contact_time in (None, 0.004):
         engine = MujocoEngine(Body.nominal(SPEC), flat(), 0.002, contact_time)
-        engine.reset(SPEC.joint_values("standing"), np.array([0.0, 0.0, SPEC.standing_height]), UPRIGHT)
+        engine.reset(SPEC.joint_values("default_position"), np.array([0.0, 0.0, SPEC.standing_height]), UPRIGHT)
         height.append(record(engine, 200, still(engine.body)).base_position[-1, 2] - SPEC.standing_height)
     soft, stiff = height
     assert -2e-3 < soft < 3.0 * stiff < 0.0

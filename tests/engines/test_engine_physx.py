@@ -35,7 +35,7 @@ def test_a_trunk_has_friction_of_its_own() -> None:
     away = np.array([-np.sin(angle), 0.0, np.cos(angle)])
     np.testing.assert_allclose(matrix(turn)[:, 2], -away, atol=1e-12)
     middle = np.array([-LANDING - RAMP / 2 * np.cos(angle), 0.0, RAMP / 2 * np.sin(angle)])
-    engine.reset(SPEC.joint_values("standing"), middle + SPEC.base.size[2] / 2 * away, turn)
+    engine.reset(SPEC.joint_values("default_position"), middle + SPEC.base.size[2] / 2 * away, turn)
     motion = record(engine, 250, still(body))
     assert np.linalg.norm(motion.base_position[-1] - motion.base_position[0]) < 1e-3
 

@@ -11,6 +11,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from stiction.robots.tree import foot_position, links
 
 from stiction.core.errors import StictionError
 from stiction.core.rotation import UPRIGHT, matrix
@@ -22,11 +23,10 @@ from stiction.engines.ode import engine as ode_module
 from stiction.engines.ode.engine import ACCURATE, WEBOTS, OdeEngine, OdeSettings
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import GRAVITY
-from stiction.robots.tree import foot_position, links
 
 STEP = 0.002
 SPEC = find_robot("saturn_lite")
-STANDING = SPEC.joint_values("standing")
+STANDING = SPEC.joint_values("default_position")
 PLACE = np.array([0.0, 0.0, SPEC.standing_height])
 NOTHING = np.zeros(SPEC.num_joints)
 
@@ -134,7 +134,7 @@ def test_an_angle_beyond_half_a_turn_is_read_back() -> None:
     """Go1's thighs reach 4.5 rad; ODE's own angle would come back as -1.9."""
     spec = find_robot("go1")
     engine = OdeEngine(Body.nominal(spec, fixed=True), flat(), STEP)
-    angles = spec.joint_values("standing")
+    angles = spec.joint_values("default_position")
     angles[1] = 4.4
     engine.reset(angles, np.array([0.0, 0.0, 2.0]), UPRIGHT)
     record(engine, 50, still(engine.body))

@@ -122,7 +122,7 @@ def test_a_centre_of_mass_that_does_not_move_is_caught(monkeypatch: pytest.Monke
 def test_an_encoder_offset_that_the_controller_does_not_see_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """The observation alone is not enough: the joint is held where the encoder says."""
     whole = Fleet.set_targets
-    standing = find_robot("go1").joint_values("standing")
+    standing = find_robot("go1").joint_values("default_position")
     monkeypatch.setattr(Fleet, "set_targets", lambda fleet, targets: whole(fleet, np.tile(standing, (len(targets), 1))))
     rows = audit.audit_env(TASK)
     assert [row.quantity for row in rows if not row.ok] == ["angle held by the controller"]

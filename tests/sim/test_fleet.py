@@ -108,7 +108,7 @@ def test_a_model_that_resets_itself_is_refused() -> None:
     """MuJoCo's own reset on NaN would hide a blow-up."""
     import mujoco
 
-    from stiction.robots.box_legs import build
+    from stiction.robots.mjcf import build
     from stiction.sim.native import NativeSimulation
 
     spec = build(find_robot("go1"))

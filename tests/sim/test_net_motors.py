@@ -21,7 +21,7 @@ def test_a_net_that_is_the_p_law_moves_as_the_p_law() -> None:
     included, agree to single precision.
     """
     fleets = [Fleet(SPEC, 2) for _ in range(2)]
-    fleets[0].set_gains(SPEC.joint_values("stiffness"), 0.0 * SPEC.joint_values("derivative"))
+    fleets[0].set_gains(SPEC.joint_values("kp"), 0.0 * SPEC.joint_values("kd"))
     NetMotors(fleets[1], pd_net(kd=0.0))
     generator = np.random.default_rng(0)
     for _ in range(10):

@@ -57,7 +57,7 @@ def test_only_the_kind_that_is_logged_is_moved_and_it_follows_its_target() -> No
             return inner(command)
 
     log = bench_log(Spy(), SPEC, BenchCfg(("thigh",), 4.0))
-    targets, standing = np.array(seen), SPEC.joint_values("standing")
+    targets, standing = np.array(seen), SPEC.joint_values("default_position")
     moved = np.ptp(targets, axis=0) > 0
     assert [name.partition("_")[2] for name, yes in zip(SPEC.joint_names, moved, strict=True) if yes] == ["thigh"] * 6
     np.testing.assert_allclose(targets[0], standing)

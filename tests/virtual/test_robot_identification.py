@@ -148,7 +148,7 @@ def test_the_load_is_that_of_joints_in_motion(engines: list[Hinges]) -> None:
     robot = bench.robot()
     engines[0].force[:], engines[0].torque[:] = 30.0, 10.0
     meter = LoadMeter(robot)
-    zero, target = np.zeros(SPEC.num_joints), SPEC.joint_values("standing")
+    zero, target = np.zeros(SPEC.num_joints), SPEC.joint_values("default_position")
     target[2] += 0.3
     for _ in range(100):
         meter.exchange(JointCommand(target, 100.0 + zero, 2.5 + zero, zero))

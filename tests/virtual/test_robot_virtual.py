@@ -160,7 +160,7 @@ class Bare:
 
     def read(self) -> Reading:
         """Return a robot at rest."""
-        standing = SPEC.joint_values("standing")
+        standing = SPEC.joint_values("default_position")
         return Reading(0.0, Sensors(UP, np.zeros(3), standing, ZERO), ZERO, np.ones(6, bool))
 
     def exchange(self, command: JointCommand) -> Reading:

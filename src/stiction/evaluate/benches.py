@@ -25,7 +25,7 @@ from stiction.evaluate.rollout import friction_at
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.joints import load_joints
-from stiction.formats.known_friction import BenchFriction, bench_friction, joint_kinds, kind_average
+from stiction.formats.known_friction import BenchFriction, bench_friction, kind_average
 from stiction.robots.model import Robot
 from stiction.virtual.bench import JOINTS, Bench, make_bench
 from stiction.virtual.cases import Case, parse_level
@@ -122,7 +122,7 @@ def _known(walk: Walk, contract: Contract, spec: Robot, cfg: GridCfg, out: Path)
     elif given.source == "bench":
         share = given.factor * _identified(bench, contract, out).array
     else:
-        share = np.full(len(joint_kinds(spec.joint_names)), given.source)
+        share = np.full(len(spec.joint_kinds), given.source)
     return tuple(share.tolist())
 
 

@@ -63,14 +63,14 @@ class Metrics:
 
 
 def measure(
-    recording: Recording, command: Command, groups: np.ndarray, weight: float, course: Course = FLAT
+    recording: Recording, command: Command, groups: np.ndarray | None, weight: float, course: Course = FLAT
 ) -> Metrics:
     """Return the metrics of one row, over all its episodes.
 
     Args:
         recording: the measured part of the episodes, after settling.
         command: what was commanded.
-        groups: contact group (0 or 1) of each foot, shape (L,).
+        groups: contact group (0 or 1) of each foot, shape (L,); None where there are none.
         weight: weight of the robot [N].
         course: the ground.
 
@@ -194,7 +194,7 @@ def moving_steps(recording: Recording, command: Command) -> np.ndarray | None:
 
 
 def gait_shares(
-    recording: Recording, moving: np.ndarray | None, groups: np.ndarray
+    recording: Recording, moving: np.ndarray | None, groups: np.ndarray | None
 ) -> tuple[float | None, tuple[float, float] | None]:
     """Return the shares of moving steps in flight, and on exactly group 0 and group 1; None without moving steps.
 
@@ -203,7 +203,9 @@ def gait_shares(
     if moving is None or not moving.any():
         return None, None
     contact = recording.contact[moving]
-    flight = set_share(contact, np.zeros(len(groups), dtype=bool))
+    flight = set_share(contact, np.zeros(contact.shape[-1], dtype=bool))
+    if groups is None:
+        return flight, None
     return flight, (set_share(contact, groups == 0), set_share(contact, groups == 1))
 
 

@@ -11,7 +11,7 @@ from stiction.exchange.physics import Conversion, JointPhysics, check_axis, know
 from stiction.exchange.urdf import Edit, Markup, Tag, set_attributes, xml_comment
 
 FRICTION_D0 = 0.999
-"""Impedance of the dry-friction constraint; as `stiction.robots.box_legs` has it, where it is measured."""
+"""Impedance of the dry-friction constraint; as `stiction.robots.mjcf` has it, where it is measured."""
 
 TIMESTEP = 0.002
 """MuJoCo's own default [s], where a model has none."""

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -47,6 +48,11 @@ class Body:
         """The inertia as a matrix [kg m²], shape (3, 3)."""
         xx, yy, zz, xy, xz, yz = self.inertia
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    def scaled(self, factor: float) -> Self:
+        """Return the body with its mass multiplied; inertia follows."""
+        xx, yy, zz, xy, xz, yz = (factor * value for value in self.inertia)
+        return replace(self, mass=factor * self.mass, inertia=(xx, yy, zz, xy, xz, yz))
 
     @property
     def principal(self) -> tuple[np.ndarray, np.ndarray]:
@@ -262,6 +268,18 @@ class Robot:
             found.insert(0, self.links[found[0]].parent)
         return tuple(found)
 
+    @property
+    def dead_band(self) -> float:
+        """Largest angle by which friction as strong as the motor holds a joint off its target, τ_max/kp [rad]."""
+        return float((self.joint_values("torque_limit") / self.joint_values("kp")).max())
+
+    def kind(self, name: str) -> Joint:
+        """Return the first joint of a kind.
+
+        Raises `RobotError` where there is none.
+        """
+        return self.joints[self.joints_of(name)[0]]
+
     def with_joints(self, name: str, **factors: float) -> Robot:
         """Return a robot called `name` with fields of every joint multiplied."""
         joints = [
@@ -288,6 +306,12 @@ def link_poses(robot: Robot, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray
         position[number] = below[0] + below[1] @ np.array(link.origin)
         rotation[number] = below[1] @ matrix(about_vector(np.array(link.axis), float(angles[number])))
     return position, rotation
+
+
+def foot_places(robot: Robot, angles: np.ndarray) -> np.ndarray:
+    """Return where the middles of the feet are on the base [m], (feet, 3), at joint angles [rad], (joints,)."""
+    position, turn = link_poses(robot, angles)
+    return np.array([position[foot.link] + turn[foot.link] @ np.array(foot.position) for foot in robot.feet])
 
 
 FALLEN_UP = 0.5

@@ -36,7 +36,7 @@ from stiction.formats.walk import WalkHeader, WalkLog
 from stiction.identify.excite.task import Pattern
 from stiction.identify.pipeline import REFUSED, identify_log
 from stiction.identify.verdict import propose
-from stiction.robots.model import JOINT_KINDS, Robot
+from stiction.robots.model import Robot
 from stiction.virtual.cases import Case
 from stiction.virtual.robot import VirtualRobot
 from stiction.virtual.trial import World
@@ -60,8 +60,8 @@ MOTION = Pattern(
 class BenchCfg:
     """How a bench log is made."""
 
-    kinds: tuple[str, ...] = JOINT_KINDS
-    """Kinds of joints to log, in this order; one alone after a repair, say."""
+    kinds: tuple[str, ...] = ()
+    """Kinds of joints to log, in this order; one alone after a repair, say. None named: all of the robot's."""
     seconds: float = 20.0
     """Length of each kind's log [s]: the motion, twice."""
     motion: Pattern = field(default_factory=lambda: MOTION)
@@ -71,8 +71,8 @@ class BenchCfg:
 
     def __post_init__(self) -> None:
         """Refuse logs from which nothing can be identified."""
-        if not self.kinds or set(self.kinds) - set(JOINT_KINDS) or len(set(self.kinds)) < len(self.kinds):
-            raise ConfigurationError(f"bench logs of {self.kinds}: expected different ones of {', '.join(JOINT_KINDS)}")
+        if len(set(self.kinds)) < len(self.kinds):
+            raise ConfigurationError(f"bench logs of {self.kinds}: expected different kinds of joints")
         if not (4.0 <= self.seconds <= 600.0 and 0.1 <= self.stiffness <= 10.0):
             raise ConfigurationError(
                 f"bench logs of {self.seconds} s at {self.stiffness} times the gains: expected 4 to 600 s, 0.1 to 10"
@@ -82,7 +82,7 @@ class BenchCfg:
 def bench_log(port: Port, spec: Robot, cfg: BenchCfg | None = None) -> Log:
     """Move every joint of a robot that is bolted to its bench and return the log, with its sidecar.
 
-    Raises `StictionError` where the robot is not that of the data sheet `spec`.
+    Raises `StictionError` where the robot is not that of the data sheet `spec`, or has no such kind of joints.
     """
     cfg = cfg or BenchCfg()
     if port.joint_names != spec.joint_names:
@@ -92,11 +92,12 @@ def bench_log(port: Port, spec: Robot, cfg: BenchCfg | None = None) -> Log:
     count = round(cfg.seconds / port.period / 2)
     offsets = np.tile(cfg.motion.offsets(count, 1.0 / port.period), 2)
     joints: dict[str, JointSignals] = {}
-    for number in map(JOINT_KINDS.index, cfg.kinds):
+    for kind in cfg.kinds or spec.joint_kinds:
+        moved = spec.joints_of(kind)
         path = np.tile(spec.joint_values("default_position"), (len(offsets), 1))
-        path[:, number :: len(JOINT_KINDS)] += offsets[:, None]
+        path[:, moved] += offsets[:, None]
         readings = _play(port, path, kp, kd)
-        for joint in range(number, spec.num_joints, len(JOINT_KINDS)):
+        for joint in moved.tolist():
             joints[spec.joint_names[joint]] = JointSignals(
                 position=np.array([reading.sensors.joint_position[joint] for reading in readings[:-1]]),
                 velocity=np.array([reading.sensors.joint_velocity[joint] for reading in readings[:-1]]),
@@ -106,7 +107,7 @@ def bench_log(port: Port, spec: Robot, cfg: BenchCfg | None = None) -> Log:
     limit = spec.joint_values("torque_limit")
     kinds = {
         kind: LogSetup(kp=float(kp[number]), kd=float(kd[number]), torque_limit=float(limit[number]))
-        for number, kind in enumerate(JOINT_KINDS)
+        for kind, number in ((kind, spec.joints_of(kind)[0]) for kind in spec.joint_kinds)
     }
     setup = LogSetup(torque_source="motor_side", test_condition="in_air", axis="rotary", joints=kinds)
     time = np.arange(len(offsets)) * port.period

@@ -6,8 +6,8 @@ Such code knows the robot by its data sheet (`Robot`), by the logs of its bench,
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -53,14 +53,10 @@ class Masses:
 
     base: float = 1.0
     """Mass of the trunk over the drawing's [1]; inertia follows."""
-    hip_link: float = 1.0
-    """Of the hip's link [1]."""
-    thigh_link: float = 1.0
-    """Of the thigh [1]."""
-    shank_link: float = 1.0
-    """Of the shank [1]."""
+    links: Mapping[str, float] = field(default_factory=dict)
+    """Of the links behind each kind of joint [1]; 1 where none is given."""
     base_com: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Centre of mass of the trunk, in its frame [m]."""
+    """Where the trunk's centre of mass is, away from the drawing's [m]."""
 
 
 @dataclass(frozen=True)
@@ -111,10 +107,10 @@ class Hidden:
 
     def body(self, spec: Robot, fixed: bool = False) -> Body:
         """Return the robot as an engine builds it; `spec`: the data sheet, `fixed`: bolted to a bench."""
-        masses = {name: getattr(self.masses, name) for name in ("base", "hip_link", "thigh_link", "shank_link")}
-        links = {name: replace(link := getattr(spec, name), mass=link.mass * by) for name, by in masses.items()}
+        pairs = zip(spec.joints, spec.links, strict=True)
+        links = tuple(link.scaled(self.masses.links.get(joint.kind, 1.0)) for joint, link in pairs)
         return Body(
-            spec=replace(spec, **links),
+            spec=replace(spec, base=spec.base.scaled(self.masses.base), links=links),
             armature=spec.joint_values("armature") * self.motors.armature,
             damping=spec.joint_values("damping") * self.motors.damping,
             base_shift=self.masses.base_com,
@@ -172,7 +168,7 @@ TILT_BIAS = 0.01
 TILT_WANDER = 0.003
 """Half-widths of the constant errors, deviations of the others, in the units of `SensorErrors`."""
 
-MASS = {"base": (0.95, 1.15), "hip_link": (0.9, 1.15), "thigh_link": (0.9, 1.15), "shank_link": (0.9, 1.15)}
+BASE_MASS, LINK_MASS = (0.95, 1.15), (0.9, 1.15)
 """A robot is mostly heavier than its drawing, which lacks cables and screws."""
 
 BASE_COM = (0.03, 0.01, 0.02)
@@ -190,7 +186,7 @@ def draw(spec: Robot, seed: int) -> Hidden:
         delays=Delays(by["delays"].uniform(*COMMAND_DELAY), by["delays"].uniform(*SENSOR_DELAY)),
         gears=by["gears"].uniform(*GAP, joints),
         sensors=_sensors(by["sensors"], joints),
-        masses=_masses(by["masses"]),
+        masses=_masses(by["masses"], spec.joint_kinds),
     )
 
 
@@ -228,8 +224,9 @@ def _sensors(generator: np.random.Generator, joints: int) -> SensorErrors:
     )
 
 
-def _masses(generator: np.random.Generator) -> Masses:
-    """Draw a factor for every kind of link, and where the trunk's centre of mass is."""
-    factors = {name: float(generator.uniform(*span)) for name, span in MASS.items()}
+def _masses(generator: np.random.Generator, kinds: Sequence[str]) -> Masses:
+    """Draw a factor for the trunk and for every kind of link, and where the trunk's centre of mass is."""
+    base = float(generator.uniform(*BASE_MASS))
+    links = {kind: float(generator.uniform(*LINK_MASS)) for kind in kinds}
     x, y, z = (float(half * generator.uniform(-1.0, 1.0)) for half in BASE_COM)
-    return Masses(**factors, base_com=(x, y, z))
+    return Masses(base, links, (x, y, z))

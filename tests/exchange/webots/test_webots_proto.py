@@ -1,4 +1,4 @@
-"""The exported robot is the robot: held against its `RobotSpec`, and link by link against its MuJoCo model."""
+"""The exported robot is the robot: held against its `Robot`, and link by link against its MuJoCo model."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ def test_friction_is_a_field_for_each_kind_of_joint(name: str, tmp_path: Path) -
         assert parameters["staticFriction"] == Bound(f"{joint.split('_')[1]}Friction")
     given = Read(proto.name, "", {"hipFriction": 1.0, "thighFriction": 2.0, "shankFriction": 3.0})
     torques = [parameters["staticFriction"] for parameters, _ in joints(proto.instance(given)).values()]
-    assert torques == [1.0, 2.0, 3.0] * len(spec.legs)
+    assert torques == [1.0, 2.0, 3.0] * len(spec.feet)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_every_link_is_where_and_what_it_is_in_mujoco(name: str, tmp_path: Path) -> None:
     """If this failed, another robot would walk in Webots: mass, centre, inertia and axes, in bent poses too."""
-    from stiction.robots.box_legs import build_model
+    from stiction.robots.mjcf import build_model
 
     spec, robot = find_robot(name), export(tmp_path, name)
     model = build_model(spec)
@@ -100,7 +100,7 @@ def test_every_link_is_where_and_what_it_is_in_mujoco(name: str, tmp_path: Path)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_what_collides_is_what_collides_in_mujoco(name: str, tmp_path: Path) -> None:
     """If this failed, the robot would stand at another height, or hang with its thighs on the stairs."""
-    from stiction.robots.box_legs import build_model
+    from stiction.robots.mjcf import build_model
 
     spec, robot = find_robot(name), export(tmp_path, name)
     model = build_model(spec)

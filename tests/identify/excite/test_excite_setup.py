@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from stiction.robots.saturn_lite import ROBOT
 
 from stiction.core.errors import StictionError
 from stiction.identify.excite.setup import ExciteSetup
-from stiction.robots.saturn_lite import ROBOT
 
 
 def test_a_robot_fills_in_what_the_user_left_out() -> None:

@@ -16,7 +16,7 @@ from stiction.engines.conformance.rig import HELD, Act, Figure, drive, hold, on_
 from stiction.engines.engine import Body, Make, Motion
 from stiction.engines.ground import Ground, course, sampled
 from stiction.engines.mujoco_engine import MujocoEngine
-from stiction.robots.model import GRAVITY, Robot, link_poses
+from stiction.robots.model import GRAVITY, Robot, foot_places, link_poses
 from stiction.robots.shapes import bounds
 from stiction.robots.terrain import LANDING, RAMP
 
@@ -86,12 +86,6 @@ def foot_contact(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]
     return (Figure("feet that read wrong", float(wrong), "1", 0.0),)
 
 
-def foot_places(spec: Robot, angles: np.ndarray) -> np.ndarray:
-    """Return where the middles of all feet are on the base [m], shape (feet, 3)."""
-    position, turn = link_poses(spec, angles)
-    return np.array([position[foot.link] + turn[foot.link] @ np.array(foot.position) for foot in spec.feet])
-
-
 def raised(spec: Robot, lifted: np.ndarray) -> np.ndarray:
     """Return the standing pose with some feet lifted by `RAISED` [rad], shape (J,); `lifted`: bool, (feet,).
 
@@ -122,7 +116,7 @@ def has_soles(spec: Robot) -> bool:
 
 
 def _lifts(spec: Robot) -> list[tuple[np.ndarray, tuple[float, float, float]]]:
-    """Return which feet are lifted, bool, (feet,), and the shift of the trunk's centre of mass then [m], trial by trial.
+    """Return which feet are lifted, bool, (feet,), and the shift of the trunk's centre of mass [m], trial by trial.
 
     One contact group, then the other, where each can carry the robot; else one foot at a time, with the centre of mass
     shifted so that the weight is over the middle of the other feet.
@@ -177,7 +171,7 @@ COURSE = (3.0, 3.0)
 
 
 def terrain(make: Make, spec: Robot, timestep: float) -> tuple[Figure, ...]:
-    """A table on the landing of stairs, on a slope of boxes, and on that slope as a height field; a biped on the first."""
+    """A table on the landing of stairs, on a slope of boxes and as a height field; a biped only on the landing."""
     stairs, slope = course("stairs", STEP), course("slope", ANGLE)
     figures = [
         _landing(make, spec, timestep, "landing of stairs", stairs),

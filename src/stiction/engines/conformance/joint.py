@@ -39,7 +39,7 @@ AGAINST = 5.0
 """Torque with which a joint is driven against its limit [N m]."""
 
 SLOW, AMPLITUDE, LEVEL = 0.5, 0.3, 0.1
-"""Of the controlled joint: frequency [Hz] and largest amplitude [rad] of its target, friction over the torque limit [-]."""
+"""Of the controlled joint: frequency [Hz] and largest amplitude [rad] of its target, friction over its torque limit."""
 
 
 def hinge_inertia(spec: Robot) -> float:
@@ -77,7 +77,7 @@ def exact(
 def _drive(
     make: Make, spec: Robot, timestep: float, start: float, joint: Callable[[int, float, float], Pair]
 ) -> Motion:
-    """Return the motion of the outermost joint alone, under `joint(number, q, q')` -> torque and bound of friction [N m]."""
+    """Return the motion of the outermost joint, under `joint(number, q, q')` -> torque and bound of friction [N m]."""
     angles, own = spec.joint_values("default_position"), outermost(spec)
     angles[own] = start
     torque, bound = np.zeros(spec.num_joints), np.full(spec.num_joints, HELD)

@@ -196,7 +196,7 @@ class OdeContacts:
             for shape in link.shapes:
                 self._add_shape(shape, SHANK if shape.contact == "obstacles" else TRUNK, Owner(part), link.com)
 
-    def _add_shape(self, shape: Shape, category: int, owner: Owner, com: Sequence[float]) -> None:
+    def _add_shape(self, shape: Shape, category: int, owner: Owner, com: Sequence[float] | np.ndarray) -> None:
         """Attach one shape where it can touch; `com`: its body's centre of mass in the link's frame [m]."""
         if shape.contact == "nothing":
             return

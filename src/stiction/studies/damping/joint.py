@@ -14,7 +14,7 @@ from functools import partial
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
 from stiction.core.records import column
 from stiction.joints.friction import Coulomb
@@ -31,7 +31,7 @@ from stiction.joints.sampled import (
 )
 from stiction.joints.simulate import Joint, Trajectory, simulate
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import JOINT_KINDS, JointSpec
+from stiction.robots.model import Joint as RobotJoint
 
 FRICTION, EFFORT, LIMIT = "dry friction", "friction by effort", "torque limit"
 SHARP, LATE, FILTERED = "sampled", "sampled, late velocity", "sampled, filtered velocity"
@@ -197,9 +197,7 @@ class DampingCfg:
     """Seed of the draws."""
 
     def __post_init__(self) -> None:
-        """Refuse a joint that robots do not have, and times that no motion fits into."""
-        if self.joint not in JOINT_KINDS:
-            raise ConfigurationError(unknown_name("joint", self.joint, JOINT_KINDS))
+        """Refuse times that no motion fits into."""
         if not (0 < self.step <= self.hold <= self.seconds / 10 and self.draws >= 2 and 0 <= self.spread < 1):
             raise ConfigurationError(
                 f"steps of {self.step} s, targets held {self.hold} s, {self.seconds} s in all, {self.draws} draws of "
@@ -213,12 +211,12 @@ class DampingCfg:
         return self.amplitude * np.sin(2 * np.pi * self.frequency * held)
 
 
-def joint_of(spec: JointSpec, level: float | None = None) -> tuple[Joint, PDGains]:
+def joint_of(spec: RobotJoint, level: float | None = None) -> tuple[Joint, PDGains]:
     """Return a kind of joint and its controller without torque limit; level: friction over torque limit, as measured
     by default.
     """
     friction = spec.frictionloss if level is None else level * spec.torque_limit
-    return Joint(spec.armature, spec.damping, Coulomb(friction)), PDGains(spec.stiffness, spec.derivative)
+    return Joint(spec.armature, spec.damping, Coulomb(friction)), PDGains(spec.kp, spec.kd)
 
 
 def swaps(joint: Joint, gains: PDGains) -> dict[str, float]:
@@ -232,7 +230,7 @@ def swap_rows(robot: str, cfg: DampingCfg) -> Iterator[SwapRow]:
 
     Raises `StictionError` where there is no such robot.
     """
-    spec: JointSpec = getattr(find_robot(robot), cfg.joint)
+    spec: RobotJoint = find_robot(robot).kind(cfg.joint)
     for case, level, motion, sampling in _cases(spec, cfg):
         joint, gains = joint_of(spec, level if case == FRICTION else None)
         before = motion(joint, gains)
@@ -252,7 +250,7 @@ Case = tuple[str, float, Motion, Sampling | None]
 """Case and level of `SwapRow`; the sampling of a controller that is sampled."""
 
 
-def _cases(spec: JointSpec, cfg: DampingCfg) -> Iterator[Case]:
+def _cases(spec: RobotJoint, cfg: DampingCfg) -> Iterator[Case]:
     """Yield every case; an unstable sampled controller is kept finite by the joint's own torque limit."""
     asked = _largest_torque(spec, cfg)
     for level in cfg.friction_levels:
@@ -267,7 +265,7 @@ def _cases(spec: JointSpec, cfg: DampingCfg) -> Iterator[Case]:
             yield case, period, partial(_sampled, cfg, spec.torque_limit, sampling), sampling
 
 
-def _largest_torque(spec: JointSpec, cfg: DampingCfg) -> float:
+def _largest_torque(spec: RobotJoint, cfg: DampingCfg) -> float:
     """Return the largest torque that the motion asks for without a limit [N m]."""
     return float(np.abs(simulate(*joint_of(spec), cfg.step, cfg.target(cfg.step)).torque).max())
 
@@ -298,7 +296,7 @@ def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
     An output-side log has B and dry friction in it, so beside its net the simulation has no dry friction; a motor-side
     net keeps the joint's.
     """
-    spec = getattr(find_robot(robot), cfg.joint)
+    spec = find_robot(robot).kind(cfg.joint)
     target = cfg.target(cfg.step)
     for level in (0.0, spec.frictionloss / spec.torque_limit):
         joint, gains = joint_of(spec, level)
@@ -319,7 +317,7 @@ def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
 
 def draw_rows(robot: str, cfg: DampingCfg) -> Iterator[DrawRow]:
     """Yield the spread of the motion for three randomisations: B and kd; kd alone, the same sums; B alone."""
-    spec = getattr(find_robot(robot), cfg.joint)
+    spec = find_robot(robot).kind(cfg.joint)
     joint, gains = joint_of(spec)
     stream = seed_streams(cfg.seed, ["damping"])["damping"]
     factors = stream.uniform(1.0 - cfg.spread, 1.0 + cfg.spread, (cfg.draws, 2))

@@ -252,9 +252,9 @@ def onset_level(levels: Sequence[float], ratios: Sequence[float]) -> float | Non
 def axis_scales(cfg: TrainCfg) -> dict[str, float]:
     """Return what one unit of the friction level is on each axis, for the shank, whose friction is the largest."""
     robot = find_robot(cfg.task.robot)
-    shank = robot.shank
-    first = shank.stiffness * robot.action_scale * cfg.network.initial_std
-    return dict(zip(AXES, (1.0, shank.torque_limit / shank.stiffness, shank.torque_limit / first), strict=True))
+    kp, limit = robot.joint_values("kp"), robot.joint_values("torque_limit")
+    first = kp * robot.joint_values("action_scale") * cfg.network.initial_std
+    return dict(zip(AXES, (1.0, robot.dead_band, float((limit / first).max())), strict=True))
 
 
 def onsets(evidence: TrainingEvidence, configured: Mapping[str, TrainCfg]) -> list[Onset]:

@@ -21,7 +21,7 @@ from stiction.evaluate.metrics import moving_steps, set_share, speed_ratio
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import Recording
 from stiction.locomotion.rewards import RewardCfg
-from stiction.robots.model import Robot
+from stiction.robots.model import Robot, foot_places
 
 SHORTEST = 0.06
 """A foot that leaves the ground, or touches it, for less than this has bounced or scuffed: no lift-off, no touch-down
@@ -329,8 +329,14 @@ def _measure(bundle: Bundle, variant: str, spec: Robot, command: Command, part: 
     moving = moving_steps(part, command)
     assert moving is not None
     # Left legs before right ones, each side from front to rear.
-    order = sorted(range(len(spec.feet)), key=lambda leg: (-spec.legs[leg].side, -spec.legs[leg].mount[0]))
-    gait = measure_gait(part.contact, moving, spec.groups(), part.period)
+    places = foot_places(spec, spec.joint_values("default_position"))
+    order = sorted(range(len(spec.feet)), key=lambda foot: (places[foot, 1] < 0, -places[foot, 0]))
+    groups = spec.groups()
+    if groups is None:
+        raise RobotError(
+            f"robot {spec.name!r} has no contact groups, which the study of gaits is about; give it groups"
+        )
+    gait = measure_gait(part.contact, moving, groups, part.period)
     row = part_of(
         GaitRow,
         gait,
@@ -346,8 +352,8 @@ def _measure(bundle: Bundle, variant: str, spec: Robot, command: Command, part: 
         FootRow(
             bundle.name,
             command.label,
-            spec.legs[leg].name,
-            spec.legs[leg].group,
+            spec.feet[leg].name,
+            int(groups[leg]),
             gait.duty_factor[leg] if gait.duty_factor else None,
             gait.stride_frequency[leg] if gait.stride_frequency else None,
         )

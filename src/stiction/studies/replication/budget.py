@@ -83,7 +83,7 @@ def onsets(evidence: Evidence, spec: Robot) -> list[Onset]:
         level = None if all(above) else float(np.mean(ends))
         low, high = (None if any(above) else t_interval(ends)) or (None, None)
         words = " ".join(f">{last:g}" if one is None else f"{one:.3g}" for one, last in each)
-        unit = DEADBAND
+        unit = spec.dead_band
         band = None if level is None or has_coefficient(law) else level * unit
         tested = min(last for _, last in each)
         found.append(Onset(method, engine, law, len(each), level, low, high, tested, words, band))

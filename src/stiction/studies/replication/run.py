@@ -186,7 +186,7 @@ def replicate(
     spec = robot_of(bundles[0].contract)
     made = {
         **(summary or {}),
-        "dead_band": DEADBAND,
+        "dead_band": spec.dead_band,
         "grids": {record.name: _settings(by_name[record.name], record) for record in records},
         "seconds": time.perf_counter() - start,
         "policies": {bundle.name: describe(bundle) | {"way": method_of(bundle.contract)} for bundle in bundles},
