@@ -18,9 +18,8 @@ from stiction.engines.engine import BlownUp, Body, Make, Motion
 from stiction.engines.ground import Ground, flat
 from stiction.engines.mujoco_engine import MujocoEngine
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import foot_places
+from stiction.robots.model import Robot, foot_places
 from stiction.robots.shipped.saturn_lite import BOXES
-from stiction.robots.model import Robot
 
 ROBOT = find_robot("saturn_lite")
 

@@ -204,7 +204,10 @@ def test_a_robot_that_blew_up_walks_again_as_if_new() -> None:
         (lambda: on_the_plane(armature=NOTHING, damping=NOTHING), "sum of armature and damping of 0; .* above 0"),
         (lambda: on_the_plane(base_shift=(0.0, np.nan, 0.0)), "centre of mass"),
         (lambda: on_the_plane(ground_friction=-1.0), "friction"),
-        (lambda: on_the_plane(spec=replace(SPEC, links=tuple(link.scaled(0.0) for link in SPEC.links))), "mass .* of 0"),
+        (
+            lambda: on_the_plane(spec=replace(SPEC, links=tuple(link.scaled(0.0) for link in SPEC.links))),
+            "mass .* of 0",
+        ),
         (lambda: on_the_plane(spec=replace(SPEC, foot_radius=-0.1)), "radius"),
         (
             lambda: on_the_plane(spec=replace(SPEC, joints=tuple(replace(joint, upper=6.0) for joint in SPEC.joints))),
