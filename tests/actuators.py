@@ -25,7 +25,7 @@ def pd_net(robot: str = "saturn_lite", kp: float = 1.0, kd: float = 1.0, **chang
         weight[0, 4] = -kd * spec.joint_values("kd")[joint] / limits[joint]
         layers.append(((weight, np.zeros(1, np.float32)),))
     net = ActuatorNet(
-        robot=robot,
+        robot=spec.name,
         joint_names=spec.joint_names,
         torque_limit=tuple(limits.tolist()),
         groups=groups,

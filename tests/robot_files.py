@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+
+from stiction.robots.shipped import go1
 
 LEG = """
 <body name="{n}_hip" pos="{x} {y} 0"><inertial pos="0 {c} 0" mass="0.7" diaginertia="5e-4 7e-4 5e-4"/>
@@ -53,6 +56,12 @@ URDF_LEG = """<link name="{s}_thigh"><inertial><origin xyz="0 0 -.15"/><mass val
  </collision></link>
 <joint name="{s}_knee" type="revolute"><parent link="{s}_thigh"/><child link="{s}_shank"/><origin xyz="0 0 -.3"/>
  <axis xyz="0 1 0"/><limit lower="-0.1" upper="2.5" effort="80" velocity="10"/></joint>"""
+
+
+_DATA = replace(go1.DATA.base, com=(0.02, 0.0, 0.0), inertia=(*go1.DATA.base.inertia[:3], 0.0, -3e-4, 0.0))
+
+TWIN = replace(go1.DATA, name="twin", base=_DATA, calf_is_mirrored=True).robot()
+"""A Go1 whose right half is the mirror image of its left one to the last digit; all hips turn about +x."""
 
 
 def urdf() -> str:

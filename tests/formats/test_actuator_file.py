@@ -54,7 +54,7 @@ def test_a_net_is_refused_where_it_does_not_belong(change: dict, message: str) -
 def test_another_robot_is_refused() -> None:
     """Twelve joints are not eighteen."""
     go1 = find_robot("go1")
-    with pytest.raises(FileError, match="the robot 'go1' has FL_hip"):
+    with pytest.raises(FileError, match="the robot 'go1' has FR_hip_joint"):
         pd_net().check_use("go1", go1.joint_names, go1.joint_values("torque_limit"), 0.005)
 
 

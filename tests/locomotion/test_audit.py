@@ -62,8 +62,8 @@ def mutate(monkeypatch: pytest.MonkeyPatch, field: str, columns: slice | int) ->
 def test_a_multiplier_of_zero_is_caught() -> None:
     """A robot whose nominal damping is zero: the multiplier changes nothing, and the formula knows it."""
     go1 = find_robot("go1")
-    joints = {kind: dataclasses.replace(getattr(go1, kind), damping=0.0) for kind in ("hip", "thigh", "shank")}
-    rows = audit.audit_joints(audit.Stand(dataclasses.replace(go1, **joints), TASK))
+    joints = tuple(dataclasses.replace(joint, damping=0.0) for joint in go1.joints)
+    rows = audit.audit_joints(audit.Stand(dataclasses.replace(go1, joints=joints), TASK))
     assert list(failed(rows)) == ["damping"] and "CANNOT ACT" in failed(rows)["damping"]
 
 

@@ -81,7 +81,7 @@ def test_privileged_observation_is_what_was_drawn() -> None:
     env = make(friction=FrictionCfg("direct", level=0.2))
     privileged, fleet = env.get_observations()["privileged"].double().numpy(), env.fleet
     np.testing.assert_allclose(privileged[:, 0] * 3.0 + 5.0, fleet.base_mass, atol=1e-5)
-    foot = fleet.model.geom("FL_foot").id
+    foot = fleet.model.geom("FR_foot").id
     np.testing.assert_allclose(privileged[:, 1] + 1.0, fleet._geom_friction[:, foot, 0], atol=1e-5)
     np.testing.assert_allclose((privileged[:, 2:14] * 0.2 + 1.0) * 0.0121, fleet.armature, atol=1e-7)
     np.testing.assert_allclose((privileged[:, 14:26] * 0.2 + 1.0) * 0.0342, fleet.damping, atol=1e-7)
@@ -90,9 +90,9 @@ def test_privileged_observation_is_what_was_drawn() -> None:
 
 @pytest.mark.parametrize("law", ["load", "effort"])
 def test_privileged_friction_of_a_coefficient_is_in_tenths_of_the_limit(law: str) -> None:
-    """Of `load` under a leg's share of 12 kg x 9.81, of `effort` at full torque: of the size of Coulomb's."""
+    """Of `load` under a leg's share of the weight, of `effort` at full torque: of the size of Coulomb's."""
     env = make(friction=FrictionCfg("deception", level=0.1, law=law, per="joint"))
-    typical = env.fleet.torque_limit if law == "effort" else 12.0 * 9.81 / 4
+    typical = env.fleet.torque_limit if law == "effort" else env.spec.weight / 4
     coefficient = env.randomizer.law.level
     assert 0.0 <= coefficient.min() < coefficient.max() <= 0.12 and np.ptp(coefficient, axis=1).min() > 0.01
     expected = coefficient * typical / env.fleet.torque_limit / 0.1

@@ -77,9 +77,9 @@ def test_a_joint_without_friction_is_never_said_to_have_some() -> None:
 
 
 def test_friction_with_a_coefficient_is_told_as_a_share_of_the_torque_limit() -> None:
-    """As in o_priv: 5 % of the load, a leg's share of 12 kg x 9.81, over 23.7 or 35.55 N m."""
+    """As in o_priv: 5 % of the load, a leg's share of the weight, over 23.7 or 35.55 N m."""
     env = make(error=(1.0, 1.0), friction=FrictionCfg("direct", level=0.05, law="load", range=(1.0, 1.0)))
-    expected = 0.05 * 12.0 * 9.81 / 4 / env.fleet.torque_limit[:3]
+    expected = 0.05 * env.spec.weight / 4 / env.fleet.torque_limit[:3]
     np.testing.assert_allclose(told(env), np.tile(expected, (64, 1)), rtol=1e-5)
 
 

@@ -26,7 +26,10 @@ from stiction.locomotion.terrain import TerrainCfg
 from stiction.robots.mirror import RobotMirror, robot_mirror
 from stiction.robots.terrain import REACH
 
-ROBOTS = ["saturn_lite", "go1"]
+TWIN = "robot_files:TWIN"
+"""Hips that change their sign in the mirror, and masses that are symmetric to the last digit."""
+
+ROBOTS = ["saturn_lite", TWIN]
 
 NUM = 8
 
@@ -207,26 +210,26 @@ def test_rewards_tell_a_wrong_map(wrong) -> None:
 )
 def test_every_ground_and_every_law_of_friction_commutes(terrain: str, law: str) -> None:
     """Slabs and ridges are mirrored with the robot, and a law that acts on left joints acts on right ones."""
-    env = make("go1", terrain, law)
+    env = make(TWIN, terrain, law)
     check_commuting(env, robot_mirror(env.spec))
 
 
 def test_an_actuator_net_commutes() -> None:
     """One for each kind of joint knows no left and right; its past and its targets are mirrored with the robot."""
-    env = LocomotionEnv(make("go1").cfg, NUM, seed=1, actuator=pd_net("go1"))
+    env = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, actuator=pd_net(TWIN))
     check_commuting(env, robot_mirror(env.spec))
 
 
 def test_an_actuator_net_that_knows_left_from_right_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A net for each joint, and one for joints whose angle changes its sign: nothing says that it is odd."""
-    net = pd_net("go1")
+    net = pd_net(TWIN)
     layer = {name: layers for group, layers in zip(net.groups, net.layers, strict=True) for name in group}
     names = net.joint_names
-    lopsided = pd_net("go1", groups=tuple((name,) for name in names), layers=tuple(layer[name] for name in names))
-    env = LocomotionEnv(make("go1").cfg, NUM, seed=1, actuator=lopsided)
+    lopsided = pd_net(TWIN, groups=tuple((name,) for name in names), layers=tuple(layer[name] for name in names))
+    env = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, actuator=lopsided)
     with pytest.raises(StictionError, match="treats joint 'FL_hip' and its mirror image 'FR_hip' differently"):
         task_mirror(env)
-    env = LocomotionEnv(make("go1").cfg, NUM, seed=1, actuator=net)
+    env = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, actuator=net)
     monkeypatch.setattr(symmetry, "robot_mirror", lambda robot: wrong_sign(robot_mirror(robot)))
     with pytest.raises(StictionError, match="treats joint 'FL_thigh'"):
         task_mirror(env)
@@ -241,7 +244,7 @@ def test_symmetry_holds_for_a_second(robot: str) -> None:
 
 def test_a_worn_left_joint_becomes_a_worn_right_one() -> None:
     """The mirror assumes no symmetry of the robot: 0.3 of the limit in FL_shank is seen as 0.3 in FR_shank."""
-    env = make("go1")
+    env = make(TWIN)
     names = env.spec.joint_names
     friction = torch.zeros(1, 12)
     friction[0, names.index("FL_shank")] = 0.3
@@ -255,7 +258,7 @@ def test_multipliers_of_unlike_nominal_joints_are_converted() -> None:
     """FL_hip identified with twice the rotor of FR_hip: 1.2 of the left one is 2.4 of the right one, the same rotor."""
     armature = np.full(12, 0.01)
     armature[0] = 0.02
-    unlike = LocomotionEnv(make("go1").cfg, NUM, seed=1, identified={"armature": armature})
+    unlike = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, identified={"armature": armature})
     rows = unlike.randomizer.draws
     absolute = rows.armature.numpy() * armature
     mirror = robot_mirror(unlike.spec)
@@ -269,14 +272,14 @@ def test_what_no_multiplier_can_say_is_refused() -> None:
     """A joint without nominal damping cannot be told to have its image's."""
     damping = np.full(12, 0.05)
     damping[3] = 0.0
-    env = LocomotionEnv(make("go1").cfg, NUM, seed=1, identified={"damping": damping})
+    env = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, identified={"damping": damping})
     with pytest.raises(StictionError, match=r"joint 'FR_hip' has no nominal damping and its mirror image 'FL_hip'"):
         task_mirror(env)
 
 
 def test_compensation_that_differs_from_left_to_right_is_refused() -> None:
     """It is added to the command and observed by nobody: the mirrored action would do something else."""
-    cfg = replace(make("go1").cfg, friction=FrictionCfg("compensation"))
+    cfg = replace(make(TWIN).cfg, friction=FrictionCfg("compensation"))
     friction = np.full(12, 0.1)
     task_mirror(LocomotionEnv(cfg, NUM, seed=1, identified={"frictionloss": friction}))
     friction[4] = 0.5
@@ -287,21 +290,21 @@ def test_compensation_that_differs_from_left_to_right_is_refused() -> None:
 
 def test_a_group_without_a_rule_is_an_error() -> None:
     """A group that was copied as it is would teach the left leg what the right one has seen."""
-    env = make("go1")
+    env = make(TWIN)
     env._observation["friction_told"] = torch.zeros(NUM, 3)
     with pytest.raises(StictionError, match="group 'friction_told' has no mirror rule"):
         task_mirror(env)
     with pytest.raises(StictionError, match="group 'friction_told' has no mirror rule"):
-        task_mirror(make("go1"))(env.get_observations())
+        task_mirror(make(TWIN))(env.get_observations())
 
 
 def test_a_term_without_a_rule_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same for an entry of a frame, and for one of the privileged state."""
-    env = make("go1")
+    env = make(TWIN)
     env.layout = ObservationLayout((*env.layout.terms, replace(env.layout.terms[0], name="roll_pitch")))
     with pytest.raises(StictionError, match="group 'proprioception' has 47 entries and its mirror rule 49"):
         task_mirror(env)
-    env = make("go1")
+    env = make(TWIN)
     monkeypatch.setattr(symmetry, "PRIVILEGED_TERMS", privileged.PRIVILEGED_TERMS[:-1])
     with pytest.raises(StictionError, match="group 'privileged' has 38 entries and its mirror rule 26"):
         task_mirror(env)

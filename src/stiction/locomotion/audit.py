@@ -178,7 +178,7 @@ def _range_rows(env: LocomotionEnv) -> list[AuditRow]:
         low, high = env.cfg.friction.last.range if name == "friction" else getattr(env.cfg.randomization, name)
         if low == high:
             continue
-        values = values[:, :1] if name == "center_of_mass" else values
+        values = values[:, :1] / env.randomizer.com_axes[0] if name == "center_of_mass" else values
         inside = bool((values >= low - 1e-6).all() and (values <= high + 1e-6).all())
         span = float(values.max() - values.min()) / (high - low)
         rows.append(AuditRow(name, "span of the values drawn", span if inside else float("nan")))

@@ -24,6 +24,7 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.names import kind_of
 from stiction.core.rotation import UPRIGHT
 from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import JointCommand, Reading
@@ -97,7 +98,7 @@ class Wear:
 
     def worn(self, joint_names: tuple[str, ...]) -> np.ndarray:
         """Return which joints wear, bool, shape (J,); raise `StictionError` for a name that the robot does not have."""
-        of_kind = {name: name.rpartition("_")[2] for name in joint_names}
+        of_kind = {name: kind_of(name) for name in joint_names}
         known = {*of_kind, *of_kind.values()}
         if wrong := sorted(set(self.joints) - known):
             raise ConfigurationError(f"wear: {unknown_name('joint', wrong[0], sorted(known))}")

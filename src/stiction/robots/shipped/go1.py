@@ -26,7 +26,7 @@ _HIP = Joint(
     action_scale=0.25,
 )
 
-ROBOT = Quadruped(
+DATA = Quadruped(
     name="go1",
     base=Base(
         mass=5.204,
@@ -60,4 +60,6 @@ ROBOT = Quadruped(
         replace(_HIP, kind="thigh", torque_limit=35.55, lower=-0.686, upper=4.501, default_position=0.9),
         replace(_HIP, kind="calf", torque_limit=35.55, lower=-2.818, upper=-0.888, default_position=-1.65),
     ),
-).robot()
+)
+
+ROBOT = DATA.robot()
