@@ -38,7 +38,7 @@ def apart(timestep: float) -> float:
 def test_a_fleet_and_the_engine_come_to_the_same_with_finer_steps() -> None:
     """Rows of `mujoco` would be about another robot than the one trained, and no step would be fine enough."""
     coarse, fine = apart(2e-3), apart(2.5e-4)
-    assert fine < 1e-4 and fine < 0.25 * coarse
+    assert fine < 2e-4 and fine < 0.25 * coarse
 
 
 def test_stiffer_contacts_give_way_less() -> None:

@@ -21,6 +21,7 @@ from stiction.engines.ground import Ground, HeightField, flat
 from stiction.engines.ode import engine as ode_module
 from stiction.engines.ode.engine import ACCURATE, WEBOTS, OdeEngine, OdeSettings
 from stiction.robots.catalog import find_robot
+from stiction.robots.model import Robot
 from stiction.robots.model import GRAVITY
 
 STEP = 0.002
@@ -55,7 +56,7 @@ def test_a_foot_sinks_as_far_as_the_settings_say(settings: OdeSettings, depth: f
 
 def walk(engine: OdeEngine, steps: int, look: Callable[[], None]) -> None:
     """Let a robot walk without feedback of its base, and look after every step."""
-    kp, kd, limit = (SPEC.joint_values(name) for name in ("stiffness", "derivative", "torque_limit"))
+    kp, kd, limit = (SPEC.joint_values(name) for name in ("kp", "kd", "torque_limit"))
     for number in range(steps):
         phase = 2 * np.pi * 1.25 * number * STEP + np.pi * SPEC.groups()
         target = STANDING.reshape(-1, 3).copy()
@@ -115,12 +116,18 @@ def test_feet_slide_as_well_askew() -> None:
     assert slide(WEBOTS, 0.3, np.pi / 4, 0.2) == pytest.approx(more, rel=0.1)
 
 
+def with_feet(radius: float) -> Robot:
+    """The robot with balls of another radius [m] for feet."""
+    feet = [replace(foot, shapes=(replace(foot.shapes[0], size=(radius, 0.0, 0.0)),)) for foot in SPEC.feet]
+    return replace(SPEC, feet=tuple(feet))
+
+
 @pytest.mark.parametrize(("above", "touches"), [(-1e-3, True), (1e-3, False)])
 def test_a_foot_meets_the_edge_of_a_height_field(above: float, touches: bool) -> None:
     """On a ridge of two slopes only the edge touches, which ODE's own height field leaves out."""
     tree, turn = SPEC.links, STANDING[1] + STANDING[2]
     thigh, shank = -tree[2].origin[2], -SPEC.feet[0].position[2]
-    foot = tree[0].origin + tree[1].origin
+    foot = np.add(tree[0].origin, tree[1].origin)
     foot = foot - [thigh * np.sin(STANDING[1]) + shank * np.sin(turn), 0.0, 0.0]
     ridge = HeightField(np.array([[0.0, 0.1, 0.0], [0.0, 0.1, 0.0]]), 0.2, (foot[0] - 0.2, foot[1] - 0.1))
     engine = OdeEngine(Body.nominal(SPEC, fixed=True), flat(ridge), STEP)
@@ -208,7 +215,7 @@ def test_a_robot_that_blew_up_walks_again_as_if_new() -> None:
             lambda: on_the_plane(spec=replace(SPEC, links=tuple(link.scaled(0.0) for link in SPEC.links))),
             "mass .* of 0",
         ),
-        (lambda: on_the_plane(spec=replace(SPEC, foot_radius=-0.1)), "radius"),
+        (lambda: on_the_plane(spec=with_feet(-0.1)), "size of a shape"),
         (
             lambda: on_the_plane(spec=replace(SPEC, joints=tuple(replace(joint, upper=6.0) for joint in SPEC.joints))),
             "range of a joint .* of 6.8; .* below 6.283",

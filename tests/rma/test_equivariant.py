@@ -209,8 +209,8 @@ def test_one_worn_joint_is_answered_on_its_side(tmp_path: Path) -> None:
     env, mirror, actor = runner.env, task_mirror(runner.env), runner.alg.actor
     level = TensorDict({name: torch.zeros(3, value.shape[1]) for name, value in env.get_observations().items()}, [3])
     names = env.spec.joint_names
-    level["privileged"][1, -12 + names.index("FL_shank")] = 3.0
-    level["privileged"][2, -12 + names.index("FR_shank")] = 3.0
+    level["privileged"][1, -12 + names.index("FL_calf_joint")] = 3.0
+    level["privileged"][2, -12 + names.index("FR_calf_joint")] = 3.0
     with torch.no_grad():
         healthy, left, right = actor(level)
     torch.testing.assert_close(mirror.action(healthy), healthy, atol=1e-6, rtol=0)

@@ -193,7 +193,7 @@ def test_one_worn_joint_stays_one(tmp_path: Path) -> None:
     """The image of a robot with one worn left joint is one with one worn right joint: never both, never neither."""
     runner = phase(tmp_path, "batches")
     env, names = runner.env, runner.env.spec.joint_names
-    left, right = names.index("FL_shank"), names.index("FR_shank")
+    left, right = names.index("FL_calf_joint"), names.index("FR_calf_joint")
     env.randomizer.draws.friction[:] = 0.0
     env.randomizer.draws.friction[:, left] = 1.0
     env._observation = env._observe(torch.zeros(8, dtype=torch.bool))

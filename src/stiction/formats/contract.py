@@ -332,9 +332,8 @@ def read_contract(text: bytes) -> Contract:
     later = {name for name, last in LATER.items() if version in range(1, last + 1)}
     if version == 1:
         data["schema_version"] = SCHEMA_VERSION
-    anatomy = data.pop("anatomy", None)
-    if anatomy is not None:
-        data["anatomy"] = robot_from(anatomy, "contract.json: anatomy")
+    if data.get("anatomy") is not None:
+        data["anatomy"] = robot_from(data["anatomy"], "contract.json: anatomy")
     return build(Contract, data, "contract.json", BundleError, {field.name for field in fields(Contract)} - later)
 
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError, unknown_name
+from stiction.core.names import kind_of
 from stiction.formats.plain import is_number, read_object
 from stiction.formats.tables import Columns, read_csv, read_npz, read_parquet, write_csv, write_npz, write_parquet
 from stiction.joints.net import TORQUE_SOURCES
@@ -74,7 +75,7 @@ class LogSetup:
     def of_joint(self, joint: str) -> LogSetup:
         """Return the setup of one joint: what holds for all, then its kind's fields, then its own."""
         merged = replace(self, joints={})
-        for name in dict.fromkeys((joint.rpartition("_")[2], joint)):
+        for name in dict.fromkeys((kind_of(joint), joint)):
             if name in self.joints:
                 own = {item.name: getattr(self.joints[name], item.name) for item in fields(LogSetup)}
                 merged = replace(

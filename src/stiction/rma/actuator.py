@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from stiction.core.names import kind_of
 from stiction.core.provenance import git_revision, machine, stream_seed
 from stiction.formats.actuator import FILE, ActuatorFit, write_actuator, write_actuator_fit
 from stiction.formats.results import write_summary
@@ -196,7 +197,7 @@ def _fit_groups(
     fits = []
     for group in groups:
         columns = [training[0].joint_names.index(name) for name in group]
-        label = group[0].rpartition("_")[2] if cfg.share == "kind" else "all joints"
+        label = kind_of(group[0]) if cfg.share == "kind" else "all joints"
         parts = _samples(training, columns, cfg), _samples(validation, columns, cfg)
         fits.append(fit_net(*parts, cfg, stream_seed(cfg.seed, f"actuator {label}"), partial(progress, label)))
     return fits
