@@ -24,9 +24,9 @@ def make_contract(robot: str = "saturn_lite", **changes) -> Contract:
     """Return a valid contract for a shipped robot, with some fields changed."""
     spec = find_robot(robot)
     per_joint = {
-        "kp": "stiffness",
-        "kd": "derivative",
-        "standing": "standing",
+        "kp": "kp",
+        "kd": "kd",
+        "standing": "default_position",
         "lower": "lower",
         "upper": "upper",
         "torque_limit": "torque_limit",

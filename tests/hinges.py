@@ -38,7 +38,7 @@ class Hinges:
             base_angular_velocity=np.zeros(3),
             joint_position=np.array(joint_position, float),
             joint_velocity=np.zeros(joints),
-            foot_contact=np.ones(len(self.body.spec.legs), bool),
+            foot_contact=np.ones(len(self.body.spec.feet), bool),
             joint_force=self.force,
             joint_torque=self.torque,
         )

@@ -123,7 +123,7 @@ def test_the_rules_find_what_they_forbid() -> None:
     assert found == ["stiction.sim.native", "stiction.identify.log", "numpy", "stiction.rma.runner"]
     lazy = ast.parse("import rich\nif TYPE_CHECKING:\n    import torch\ndef f():\n    import mujoco\n")
     assert imports(imports_at_the_top(lazy)) == [("rich", 1)]
-    assert loaded(HOUSE / "robots/box_legs.py")["mujoco"] == ["robots/box_legs.py"]
+    assert loaded(HOUSE / "robots/mjcf.py")["mujoco"] == ["robots/mjcf.py"]
     assert "torch" not in loaded(HOUSE / "cli/train.py")
     assert loaded(HOUSE / "sim/warp.py").keys() >= {"warp", "mujoco_warp", "mujoco"}
 

@@ -11,7 +11,6 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from stiction.robots.tree import foot_position, links
 
 from stiction.core.errors import StictionError
 from stiction.core.rotation import UPRIGHT, matrix
@@ -119,8 +118,8 @@ def test_feet_slide_as_well_askew() -> None:
 @pytest.mark.parametrize(("above", "touches"), [(-1e-3, True), (1e-3, False)])
 def test_a_foot_meets_the_edge_of_a_height_field(above: float, touches: bool) -> None:
     """On a ridge of two slopes only the edge touches, which ODE's own height field leaves out."""
-    tree, turn = links(SPEC), STANDING[1] + STANDING[2]
-    thigh, shank = -tree[2].origin[2], -foot_position(SPEC)[2]
+    tree, turn = SPEC.links, STANDING[1] + STANDING[2]
+    thigh, shank = -tree[2].origin[2], -SPEC.feet[0].position[2]
     foot = tree[0].origin + tree[1].origin
     foot = foot - [thigh * np.sin(STANDING[1]) + shank * np.sin(turn), 0.0, 0.0]
     ridge = HeightField(np.array([[0.0, 0.1, 0.0], [0.0, 0.1, 0.0]]), 0.2, (foot[0] - 0.2, foot[1] - 0.1))
@@ -151,7 +150,7 @@ def test_friction_holds_at_a_stop_and_no_more() -> None:
     for level in (8.0, -1.0, -3.0):
         torque[-1] = level
         record(engine, 300, lambda number, motion: (torque, bound))
-        reached.append(engine.motion().joint_position[-1] - SPEC.shank.upper)
+        reached.append(engine.motion().joint_position[-1] - SPEC.kind("shank").upper)
     assert reached[0] == pytest.approx(0.0, abs=1e-3) and reached[1] == pytest.approx(reached[0], abs=1e-3)
     assert reached[2] < -0.5
 
@@ -203,12 +202,15 @@ def test_a_robot_that_blew_up_walks_again_as_if_new() -> None:
         (lambda: on_the_plane().reset(STANDING * np.nan, PLACE, UPRIGHT), "finite"),
         (lambda: on_the_plane().reset(STANDING, PLACE, np.zeros(4)), "length 1"),
         (lambda: on_the_plane(armature=NOTHING, damping=NOTHING), "sum of armature and damping of 0; .* above 0"),
-        (lambda: on_the_plane(base_com=(0.0, np.nan, 0.0)), "centre of mass"),
+        (lambda: on_the_plane(base_shift=(0.0, np.nan, 0.0)), "centre of mass"),
         (lambda: on_the_plane(ground_friction=-1.0), "friction"),
-        (lambda: on_the_plane(spec=replace(SPEC, shank_link=replace(SPEC.shank_link, mass=0.0))), "mass .* of 0"),
+        (
+            lambda: on_the_plane(spec=replace(SPEC, links=tuple(link.scaled(0.0) for link in SPEC.links))),
+            "mass .* of 0",
+        ),
         (lambda: on_the_plane(spec=replace(SPEC, foot_radius=-0.1)), "radius"),
         (
-            lambda: on_the_plane(spec=replace(SPEC, hip=replace(SPEC.hip, upper=6.0))),
+            lambda: on_the_plane(spec=replace(SPEC, joints=tuple(replace(joint, upper=6.0) for joint in SPEC.joints))),
             "range of a joint .* of 6.8; .* below 6.283",
         ),
         (lambda: OdeEngine(Body.nominal(SPEC), flat(), 0.0), "physics step"),

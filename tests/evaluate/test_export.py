@@ -182,8 +182,8 @@ def test_the_contract_has_the_joints_of_training() -> None:
     identified = {"file": "joints.json", "sha256": "0" * 64, "values": values}
     cfg = TrainCfg(task=TaskCfg(friction=FrictionCfg(level=0.1)))
     contract = contract_of(cfg, HEADER | {"identified": identified})
-    assert contract.armature == (0.02, spec.thigh.armature, spec.shank.armature) * 6
-    assert contract.damping == (spec.hip.damping, 0.3, spec.shank.damping) * 6
+    assert contract.armature == (0.02, spec.kind("thigh").armature, spec.kind("shank").armature) * 6
+    assert contract.damping == (spec.kind("hip").damping, 0.3, spec.kind("shank").damping) * 6
     assert contract.friction == pytest.approx((2.5, 2.5, 4.5) * 6)
 
 

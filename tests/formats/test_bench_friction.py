@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
+from stiction.core.names import kinds_of
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
-from stiction.formats.known_friction import bench_friction, joint_kinds, kind_average, told_text
+from stiction.formats.known_friction import bench_friction, kind_average, told_text
 
 NAMES = ("FL_hip", "FL_shank", "FR_hip", "FR_shank")
 LIMITS = np.array([20.0, 40.0, 20.0, 40.0])
@@ -22,13 +23,12 @@ def joint(friction: float | None, **fields: object) -> JointRecord:
 
 def said(**records: JointRecord):
     """What a bench says that found these."""
-    return bench_friction(JointsFile(records), NAMES, LIMITS, NOMINAL)
+    return bench_friction(JointsFile(records), NAMES, kinds_of(NAMES), LIMITS, NOMINAL)
 
 
 def test_kinds_are_in_the_order_of_the_joints_and_weigh_the_same() -> None:
     """Another order would tell the hips what the shanks have."""
-    assert joint_kinds(NAMES) == ("hip", "shank")
-    np.testing.assert_array_equal(np.array([1.0, 2.0, 3.0, 6.0]) @ kind_average(NAMES), [2.0, 4.0])
+    np.testing.assert_array_equal(np.array([1.0, 2.0, 3.0, 6.0]) @ kind_average(kinds_of(NAMES)), [2.0, 4.0])
 
 
 def test_each_kind_gets_the_mean_of_its_joints_over_their_limits() -> None:

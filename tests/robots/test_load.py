@@ -11,7 +11,8 @@ import pytest
 from robot_files import MJCF, URDF_LEG, urdf, write
 from stiction.core.errors import StictionError
 from stiction.core.names import kind_of
-from stiction.robots.catalog import find_robot, load_robot
+from stiction.robots.catalog import find_robot
+from stiction.robots.load import load_robot
 from stiction.robots.mirror import robot_mirror
 from stiction.robots.mjcf import build_model
 

@@ -12,8 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stiction.robots.catalog import find_robot, load_robot
+from stiction.robots.catalog import find_robot
 from stiction.robots.check import check_robot
+from stiction.robots.load import load_robot
 from stiction.robots.mirror import robot_mirror
 from stiction.robots.model import Robot, link_poses
 from stiction.robots.shipped import g1

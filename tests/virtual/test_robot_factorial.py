@@ -62,13 +62,14 @@ def test_groups_are_real_or_perfect_and_nothing_between() -> None:
 
 def test_a_body_has_the_true_masses_inertias_and_viscous_friction() -> None:
     """And the data sheet's everything else."""
-    hidden = replace(Hidden.perfect(18), masses=Masses(1.1, 1.0, 1.2, 0.9, (0.01, 0.0, 0.0)))
+    hidden = replace(Hidden.perfect(18), masses=Masses(1.1, {"thigh": 1.2, "shank": 0.9}, (0.01, 0.0, 0.0)))
     hidden = replace(hidden, motors=replace(hidden.motors, armature=np.full(18, 1.5), damping=np.full(18, 0.5)))
     body = hidden.body(SPEC, fixed=True)
     assert body.spec.mass == pytest.approx(1.1 * 16.4 + 6 * (0.9 + 1.2 * 1.3 + 0.9 * 0.4))
     np.testing.assert_allclose(body.armature, 1.5 * 0.0145)
     np.testing.assert_allclose(body.damping, 0.5 * 0.0704)
-    assert (body.base_com, body.fixed, body.spec.shank) == ((0.01, 0.0, 0.0), True, SPEC.shank)
+    assert body.base_com.tolist() == [0.01, 0.0, 0.0] and body.fixed and body.spec.joints == SPEC.joints
+    np.testing.assert_allclose(body.spec.links[1].inertia, 1.2 * np.array(SPEC.links[1].inertia))
 
 
 def test_levels_are_fractions_of_the_limit_or_what_the_bench_measured() -> None:

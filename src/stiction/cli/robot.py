@@ -70,8 +70,9 @@ def main(arguments: list[str]) -> int:
 
 def _load(name: str) -> Any:
     """Return a robot with the origins of its values; a shipped one has none to tell."""
-    from stiction.robots.catalog import FILES, find_robot, load_robot
+    from stiction.robots.catalog import FILES, find_robot
     from stiction.robots.derive import Derived
+    from stiction.robots.load import load_robot
 
     return load_robot(Path(name)) if name.endswith(FILES) else Derived(find_robot(name), (), ())
 

@@ -5,16 +5,12 @@ from __future__ import annotations
 import pkgutil
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import stiction.robots.shipped as shipped
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.plugins import find_named
 from stiction.robots.model import Robot
 from stiction.robots.record import read_robot
-
-if TYPE_CHECKING:
-    from stiction.robots.derive import Derived
 
 VARIATIONS = ("kp", "torque")
 """What `NAME@...` can multiply: gains, torque limits."""
@@ -65,35 +61,6 @@ def vary(robot: Robot, name: str, variation: str) -> Robot:
     return robot.with_joints(name, kp=gain, kd=gain**0.5, torque_limit=factors.get("torque", 1.0))
 
 
-def load_robot(path: Path) -> Derived:
-    """Return the robot of a `robot.yaml`, a MuJoCo or a URDF file, and where each of its values came from.
-
-    Raises `RobotError` where the file is none, or does not say enough.
-    """
-    from stiction.robots.derive import Derived, derive
-    from stiction.robots.description import Description, read_description
-    from stiction.robots.source import read_source
-
-    if not path.is_file():
-        raise RobotError(f"robot {str(path)!r}: there is no such file")
-    if path.suffix == ".json":
-        return Derived(read_robot(path), (), ())
-    if path.suffix in (".xml", ".urdf"):
-        return derive(read_source(path), Description(source="a robot.yaml"))
-    said = read_description(path)
-    if said.model is None:
-        raise RobotError(f"{path}: says no model; expected model: ROBOT.xml or ROBOT.urdf, beside it")
-    if re.fullmatch(r"[A-Za-z_][\w.]*:[A-Za-z_]\w*", said.model):
-        raise RobotError(
-            f"{path}: model {said.model!r} names code; a file runs none: name {said.model} itself as the robot, or "
-            "have it write its model to a file"
-        )
-    model = path.parent / said.model
-    if model.suffix not in (".xml", ".urdf") or not model.is_file():
-        raise RobotError(f"{path}: model {said.model!r}: there is no such .xml or .urdf file in {path.parent}")
-    return derive(read_source(model), said)
-
-
 def _find(name: str) -> Robot:
     """Return the robot called `name`, without variations.
 
@@ -102,6 +69,8 @@ def _find(name: str) -> Robot:
     if name.endswith(".json"):
         return read_robot(Path(name))
     if name.endswith(FILES):
+        from stiction.robots.load import load_robot
+
         return load_robot(Path(name)).robot
     module_name, _, variable = name.partition(":")
     if not variable and "." not in name:
@@ -111,26 +80,9 @@ def _find(name: str) -> Robot:
                 f"{message}; one of your own: the path of its robot.yaml, .xml or .urdf, or package.module:ROBOT"
             )
         module_name = f"stiction.robots.shipped.{name}"
-    return as_robot(find_named("robot", f"{module_name}:{variable or 'ROBOT'}"), name)
-
-
-def as_robot(found: object, name: str) -> Robot:
-    """Return the robot that a variable of a module is, or that its function describes.
-
-    Raises `RobotError` where it is neither.
-    """
+    found = find_named("robot", f"{module_name}:{variable or 'ROBOT'}")
     if isinstance(found, Robot):
         return found
-    if callable(found) and not isinstance(found, type):
-        import mujoco
+    from stiction.robots.load import as_robot
 
-        from stiction.robots.derive import derive
-        from stiction.robots.description import Description
-        from stiction.robots.source import compile_source
-
-        spec = found()
-        if isinstance(spec, Robot):
-            return spec
-        if isinstance(spec, mujoco.MjSpec):
-            return derive(compile_source(spec, name), Description(source="a robot.yaml")).robot
-    raise RobotError(f"robot {name!r}: expected a Robot, or a function that returns a mujoco.MjSpec; it is neither")
+    return as_robot(found, name)

@@ -76,14 +76,14 @@ def test_what_is_varied_is_what_the_purpose_says() -> None:
 def _shank_friction(name: str) -> float:
     """Nominal friction of the shank [N m]."""
     task = CONFIGURED[name].task
-    return task.friction.level * find_robot(task.robot).shank.torque_limit
+    return task.friction.level * find_robot(task.robot).kind("shank").torque_limit
 
 
 def _first_action(name: str) -> float:
     """Torque of one standard deviation of the first actions [N m]."""
     cfg = CONFIGURED[name]
     robot = find_robot(cfg.task.robot)
-    return robot.shank.stiffness * robot.action_scale * cfg.network.initial_std
+    return robot.kind("shank").kp * robot.action_scale * cfg.network.initial_std
 
 
 def test_parts_come_in_order_and_unknown_ones_are_named() -> None:

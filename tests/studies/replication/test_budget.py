@@ -25,7 +25,7 @@ def test_the_onset_is_interpolated_for_each_seed() -> None:
     (onset,) = onsets(Evidence.of(rows), SPEC)
     assert onset.level == pytest.approx((0.2 / 3 + 0.05) / 2)
     assert onset.each == "0.0667 0.05"
-    assert onset.dead_band == pytest.approx(onset.level * SPEC.shank.torque_limit / SPEC.shank.stiffness)
+    assert onset.dead_band == pytest.approx(onset.level * SPEC.dead_band)
     half = 12.706 * (0.2 / 3 - 0.05) / 2
     assert (onset.low, onset.high) == (
         pytest.approx(onset.level - half, abs=1e-4),

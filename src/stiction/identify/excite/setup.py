@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from math import hypot, isfinite
 
 from stiction.core.errors import ConfigurationError
-from stiction.robots.model import JointSpec
+from stiction.robots.model import Joint as JointSpec
 
 SHORTEST = 4.0
 """Shortest log that is designed [s]: under it a slow and a fast part do not fit."""
