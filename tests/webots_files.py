@@ -72,10 +72,13 @@ NODES: dict[str, dict[str, str]] = {
     "Box": {"size": "SFVec3f"},
     "Sphere": {"radius": "SFFloat", "subdivision": "SFInt32"},
     "Capsule": {"height": "SFFloat", "radius": "SFFloat"},
+    "Cylinder": {"height": "SFFloat", "radius": "SFFloat"},
+    "IndexedFaceSet": {"coord": "SFNode", "coordIndex": "MFInt32"},
+    "Coordinate": {"point": "MFVec3f"},
 }
 """Type of node -> field -> type of its value."""
 
-GEOMETRY = {"Box", "Sphere", "Capsule"}
+GEOMETRY = {"Box", "Sphere", "Capsule", "Cylinder", "IndexedFaceSet"}
 
 HOLDS = {
     "contactProperties": {"ContactProperties"},
@@ -85,6 +88,7 @@ HOLDS = {
     "physics": {"Physics"},
     "appearance": {"PBRAppearance"},
     "geometry": GEOMETRY,
+    "coord": {"Coordinate"},
     "boundingObject": GEOMETRY | {"Group", "Pose"},
     "children": {"Solid", "HingeJoint", "Shape", "Pose", "InertialUnit", "Gyro", "GPS", "Receiver"} | GEOMETRY,
 }

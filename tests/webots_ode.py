@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from webots_files import Read
-from webots_kinematics import Placed, place
+from webots_kinematics import Placed, place, touched
 
 LO_STOP, HI_STOP, VELOCITY, FORCE_MAX, STOP_ERP, STOP_CFM = 0, 1, 2, 5, 9, 10
 """dParamLoStop, ... of ODE 0.16."""
@@ -69,7 +69,7 @@ FUNCTIONS = {
     "dBodySetMass:pp dBodySetPosition:pddd dBodySetRotation:pp dJointAttach:ppp dJointSetHingeAnchor:pddd "
     "dJointSetHingeAxis:pddd dJointSetHingeParam:pid dJointAddHingeTorque:pd dJointSetAMotorNumAxes:pi "
     "dJointSetAMotorMode:pi dJointSetAMotorAxis:piiddd dJointSetAMotorAngle:pid dJointSetAMotorParam:pid "
-    "dGeomSetBody:pp dGeomSetOffsetPosition:pddd dGeomSetPosition:pddd "
+    "dGeomSetBody:pp dGeomSetOffsetPosition:pddd dGeomSetOffsetRotation:pp dGeomSetPosition:pddd "
     "dJointGroupEmpty:p",
 }
 """Result -> functions and their arguments: p pointer, d double, i int."""
@@ -150,14 +150,11 @@ class WebotsOde:
         self.ode.dBodySetPosition(body, *link.centre.tolist())
         self.ode.dBodySetRotation(body, _matrix(link.rotation))
         self.bodies[name] = body
-        shape = link.solid.fields.get("boundingObject")
-        parts = [] if shape is None else shape["children"] if shape.kind == "Group" else [shape]
-        for part in parts:
-            (geometry,) = part["children"] if part.kind == "Pose" else (part,)
-            offset = np.array(part.fields.get("translation", (0.0, 0.0, 0.0))) - physics["centerOfMass"][0]
-            geom = self._shape(geometry)
+        for part in touched(link.solid):
+            geom = self._shape(part.geometry)
             self.ode.dGeomSetBody(geom, body)
-            self.ode.dGeomSetOffsetPosition(geom, *offset.tolist())
+            self.ode.dGeomSetOffsetPosition(geom, *(part.origin - physics["centerOfMass"][0]).tolist())
+            self.ode.dGeomSetOffsetRotation(geom, _matrix(part.rotation))
             self.shapes.append(geom)
 
     def _shape(self, geometry: Read) -> int:
@@ -166,6 +163,7 @@ class WebotsOde:
             return self.ode.dCreateBox(None, *geometry["size"])
         if geometry.kind == "Sphere":
             return self.ode.dCreateSphere(None, geometry["radius"])
+        assert geometry.kind == "Capsule"  # cylinders and meshes are not here
         return self.ode.dCreateCapsule(None, geometry["radius"], geometry["height"])
 
     def _box(self, solid: Read) -> int:
@@ -196,7 +194,7 @@ class WebotsOde:
                 (LO_STOP, 0.0),
                 (HI_STOP, 0.0),
                 (STOP_ERP, 0.0),
-                (STOP_CFM, 1 / parameters["dampingConstant"]),
+                (STOP_CFM, 1 / max(parameters["dampingConstant"], 1e-12)),
             ):
                 self.ode.dJointSetAMotorParam(damper, parameter, value)
             self.hinges[motor["name"]], self.limits[motor["name"]] = (joint, parameters, damper), motor["maxTorque"]

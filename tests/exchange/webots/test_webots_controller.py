@@ -126,7 +126,7 @@ def test_a_toy_robot_with_other_gains_is_driven_by_its_contract(
     program: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """If this failed, the controller would know one robot, not what the bundle says of any."""
-    contract = make_contract("go1", kp=(20.0,) * 12, kd=(0.5,) * 12, control_period=0.01, decimation=2)
+    contract = make_contract("go2", kp=(20.0,) * 12, kd=(0.5,) * 12, control_period=0.01, decimation=2)
     done = export_webots(make_bundle(tmp_path / "toy", contract), tmp_path / "project", WebotsCfg(0.1))
     assert "to 3.1 |" in (done.path / "README.md").read_text()
     (_, record), *_ = walks(done.bundle.golden)

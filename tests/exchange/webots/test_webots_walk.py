@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from bundles import make_bundle, make_contract
+from stiction.core.rotation import uprightness
 from stiction.formats.bundle import shipped_bundles
 from webots_build import add_headers, load_plugin, needs_compiler
 from webots_files import Read, read_world
@@ -105,6 +108,23 @@ def test_the_whole_project_walks_in_ode_as_webots_sets_it_up(
     assert 0 < sunk < 0.01
     assert max(abs(angle) for angle in physics.angles().values()) < 0.02
     assert 0.7 < share_reached(project, nodes, physics, ControllerCfg("vx=0.5", seconds=2.6)) < 1.4
+
+
+@needs_compiler
+@pytest.mark.parametrize("name", ["go2", "g1"])
+def test_another_robot_stands_in_ode(name: str, tmp_path: Path) -> None:
+    """If this failed, axes, inertias or soles of robots that are not made of boxes would be wrong."""
+    done = export_webots(make_bundle(tmp_path / "toy", make_contract(name)), tmp_path / "project")
+    library = ode_or_skip()
+    plugin = load_plugin(add_headers(done.path / "plugins/physics/rotor_inertia"))
+    physics = WebotsOde(read_world(done.path / "worlds/flat.wbt"), library, plugin)
+    height = physics.trunk()[0][2]
+    for _ in range(60):
+        physics.step({})  # nobody sets a torque: the motors hold the pose
+    place, quaternion, _ = physics.trunk()
+    assert abs(place[2] - height) < 0.01
+    assert uprightness(quaternion) > 0.99
+    assert max(abs(angle) for angle in physics.angles().values()) < 0.05
 
 
 @needs_compiler

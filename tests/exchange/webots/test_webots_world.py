@@ -12,6 +12,7 @@ from bundles import make_contract
 from stiction.exchange.webots.proto import proto_name, write_proto
 from stiction.exchange.webots.world import joint_friction, write_world
 from stiction.robots.catalog import find_robot
+from stiction.robots.shapes import reach
 from stiction.robots.terrain import REACH, stair_height
 from webots_files import Read, read_world
 from webots_kinematics import place
@@ -46,26 +47,28 @@ def test_contacts_do_not_bounce_and_the_step_is_that_of_training(tmp_path: Path)
     assert info["physicsDisableLinearThreshold"] == info["physicsDisableAngularThreshold"] == 0.0
 
 
-@pytest.mark.parametrize(("robot", "torques"), [("saturn_lite", (5.0, 5.0, 9.0)), ("go1", (4.74, 7.11, 7.11))])
+@pytest.mark.parametrize(("robot", "torques"), [("saturn_lite", (5.0, 5.0, 9.0)), ("go2", (4.74, 4.74, 9.086))])
 def test_the_level_is_a_fraction_of_each_joints_torque_limit(tmp_path: Path, robot: str, torques) -> None:
     """If this failed, a friction level in Webots would not be the level of the same name elsewhere: 20 % of Table I."""
     found = [node["staticFriction"] for node in only(world(tmp_path, robot), "Robot").every("HingeJointParameters")]
     assert found == pytest.approx([*torques] * (len(found) // 3))
 
 
-@pytest.mark.parametrize("step_height", [0.0, 0.12])
-def test_the_robot_stands_on_its_feet_before_the_stairs(tmp_path: Path, step_height: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "step_height"), [("saturn_lite", 0.0), ("saturn_lite", 0.12), ("go2", 0.0), ("g1", 0.1)]
+)
+def test_the_robot_stands_on_its_feet_before_the_stairs(tmp_path: Path, name: str, step_height: float) -> None:
     """If this failed, it would start in the air or in the ground, or amid the stairs, or the plugin not find it."""
-    nodes = world(tmp_path, step_height=step_height)
-    robot = only(nodes, "Robot")
+    nodes = world(tmp_path, name, step_height=step_height)
+    robot, spec = only(nodes, "Robot"), find_robot(name)
     assert (robot.define, robot["controller"]) == ("ROBOT", "<extern>")
     assert only(nodes, "Viewpoint")["follow"] == robot["name"]
     assert robot["translation"][0] == (0.0 if step_height == 0.0 else -(REACH + 0.7))
-    spec = find_robot("saturn_lite")
-    feet = np.array([0.0, 0.0, -spec.shank_link.size[2]])
-    for leg in spec.legs:
-        shank = place(robot, {})[f"{leg.name}_shank_link"]
-        assert (shank.origin + shank.rotation @ feet)[2] == pytest.approx(spec.foot_radius, abs=1e-12)
+    links, down = place(robot, {}), np.array([0.0, 0.0, -1.0])
+    for foot in spec.feet:
+        link = links[spec.links[foot.link].name]
+        low = link.origin[2] - max(reach(shape, down @ link.rotation) for shape in foot.shapes)
+        assert low == pytest.approx(0.0, abs=1e-12 if name == "saturn_lite" else 1e-6)
 
 
 def boxes(nodes: list[Read]) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -1,6 +1,6 @@
 """Turns a policy bundle into a Webots project: protos/, worlds/, controllers/, plugins/. Not run in Webots.
 
-The project is made of the robot's `Robot` (shape, masses, limits) and of the bundle's contract (gains, rotor
+The project is made of the robot's `Robot` (shapes, masses, limits) and of the bundle's contract (gains, rotor
 inertia and viscous friction of the joints, rates). The bundle is checked before it is copied, and the copy after.
 
 Webots has no rotor inertia. Lumped into the link it would be wrong: a rotor turns against its link, not with it. In
@@ -35,14 +35,13 @@ from stiction.core.cache import publish
 from stiction.core.errors import BundleError, ConfigurationError, FileError, PolicyError, RobotError
 from stiction.deploy.check import check_bundle, robot_of
 from stiction.exchange.webots.controller import CHANNEL, PLUGIN
-from stiction.exchange.webots.proto import FARTHEST, friction_field, number, proto_name, stops, write_proto
+from stiction.exchange.webots.proto import FARTHEST, friction_fields, number, proto_name, solid_name, stops, write_proto
 from stiction.exchange.webots.world import ROBOT, joint_friction, milliseconds, write_world
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.contract import Contract
 from stiction.joints.friction import MAX_LEVEL, level_text
-from stiction.robots.model import JOINT_KINDS, Robot
+from stiction.robots.model import Robot
 from stiction.robots.terrain import STEEPEST
-from stiction.robots.tree import links
 
 TABLE = "joints.h"
 """The generated file."""
@@ -53,11 +52,10 @@ FIXED = (f"{PLUGIN}.c", "Makefile")
 
 def write_table(spec: Robot, contract: Contract) -> str:
     """Return the text of `joints.h`: Δt [s] and, for every joint, the links before and behind it and I [kg m²]."""
-    inertia = dict(zip(spec.joint_names, contract.armature, strict=True))
-    tree, rows = links(spec), []
-    for link in tree:
-        parent = ROBOT if link.parent < 0 else f"{ROBOT}.{tree[link.parent].name}"
-        rows.append(f'  {{"{parent}", "{ROBOT}.{link.name}", {number(inertia[link.joint])}}},\n')
+    rows = []
+    for joint, link in enumerate(spec.links):
+        parent = ROBOT if link.parent < 0 else f"{ROBOT}.{solid_name(spec, link.parent)}"
+        rows.append(f'  {{"{parent}", "{ROBOT}.{solid_name(spec, joint)}", {number(contract.armature[joint])}}},\n')
     return (
         f"/* {proto_name(spec.name)}: the joints and the inertia of their rotors, at the joint [kg m^2].\n"
         "   Written by `stiction export --to webots`. NOT RUN in Webots. */\n"
@@ -111,8 +109,8 @@ and prints at the end which share of the commanded speed was reached.
 
 ## Joint friction
 
-It is a field of the robot for each kind of joint, in N m, in `worlds/*.wbt` and in Webots' scene tree. It was exported
-at {exported:g} % of the torque limits.
+It is a field of the robot for each kind of joint, in N m, in `worlds/*.wbt` and in Webots' scene tree (for each joint,
+where the torque limits of a kind differ). It was exported at {exported:g} % of the torque limits.
 
 | | torque limit [N m] | exported | 10 % | 20 % | 30 % | stops, from standing [rad] |
 |---|---|---|---|---|---|---|
@@ -132,8 +130,8 @@ velocity control it does nothing (cyberbotics/webots#2483). A change acts from t
 
 * Contacts: Webots' own (`softCFM` 0.001, `softERP` 0.2, friction pyramid), bounce 0, Coulomb coefficient 1.
 * kd acts explicitly, from the velocity at the start of each physics step; MuJoCo takes it implicitly.
-* The shank collides with everything, in training with obstacles alone; its lower end is within the foot. The robot's
-  own parts do not collide with each other.
+* Parts that touch obstacles alone in training, such as shanks, touch everything here. The robot's own parts do not
+  collide with each other.
 * Angles in Webots count from the standing pose, and stops are at most {farthest:g} rad from it: see the table.
 * No sensor noise, no delay. Laws of friction other than Coulomb's are not here.
 """
@@ -143,10 +141,11 @@ def write_readme(spec: Robot, bundle: Bundle, cfg: WebotsCfg) -> str:
     """Return the text of README.md."""
     contract = bundle.contract
     rows = []
-    for kind in JOINT_KINDS:
-        limit, (low, high) = getattr(spec, kind).torque_limit, stops(getattr(spec, kind))
-        torques = " | ".join(f"{level * limit:g}" for level in (1.0, cfg.friction_level, 0.1, 0.2, 0.3))
-        rows.append(f"| `{friction_field(kind)}` | {torques} | {low:g} to {high:g} |")
+    for name, numbers in friction_fields(spec).items():
+        joints = [spec.joints[number] for number in numbers]
+        torques = (f"{level * joints[0].torque_limit:g}" for level in (1.0, cfg.friction_level, 0.1, 0.2, 0.3))
+        reach = dict.fromkeys("{:g} to {:g}".format(*stops(joint)) for joint in joints)
+        rows.append(f"| `{name}` | {' | '.join(torques)} | {'; '.join(reach)} |")
     return TEMPLATE.format(
         robot=proto_name(spec.name),
         policy=bundle.name,
@@ -251,10 +250,10 @@ def check_fit(spec: Robot, contract: Contract) -> None:
     """Raise `StictionError` where robot and contract differ in what the PROTO takes from one and the controller from
     the other, or where Webots cannot take the contract's physics step: a controller steps in whole milliseconds.
     """
-    for field in ("standing", "lower", "upper"):
-        if not np.array_equal(spec.joint_values(field), contract.array(field)):
+    for name, field in (("standing", "default_position"), ("lower", "lower"), ("upper", "upper")):
+        if not np.array_equal(spec.joint_values(field), contract.array(name)):
             raise RobotError(
-                f"robot {spec.name!r} has another {field} angle of its joints than the bundle; name the right one with "
+                f"robot {spec.name!r} has another {name} angle of its joints than the bundle; name the right one with "
                 "--robot"
             )
     step = milliseconds(contract.physics_timestep)

@@ -9,11 +9,13 @@ What stands where in Webots, and its source (docs/reference, and src/webots/node
   joint was made: a stop beyond π would strike from the other side, and is moved to `FARTHEST`.
 * `Physics`: density -1 means that the mass holds; `inertiaMatrix [ I11 I22 I33, I12 I13 I23 ]` is about the
   `centerOfMass` (physics.md). With mass, centre and matrix a body needs no `boundingObject` (WbPhysics.cpp,
-  CUSTOM_INERTIA_MATRIX): hips and thighs touch nothing, as in MuJoCo.
+  CUSTOM_INERTIA_MATRIX): what only is seen in MuJoCo only is seen here.
+* Capsules and cylinders lie along z, as here; the height of a capsule counts without its caps (capsule.md). A convex
+  hull is an `IndexedFaceSet` of triangles that look outward (indexedfaceset.md).
 * `staticFriction` is a bound of dry friction as soon as a torque is set (WbRotationalMotor.cpp, turnOffMotor: a motor
   with target speed 0 and that bound); under position and velocity control it does nothing
   (https://github.com/cyberbotics/webots/issues/2483). `dampingConstant` is B, taken implicitly (WbHingeJoint.cpp).
-* There is no rotor inertia: the physics plugin adds it (`plugin.py`).
+* There is no rotor inertia: the physics plugin adds it (`export.py`).
 
 A field holds one value or a list of values; which, is the node type's business. Here a tuple of numbers is one value
 (a vector, a rotation, a colour), a list is a list of values. Numbers are written with the digits that read back
@@ -24,16 +26,18 @@ https://github.com/cyberbotics/webots, R2023b.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from stiction.core.rotation import UPRIGHT
+from stiction.engines.ode.contact import outward
 from stiction.exchange.webots.controller import CHANNEL, GPS, GYRO, IMU, RECEIVER, SENSOR
 from stiction.formats.contract import Contract
-from stiction.robots.mjcf import FEET, SHANK, THIGH, TRUNK
-from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, JointSpec, LegSpec, Robot, box_inertia
-from stiction.robots.tree import SHANK_RADIUS, THIGH_RADIUS, Link, foot_position, links
+from stiction.robots.mjcf import PLAIN
+from stiction.robots.model import Body, Joint, Robot
+from stiction.robots.shapes import Shape
 
 HEADER = "#VRML_SIM R2023b utf8"
 """First line of a world and of a PROTO. R2023b: `Pose` nodes, and a launcher that gives a controller arguments."""
@@ -71,8 +75,8 @@ def number(value: float) -> str:
     return str(int(exact)) if exact.is_integer() and abs(exact) < 1e15 else repr(exact)
 
 
-def vector(values: np.ndarray) -> tuple[float, ...]:
-    """Return an array of numbers as one value of a field."""
+def vector(values: np.ndarray | Sequence[float]) -> tuple[float, ...]:
+    """Return numbers as one value of a field."""
     return tuple(np.asarray(values, float).tolist())
 
 
@@ -120,141 +124,176 @@ def proto_name(robot: str) -> str:
     return "Robot" * (not words or words[0][0].isdigit()) + "".join(word[0].upper() + word[1:] for word in words)
 
 
-def friction_field(kind: str) -> str:
-    """Return the PROTO's field for the dry friction of one kind of joint: `hipFriction`."""
-    return f"{kind}Friction"
+def solid_name(robot: Robot, number: int) -> str:
+    """Return what the solid of a link is called: the link's name, or one like it that the plugin can find."""
+    name = robot.links[number].name
+    clean = re.sub(r"[^A-Za-z0-9_]", "_", name)
+    return name if clean == name and not name[:1].isdigit() else f"link{number}_{clean}"
 
 
-def stops(joint: JointSpec) -> tuple[float, float]:
+def friction_fields(robot: Robot) -> dict[str, list[int]]:
+    """Return the PROTO's fields for dry friction, `hipFriction`, each with the numbers of its joints.
+
+    They are the joints of one kind; where the torque limits of a kind differ, each joint has a field of its own, for a
+    level of friction is a fraction of that limit.
+    """
+    limits = robot.joint_values("torque_limit")
+    fields: dict[str, list[int]] = {}
+    for number, joint in enumerate(robot.joints):
+        alike = np.ptp(limits[robot.joints_of(joint.kind)]) == 0
+        kind = proto_name(joint.kind)
+        name = kind[0].lower() + kind[1:] if alike else proto_name(joint.name)
+        fields.setdefault(f"{name}Friction", []).append(number)
+    return fields
+
+
+def stops(joint: Joint) -> tuple[float, float]:
     """Return `minStop` and `maxStop` [rad]: the joint's limits, counted from its standing angle."""
-    return max(joint.lower - joint.standing, -FARTHEST), min(joint.upper - joint.standing, FARTHEST)
+    return (
+        max(joint.lower - joint.default_position, -FARTHEST),
+        min(joint.upper - joint.default_position, FARTHEST),
+    )
 
 
-def write_proto(spec: Robot, contract: Contract) -> str:
+def write_proto(robot: Robot, contract: Contract) -> str:
     """Return the text of the PROTO.
 
-    spec: shape, masses, limits; contract: viscous friction of the joints, in the order of `spec.joint_names`.
+    robot: shape, masses, limits; contract: viscous friction of the joints, in the order of `robot.joint_names`.
     """
-    damping = dict(zip(spec.joint_names, contract.damping, strict=True))
     interface: dict[str, tuple[str, str]] = {
-        "translation": ("SFVec3f", write((0.0, 0.0, spec.standing_height))),
+        "translation": ("SFVec3f", write((0.0, 0.0, robot.standing_height))),
         "rotation": ("SFRotation", "0 0 1 0"),
-        "name": ("SFString", text(spec.name)),
+        "name": ("SFString", text(robot.name)),
         "controller": ("SFString", text(EXTERN)),
-        **{friction_field(kind): ("SFFloat", "0") for kind in JOINT_KINDS},
+        **{name: ("SFFloat", "0") for name in friction_fields(robot)},
     }
     fields = "".join(f"  field {kind:<10} {name:<14} {value}\n" for name, (kind, value) in interface.items())
+    held = f", {len(robot.held)} more are held and rigid" if robot.held else ""
     about = comment(
-        f"{spec.name}: {spec.mass:g} kg, {spec.num_joints} joints. Angles count from the standing pose.\n"
+        f"{robot.name}: {robot.mass:g} kg, {robot.num_joints} joints{held}. Angles count from the standing pose.\n"
         "Dry friction of the joints [N m] is a field for each kind of joint; it acts under torque control alone.\n"
         "Rotor inertia is in the physics plugin. Written by `stiction export --to webots`. NOT RUN in Webots."
     )
-    return (
-        f"{HEADER}\n{about}\nPROTO {proto_name(spec.name)} [\n{fields}]\n{{\n  {write(_robot(spec, damping), 1)}\n}}\n"
-    )
+    body = write(_robot(robot, contract), 1)
+    return f"{HEADER}\n{about}\nPROTO {proto_name(robot.name)} [\n{fields}]\n{{\n  {body}\n}}\n"
 
 
-def _robot(spec: Robot, damping: dict[str, float]) -> Node:
-    """Return the trunk with its legs and sensors."""
-    box = Node("Box", {"size": tuple(spec.base.size)})
+def _robot(robot: Robot, contract: Contract) -> Node:
+    """Return the base with its links and sensors."""
     devices: list[Value] = [
         Node("InertialUnit", {"name": IMU}),
         Node("Gyro", {"name": GYRO}),
         Node("GPS", {"name": GPS}),
         Node("Receiver", {"name": RECEIVER, "channel": CHANNEL}),
     ]
-    legs: list[Value] = [_hang(spec, damping, k) for k, link in enumerate(links(spec)) if link.parent < 0]
+    seen, touched = _shapes(robot.base.shapes)
     return Node(
         "Robot",
         {
             "translation": Is("translation"),
             "rotation": Is("rotation"),
-            "children": [_shape(box, TRUNK), *devices, *legs],
+            "children": [*seen, *devices, *_hung(robot, contract, -1)],
             "name": Is("name"),
-            "boundingObject": box,
-            "physics": _physics(spec.base.mass, np.zeros(3), box_inertia(spec.base.mass, spec.base.size)),
+            **touched,
+            "physics": _physics(robot.base),
             "controller": Is("controller"),
         },
     )
 
 
-def _hang(spec: Robot, damping: dict[str, float], number: int) -> Node:
-    """Return the hinge of link `number` of the robot's tree, with all that hangs on it."""
-    tree = links(spec)
-    link, leg, kind = tree[number], spec.legs[number // JOINTS_PER_LEG], JOINT_KINDS[number % JOINTS_PER_LEG]
-    joint: JointSpec = getattr(spec, kind)
-    shapes, bounding = _shapes(spec, leg, link, kind)
-    axis, anchor = vector(link.axis), vector(link.origin)
-    solid: dict[str, Value] = {
-        "translation": anchor,
-        "rotation": (*axis, joint.standing),
-        "children": [*shapes, *(_hang(spec, damping, k) for k, each in enumerate(tree) if each.parent == number)],
-        "name": link.name,
-    }
-    if bounding is not None:
-        solid["boundingObject"] = bounding
-    solid["physics"] = _physics(link.mass, link.com, link.inertia)
-    parameters: dict[str, Value] = {"axis": axis, "anchor": anchor, "dampingConstant": damping[link.joint]}
-    return _hinge(link.joint, kind, joint, parameters, Node("Solid", solid, define=link.name))
+def _hung(robot: Robot, contract: Contract, parent: int) -> list[Value]:
+    """Return the hinges on a link, or on the base (-1), each with all that hangs on it."""
+    return [_hinge(robot, contract, number) for number, link in enumerate(robot.links) if link.parent == parent]
 
 
-def _shapes(spec: Robot, leg: LegSpec, link: Link, kind: str) -> tuple[list[Value], Node | None]:
-    """Return what there is to see of a link, and what of it collides: of a shank its bone and its foot."""
-    middle = vector(link.com)
-    if kind == "thigh":
-        return [_at(middle, _shape(_capsule(spec.thigh_link.size[2], THIGH_RADIUS), THIGH))], None
-    if kind == "shank":
-        foot = Node("Sphere", {"radius": spec.foot_radius, "subdivision": 2})
-        bone, below = _capsule(spec.shank_link.size[2], SHANK_RADIUS), vector(foot_position(spec))
-        seen: list[Value] = [_at(middle, _shape(bone, SHANK)), _at(below, _shape(foot, FEET[leg.group]))]
-        return seen, Node("Group", {"children": [_at(below, foot), _at(middle, bone)]})
-    return [], None
-
-
-def _hinge(name: str, kind: str, joint: JointSpec, parameters: Mapping[str, Value], end: Node) -> Node:
-    """Return a joint with motor and sensor; the motor has the joint's name, the sensor that and `SENSOR`."""
+def _hinge(robot: Robot, contract: Contract, number: int) -> Node:
+    """Return a joint with motor, sensor and link; the motor has the joint's name, the sensor that and `SENSOR`."""
+    joint, link, name = robot.joints[number], robot.links[number], solid_name(robot, number)
     low, high = stops(joint)
-    limits: dict[str, Value] = {"minStop": low, "maxStop": high, "staticFriction": Is(friction_field(kind))}
-    motor = Node("RotationalMotor", {"name": name, "maxTorque": joint.torque_limit, "sound": ""})
+    friction = next(field for field, numbers in friction_fields(robot).items() if number in numbers)
+    parameters: dict[str, Value] = {
+        "axis": link.axis,
+        "anchor": link.origin,
+        "dampingConstant": contract.damping[number],
+        "minStop": low,
+        "maxStop": high,
+        "staticFriction": Is(friction),
+    }
+    feet = [shape for foot in robot.feet if foot.link == number for shape in foot.shapes]
+    seen, touched = _shapes([*feet, *link.shapes])
+    solid: dict[str, Value] = {
+        "translation": link.origin,
+        "rotation": (*link.axis, joint.default_position),
+        "children": [*seen, *_hung(robot, contract, number)],
+        "name": name,
+        **touched,
+        "physics": _physics(link),
+    }
+    motor = Node("RotationalMotor", {"name": joint.name, "maxTorque": joint.torque_limit, "sound": ""})
     return Node(
         "HingeJoint",
         {
-            "jointParameters": Node("HingeJointParameters", {**parameters, **limits}),
-            "device": [motor, Node("PositionSensor", {"name": name + SENSOR})],
-            "endPoint": end,
+            "jointParameters": Node("HingeJointParameters", parameters),
+            "device": [motor, Node("PositionSensor", {"name": joint.name + SENSOR})],
+            "endPoint": Node("Solid", solid, define=name),
         },
     )
 
 
-def _physics(mass: float, centre: np.ndarray, inertia: np.ndarray) -> Node:
-    """Return mass [kg] and principal moments [kg m²] about a centre of mass [m] in its link's frame, both (3,)."""
+def _physics(body: Body) -> Node:
+    """Return mass, centre of mass and inertia of a body."""
     return Node(
         "Physics",
         {
             "density": -1,
-            "mass": mass,
-            "centerOfMass": [vector(centre)],
-            "inertiaMatrix": [vector(inertia), (0.0, 0.0, 0.0)],
+            "mass": body.mass,
+            "centerOfMass": [body.com],
+            "inertiaMatrix": [body.inertia[:3], body.inertia[3:]],
         },
     )
 
 
-def _capsule(length: float, radius: float) -> Node:
-    """Return a capsule along z; `length` [m] counts without the caps, as MuJoCo's does."""
-    return Node("Capsule", {"height": length, "radius": radius})
+def _shapes(shapes: Sequence[Shape]) -> tuple[list[Value], dict[str, Value]]:
+    """Return what there is to see of a body, and as a field what of it collides: none where nothing does."""
+    seen: list[Value] = [_placed(shape, _painted(shape)) for shape in shapes]
+    solid: list[Value] = [_placed(shape, geometry(shape)) for shape in shapes if shape.contact != "nothing"]
+    if len(solid) > 1:
+        return seen, {"boundingObject": Node("Group", {"children": solid})}
+    return seen, {"boundingObject": solid[0]} if solid else {}
 
 
-def _shape(geometry: Node, colour: tuple[float, ...]) -> Node:
-    """Return something to look at."""
+def geometry(shape: Shape) -> Node:
+    """Return the geometry of a shape about its own middle."""
+    a, b, c = shape.size
+    if shape.kind == "sphere":
+        return Node("Sphere", {"radius": a, "subdivision": 2})
+    if shape.kind == "box":
+        return Node("Box", {"size": (2 * a, 2 * b, 2 * c)})
+    if shape.kind != "hull":
+        return Node(shape.kind.capitalize(), {"height": 2 * b, "radius": a})
+    faces = outward(np.array(shape.vertices))
     return Node(
-        "Shape",
+        "IndexedFaceSet",
         {
-            "appearance": Node("PBRAppearance", {"baseColor": colour, "roughness": 0.8, "metalness": 0}),
-            "geometry": geometry,
+            "coord": Node("Coordinate", {"point": list(shape.vertices)}),
+            "coordIndex": [(*face, -1) for face in faces.tolist()],
         },
     )
 
 
-def _at(place: tuple[float, ...], child: Node) -> Node:
-    """Return a node somewhere else in its parent's frame [m]."""
-    return Node("Pose", {"translation": place, "children": [child]})
+def _painted(shape: Shape) -> Node:
+    """Return something to look at."""
+    appearance = Node("PBRAppearance", {"baseColor": shape.color or PLAIN, "roughness": 0.8, "metalness": 0})
+    return Node("Shape", {"appearance": appearance, "geometry": geometry(shape)})
+
+
+def _placed(shape: Shape, child: Node) -> Node:
+    """Return a node where a shape is in the frame of its link."""
+    fields: dict[str, Value] = {}
+    if any(shape.position):
+        fields["translation"] = shape.position
+    if shape.quaternion != tuple(UPRIGHT):
+        turn, axis = shape.quaternion[0], np.array(shape.quaternion[1:])
+        size = float(np.linalg.norm(axis))
+        fields["rotation"] = vector([*(axis / size), 2.0 * np.arctan2(size, turn)])
+    return Node("Pose", {**fields, "children": [child]}) if fields else child

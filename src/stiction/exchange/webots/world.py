@@ -17,10 +17,20 @@ from collections.abc import Mapping
 import numpy as np
 
 from stiction.exchange.webots.controller import PLUGIN
-from stiction.exchange.webots.proto import HEADER, Node, Value, comment, friction_field, proto_name, text, vector, write
+from stiction.exchange.webots.proto import (
+    HEADER,
+    Node,
+    Value,
+    comment,
+    friction_fields,
+    proto_name,
+    text,
+    vector,
+    write,
+)
 from stiction.locomotion.terrain import START
 from stiction.robots.mjcf import STONES
-from stiction.robots.model import JOINT_KINDS, Robot
+from stiction.robots.model import Robot
 from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, Terrain
 
 ROBOT = "ROBOT"
@@ -33,9 +43,9 @@ FLOOR = (60.0, 60.0, 1.0)
 """Extent of the floor [m]; its top is at 0."""
 
 
-def joint_friction(spec: Robot, level: float) -> dict[str, float]:
-    """Return the dry friction of each kind of joint [N m] at a level, a fraction of its torque limit [-]."""
-    return {kind: level * getattr(spec, kind).torque_limit for kind in JOINT_KINDS}
+def joint_friction(robot: Robot, level: float) -> dict[str, float]:
+    """Return the robot's fields for dry friction [N m] at a level, a fraction of the joints' torque limit [-]."""
+    return {name: level * robot.joints[first].torque_limit for name, (first, *_) in friction_fields(robot).items()}
 
 
 def stairs(step_height: float) -> tuple[np.ndarray, np.ndarray]:
@@ -48,37 +58,36 @@ def stairs(step_height: float) -> tuple[np.ndarray, np.ndarray]:
     return 2 * terrain.boxes, terrain.position[0]
 
 
-def write_world(spec: Robot, timestep: float, friction: Mapping[str, float], step_height: float = 0.0) -> str:
+def write_world(robot: Robot, timestep: float, friction: Mapping[str, float], step_height: float = 0.0) -> str:
     """Return the text of a world: the robot on flat ground, or before stairs.
 
-    timestep: physics step [s]; friction: of each kind of joint [N m]; step_height: [m], of stairs, 0 for none.
+    timestep: physics step [s]; friction: see `joint_friction`; step_height: [m], of stairs, 0 for none.
     """
     start = -(REACH + START) if step_height else 0.0
     about = comment(
-        f"{spec.name} {f'before stairs of {step_height:g} m' if step_height else 'on flat ground'}; "
+        f"{robot.name} {f'before stairs of {step_height:g} m' if step_height else 'on flat ground'}; "
         f"friction of the joints [N m] is a field of the robot.\n"
         "Written by `stiction export --to webots`. NOT RUN in Webots."
     )
-    nodes = [_info(spec, timestep), *_scenery(spec, start)]
+    nodes = [_info(robot, timestep), *_scenery(robot, start)]
     if step_height:
         nodes += [
             _box(f"step {k}", *each, STONES[k % 2]) for k, each in enumerate(zip(*stairs(step_height), strict=True))
         ]
-    robot: dict[str, Value] = {"translation": (start, 0.0, spec.standing_height), "name": spec.name}
-    robot |= {friction_field(kind): torque for kind, torque in friction.items()}
-    nodes.append(Node(proto_name(spec.name), robot, define=ROBOT))
-    extern = f"EXTERNPROTO {text(f'../protos/{proto_name(spec.name)}.proto')}"
+    start_pose: dict[str, Value] = {"translation": (start, 0.0, robot.standing_height), "name": robot.name}
+    nodes.append(Node(proto_name(robot.name), {**start_pose, **friction}, define=ROBOT))
+    extern = f"EXTERNPROTO {text(f'../protos/{proto_name(robot.name)}.proto')}"
     return f"{HEADER}\n{about}\n{extern}\n\n" + "".join(f"{write(node)}\n" for node in nodes)
 
 
-def _info(spec: Robot, timestep: float) -> Node:
+def _info(robot: Robot, timestep: float) -> Node:
     """Return the settings of the world."""
     silent: dict[str, Value] = {sound: "" for sound in ("bumpSound", "rollSound", "slideSound")}
     contact = Node("ContactProperties", {"coulombFriction": [GROUND_FRICTION], "bounce": 0, **silent})
     return Node(
         "WorldInfo",
         {
-            "title": f"stiction: {spec.name}",
+            "title": f"stiction: {robot.name}",
             "physics": PLUGIN,
             "basicTimeStep": milliseconds(timestep),
             "physicsDisableLinearThreshold": 0,
@@ -93,11 +102,12 @@ def milliseconds(timestep: float) -> float:
     return round(1000 * timestep, 9)
 
 
-def _scenery(spec: Robot, start: float) -> list[Node]:
+def _scenery(robot: Robot, start: float) -> list[Node]:
     """Return view, light and floor; the view looks along x, 0.3 rad down, and follows the robot."""
     return [
         Node(
-            "Viewpoint", {"orientation": (0.0, 1.0, 0.0, 0.3), "position": (start - 3.0, 0.0, 1.2), "follow": spec.name}
+            "Viewpoint",
+            {"orientation": (0.0, 1.0, 0.0, 0.3), "position": (start - 3.0, 0.0, 1.2), "follow": robot.name},
         ),
         Node("Background", {"skyColor": [(0.75, 0.83, 0.9)]}),
         Node("DirectionalLight", {"direction": (0.3, 0.4, -1.0), "intensity": 2, "castShadows": True}),
