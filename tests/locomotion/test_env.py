@@ -80,7 +80,7 @@ def test_privileged_observation_is_what_was_drawn() -> None:
     """Mass, ground friction, inertia, damping, dry friction of the simulation itself, undone from their scales."""
     env = make(friction=FrictionCfg("direct", level=0.2))
     privileged, fleet = env.get_observations()["privileged"].double().numpy(), env.fleet
-    np.testing.assert_allclose(privileged[:, 0] * 3.0 + 5.0, fleet.base_mass, atol=1e-5)
+    np.testing.assert_allclose(privileged[:, 0] * 3.0 + env.spec.base.mass, fleet.base_mass, atol=1e-5)
     foot = fleet.model.geom("FR_foot").id
     np.testing.assert_allclose(privileged[:, 1] + 1.0, fleet._geom_friction[:, foot, 0], atol=1e-5)
     np.testing.assert_allclose((privileged[:, 2:14] * 0.2 + 1.0) * 0.0121, fleet.armature, atol=1e-7)

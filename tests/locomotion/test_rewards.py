@@ -90,6 +90,7 @@ def test_penalties_by_hand() -> None:
         up=torch.tensor([[0.3, 0.4, 0.866]] * 2),
         height_error=torch.tensor([-0.1, 0.1]),
         joint_deviation=torch.tensor([[1.0, 5.0, 5.0, 2.0, 5.0, 5.0]] * 2),
+        sideways_deviation=torch.tensor([[1.0, 2.0]] * 2),
         torque_share=torch.full((2, JOINTS), 0.5),
         action_change=torch.full((2, JOINTS), 2.0),
         joint_acceleration=torch.full((2, JOINTS), 10.0),

@@ -216,20 +216,22 @@ def test_every_ground_and_every_law_of_friction_commutes(terrain: str, law: str)
 
 def test_an_actuator_net_commutes() -> None:
     """One for each kind of joint knows no left and right; its past and its targets are mirrored with the robot."""
-    env = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, actuator=pd_net(TWIN))
+    env = LocomotionEnv(make("saturn_lite").cfg, NUM, seed=1, actuator=pd_net())
     check_commuting(env, robot_mirror(env.spec))
 
 
 def test_an_actuator_net_that_knows_left_from_right_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """A net for each joint, and one for joints whose angle changes its sign: nothing says that it is odd."""
-    net = pd_net(TWIN)
+    net = pd_net()
     layer = {name: layers for group, layers in zip(net.groups, net.layers, strict=True) for name in group}
     names = net.joint_names
-    lopsided = pd_net(TWIN, groups=tuple((name,) for name in names), layers=tuple(layer[name] for name in names))
-    env = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, actuator=lopsided)
+    lopsided = pd_net(groups=tuple((name,) for name in names), layers=tuple(layer[name] for name in names))
+    env = LocomotionEnv(make("saturn_lite").cfg, NUM, seed=1, actuator=lopsided)
     with pytest.raises(StictionError, match="treats joint 'FL_hip' and its mirror image 'FR_hip' differently"):
         task_mirror(env)
-    env = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, actuator=net)
+    with pytest.raises(StictionError, match="treats joint 'FR_hip_joint'"):
+        task_mirror(LocomotionEnv(make(TWIN).cfg, NUM, seed=1, actuator=pd_net(TWIN)))
+    env = LocomotionEnv(make("saturn_lite").cfg, NUM, seed=1, actuator=net)
     monkeypatch.setattr(symmetry, "robot_mirror", lambda robot: wrong_sign(robot_mirror(robot)))
     with pytest.raises(StictionError, match="treats joint 'FL_thigh'"):
         task_mirror(env)
@@ -243,14 +245,14 @@ def test_symmetry_holds_for_a_second(robot: str) -> None:
 
 
 def test_a_worn_left_joint_becomes_a_worn_right_one() -> None:
-    """The mirror assumes no symmetry of the robot: 0.3 of the limit in FL_shank is seen as 0.3 in FR_shank."""
+    """The mirror assumes no symmetry of the robot: 0.3 of the limit in FL_calf_joint is seen as 0.3 in FR_calf_joint."""
     env = make(TWIN)
     names = env.spec.joint_names
     friction = torch.zeros(1, 12)
-    friction[0, names.index("FL_shank")] = 0.3
+    friction[0, names.index("FL_calf_joint")] = 0.3
     seen = task_mirror(env).group("privileged")(privileged.nominal_privileged(friction.numpy()))
     expected = friction[:, [names.index(name) for name in names]].clone()
-    expected[0, names.index("FL_shank")], expected[0, names.index("FR_shank")] = 0.0, 0.3
+    expected[0, names.index("FL_calf_joint")], expected[0, names.index("FR_calf_joint")] = 0.0, 0.3
     torch.testing.assert_close(seen, privileged.nominal_privileged(expected.numpy()))
 
 
@@ -273,7 +275,9 @@ def test_what_no_multiplier_can_say_is_refused() -> None:
     damping = np.full(12, 0.05)
     damping[3] = 0.0
     env = LocomotionEnv(make(TWIN).cfg, NUM, seed=1, identified={"damping": damping})
-    with pytest.raises(StictionError, match=r"joint 'FR_hip' has no nominal damping and its mirror image 'FL_hip'"):
+    with pytest.raises(
+        StictionError, match=r"joint 'FL_hip_joint' has no nominal damping and its mirror image 'FR_hip_joint'"
+    ):
         task_mirror(env)
 
 
@@ -284,7 +288,7 @@ def test_compensation_that_differs_from_left_to_right_is_refused() -> None:
     task_mirror(LocomotionEnv(cfg, NUM, seed=1, identified={"frictionloss": friction}))
     friction[4] = 0.5
     env = LocomotionEnv(cfg, NUM, seed=1, identified={"frictionloss": friction})
-    with pytest.raises(StictionError, match=r"compensation adds 0.0025 rad to joint 'FL_thigh' and 0.0125"):
+    with pytest.raises(StictionError, match=r"compensation adds 0.0025 rad to joint 'FR_thigh_joint' and 0.0125"):
         task_mirror(env)
 
 
