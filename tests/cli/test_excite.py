@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from stiction.cli.excite import run_lines
+from stiction.cli.excite import robot_joint, run_lines
 from stiction.cli.main import main
 from stiction.formats.design import load_design
 from stiction.identify.excite import design
@@ -88,6 +88,13 @@ def test_a_robot_fills_in_the_joint(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert any("only combinations are known" in text for text in printed["warnings"])
 
 
+@pytest.mark.parametrize("joint", ["knee", "left_knee_joint"])
+def test_any_robots_joint_is_found_by_name_and_by_kind(joint: str) -> None:
+    """The name alone need not say the kind."""
+    found = robot_joint("g1", joint)
+    assert (found.name, found.torque_limit, found.kp) == ("left_knee_joint", 139.0, 150.0)
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -98,6 +105,7 @@ def test_a_robot_fills_in_the_joint(tmp_path: Path, capsys: pytest.CaptureFixtur
         ("--speed-limit 1e-5 --duration 6 --rate 200", "no motion within"),
         ("--robot saturn_lite --joint knee", "unknown joint 'knee'; known: hip, thigh, shank"),
         ("--robot saturn_lite", "unknown joint 'joint'"),
+        ("--robot go2 --joint shank", "unknown joint 'shank'; known: hip, thigh, calf, FR_hip_joint, FR_thigh_joint"),
         ("--robot spot --joint shank", "unknown robot 'spot'"),
         ("--joint a,b", "--joint 'a,b'"),
         ("--duration 6 --rate 200 --out taken/sub", "cannot write to taken/sub"),

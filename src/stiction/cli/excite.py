@@ -17,7 +17,7 @@ from stiction.formats.design import ExcitationDesign, Predicted, percent, two_di
 from stiction.formats.log import write_log
 from stiction.formats.plain import object_text
 from stiction.identify.excite.setup import ExciteSetup
-from stiction.robots.model import JointSpec
+from stiction.robots.model import Joint
 
 DESCRIPTION = """Design a log that shows a joint's inertia and friction well: a motion within limits of angle, speed and
 torque, how long to run it, and at which gains. Predicts the standard deviation of each parameter, and shows what a
@@ -76,16 +76,15 @@ def check_name(joint: str) -> None:
         raise ConfigurationError(f"--joint {joint!r}: expected a name without commas, quotes and line breaks: FL_shank")
 
 
-def robot_joint(robot: str, joint: str) -> JointSpec:
-    """Return what a robot says of a joint, by its name or its kind; raise `StictionError` if it has none such."""
+def robot_joint(robot: str, joint: str) -> Joint:
+    """Return a robot's joint by its name, or the first of a kind; raise `RobotError` if it has none such."""
     from stiction.robots.catalog import find_robot
 
     spec = find_robot(robot)
-    kinds = {"hip": spec.hip, "thigh": spec.thigh, "shank": spec.shank}
-    kind = joint if joint in kinds else joint.rpartition("_")[2] if joint in spec.joint_names else ""
-    if not kind:
-        raise RobotError(f"robot {spec.name!r}: {unknown_name('joint', joint, (*kinds, *spec.joint_names))}")
-    return kinds[kind]
+    for found in spec.joints:
+        if joint in (found.name, found.kind):
+            return found
+    raise RobotError(f"robot {spec.name!r}: {unknown_name('joint', joint, (*spec.joint_kinds, *spec.joint_names))}")
 
 
 def show(console: Console, design: ExcitationDesign, out: Path) -> None:

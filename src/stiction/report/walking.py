@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
+from stiction.core.names import kind_of
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.formats.walk import WalkFit, read_walk_fit
 from stiction.report.identification import gather_warnings
 from stiction.report.page import COLORS, INK, Section, figure_block, legend, new_figure, paragraph, render_page, table
-from stiction.robots.model import JOINT_KINDS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST_POINTS = 1500
 """Points drawn per cloud."""
+
+MOST_PANELS = 3
+"""Panels side by side."""
 
 
 def write_walking_page(folder: Path) -> Path:
@@ -43,9 +51,20 @@ def grouped_warnings(joints: JointsFile) -> list[str]:
     ]
 
 
-def _kind(name: str) -> str:
-    """Return the kind of a joint, or of a record that stands for a kind."""
-    return name.rpartition("_")[2]
+def _kind(name: str, record: JointRecord) -> str:
+    """Return the kind of a joint, or of a record that stands for a kind; of a file that does not say, by the name."""
+    return str(record.diagnostics.get("kind", kind_of(name)))
+
+
+def _panels(count: int, label: str) -> tuple[Figure, list[Axes]]:
+    """Return a figure with panels in rows of at most `MOST_PANELS`, and its panels; label: of their vertical axes."""
+    rows, columns = -(-count // MOST_PANELS), min(count, MOST_PANELS)
+    figure, axes = new_figure(rows, columns, (9.0, 3.6 * rows))
+    for axis in axes[count:]:
+        axis.set_visible(False)
+    for axis in axes[::MOST_PANELS]:
+        axis.set_ylabel(label)
+    return figure, axes[:count]
 
 
 def _lead(joints: JointsFile) -> str:
@@ -85,7 +104,7 @@ def value_rows(joints: JointsFile) -> list[list[str]]:
 
 def _condition(joints: JointsFile) -> Markup:
     """Say what the numbers rest on."""
-    merged = [name for name in joints.joints if name in JOINT_KINDS]
+    merged = [name for name, record in joints.joints.items() if name not in record.diagnostics.get("joints", [name])]
     note = f" Rows named by kind ({', '.join(merged)}) put the swings of all legs together." if merged else ""
     return paragraph(
         "Dry and viscous friction are those of legs in swing, without load. An interval covers the spread between "
@@ -96,22 +115,23 @@ def _condition(joints: JointsFile) -> Markup:
 
 def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
     """Draw torque without links and rotor against speed, a panel a kind, with the fitted law of each record."""
-    figure, axes = new_figure(1, len(JOINT_KINDS), (9.0, 3.6))
-    for axis, kind in zip(axes, JOINT_KINDS, strict=True):
-        names = [name for name in fit.swing if _kind(name) == kind]
+    kinds = {name: _kind(name, record) for name, record in joints.joints.items()}
+    shown = list(dict.fromkeys(kinds.values()))
+    figure, axes = _panels(len(shown), "friction [N m]")
+    for axis, kind in zip(axes, shown, strict=True):
+        names = [name for name in fit.swing if kinds[name] == kind]
         for number, name in enumerate(names):
             speed, torque = fit.swing[name]
             color = COLORS[number % len(COLORS)]
             thin = slice(None, None, max(1, len(speed) * len(names) // MOST_POINTS))
             axis.plot(speed[thin], torque[thin], ".", markersize=2, alpha=0.3, color=color)
             _draw_law(axis, joints.joints[name], speed, color, name)
-        axis.set_title(f"{kind}s")
+        axis.set_title(kind)
         axis.set_xlabel("speed [rad/s]")
         if names:
             legend(axis)
         else:
             axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color=INK)
-    axes[0].set_ylabel("friction [N m]")
     return figure_block(
         figure,
         "Each dot is a sample of a leg in swing, the torque of links and rotor taken off. The step at zero speed is "
@@ -142,25 +162,25 @@ def _load(joints: JointsFile, fit: WalkFit) -> tuple[Markup, ...]:
             under_load = None if carried is None else Estimate.from_dict(data["carried_friction"], name)
             torque = "not known" if carried is None else f"{carried:.3g}"
             share = span(under_load, 100 / (record.torque_limit or 1))
-            rows[_kind(name)] = [_kind(name), torque, span(under_load), share, refusal]
+            kind = _kind(name, record)
+            rows[kind] = [kind, torque, span(under_load), share, refusal]
     header = ["", "torque, foot down [N m]", "dry friction then [N m]", "of limit [%]", "not known, because"]
     blocks = (table(header, rows.values()),) if rows else ()
     if not fit.load:
         return blocks
-    figure, axes = new_figure(1, len(fit.load), (9.0, 3.6))
+    figure, axes = _panels(len(fit.load), "friction [N]")
     for axis, (kind, (load, friction)) in zip(axes, fit.load.items(), strict=True):
         thin = slice(None, None, max(1, len(load) // MOST_POINTS))
         axis.plot(load[thin], friction[thin], ".", markersize=2.5, alpha=0.4, color=COLORS[0])
-        owners = (record.load_coefficient for name, record in joints.joints.items() if _kind(name) == kind)
+        owners = (record.load_coefficient for name, record in joints.joints.items() if _kind(name, record) == kind)
         coefficient = next((estimate for estimate in owners if estimate is not None), None)
         if coefficient is not None:
             ends = np.array([load.min(), load.max()])
             axis.plot(ends, coefficient.value * ends, color=COLORS[1], linewidth=2)
             for bound in coefficient.interval95:
                 axis.plot(ends, bound * ends, ":", color=COLORS[1], linewidth=1)
-        axis.set_title(f"{kind}s: {span(coefficient)}", fontsize=8)
+        axis.set_title(f"{kind}: {span(coefficient)}", fontsize=8)
         axis.set_xlabel("load [N]")
-    axes[0].set_ylabel("friction [N]")
     caption = (
         "The body's force and moment balance in stance, everything but the friction that grows with torque taken off: "
         "the slope is the load coefficient, dotted its interval. Dots that do not follow the line are noise."

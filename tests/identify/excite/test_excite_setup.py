@@ -5,17 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from stiction.robots.saturn_lite import ROBOT
 
 from stiction.core.errors import StictionError
 from stiction.identify.excite.setup import ExciteSetup
+from stiction.robots.catalog import find_robot
 
 
 def test_a_robot_fills_in_what_the_user_left_out() -> None:
     """The user's own numbers win; friction of the shank is the paper's."""
-    filled = ExciteSetup(kp=30.0).filled(ROBOT.shank)
+    filled = ExciteSetup(kp=30.0).filled(find_robot("saturn_lite").joints[2])
     assert (filled.kp, filled.kd, filled.torque_limit, filled.coulomb) == (30.0, 2.5, 45.0, 0.442)
     assert filled.position_limits == (-2.6, -0.4) and filled.start == pytest.approx(-1.5)
+
+
+def test_friction_that_nobody_measured_is_not_zero() -> None:
+    """The Go2's joints have none in its file: a share of the torque limit, and viscous friction as by default."""
+    filled = ExciteSetup().filled(find_robot("go2").joints[2])
+    assert (filled.coulomb, filled.viscous) == (pytest.approx(0.4543), 0.07)
 
 
 def test_friction_is_a_share_of_the_torque_limit_where_nobody_knows_better() -> None:

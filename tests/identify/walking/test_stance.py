@@ -11,7 +11,6 @@ from stiction.identify.walking.load import LoadFit, fit_load
 from stiction.identify.walking.motion import walk_motion
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.swing import swing_rows
-from stiction.robots.model import JOINT_KINDS
 
 BASE = np.tile([0.5, 0.5, 1.0], 6)
 """Friction without load by kind [N m]."""
@@ -49,7 +48,7 @@ def test_without_noise_the_truth_is_found_exactly() -> None:
     for kind, truth in LOAD.items():
         law = found.laws[kind]
         assert law["load_coefficient"].value == pytest.approx(truth, rel=2e-3)
-        assert law["coulomb_friction"].value == pytest.approx(BASE[JOINT_KINDS.index(kind)], rel=5e-3)
+        assert law["coulomb_friction"].value == pytest.approx(BASE[walks.SPEC.joint_kinds.index(kind)], rel=5e-3)
     off = np.abs([estimate.value for estimate in found.body.values()])
     assert (off < [0.005, *[0.001] * 3, *[0.05] * 3]).all()
 
@@ -60,7 +59,7 @@ def test_coefficients_are_within_their_intervals(logs: list[WalkLog]) -> None:
     for log in logs:
         found = load_of(log, known())
         assert found.refusal == ""
-        assert set(found.laws) | set(found.refused) == set(JOINT_KINDS)
+        assert set(found.laws) | set(found.refused) == set(walks.SPEC.joint_kinds)
         assert "shank" in found.laws
         for kind, law in found.laws.items():
             told += 1
@@ -68,7 +67,7 @@ def test_coefficients_are_within_their_intervals(logs: list[WalkLog]) -> None:
             assert high - low < 0.11
             inside.append(low <= LOAD[kind] <= high)
             torque, friction = found.under_load[kind]
-            truth = BASE[JOINT_KINDS.index(kind)] + LOAD[kind] * torque
+            truth = BASE[walks.SPEC.joint_kinds.index(kind)] + LOAD[kind] * torque
             inside.append(friction.interval95[0] <= truth <= friction.interval95[1])
     assert told >= 9
     assert np.mean(inside) >= 0.9

@@ -109,12 +109,11 @@ def test_intervals_are_as_narrow_as_the_data_allow(sample: list) -> None:
 def test_heavier_links_stay_within_the_interval(sample: list) -> None:
     """Identified with links 5 % heavier than the robot's, the estimates move, and the interval knows how far."""
     friction, log = sample[7]
-    heavier = {
-        name: replace(link, mass=1.05 * link.mass)
-        for name in ("hip_link", "thigh_link", "shank_link")
-        for link in [getattr(walks.SPEC, name)]
-    }
-    spec = replace(walks.SPEC, **heavier)
+    heavier = [
+        replace(link, mass=1.05 * link.mass, inertia=tuple(1.05 * moment for moment in link.inertia))
+        for link in walks.SPEC.links
+    ]
+    spec = replace(walks.SPEC, links=tuple(heavier))
     rows = swing_rows(log, walk_motion(log, spec), spec, WalkSetup())
     inside, moved = [], []
     for joint, limit, level, right in zip(rows, walks.LIMITS, friction, fits(log, WalkSetup()), strict=True):

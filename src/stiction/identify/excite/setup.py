@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from math import hypot, isfinite
 
 from stiction.core.errors import ConfigurationError
-from stiction.robots.model import Joint as JointSpec
+from stiction.robots.model import Joint
 
 SHORTEST = 4.0
 """Shortest log that is designed [s]: under it a slow and a fast part do not fit."""
@@ -23,14 +23,14 @@ DEFAULTS = {"kp": 20.0, "kd": 0.5, "torque_limit": 20.0, "inertia": 0.0145, "vis
 usual 1 % of the torque limit."""
 
 FROM_ROBOT = {
-    "kp": "stiffness",
-    "kd": "derivative",
+    "kp": "kp",
+    "kd": "kd",
     "torque_limit": "torque_limit",
     "inertia": "armature",
     "viscous": "damping",
     "coulomb": "frictionloss",
 }
-"""Field of the setup -> field of a robot's joint that fills it in."""
+"""Field of the setup -> field of a robot's joint that fills it in. Friction of zero says that nobody measured it."""
 
 
 @dataclass(frozen=True)
@@ -81,10 +81,11 @@ class ExciteSetup:
     seed: int = 0
     """Seed of the search."""
 
-    def filled(self, joint: JointSpec | None = None) -> ExciteSetup:
+    def filled(self, joint: Joint | None = None) -> ExciteSetup:
         """Return the setup without None, from a robot's joint or else `DEFAULTS`; raise `StictionError` if absurd."""
         limits = self.position_limits or ((joint.lower, joint.upper) if joint else (-0.6, 0.6))
         known = {} if joint is None else {name: getattr(joint, own) for name, own in FROM_ROBOT.items()}
+        known = {name: value for name, value in known.items() if value or name not in ("viscous", "coulomb")}
         own = {name: getattr(self, name) for name in DEFAULTS if getattr(self, name) is not None}
         values = DEFAULTS | known | own
         if "coulomb" not in known | own:

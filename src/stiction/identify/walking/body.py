@@ -2,7 +2,7 @@
 
 The base stands at the world's origin, axes along the world's, without gravity: the base's acceleration enters as its
 specific force, which is what an accelerometer reads, so gravity needs no orientation. Armature and joint friction are
-not part of the model: they act on the joint's own equation alone.
+not part of the links' efforts: they act on the joint's own equation alone.
 """
 
 from __future__ import annotations
@@ -14,10 +14,14 @@ import mujoco
 import numpy as np
 
 from stiction.robots.mjcf import build_model
-from stiction.robots.model import JOINTS_PER_LEG, Robot, box_inertia
+from stiction.robots.model import Body, Robot
+from stiction.robots.shapes import Vector
 
 AT_ORIGIN = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 """Position and quaternion of the base."""
+
+BASE_DOFS = 6
+"""Velocities of the base, before those of the joints."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +60,14 @@ class LinkEffort:
 
 @cache
 def _legs(spec: Robot) -> mujoco.MjModel:
-    """Return the robot's links alone: a base without mass, no rotors, no friction, no gravity, nothing to touch."""
+    """Return the robot's links and rotors alone: a base without mass, no friction, no gravity, nothing to touch.
+
+    Without rotors, hips on one line could turn against such a base at no cost, and the inertia matrix were singular.
+    """
     model = build_model(spec)
     base = model.body("base").id
     model.body_mass[base], model.body_inertia[base] = 0.0, 0.0
-    model.dof_armature[:] = model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
+    model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
     model.opt.gravity[:] = 0.0
     disabled = mujoco.mjtDisableBit
     model.opt.disableflags |= disabled.mjDSBL_CONSTRAINT | disabled.mjDSBL_CONTACT | disabled.mjDSBL_ACTUATION
@@ -81,14 +88,15 @@ def link_effort(spec: Robot, joints: JointMotion, base: BaseMotion) -> LinkEffor
         data.qpos, data.qvel, data.qacc = position[sample], velocity[sample], acceleration[sample]
         mujoco.mj_inverse(model, data)
         effort[sample] = data.qfrc_inverse
-    return LinkEffort(effort[:, 6:], effort[:, :6])
+    effort -= model.dof_armature * acceleration
+    return LinkEffort(effort[:, BASE_DOFS:], effort[:, :BASE_DOFS])
 
 
 def foot_positions(spec: Robot, position: np.ndarray) -> np.ndarray:
-    """Return the centres of the feet in the base frame [m], shape (T, L, 3), at joint angles of shape (T, J)."""
+    """Return the middles of the feet in the base frame [m], shape (T, L, 3), at joint angles of shape (T, J)."""
     model = _legs(spec)
     data = mujoco.MjData(model)
-    feet = [model.site(f"{leg.name}_foot").id for leg in spec.legs]
+    feet = [model.site(name).id for name in spec.foot_names]
     found = np.empty((len(position), len(feet), 3))
     data.qpos[:7] = AT_ORIGIN
     for sample, angles in enumerate(position):
@@ -98,54 +106,67 @@ def foot_positions(spec: Robot, position: np.ndarray) -> np.ndarray:
     return found
 
 
-def point_jacobians(spec: Robot, position: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Return J of a point of each shank, v = J θ', shape (T, L, 3, 3): rows x y z, columns hip thigh shank.
+@dataclass(frozen=True)
+class Leg:
+    """Joints between the base and feet: one foot, or several that share a joint."""
 
-    position: joint angles [rad], shape (T, J); points: where they are now, in the base frame [m], shape (T, L, 3).
+    feet: tuple[int, ...]
+    """Numbers of its feet."""
+    joints: tuple[int, ...]
+    """Numbers of its joints, ascending."""
+
+
+def legs(spec: Robot) -> tuple[Leg, ...]:
+    """Return the legs of a robot: no two have a joint in common."""
+    found: list[tuple[tuple[int, ...], set[int]]] = []
+    for number, foot in enumerate(spec.feet):
+        feet: tuple[int, ...] = (number,)
+        joints = set(spec.chain(foot.link))
+        for leg in [leg for leg in found if leg[1] & joints]:
+            found.remove(leg)
+            feet, joints = leg[0] + feet, leg[1] | joints
+        found.append((feet, joints))
+    return tuple(Leg(feet, tuple(sorted(joints))) for feet, joints in found)
+
+
+def foot_jacobians(spec: Robot, position: np.ndarray) -> list[np.ndarray]:
+    """Return J of the middle of each foot, by leg, v = J θ', shape (T, feet, 6, joints) of the leg.
+
+    Rows: velocity x y z [m/s], rate of turn x y z [rad/s]. position: joint angles [rad], shape (T, J).
     """
     model = _legs(spec)
     data = mujoco.MjData(model)
-    shanks = [model.body(f"{leg.name}_shank_link").id for leg in spec.legs]
-    found = np.empty((len(position), len(shanks), 3, JOINTS_PER_LEG))
-    whole = np.empty((3, model.nv))
+    sites = [model.site(name).id for name in spec.foot_names]
+    limbs = legs(spec)
+    columns = [BASE_DOFS + np.array(leg.joints) for leg in limbs]
+    found = [np.empty((len(position), len(leg.feet), 6, len(leg.joints))) for leg in limbs]
+    whole = np.empty((6, model.nv))
     data.qpos[:7] = AT_ORIGIN
     for sample, angles in enumerate(position):
         data.qpos[7:] = angles
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
-        for leg, shank in enumerate(shanks):
-            mujoco.mj_jac(model, data, whole, None, points[sample, leg], shank)
-            first = 6 + JOINTS_PER_LEG * leg
-            found[sample, leg] = whole[:, first : first + JOINTS_PER_LEG]
+        for leg, own, jacobian in zip(limbs, columns, found, strict=True):
+            for index, foot in enumerate(leg.feet):
+                mujoco.mj_jacSite(model, data, whole[:3], whole[3:], sites[foot])
+                jacobian[sample, index] = whole[:, own]
     return found
 
 
-@dataclass(frozen=True)
-class Trunk:
-    """The trunk with whatever it carries: what must be known before feet without force sensors tell anything."""
+def loaded_trunk(spec: Robot, payload: float = 0.0, centre: Vector | None = None) -> Body:
+    """Return a robot's trunk with `payload` [kg] on it, its centre of mass at `centre` [m], by default its own.
 
-    mass: float
-    """Mass [kg]."""
-    centre: tuple[float, float, float]
-    """Centre of mass in the base frame [m]."""
-    inertia: tuple[float, float, float]
-    """Principal moments about the centre of mass, along the base's axes [kg m²]."""
-
-    @classmethod
-    def of(cls, spec: Robot, payload: float = 0.0, centre: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Trunk:
-        """Return a robot's bare trunk, or with `payload` [kg] on it and its centre of mass at `centre` [m].
-
-        The payload is taken as spread over the trunk's box.
-        """
-        mass = spec.base.mass + payload
-        x, y, z = box_inertia(mass, spec.base.size)
-        return cls(mass, centre, (float(x), float(y), float(z)))
+    The payload is taken as spread like the trunk's own mass.
+    """
+    share = 1 + payload / spec.base.mass
+    xx, yy, zz, xy, xz, yz = (share * value for value in spec.base.inertia)
+    return Body(spec.base.mass + payload, spec.base.com if centre is None else centre, (xx, yy, zz, xy, xz, yz))
 
 
-def trunk_wrench(trunk: Trunk, base: BaseMotion) -> np.ndarray:
+def trunk_wrench(trunk: Body, base: BaseMotion) -> np.ndarray:
     """Return force and moment about the base's origin that move the trunk as it moves, shape (T, 6)."""
-    spin, arm, inertia = base.angular_velocity, np.array(trunk.centre), np.array(trunk.inertia)
+    spin, arm, inertia = base.angular_velocity, np.array(trunk.com), trunk.inertia_matrix
     pull = base.specific_force + np.cross(base.angular_acceleration, arm) + np.cross(spin, np.cross(spin, arm))
     force = trunk.mass * pull
-    moment = inertia * base.angular_acceleration + np.cross(spin, inertia * spin) + np.cross(arm, force)
+    moment = base.angular_acceleration @ inertia + np.cross(spin, spin @ inertia) + np.cross(arm, force)
     return np.concatenate([force, moment], axis=1)

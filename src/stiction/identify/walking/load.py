@@ -13,15 +13,12 @@ import numpy as np
 from stiction.formats.joints import Estimate
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
-from stiction.identify.walking.body import Trunk
-from stiction.identify.walking.motion import WalkMotion, feet_down, hann_weights
+from stiction.identify.walking.body import loaded_trunk
+from stiction.identify.walking.motion import WalkMotion, carriers, feet_down, hann_weights
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.stance import BODY, FRICTION, StanceRows, stance_rows
-from stiction.identify.walking.swing import FEWEST_SWINGS, SwingRows
-from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, Robot
-
-BLOCK = 0.5
-"""Length of a block [s], one or two steps of a walk."""
+from stiction.identify.walking.swing import BLOCK, FEWEST_SWINGS, SwingRows
+from stiction.robots.model import Robot
 
 FEWEST_ROWS = 300
 """Fewest equations of the base: an even walk gives some 50 to 200 a second."""
@@ -67,10 +64,9 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: Robot, swing: list[SwingRow
     """Find what the load adds to friction, or say why that cannot be known from this log."""
     if refusal := _missing(motion, setup):
         return LoadFit(refusal)
-    trunk = Trunk.of(spec, setup.payload, setup.centre_of_mass)
-    stance = stance_rows(log, motion, spec, trunk, setup)
+    stance = stance_rows(log, motion, spec, loaded_trunk(spec, setup.payload, setup.centre_of_mass), setup)
     thin = max(1, len(hann_weights(setup.smoothing, motion.period)) // 2)
-    regressor, target, sample, systematic, size = _stack(stance, swing, thin)
+    regressor, target, sample, systematic, size = _stack(stance, swing, spec, thin)
     blocks = sample // round(BLOCK / motion.period)
     if len(stance.target) < FEWEST_ROWS or len(np.unique(blocks)) < FEWEST_SWINGS:
         return LoadFit(
@@ -79,7 +75,7 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: Robot, swing: list[SwingRow
         )
     limit = np.array(log.header.torque_limit)
     bounds = np.array([setup.mass_error, *[setup.centre_error] * 3, *[setup.specific_force_error] * 3])
-    vague = np.tile(WIDE_PRIOR, len(JOINT_KINDS))
+    vague = np.tile(WIDE_PRIOR, len(spec.joint_kinds))
     late = [setup.timing_error * motion.period]
     prior = np.concatenate([vague, setup.torque_zero_error * limit, late, bounds]) / 2
     try:
@@ -102,10 +98,10 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: Robot, swing: list[SwingRow
             condition=fit.condition,
             rows=len(stance.target),
         )
-    laws, refused = _laws(fit)
+    laws, refused = _laws(fit, spec)
     under_load = {kind: _friction_under_load(kind, log, motion, spec, setup, fit) for kind in laws}
     resting = regressor[-len(stance.target) :]
-    partial = {kind: tuple(size * part for part in _partial(resting, fit, JOINT_KINDS.index(kind))) for kind in laws}
+    partial = {kind: tuple(size * part for part in _partial(resting, fit, _first(kind, spec))) for kind in laws}
     return LoadFit("", laws, refused, under_load, body, fit.condition, len(stance.target), partial)
 
 
@@ -125,18 +121,18 @@ def _missing(motion: WalkMotion, setup: WalkSetup) -> str:
 
 
 def _stack(
-    stance: StanceRows, swing: list[SwingRows], thin: int
+    stance: StanceRows, swing: list[SwingRows], spec: Robot, thin: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Return regressor, target, sample and systematic change of all equations, and the size of stance's residual [N].
 
     Each family of equations is over the size of its residual. Columns: A, B, b, c of each kind, every motor's torque
     zero, the torque's lateness, the body's errors. Every `thin`-th swing equation is taken: neighbours share samples.
     """
-    friction, joints = len(JOINT_KINDS) * len(FRICTION), len(swing)
+    friction, joints = len(spec.joint_kinds) * len(FRICTION), len(swing)
     blocks = []
     for number, rows in enumerate(swing):
         part = np.zeros((len(rows.torque), stance.regressor.shape[1]))
-        first = number % JOINTS_PER_LEG * len(FRICTION)
+        first = _first(spec.joints[number].kind, spec)
         signals = (rows.acceleration, rows.velocity, rows.direction, rows.load)
         part[:, first : first + len(FRICTION)] = np.stack(signals, axis=1)
         part[:, friction + number] = 1.0
@@ -165,17 +161,25 @@ def _residual_size(regressor: np.ndarray, target: np.ndarray) -> float:
     return max(1e-9, float(np.std(target - regressor @ np.linalg.lstsq(regressor, target, rcond=1e-8)[0])))
 
 
-def _laws(fit: BlockFit) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]]:
+def _first(kind: str, spec: Robot) -> int:
+    """Return the number of a kind's first column in the regressor: A, then B, b and c."""
+    return len(FRICTION) * spec.joint_kinds.index(kind)
+
+
+def _laws(fit: BlockFit, spec: Robot) -> tuple[dict[str, dict[str, Estimate]], dict[str, str]]:
     """Return what is known of each kind, and why not of the others."""
     laws, refused = {}, {}
-    for number, kind in enumerate(JOINT_KINDS):
-        law = {name: fit.estimate(len(FRICTION) * number + index) for index, name in enumerate(FRICTION)}
+    for kind in spec.joint_kinds:
+        if not carriers(spec)[:, spec.joints_of(kind)].any():
+            refused[kind] = f"no foot hangs on the {kind} joints, so that the ground never loads them"
+            continue
+        law = {name: fit.estimate(_first(kind, spec) + index) for index, name in enumerate(FRICTION)}
         load = _widened(law["load_coefficient"], LAW_ERROR * law["load_coefficient"].value)
         half = load.interval95[1] - load.value
         if half > WIDEST:
             refused[kind] = (
-                f"the interval of the {kind}s' load coefficient, ±{half:.2g}, is too wide to tell anything: log for "
-                "longer, walk so that these joints move while they carry load"
+                f"the interval of the load coefficient of {kind} joints, ±{half:.2g}, is too wide to tell anything: "
+                "log for longer, walk so that these joints move while they carry load"
             )
             continue
         laws[kind] = law | {"load_coefficient": load}
@@ -193,18 +197,22 @@ def _friction_under_load(
     kind: str, log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup, fit: BlockFit
 ) -> tuple[float, Estimate]:
     """Return the mean |τ| of a kind's joints while their feet are down [N m], and the dry friction at it [N m]."""
-    number = JOINT_KINDS.index(kind)
-    torque = float(np.abs(motion.torque[:, number::JOINTS_PER_LEG])[feet_down(log, motion, spec, setup)].mean())
-    weights, first = np.zeros(len(fit.values)), len(FRICTION) * number
+    joints = spec.joints_of(kind)
+    bearing = feet_down(log, motion, spec, setup) @ carriers(spec)
+    torque = float(np.abs(motion.torque[:, joints])[bearing[:, joints]].mean())
+    weights, first = np.zeros(len(fit.values)), _first(kind, spec)
     weights[first + FRICTION.index("coulomb_friction")] = 1.0
     weights[first + FRICTION.index("load_coefficient")] = torque
     slope = float(fit.values[first + FRICTION.index("load_coefficient")])
     return torque, _widened(fit.combination(weights), LAW_ERROR * slope * torque)
 
 
-def _partial(regressor: np.ndarray, fit: BlockFit, kind: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return load and friction of one kind in stance with everything else regressed off, each shape (R,)."""
-    column = len(FRICTION) * kind + FRICTION.index("load_coefficient")
+def _partial(regressor: np.ndarray, fit: BlockFit, first: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return load and friction of one kind in stance with everything else regressed off, each shape (R,).
+
+    first: the kind's first column.
+    """
+    column = first + FRICTION.index("load_coefficient")
     others = np.delete(regressor, column, axis=1)
     load = regressor[:, column] - others @ np.linalg.lstsq(others, regressor[:, column], rcond=1e-8)[0]
     return load, fit.values[column] * load + fit.residual[-len(regressor) :]

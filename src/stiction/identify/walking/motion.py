@@ -65,6 +65,11 @@ def walk_motion(log: WalkLog, spec: Robot) -> WalkMotion:
             f"the log has the joints {', '.join(log.header.joint_names[:4])}, ..., robot {spec.name!r} "
             f"{', '.join(spec.joint_names[:4])}, ...; name the robot that walked with --robot"
         )
+    if log.foot_contact is not None and log.header.foot_names != spec.foot_names:
+        raise LogError(
+            f"the log has the feet {', '.join(log.header.foot_names)}, robot {spec.name!r} "
+            f"{', '.join(spec.foot_names)}; order the columns of foot_contact and their names as the robot's"
+        )
     if log.header.torque_source == "output_side":
         raise LogError(
             "torque source output_side: a sensor behind the gear does not see the joint's friction; "
@@ -159,7 +164,14 @@ def feet_down(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) -
     if log.foot_contact is not None:
         return log.foot_contact
     height = np.einsum("tli,ti->tl", foot_positions(spec, motion.joints.position), motion.upward)
+    height -= [foot.radius for foot in spec.feet]
     return height - height.min(axis=1, keepdims=True) < setup.clearance
+
+
+def carriers(spec: Robot) -> np.ndarray:
+    """Return whether a foot hangs on a joint, bool, shape (L, J); `down @ carriers`: which joints bear load, (T, J)."""
+    chains = [spec.chain(foot.link) for foot in spec.feet]
+    return np.array([[joint in chain for joint in range(spec.num_joints)] for chain in chains])
 
 
 def swings(down: np.ndarray, margin: int) -> np.ndarray:

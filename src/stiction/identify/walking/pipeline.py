@@ -19,7 +19,7 @@ from stiction.identify.walking.motion import WalkMotion, feet_down, walk_motion
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.swing import PARAMETERS, SwingFit, SwingRows, fit_swing, swing_rows
 from stiction.joints.friction import dead_band, friction_ratio
-from stiction.robots.model import JOINT_KINDS, JOINTS_PER_LEG, Robot
+from stiction.robots.model import Robot
 
 GAIT_SHOWN = 4.0
 """Length of the gait that the page draws [s]."""
@@ -57,21 +57,23 @@ def identify_walk(log: WalkLog, spec: Robot, setup: WalkSetup | None = None) -> 
     links = standing_inertia(spec)
     records: dict[str, JointRecord] = {}
     chosen = {name: fit for name, fit in zip(spec.joint_names, own, strict=True) if fit.fit is not None}
-    for first, kind in enumerate(JOINT_KINDS):
-        if any(own[number].fit is None for number in range(first, len(own), JOINTS_PER_LEG)):
-            chosen[kind] = fit_swing(rows[first::JOINTS_PER_LEG], limits[first], motion.period, setup)
+    for kind in spec.joint_kinds:
+        members = spec.joints_of(kind).tolist()
+        if any(own[number].fit is None for number in members):
+            chosen[kind] = fit_swing([rows[number] for number in members], limits[members[0]], motion.period, setup)
     if all(fit.fit is None for fit in chosen.values()):
-        raise LogError(f"this walk tells nothing about any joint: shanks: {chosen['shank'].refusal}")
+        name = max(chosen, key=lambda name: chosen[name].rows)
+        raise LogError(f"this walk tells nothing about any joint: {name}: {chosen[name].refusal}")
     for name, fit in chosen.items():
         number = _number(name, spec)
-        record = _record(fit, log.header, number, float(links[number]), load, motion)
+        record = _record(fit, log.header, spec, number, float(links[number]), load, motion)
         records[name] = replace(record, warnings=_warnings(name, fit, record, own, spec, log, motion, load))
     return WalkIdentification(JointsFile(records), load, _walk_fit(log, motion, spec, setup, rows, chosen, load))
 
 
 def _number(name: str, spec: Robot) -> int:
     """Return the number of a joint, or of the first one of a kind."""
-    return JOINT_KINDS.index(name) if name in JOINT_KINDS else spec.joint_names.index(name)
+    return spec.joint_names.index(name) if name in spec.joint_names else int(spec.joints_of(name)[0])
 
 
 def standing_inertia(spec: Robot) -> np.ndarray:
@@ -83,14 +85,14 @@ def standing_inertia(spec: Robot) -> np.ndarray:
 
 
 def _record(
-    swing: SwingFit, header: WalkHeader, number: int, links: float, load: LoadFit, motion: WalkMotion
+    swing: SwingFit, header: WalkHeader, spec: Robot, number: int, links: float, load: LoadFit, motion: WalkMotion
 ) -> JointRecord:
     """Return a joint's record, warnings apart.
 
     The inertia is that of a leg in the air: rotor, and links in the standing pose, whoever uses it takes those off.
     Where no torque was logged, the motor's strength is unknown: newton metres are null, the ratios stay.
     """
-    kind, limit, kp = JOINT_KINDS[number % JOINTS_PER_LEG], header.torque_limit[number], header.kp[number]
+    kind, limit, kp = spec.joints[number].kind, header.torque_limit[number], header.kp[number]
     settings: dict[str, Any] = {
         "test_condition": "in_air",
         "torque_source": (header.torque_source or "motor_side") if motion.measured_torque else None,
@@ -108,6 +110,7 @@ def _record(
         }
     diagnostics: dict[str, Any] = {
         "method": "walking",
+        "kind": kind,
         "joints": list(swing.joints),
         "swings": swing.swings,
         "samples_used": swing.rows,
@@ -152,13 +155,13 @@ def _warnings(
     load: LoadFit,
 ) -> tuple[str, ...]:
     """Return what a reader should know before trusting a record."""
-    found = []
+    found, kind = [], spec.joints[_number(name, spec)].kind
     if swing.fit is None:
         found.append(f"nothing is known: {swing.refusal}")
-    elif name in JOINT_KINDS:
-        silent = [joint for joint, fit in zip(spec.joint_names, own, strict=True) if fit.fit is None]
-        alike = ", ".join(joint for joint in silent if joint.endswith(f"_{name}"))
-        found.append(f"swings of all {name}s together, as if alike, for those whose own do not tell: {alike}")
+    elif name not in spec.joint_names:
+        silent = [spec.joint_names[number] for number in spec.joints_of(kind) if own[number].fit is None]
+        alike = ", ".join(silent)
+        found.append(f"swings of all {name} joints together, as if alike, for those whose own do not tell: {alike}")
     if record.friction_ratio is not None and record.friction_ratio.interval95[0] <= 0:
         found.append("the interval of coulomb_friction reaches zero: the walk does not show that there is any")
     if not motion.measured_torque:
@@ -180,7 +183,7 @@ def _warnings(
         )
     if log.foot_contact is None:
         found.append("foot contact was not logged: feet clear of the lowest one are taken to swing, as on flat ground")
-    refusal = load.refusal or load.refused.get(JOINT_KINDS[_number(name, spec) % JOINTS_PER_LEG], "")
+    refusal = load.refusal or load.refused.get(kind, "")
     if refusal:
         found.append(f"friction under load is not known: {refusal}")
     return tuple(found)

@@ -16,8 +16,8 @@ class WalkSetup:
     """The user declares that the robot's masses, payload included, are known: without, nothing is said about load."""
     payload: float = 0.0
     """Mass that the trunk carries beyond its own [kg], spread over the trunk."""
-    centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Centre of mass of the trunk with what it carries, in the base frame [m]."""
+    centre_of_mass: tuple[float, float, float] | None = None
+    """Centre of mass of the trunk with what it carries, in the base frame [m]; by default the bare trunk's."""
     mass_error: float = 0.02
     """95 % bound of the relative error of the whole robot's mass [1], if it is declared known: a scale's and a
     payload's errors."""
@@ -65,5 +65,5 @@ class WalkSetup:
                 continue
             if not (isfinite(value) and value >= 0):
                 raise ConfigurationError(f"{item.name} {value}: expected a number that is not negative")
-        if not (isfinite(self.payload) and all(map(isfinite, self.centre_of_mass))):
+        if not (isfinite(self.payload) and all(map(isfinite, self.centre_of_mass or ()))):
             raise ConfigurationError("payload and centre of mass: expected finite numbers")

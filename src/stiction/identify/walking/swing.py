@@ -20,15 +20,27 @@ import numpy as np
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
 from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
-from stiction.identify.walking.motion import WalkMotion, feet_down, grow, hann_weights, slow_samples, smooth, swings
+from stiction.identify.walking.motion import (
+    WalkMotion,
+    carriers,
+    feet_down,
+    grow,
+    hann_weights,
+    slow_samples,
+    smooth,
+    swings,
+)
 from stiction.identify.walking.setup import WalkSetup
-from stiction.robots.model import JOINTS_PER_LEG, Robot
+from stiction.robots.model import Robot
 
 PARAMETERS = ("armature", "viscous_friction", "coulomb_friction", "lateness")
 """What every joint of a fit shares; each joint has an offset of its own besides."""
 
 FEWEST_SWINGS = 8
 """Fewer swings say too little about their own spread."""
+
+BLOCK = 0.5
+"""Length of a block of data where no swing bounds it [s], one or two steps of a walk."""
 
 FEWEST_ROWS = 40
 """Fewest rows of a fit: as many as two swings have."""
@@ -65,16 +77,23 @@ class SwingRows:
 
 
 def swing_rows(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) -> list[SwingRows]:
-    """Return the equations of every joint, in the order of the robot's joints."""
-    down = feet_down(log, motion, spec, setup)
+    """Return the equations of every joint, in the order of the robot's joints.
+
+    A joint swings while all feet that hang on it do. One that carries no foot always does, in blocks of `BLOCK`.
+    """
+    carries = carriers(spec)
+    bearing = feet_down(log, motion, spec, setup) @ carries
+    margin, time = round(setup.swing_margin / motion.period), np.arange(len(motion))
     links = link_effort(spec, motion.joints, motion.base).torque
     systematic = _systematic(spec, motion, links, setup)
     rows: list[SwingRows] = []
-    for index in range(len(spec.feet)):
-        phase = swings(down[:, index], round(setup.swing_margin / motion.period))
-        phase = np.where(phase > 0, phase + index * len(motion), 0)
-        for number in range(JOINTS_PER_LEG * index, JOINTS_PER_LEG * (index + 1)):
-            rows.append(_joint_rows(spec, motion, number, links[:, number], systematic[:, :, number], phase, setup))
+    for number, feet in enumerate(carries.T):
+        if feet.any():
+            phase = swings(bearing[:, number], margin)
+            phase = np.where(phase > 0, phase + feet.argmax() * len(motion), 0)
+        else:
+            phase = 1 + time // round(BLOCK / motion.period)
+        rows.append(_joint_rows(spec, motion, number, links[:, number], systematic[:, :, number], phase, setup))
     return rows
 
 
@@ -88,9 +107,9 @@ def _joint_rows(
     setup: WalkSetup,
 ) -> SwingRows:
     """Return the equations of joint `number`; links: τ_links, (T,); errors: systematic, (4, T); phase: swings, (T,)."""
-    kind, rate = (spec.hip, spec.thigh, spec.shank)[number % JOINTS_PER_LEG], motion.rate[:, number]
+    joint, rate = spec.joints[number], motion.rate[:, number]
     angle = motion.joints.position[:, number]
-    stopped = (angle < kind.lower + setup.limit_margin) | (angle > kind.upper - setup.limit_margin)
+    stopped = (angle < joint.lower + setup.limit_margin) | (angle > joint.upper - setup.limit_margin)
     unclear = (phase == 0) | stopped | slow_samples(rate, setup, motion.period)
     weights = hann_weights(setup.smoothing, motion.period)
     clear = ~grow(unclear, len(weights) // 2)
@@ -103,7 +122,7 @@ def _joint_rows(
     signals = (motion.joints.acceleration[:, number], rate, direction, load, torque - links, slope, *errors)
     table = smooth(np.stack(signals, axis=1), weights)[clear].T
     return SwingRows(
-        joint=spec.joint_names[number],
+        joint=joint.name,
         acceleration=table[0],
         velocity=table[1],
         direction=table[2],
