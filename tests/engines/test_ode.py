@@ -21,8 +21,7 @@ from stiction.engines.ground import Ground, HeightField, flat
 from stiction.engines.ode import engine as ode_module
 from stiction.engines.ode.engine import ACCURATE, WEBOTS, OdeEngine, OdeSettings
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import Robot
-from stiction.robots.model import GRAVITY
+from stiction.robots.model import GRAVITY, Robot
 
 STEP = 0.002
 SPEC = find_robot("saturn_lite")
