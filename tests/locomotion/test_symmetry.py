@@ -245,7 +245,7 @@ def test_symmetry_holds_for_a_second(robot: str) -> None:
 
 
 def test_a_worn_left_joint_becomes_a_worn_right_one() -> None:
-    """The mirror assumes no symmetry of the robot: 0.3 of the limit in FL_calf_joint is seen as 0.3 in FR_calf_joint."""
+    """The mirror assumes no symmetry of the robot: 0.3 of the limit in one calf is seen as 0.3 in the other one."""
     env = make(TWIN)
     names = env.spec.joint_names
     friction = torch.zeros(1, 12)

@@ -1,1 +1,1 @@
-"""What a robot is (NumPy), and its MuJoCo model (`box_legs` alone)."""
+"""What a robot is, as data; how one is read from files, checked, and built in MuJoCo."""

@@ -35,7 +35,8 @@ def check_body(body: Body) -> None:
     spec, tree = body.spec, body.spec.links
     _expect(spec.name, "mass [kg]", [spec.base.mass, *(link.mass for link in tree)], above=0.0)
     _expect(spec.name, "moment of inertia [kg m²]", np.array([link.principal[0] for link in tree]), above=0.0)
-    shapes = (*spec.base.shapes, *(shape for part in (*tree, *spec.feet) for shape in part.shapes))
+    shapes = [shape for part in (spec.base, *tree) for shape in part.shapes]
+    shapes += [shape for foot in spec.feet for shape in foot.shapes]
     solid = [shape for shape in shapes if shape.contact != "nothing"]
     _expect(spec.name, "size of a shape [m]", [shape.size[0] for shape in solid if shape.kind != "hull"], above=0.0)
     _expect(spec.name, "range of a joint [rad]", spec.joint_values("upper") - spec.joint_values("lower"), below=WIDEST)

@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, RobotError
 from stiction.core.records import column, part_of
 from stiction.evaluate.command import Command
 from stiction.evaluate.evaluate import EvaluationCfg, drive_bundle
