@@ -14,8 +14,9 @@ from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.rewards import RewardCfg, Snapshot, fall
+from stiction.robots.catalog import find_robot
 
-SILENT = {name: 0.0 for name in RewardCfg().terms}
+SILENT = {name: 0.0 for name in RewardCfg().terms_for(find_robot("saturn_lite"))}
 
 
 def alive(snapshot: Snapshot):

@@ -15,7 +15,10 @@ BY_FILE = {name: path for path, name in NAMES.items()}
 
 READING = {
     *("core/cache.py", "core/errors.py", "core/gemm.py", "core/statistics.py"),
-    *(f"formats/{name}.py" for name in ("actuator", "bundle", "following", "joints", "log", "results", "tables")),
+    *(
+        f"formats/{name}.py"
+        for name in ("actuator", "bundle", "following", "joints", "log", "plain", "results", "tables")
+    ),
     *("core/plugins.py", "core/records.py", "locomotion/config.py", "locomotion/rewards.py", "joints/net.py"),
 }
 """Code that reads and refuses files, whose content is in every key, or names columns and methods; finds what a user

@@ -80,7 +80,13 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
     assert contract.revision == "abc1234"
     assert contract.joints_file == {"name": "joints.json", "sha256": "0" * 64}
     assert replace(contract, joints_file=None, friction_range=(0.0, 0.24)) == make_contract(
-        method="deception", seed=3, phases=2, revision="abc1234", command="stiction train --seed 3", action_clip=5.0
+        method="deception",
+        seed=3,
+        phases=2,
+        revision="abc1234",
+        command="stiction train --seed 3",
+        action_clip=5.0,
+        anatomy=find_robot("saturn_lite"),
     )
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -184,6 +184,10 @@ def _typical_armatures(model: mujoco.MjModel, anatomy: Anatomy, said: Descriptio
     return {kind: float(np.median(values)) for kind, values in found.items()}
 
 
+Take = Callable[[str, str, float, str], float]
+"""Field, unit, value by rule and why -> the value that was said, or that; its origin is written down."""
+
+
 def _joint(
     model: mujoco.MjModel,
     number: int,
@@ -207,20 +211,7 @@ def _joint(
     if said.of_joint(name, "action") is False:
         # Nothing drives it, and it is gone when the robot is complete: its motor need not be known.
         return Joint(name, kind, 1.0, 1.0, 0.0, 0.0, 1.0, 0.0, min(low, angle - 1), max(high, angle + 1), angle, 0.0)
-    limit, where = _torque_limit(model, number)
-    torque = take("torque_limit", "N m", limit, where)
-    if not torque > 0:
-        raise RobotError(
-            f"joint {name!r} has no torque limit in the file (neither forcerange, nor a motor's ctrlrange, nor "
-            f"actuatorfrcrange or effort); say in {said.source}: joints: {{{name}: {{torque_limit: ...}}}} [N m]"
-        )
-    armature = take("armature", "kg m²", _armature(model, number, said), "file")
-    if not armature > 0:
-        raise RobotError(
-            f"joint {name!r} has no armature in the file, and without the rotor's inertia neither friction nor gains "
-            f"mean anything; say in {said.source}: joints: {{{name}: {{armature: ...}}}} (the rotor's inertia times "
-            "the gear ratio squared [kg m²], from the motor's data sheet or from stiction identify)"
-        )
+    torque, armature = _motor(model, number, take, said)
     kp_file, kd_file = _gains(model, number)
     omega = 2 * math.pi * FREQUENCY
     kp = take(
@@ -256,6 +247,26 @@ def _joint(
             "action_scale", "rad", TORQUE_SHARE * torque / kp, f"rule: {TORQUE_SHARE:g} torque_limit / kp"
         ),
     )
+
+
+def _motor(model: mujoco.MjModel, number: int, take: Take, said: Description) -> tuple[float, float]:
+    """Return torque limit [N m] and armature [kg m²] of a joint, without which nothing can be simulated."""
+    name = model.joint(number).name
+    limit, where = _torque_limit(model, number)
+    torque = take("torque_limit", "N m", limit, where)
+    if not torque > 0:
+        raise RobotError(
+            f"joint {name!r} has no torque limit in the file (neither forcerange, nor a motor's ctrlrange, nor "
+            f"actuatorfrcrange or effort); say in {said.source}: joints: {{{name}: {{torque_limit: ...}}}} [N m]"
+        )
+    armature = take("armature", "kg m²", _armature(model, number, said), "file")
+    if not armature > 0:
+        raise RobotError(
+            f"joint {name!r} has no armature in the file, and without the rotor's inertia neither friction nor gains "
+            f"mean anything; say in {said.source}: joints: {{{name}: {{armature: ...}}}} (the rotor's inertia times "
+            "the gear ratio squared [kg m²], from the motor's data sheet or from stiction identify)"
+        )
+    return torque, armature
 
 
 def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:

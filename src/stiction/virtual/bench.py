@@ -125,7 +125,15 @@ JOINTS, TRAINING = "joints.json", "training.json"
 """Files of the folder."""
 
 BENCH_CODE = (
-    *("core/*.py", "identify/*.py", "identify/excite/task.py", "joints/*.py", "robots/*.py", "sim/friction.py"),
+    *(
+        "core/*.py",
+        "identify/*.py",
+        "identify/excite/task.py",
+        "joints/*.py",
+        "robots/*.py",
+        "robots/shipped/*.py",
+        "sim/friction.py",
+    ),
     *("engines/*.py", "engines/ode/*.py", "virtual/*.py", "deploy/pilot.py"),
     *(f"formats/{name}.py" for name in ("advice", "following", "joints", "log")),
 )
