@@ -38,6 +38,8 @@ class ExportCfg:
     joints: Path | None = None
     """Of a bundle whose policy is told its joints' friction: the joints.json of the robot that it is for. Without it,
     the policy is told the nominal friction of training."""
+    joint_map: tuple[str, ...] = ()
+    """RECORDED=JOINT pairs where the records of --joints have other names than the policy's joints."""
     friction_level: float | None = None
     """Of a Webots project: dry friction of the joints as a fraction of each one's torque limit [-], 0 by default. It
     can be changed in the worlds."""
@@ -50,7 +52,14 @@ class ExportCfg:
     """Print the summary as JSON on standard output, and nothing else."""
 
 
-BELONGS = {"wear": "bundle", "joints": "bundle", "friction_level": "webots", "step_height": "webots", "robot": "webots"}
+BELONGS = {
+    "wear": "bundle",
+    "joints": "bundle",
+    "joint_map": "bundle",
+    "friction_level": "webots",
+    "step_height": "webots",
+    "robot": "webots",
+}
 """Option -> what it is an option of."""
 
 
@@ -75,7 +84,7 @@ def _to_bundle(cfg: ExportCfg) -> None:
     def say(note: str) -> None:
         print(f"stiction export: {note}", file=sys.stderr)
 
-    check = export_run(cfg.source, out, cfg.wear, cfg.joints, say)
+    check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say)
     if cfg.json:
         print(json.dumps(check.summary() | {"path": str(out)}, indent=2))
     else:

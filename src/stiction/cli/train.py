@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from stiction.rma.run import RunDirectory
 
 
-def _identified(file: str | None, robot: str) -> dict[str, Any] | None:
+def _identified(file: str | None, robot: str, pairs: tuple[str, ...]) -> dict[str, Any] | None:
     """Read the nominal joints of a robot from a `joints.json`, with its name and hash; say what is not used."""
     if file is None:
         return None
+    from stiction.formats.joint_map import mapped
     from stiction.formats.joints import load_joints
     from stiction.locomotion.randomization import identified_joints
     from stiction.robots.catalog import find_robot
@@ -31,7 +32,8 @@ def _identified(file: str | None, robot: str) -> dict[str, Any] | None:
 
     path, spec = Path(file), find_robot(robot)
     limits = spec.joint_values("torque_limit")
-    found = identified_joints(load_joints(path), spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
+    records = mapped(load_joints(path), pairs, spec.joint_names)
+    found = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
     for warning in found.warnings:
         print(f"stiction train: warning: {warning}", file=sys.stderr)
     values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
@@ -94,7 +96,9 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
     find_device(cfg.device, cfg.contacts)
     if cfg.symmetry != "none":
         robot_mirror(robot)
-    identified = _identified(cfg.joints, cfg.task.robot)
+    if options.joint_map and cfg.joints is None:
+        raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
+    identified = _identified(cfg.joints, cfg.task.robot, options.joint_map)
     command = shlex.join(["stiction", "train", *arguments])
     return RunDirectory.create(options.out, cfg, command, identified), cfg
 

@@ -18,6 +18,9 @@ class VerifyCfg:
 
     bundle: Annotated[Path, tyro.conf.Positional]
     """Directory of the bundle, or the name of one that comes with the package."""
+    against: Path | None = None
+    """Your own model of the robot, a MuJoCo (.xml) or URDF (.urdf) file: axes, places, limits, masses and order of the
+    joints must be those of the policy's robot."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -30,12 +33,17 @@ def main(arguments: list[str]) -> None:
 
     try:
         check = check_bundle(find_bundle(cfg.bundle))
+        if cfg.against is not None:
+            from stiction.deploy.check import robot_of
+            from stiction.robots.compare import check_against
+
+            check_against(robot_of(check.bundle.contract), cfg.against)
     except StictionError as error:
         if cfg.json:
             print(json.dumps({"ok": False, "bundle": cfg.bundle.name, "error": str(error)}, indent=2))
         raise
     if cfg.json:
-        print(json.dumps(check.summary(), indent=2))
+        print(json.dumps(check.summary() | ({} if cfg.against is None else {"against": cfg.against.name}), indent=2))
     else:
         _print(check)
 

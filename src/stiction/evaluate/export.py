@@ -11,7 +11,7 @@ import io
 import logging
 import shlex
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import fields, replace
 from pathlib import Path
@@ -29,6 +29,7 @@ from stiction.evaluate.known_friction import nominal_known
 from stiction.evaluate.rollout import Driver, Rollout, RolloutStep
 from stiction.formats.bundle import Golden, write_bundle
 from stiction.formats.contract import METHODS, Contract
+from stiction.formats.joint_map import mapped
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import TERM, bench_friction, told_text
 from stiction.formats.wear import WearModel, read_wear
@@ -170,6 +171,7 @@ def export_run(
     out: Path,
     wear: Path | None = None,
     joints: Path | None = None,
+    joint_map: Sequence[str] = (),
     say: Callable[[str], None] = lambda note: None,
 ) -> BundleCheck:
     """Export the student of a training run, write its bundle, and check what was written.
@@ -179,6 +181,7 @@ def export_run(
         out: directory to make.
         wear: the wear.json that `stiction study adaptation` made for the run, to go into the bundle.
         joints: the joints.json of a robot, for a policy that observes its joints' friction.
+        joint_map: RECORDED=JOINT pairs where its records have other names than the policy's joints.
         say: called with what the joints.json lacks, and what stands in its place.
 
     Raises:
@@ -196,18 +199,20 @@ def export_run(
     model = None if wear is None else _wear_of(directory, wear)
     contract = contract_of(cfg, header)
     if joints is not None:
-        contract = with_bench(contract, joints, say)
+        contract = with_bench(contract, joints, joint_map, say)
     return export_policy(load_student(directory), contract, out, model)
 
 
-def with_bench(contract: Contract, path: Path, say: Callable[[str], None] = lambda note: None) -> Contract:
+def with_bench(
+    contract: Contract, path: Path, joint_map: Sequence[str] = (), say: Callable[[str], None] = lambda note: None
+) -> Contract:
     """Return a contract with the known friction of a bench's joints.json; arguments and errors as of `export_run`."""
     if not contract.knows_friction:
         raise ConfigurationError(
             "this policy is not told its joints' friction, --joints would have no effect; leave it out, or train with "
             "--task.known-friction"
         )
-    file, limits = load_joints(path), contract.array("torque_limit")
+    file, limits = mapped(load_joints(path), joint_map, contract.joint_names), contract.array("torque_limit")
     nominal = nominal_known(contract, robot_of(contract))
     found = bench_friction(file, contract.joint_names, contract.kinds, limits, nominal)
     if len(found.missing) == contract.num_joints:

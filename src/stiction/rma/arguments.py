@@ -46,6 +46,9 @@ class Train:
     `paper`: 700 and 240, and randomises the paper's table and no more."""
     out: Path = Path("runs/train")
     """Folder of the run."""
+    joint_map: tuple[str, ...] = ()
+    """RECORDED=JOINT pairs where the records of --joints have other names than the robot's joints; the right side may
+    have wildcards, as in shank=*_calf_joint."""
     friction_from: Path | None = None
     """A `training.json` of `stiction identify`; its method and level go in place of --method and --friction-level."""
     resume: Path | None = None

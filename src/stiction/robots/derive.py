@@ -252,7 +252,7 @@ def _joint(
 def _motor(model: mujoco.MjModel, number: int, take: Take, said: Description) -> tuple[float, float]:
     """Return torque limit [N m] and armature [kg m²] of a joint, without which nothing can be simulated."""
     name = model.joint(number).name
-    limit, where = _torque_limit(model, number)
+    limit, where = torque_limit(model, number)
     torque = take("torque_limit", "N m", limit, where)
     if not torque > 0:
         raise RobotError(
@@ -279,7 +279,7 @@ def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
     ]
 
 
-def _torque_limit(model: mujoco.MjModel, joint: int) -> tuple[float, str]:
+def torque_limit(model: mujoco.MjModel, joint: int) -> tuple[float, str]:
     """Return the smallest torque limit that the file states, and where; 0 where it states none."""
     found: list[tuple[float, str]] = []
     if model.jnt_actfrclimited[joint]:

@@ -1,0 +1,103 @@
+"""Compares a robot with somebody's model of it, joint by joint: names, axes, places, limits, masses, torque limits.
+
+A joint whose sign is wrong in one of the two turns a leg the other way on the machine; no network can tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from stiction.core.errors import RobotError, unknown_name
+from stiction.robots.anatomy import hinges
+from stiction.robots.derive import derive, torque_limit
+from stiction.robots.description import describe
+from stiction.robots.hold import hold
+from stiction.robots.model import Robot, link_poses
+from stiction.robots.source import Source, read_source
+
+PLACE, AXIS, LIMIT, MASS, TORQUE = 5e-3, 1e-2, 0.05, 0.05, 0.02
+"""How far two models may be apart: places [m], axes [-], limits [rad], masses and torque limits as shares [-]."""
+
+
+def check_against(robot: Robot, path: Path) -> int:
+    """Return how many joints of a robot agree with a MuJoCo or URDF model of it: all.
+
+    Joints that the robot holds are held in the model too. Raises `RobotError` naming the first joint that differs, in
+    what, and by how much; or a model that cannot be read.
+    """
+    source = read_source(path)
+    other = _model(robot, source)
+    missing = [name for name in robot.joint_names if name not in other.joint_names]
+    if missing:
+        raise RobotError(f"{path}: {unknown_name('joint', missing[0], other.joint_names)}")
+    extra = [name for name in other.joint_names if name not in robot.joint_names]
+    if extra:
+        raise RobotError(
+            f"{path}: the model moves {', '.join(extra)}, which the policy's robot neither moves nor holds"
+        )
+    for difference in _differences(robot, other, source):
+        raise RobotError(f"{path}: {difference}")
+    order = [name for name in other.joint_names if name in robot.joint_names]
+    if order != list(robot.joint_names):
+        # Another order is no fault of either; who wires them together by number has to know.
+        robot_first, model_first = robot.joint_names[0], order[0]
+        if robot_first != model_first and robot.vendor is None:
+            raise RobotError(
+                f"{path}: its joints begin with {model_first!r}, the policy's with {robot_first!r}; give the robot's "
+                "vendor order in robot.yaml, or wire them by name"
+            )
+    return robot.num_joints
+
+
+def _model(robot: Robot, source: Source) -> Robot:
+    """Return the robot of a model, in the pose of the other one and with what it holds held."""
+    names = [source.model.joint(number).name for number in hinges(source.model)]
+    pose = dict(zip(robot.joint_names, robot.joint_values("default_position").tolist(), strict=True))
+    pose |= {joint.name: joint.position for joint in robot.held}
+    said = {
+        "joints": {".*": {"armature": 1.0, "torque_limit": 1.0, "kp": 1.0, "lower": -7.0, "upper": 7.0}},
+        "pose": {name: angle for name, angle in pose.items() if name in names and name.replace("_", "").isalnum()},
+    }
+    derived = derive(source, describe(said, source.origin)).robot
+    return hold(derived, {joint.name: joint.position for joint in robot.held if joint.name in derived.joint_names})
+
+
+def _differences(robot: Robot, other: Robot, source: Source) -> Iterator[str]:
+    """Yield a sentence for everything in which two robots with the same joints differ."""
+    places = [link_poses(each, np.zeros(each.num_joints))[0] for each in (robot, other)]
+    numbers = {source.model.joint(number).name: number for number in hinges(source.model)}
+    for own, joint in enumerate(robot.joints):
+        name, there = joint.name, other.joint_names.index(joint.name)
+        axis, model_axis = np.array(robot.links[own].axis), np.array(other.links[there].axis)
+        if np.abs(axis + model_axis).max() < AXIS:
+            yield f"joint {name!r} turns the other way: its axis is {_text(model_axis)}, the policy's {_text(axis)}"
+        if np.abs(axis - model_axis).max() > AXIS:
+            yield f"joint {name!r} has the axis {_text(model_axis)}, the policy's {_text(axis)}"
+        away = places[0][own] - places[1][there]
+        if np.abs(away).max() > PLACE:
+            found, wanted = _text(places[1][there]), _text(places[0][own])
+            yield f"joint {name!r} is at {found} m at angles of zero, the policy's at {wanted} m"
+        number = numbers[name]
+        if source.model.jnt_limited[number]:
+            low, high = source.model.jnt_range[number]
+            if max(abs(low - joint.lower), abs(high - joint.upper)) > LIMIT:
+                yield (
+                    f"joint {name!r} has the limits {low:.4g} to {high:.4g} rad, the policy's {joint.lower:.4g} to "
+                    f"{joint.upper:.4g} rad"
+                )
+        limit = torque_limit(source.model, number)[0]
+        if limit and abs(limit / joint.torque_limit - 1.0) > TORQUE:
+            yield f"joint {name!r} has a torque limit of {limit:.4g} N m, the policy's {joint.torque_limit:.4g} N m"
+        mass, model_mass = robot.links[own].mass, other.links[there].mass
+        if abs(model_mass - mass) > MASS * mass:
+            yield f"the link behind joint {name!r} weighs {model_mass:.4g} kg, the policy's {mass:.4g} kg"
+    if abs(other.mass - robot.mass) > MASS * robot.mass:
+        yield f"the robot weighs {other.mass:.4g} kg, the policy's {robot.mass:.4g} kg"
+
+
+def _text(values: np.ndarray) -> str:
+    """Return three numbers as people read them."""
+    return "(" + ", ".join(f"{value:.3g}" for value in values.round(4) + 0.0) + ")"
