@@ -50,7 +50,7 @@ def test_an_identification_becomes_the_nominal_joint(tmp_path: Path, capsys: pyt
     """Recorded in config.json; the level overrides its friction."""
     number = {"value": 0.02, "std": 0.0, "interval95": [0.02, 0.02]}
     record = {"inertia": number, "viscous_friction": number, "coulomb_friction": number}
-    conditions = {"shank": "bare_motor", "thigh": "loaded"}
+    conditions = {"calf": "bare_motor", "thigh": "loaded"}
     joints = {
         kind: JointRecord.from_dict(record | {"test_condition": given}, kind) for kind, given in conditions.items()
     }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from stiction.core.provenance import PACKAGE
-from stiction.evaluate.code import RUN_WALKING, WALKING
+from stiction.evaluate.code import RUN_WALK_CODE, WALK_CODE
 from stiction.studies.wear.run import WEARING
 from stiction.virtual.bench import BENCH_CODE
 from test_house import BY_NAME, NAMES, all_imports
@@ -73,9 +73,9 @@ def imported(start: str) -> set[str]:
 @pytest.mark.parametrize(
     ("start", "code", "known"),
     [
-        ("evaluate/run.py", WALKING, READING | WEAR | BENCHES),
+        ("evaluate/run.py", WALK_CODE, READING | WEAR | BENCHES),
         ("studies/wear/lives.py", WEARING, READING),
-        ("evaluate/trained.py", RUN_WALKING, READING | TRAINING | WEAR),
+        ("evaluate/trained.py", RUN_WALK_CODE, READING | TRAINING | WEAR),
         ("virtual/bench.py", BENCH_CODE, READING | BENCHED | WEAR),
     ],
 )
@@ -85,7 +85,7 @@ def test_code_that_decides_is_in_the_key(start: str, code: tuple[str, ...], know
     assert sorted(imported(start) - counted - known) == []
 
 
-@pytest.mark.parametrize("code", [WALKING, RUN_WALKING, WEARING, BENCH_CODE])
+@pytest.mark.parametrize("code", [WALK_CODE, RUN_WALK_CODE, WEARING, BENCH_CODE])
 def test_every_part_of_the_walking_code_is_there(code: tuple[str, ...]) -> None:
     """A file that was renamed would no longer count, and nobody would see it."""
     assert [pattern for pattern in code if not list(PACKAGE.glob(pattern))] == []

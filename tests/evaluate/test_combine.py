@@ -48,7 +48,7 @@ def test_a_fall_counts_as_in_a_batch() -> None:
         *(getattr(short, name) if name == "period" else getattr(short, name)[:81] for name in vars(short))
     )
     first = measure(recording.of(slice(0, 1)), COMMAND, GROUPS, WEIGHT)
-    combined = combine([first, measure(ended.lasting(200), COMMAND, GROUPS, WEIGHT)])
+    combined = combine([first, measure(ended.extended(200), COMMAND, GROUPS, WEIGHT)])
     assert combined.fall_rate == whole.fall_rate == 0.5
     assert combined.speed_ratio == pytest.approx(whole.speed_ratio)
     assert combined.distance == pytest.approx(whole.distance)

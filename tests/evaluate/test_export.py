@@ -131,7 +131,7 @@ def found(friction: float | None) -> JointRecord:
 def test_a_policy_that_is_told_its_friction_is_exported_with_a_number(tmp_path: Path) -> None:
     """The nominal friction of training until a robot has been on its bench; then 1 of 25 N m, 2 of 25, 9 of 45."""
     contract = contract_of(TOLD, HEADER)
-    assert contract.knows_friction and contract.known_friction == pytest.approx(
+    assert contract.observes_friction and contract.known_friction == pytest.approx(
         {"hip": 0.2, "thigh": 0.2, "shank": 0.2}
     )
     assert "| hip 20 %, thigh 20 %, shank 20 % of the torque limit, from the nominal friction" in write_card(contract)

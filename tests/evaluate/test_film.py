@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from stiction.evaluate.film import FORWARD, Crew, filmed_task
+from stiction.evaluate.film import FORWARD, ClipRecorder, filmed_task
 from stiction.locomotion.config import TaskCfg
 from stiction.rma.config import NetworkCfg, StudentCfg, TeacherCfg, TrainCfg
 
@@ -34,7 +34,7 @@ def test_a_lost_clip_costs_one_line_and_no_more_tries(tmp_path: Path, checkpoint
     """Without OpenGL every clip would fail the same way; the training must not notice."""
     monkeypatch.setattr(sys, "executable", renderer(tmp_path, f"echo x >> {tmp_path}/tries; echo no GL >&2; exit 1"))
     said: list[str] = []
-    crew = Crew(tmp_path / "run", said.append)
+    crew = ClipRecorder(tmp_path / "run", said.append)
     (tmp_path / "run").mkdir()
     crew("teacher", 100, checkpoint)
     crew.finish()
@@ -54,7 +54,7 @@ def test_the_newest_checkpoint_waits_for_a_slow_clip(tmp_path: Path, checkpoint:
     said: list[str] = []
     run = tmp_path / "run"
     run.mkdir()
-    crew = Crew(run, said.append)
+    crew = ClipRecorder(run, said.append)
     for iteration in (100, 200, 300):
         crew("teacher", iteration, checkpoint)
     checkpoint.unlink()  # as the training does with old ones
@@ -71,7 +71,7 @@ def test_a_run_that_ends_takes_its_renderer_along(tmp_path: Path, checkpoint: Pa
     (tmp_path / "temporary").mkdir()
     monkeypatch.setattr(sys, "executable", renderer(tmp_path, "exec sleep 60"))
     (tmp_path / "run").mkdir()
-    crew = Crew(tmp_path / "run", lambda _: None)
+    crew = ClipRecorder(tmp_path / "run", lambda _: None)
     crew("teacher", 100, checkpoint)
     crew("teacher", 200, checkpoint)
     assert crew._filming is not None
@@ -125,7 +125,7 @@ def test_a_training_run_leaves_clips_that_move(tmp_path: Path) -> None:
     )
     run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
     said: list[str] = []
-    crew = Crew(run.path, said.append)
+    crew = ClipRecorder(run.path, said.append)
     train(cfg, run, film=crew)
     crew.finish()
     if said:

@@ -11,7 +11,7 @@ import pytest
 from bundles import make_bundle, make_contract, make_network
 from stiction.core.errors import StictionError
 from stiction.evaluate import benches as benches_module
-from stiction.evaluate.benches import forwarded, not_told
+from stiction.evaluate.benches import forwarded, not_forwarded
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.grid import GridCfg
 from stiction.evaluate.run import WalkLedger, walk_grid
@@ -48,7 +48,7 @@ def benches(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         found = [Estimate(float(n), 0.1, (n - 0.2, n + 0.2)) for n in range(1, SPEC.num_joints + 1)]
         JointsFile(dict(zip(SPEC.joint_names, map(record, found), strict=True))).write(folder / "joints.json")
 
-    monkeypatch.setattr(benches_module, "make_bench", make)
+    monkeypatch.setattr(benches_module, "identify_on_bench", make)
     monkeypatch.setattr(benches_module, "has_entry", lambda folder, key: (folder / "joints.json").is_file())
     return seen
 
@@ -85,7 +85,7 @@ def test_a_virtual_robot_gets_what_its_own_bench_found_and_is_put_there_once(
 @pytest.fixture
 def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
     """Let the bench of robot 4 tell nothing of one joint."""
-    make = benches_module.make_bench
+    make = benches_module.identify_on_bench
 
     def make_some(bench: Bench, folder: Path, workers: int) -> None:
         make(bench, folder, workers)
@@ -94,15 +94,15 @@ def hidden(monkeypatch: pytest.MonkeyPatch, benches: list[str]) -> None:
             joints["ML_hip"] = JointRecord(warnings=("not identified: it hardly moves",))
             JointsFile(joints).write(folder / "joints.json")
 
-    monkeypatch.setattr(benches_module, "make_bench", make_some)
+    monkeypatch.setattr(benches_module, "identify_on_bench", make_some)
 
 
 def test_a_robot_that_cannot_be_identified_is_left_out_and_named(still: Bundle, tmp_path: Path, hidden: None) -> None:
     """One joint of one robot would end hours of walks on all others; without a word the mean would be of fewer."""
     cfg = GridCfg(BASE, ("mujoco-alone+all",), robots=(3, 4), robot_levels=("0.1",), forward=("still",))
-    assert not_told([still], cfg, tmp_path) == []
+    assert not_forwarded([still], cfg, tmp_path) == []
     assert {walk.robot for walk in forwarded([still], cfg, tmp_path)} == {3}
-    (warning,) = not_told([still], cfg, tmp_path)
+    (warning,) = not_forwarded([still], cfg, tmp_path)
     assert warning.startswith("Friction is not fed forward on saturn_lite--mujoco--all--0.1--4, its walks are left out")
     assert "'ML_hip' is null" in warning and warning.endswith("it hardly moves")
     (tmp_path / "saturn_lite--mujoco--all--0.1--4" / "joints.json").write_text("half")

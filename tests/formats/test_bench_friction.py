@@ -8,7 +8,7 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.core.names import kinds_of
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
-from stiction.formats.known_friction import bench_friction, kind_average, told_text
+from stiction.formats.known_friction import bench_friction, kind_average, known_friction_text
 
 NAMES = ("FL_hip", "FL_shank", "FR_hip", "FR_shank")
 LIMITS = np.array([20.0, 40.0, 20.0, 40.0])
@@ -36,7 +36,7 @@ def test_each_kind_gets_the_mean_of_its_joints_over_their_limits() -> None:
     found = said(FL_hip=joint(1.0), FR_hip=joint(3.0), FL_shank=joint(2.0), FR_shank=joint(2.0))
     assert found.share == pytest.approx({"hip": 0.1, "shank": 0.05}) and found.notes == found.missing == ()
     np.testing.assert_allclose(found.array, [0.1, 0.05])
-    assert told_text(found.share) == "hip 10 %, shank 5 % of the torque limit"
+    assert known_friction_text(found.share) == "hip 10 %, shank 5 % of the torque limit"
 
 
 def test_a_record_of_a_kind_stands_for_its_joints_and_a_ratio_for_a_torque() -> None:

@@ -165,16 +165,16 @@ def test_what_a_policy_is_told_goes_with_it() -> None:
     """In the order of the kinds of joints, from whichever file; a bundle may also say that nobody knows."""
     contract = told(known_friction_file={"name": "joints.json", "sha256": "0" * 64})
     assert read_contract(contract.to_json().encode()) == contract
-    assert contract.knows_friction and contract.told_friction.tolist() == [0.1, 0.2, 0.0]
+    assert contract.observes_friction and contract.known_friction_array.tolist() == [0.1, 0.2, 0.0]
     unknown = told(known_friction=None)
-    assert read_contract(unknown.to_json().encode()).told_friction is None and unknown.knows_friction
+    assert read_contract(unknown.to_json().encode()).known_friction_array is None and unknown.observes_friction
 
 
 def test_a_contract_from_before_policies_were_told_anything_is_read(contract: Contract) -> None:
     """All shipped bundles are so."""
     data = json.loads(contract.to_json())
     del data["known_friction"], data["known_friction_file"]
-    assert read_contract(json.dumps(data).encode()) == contract and not contract.knows_friction
+    assert read_contract(json.dumps(data).encode()) == contract and not contract.observes_friction
 
 
 @pytest.mark.parametrize(
@@ -206,14 +206,14 @@ def test_only_a_policy_that_observes_it_is_told(contract: Contract) -> None:
 
 def test_slow_means_go_with_their_time(contract: Contract) -> None:
     """The runtime weighs the past as training did; without the number, or with another size, it would not."""
-    slow = make_contract(observation=proprioception(18, slow_kept=0.98))
+    slow = make_contract(observation=proprioception(18, slow_decay=0.98))
     assert read_contract(slow.to_json().encode()) == slow and slow.observation.frame_size == 65 + 3 * 18
     data = json.loads(slow.to_json())
     data["observation"]["slow_kept"] = None
-    with pytest.raises(StictionError, match="slow_error, slow_speed, slow_power with slow_kept None"):
+    with pytest.raises(StictionError, match="slow_error, slow_speed, slow_power with slow_decay None"):
         read_contract(json.dumps(data).encode())
     data = json.loads(contract.to_json())
     del data["observation"]["slow_kept"]
     assert read_contract(json.dumps(data).encode()) == contract
     with pytest.raises(BundleError, match=r"observation\.\w+\.size"):
-        make_contract(observation=proprioception(17, slow_kept=0.98))
+        make_contract(observation=proprioception(17, slow_decay=0.98))

@@ -49,7 +49,7 @@ def bound(fleet: Fleet) -> float:
 
 
 def test_below_its_bound_a_joint_gives_way_by_load_over_stiffness_and_comes_back() -> None:
-    """Pre-sliding is a spring: τ/k, nothing lasting; if it crept, a standing robot would sink."""
+    """Pre-sliding is a spring: τ/k, nothing extended; if it crept, a standing robot would sink."""
     fleet = hung()
     fleet.damping[:, 0] = 5.0
     load = 0.9 * bound(fleet)

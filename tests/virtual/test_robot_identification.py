@@ -21,7 +21,7 @@ from stiction.robots.catalog import find_robot
 from stiction.studies.bench import robots as bench_study
 from stiction.studies.bench.robots import IdentifiedFriction, LoadMeter, referee, study_benches
 from stiction.virtual import bench as identification
-from stiction.virtual.bench import Bench, BenchCfg, make_bench
+from stiction.virtual.bench import Bench, BenchCfg, identify_on_bench
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.hidden import draw
 
@@ -120,7 +120,7 @@ def test_a_bench_that_tells_nothing_says_so_in_its_file(tmp_path: Path, monkeypa
         raise StictionError("it hardly moves")
 
     monkeypatch.setattr(identification, "identify_log", refuse)
-    make_bench(BENCH, tmp_path / "robot")
+    identify_on_bench(BENCH, tmp_path / "robot")
     assert has_entry(tmp_path / "robot", BENCH.key)
     records = load_joints(tmp_path / "robot" / "joints.json").joints
     assert tuple(records) == SHANKS and {one.coulomb_friction for one in records.values()} == {None}
@@ -128,14 +128,14 @@ def test_a_bench_that_tells_nothing_says_so_in_its_file(tmp_path: Path, monkeypa
         load_joints(tmp_path / "robot" / "joints.json").nominal(SHANKS, "coulomb_friction")
     (tmp_path / "file").write_text("")
     with pytest.raises(StictionError, match="cannot be written"):
-        make_bench(BENCH, tmp_path / "file")
+        identify_on_bench(BENCH, tmp_path / "file")
 
 
 def test_an_identification_alone_keeps_no_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Evaluations need joints.json of many robots, and not five megabytes of each."""
     refused = {name: JointRecord(warnings=("not identified: hidden",)) for name in reversed(SHANKS)}
     monkeypatch.setattr(identification, "identify_log", lambda log, workers: ({}, refused))
-    make_bench(BENCH, tmp_path)
+    identify_on_bench(BENCH, tmp_path)
     assert has_entry(tmp_path, BENCH.key)
     assert {file.name for file in tmp_path.iterdir()} == {"joints.json", "training.json", "entry.json"}
     assert tuple(load_joints(tmp_path / "joints.json").joints) == SHANKS

@@ -123,7 +123,7 @@ def _resume(options: Train, arguments: list[str]) -> int:
 def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     """Train, with progress, clips and an ear for signals; return the exit status."""
     from stiction.cli.progress import training_progress
-    from stiction.evaluate.film import Crew
+    from stiction.evaluate.film import ClipRecorder
     from stiction.report.terminal import stop_requests
     from stiction.rma.phase import Interrupted
     from stiction.rma.run import identified_values
@@ -138,7 +138,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     ):
         # Python's own form is two lines, the second one of our source code.
         warnings.showwarning = lambda message, *_: display.say(f"stiction train: warning: {message}")
-        crew = Crew(run.path, display.say)
+        crew = ClipRecorder(run.path, display.say)
         try:
             summary = train(cfg, run, identified_values(run.header()), display, asked, crew)
             crew.finish()

@@ -54,7 +54,7 @@ def _print(check) -> None:
     from rich.table import Table
 
     from stiction.deploy.check import TOLERANCE
-    from stiction.formats.known_friction import told_text
+    from stiction.formats.known_friction import known_friction_text
 
     bundle, contract = check.bundle, check.bundle.contract
     rows = {
@@ -69,7 +69,7 @@ def _print(check) -> None:
     if contract.known_friction is not None:
         file = contract.known_friction_file
         source = "nominal in its training" if file is None else f"as {file['name']} says"
-        rows["told friction"] = f"{told_text(contract.known_friction)}, {source}"
+        rows["told friction"] = f"{known_friction_text(contract.known_friction)}, {source}"
     table = Table(title=f"{bundle.name}: every check passed", title_justify="left", show_header=False)
     for name, text in rows.items():
         table.add_row(name, text)

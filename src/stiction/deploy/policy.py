@@ -176,7 +176,7 @@ class Policy:
         """
         self.contract, self._network, self._batch = contract, network, batch
         self._standing = contract.array("standing")
-        known = contract.told_friction if known_friction is None else known_friction
+        known = contract.known_friction_array if known_friction is None else known_friction
         self._builder = ObservationBuilder(contract.observation, self._standing, batch, known, contract.scale)
         self._last_action = np.zeros((*batch, contract.num_joints), dtype=np.float32)
 

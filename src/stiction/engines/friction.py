@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from stiction.engines.engine import Motion
-from stiction.joints.friction import KEPT_OVER, LAWS, Law, Values, has_coefficient
+from stiction.joints.friction import LAWS, SMOOTHING_PERIOD, Law, Values, has_coefficient
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class JointFriction:
     def __init__(self, timestep: float, *terms: Term) -> None:
         """timestep: of the physics [s]; terms: laws whose bounds add up."""
         self._terms = [Term(term.law, np.array(term.level, float), term.numbers) for term in terms]
-        self._decay = [LAWS[term.law].kept ** (timestep / KEPT_OVER) for term in terms]
+        self._decay = [LAWS[term.law].kept ** (timestep / SMOOTHING_PERIOD) for term in terms]
         self.reset()
 
     @classmethod

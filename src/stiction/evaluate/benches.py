@@ -27,7 +27,7 @@ from stiction.formats.contract import Contract
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import BenchFriction, bench_friction, kind_average
 from stiction.robots.model import Robot
-from stiction.virtual.bench import JOINTS, Bench, make_bench
+from stiction.virtual.bench import JOINTS, Bench, identify_on_bench
 from stiction.virtual.cases import Case, parse_level
 from stiction.virtual.hidden import draw
 
@@ -48,12 +48,12 @@ def bench_of(walk: Walk, spec: Robot) -> Bench | None:
     return None if case is None else Bench(walk.simulator.spec.name, case, spec)
 
 
-def all_made(benches: Iterable[Bench], out: Path) -> bool:
-    """Return whether every robot was on its bench; `out` as of `make_benches`."""
+def all_identified(benches: Iterable[Bench], out: Path) -> bool:
+    """Return whether every robot was on its bench; `out` as of `identify_on_benches`."""
     return all(has_entry(out / bench.label, bench.key) for bench in benches)
 
 
-def make_benches(
+def identify_on_benches(
     benches: Iterable[Bench],
     out: Path,
     jobs: int = 1,
@@ -71,10 +71,10 @@ def make_benches(
         StictionError: a file cannot be written.
 
     """
-    missing = {bench.label: bench for bench in benches if not all_made([bench], out)}
+    missing = {bench.label: bench for bench in benches if not all_identified([bench], out)}
     workers = max(1, jobs // max(1, len(missing)))
     tasks = [(bench, out / label, workers) for label, bench in missing.items()]
-    for count, _ in enumerate(spread(make_bench, tasks, jobs), 1):
+    for count, _ in enumerate(spread(identify_on_bench, tasks, jobs), 1):
         progress(BENCH_WORK, count / len(missing))
 
 
@@ -90,10 +90,10 @@ def informed(
     """Return walks, those of policies that observe their joints' friction with the friction that they are given.
 
     Robots that were not on their benches yet are put there first. walks: of the grid; bundles: its policies; cfg: the
-    grid, whose base says which friction is given; robot: see `robot_of`; others as of `make_benches`. Raises
+    grid, whose base says which friction is given; robot: see `robot_of`; others as of `identify_on_benches`. Raises
     `StictionError` where a file cannot be read or written.
     """
-    make_benches(benches_of(walks, bundles, cfg, robot), out, jobs, progress)
+    identify_on_benches(benches_of(walks, bundles, cfg, robot), out, jobs, progress)
     contracts = {bundle.name: bundle.contract for bundle in bundles}
     specs = {name: robot_of(contract, robot) for name, contract in contracts.items()}
     known: dict[tuple[Any, ...], tuple[float, ...] | None] = {}
@@ -111,7 +111,7 @@ def _same_robot(walk: Walk) -> tuple[Any, ...]:
 def _known(walk: Walk, contract: Contract, spec: Robot, cfg: GridCfg, out: Path) -> tuple[float, ...] | None:
     """Return the friction that the policy of a walk is given; None: what its contract says, or none."""
     given, case, bench, law = parse_source(cfg.base.known_friction), case_of(walk), bench_of(walk, spec), cfg.base.law
-    if not contract.knows_friction or given.source == "contract":
+    if not contract.observes_friction or given.source == "contract":
         return None
     if case is None or bench is None:
         known = known_to(contract, spec, given, law, friction_at(contract, np.array([float(walk.level)]), law))
@@ -145,7 +145,7 @@ def benches_of(walks: Iterable[Walk], bundles: Sequence[Bundle], cfg: GridCfg, r
     """Return the benches on which robots must be before `informed` knows what to give, each once."""
     if parse_source(cfg.base.known_friction).source != "bench":
         return []
-    specs = {bundle.name: robot_of(bundle.contract, robot) for bundle in bundles if bundle.contract.knows_friction}
+    specs = {bundle.name: robot_of(bundle.contract, robot) for bundle in bundles if bundle.contract.observes_friction}
     found = [bench_of(walk, specs[walk.policy]) for walk in walks if walk.policy in specs]
     return list({bench.label: bench for bench in found if bench is not None}.values())
 
@@ -161,7 +161,7 @@ def not_identified(
         f"On {bench.label}, as {bundle.name} is told it: {note}"
         for bundle in bundles
         for bench in benches_of([walk for walk in walks if walk.policy == bundle.name], bundles, cfg, robot)
-        if all_made([bench], out)
+        if all_identified([bench], out)
         for note in _identified(bench, bundle.contract, out).notes
     ]
     return list(dict.fromkeys(notes))
@@ -177,7 +177,7 @@ def forwarded(
 ) -> list[Walk]:
     """Return the walks of `cfg.forward` outside the batch, each with the friction that is fed forward.
 
-    Left out are those on a robot whose bench does not identify the friction of some joint: `not_told` names them.
+    Left out are those on a robot whose bench does not identify the friction of some joint: `not_forwarded` names them.
     Robots that were not on their benches yet are put there first. Arguments as of `informed`.
 
     Raises:
@@ -191,7 +191,7 @@ def forwarded(
         if by_name[name].contract.compensation is not None:
             raise PolicyError(f"{name} compensates friction in its targets; it cannot be fed forward once more")
     benches = _forward_benches(bundles, cfg, robot)
-    make_benches([bench for bench in benches.values() if bench is not None], out, jobs, progress)
+    identify_on_benches([bench for bench in benches.values() if bench is not None], out, jobs, progress)
     identified = {bench.label: joint_friction(bench, out) for bench in benches.values() if bench is not None}
     walks = []
     for walk, bench in benches.items():
@@ -215,7 +215,7 @@ def _forward_benches(bundles: Sequence[Bundle], cfg: GridCfg, robot: str | None)
 def joint_friction(bench: Bench, out: Path) -> tuple[float, ...] | str:
     """Return the friction of every joint as a bench identified it [N m], or why one was not.
 
-    out: as of `make_benches`. Raises `StictionError` where the file cannot be read.
+    out: as of `identify_on_benches`. Raises `StictionError` where the file cannot be read.
     """
     joints = load_joints(out / bench.label / JOINTS)
     try:
@@ -224,7 +224,7 @@ def joint_friction(bench: Bench, out: Path) -> tuple[float, ...] | str:
         return str(error)
 
 
-def not_told(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None) -> list[str]:
+def not_forwarded(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | None = None) -> list[str]:
     """Return a sentence for every robot on which no friction is fed forward, because its bench did not identify it.
 
     Robots that were not on their bench yet are left out. Arguments and errors as of `forwarded`.
@@ -233,5 +233,5 @@ def not_told(bundles: Sequence[Bundle], cfg: GridCfg, out: Path, robot: str | No
     return [
         f"Friction is not fed forward on {label}, its walks are left out: {why}"
         for label, bench in benches.items()
-        if all_made([bench], out) and isinstance(why := joint_friction(bench, out), str)
+        if all_identified([bench], out) and isinstance(why := joint_friction(bench, out), str)
     ]

@@ -11,13 +11,13 @@ FLEET = (
 )
 """Code that decides the motion of robots under a contract in the simulator of the training."""
 
-WALKING = (
+WALK_CODE = (
     *(*FLEET, "deploy/*.py", "engines/*.py", "engines/ode/*.py", "virtual/*.py"),
     *("evaluate/grid.py", "evaluate/run.py"),
 )
 """Code that decides the metrics of a bundle's walk; the key has `binaries` of the engine beside it."""
 
-RUN_WALKING = (
+RUN_WALK_CODE = (
     *(*FLEET, "deploy/observation.py", "rma/models.py", "rma/runner.py", "rma/equivariant.py"),
     *("locomotion/observations.py", "locomotion/randomization.py", "locomotion/symmetry.py"),
     *("evaluate/export.py", "evaluate/trained.py", "evaluate/methods.py"),

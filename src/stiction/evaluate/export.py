@@ -31,7 +31,7 @@ from stiction.formats.bundle import Golden, write_bundle
 from stiction.formats.contract import METHODS, Contract
 from stiction.formats.joint_map import mapped
 from stiction.formats.joints import load_joints
-from stiction.formats.known_friction import TERM, bench_friction, told_text
+from stiction.formats.known_friction import TERM, bench_friction, known_friction_text
 from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.friction import LAWS, has_coefficient, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH, compensated
@@ -108,7 +108,7 @@ def _known_friction_line(contract: Contract) -> str:
     if known is None:
         return ""
     source = _file_text(file) if file else "the nominal friction of training, of no robot"
-    return f"| friction that it is told | {told_text(known)}, from {source} |\n"
+    return f"| friction that it is told | {known_friction_text(known)}, from {source} |\n"
 
 
 def _file_text(file: Mapping[str, str]) -> str:
@@ -207,7 +207,7 @@ def with_bench(
     contract: Contract, path: Path, joint_map: Sequence[str] = (), say: Callable[[str], None] = lambda note: None
 ) -> Contract:
     """Return a contract with the known friction of a bench's joints.json; arguments and errors as of `export_run`."""
-    if not contract.knows_friction:
+    if not contract.observes_friction:
         raise ConfigurationError(
             "this policy is not told its joints' friction, --joints would have no effect; leave it out, or train with "
             "--task.known-friction"
@@ -292,7 +292,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         actuator=header.get("actuator"),
         joints_file={"name": identified["file"], "sha256": identified["sha256"]} if identified else None,
     )
-    if not contract.knows_friction:
+    if not contract.observes_friction:
         return contract
     nominal = zip(spec.joint_kinds, nominal_known(contract, spec).tolist(), strict=True)
     return replace(contract, known_friction=dict(nominal))
@@ -396,11 +396,11 @@ class TrainedPolicy:
         scale = contract.scale
         self._scale = scale if isinstance(scale, float) else to_tensor(scale)
         self._frames, self._history = FrameBuilder(layout, self._standing), History(num, layout)
-        decay = layout.slow_kept
+        decay = layout.slow_decay
         self._slow = None if decay is None else SlowMeans(num, contract.num_joints, decay)
         self._last_action = torch.zeros(num, contract.num_joints)
         self._fresh = torch.ones(num, dtype=torch.bool)
-        known = contract.told_friction if known_friction is None else known_friction
+        known = contract.known_friction_array if known_friction is None else known_friction
         self._known = {} if known is None else {TERM: to_tensor(friction_of_robots(layout, known, (num,)))}
 
     def reset(self, mask: np.ndarray | None = None) -> None:

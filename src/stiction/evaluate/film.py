@@ -58,7 +58,7 @@ class _Shot:
         shutil.rmtree(self.checkpoint.parent, ignore_errors=True)
 
 
-class Crew:
+class ClipRecorder:
     """Films checkpoints, one at a time; a clip that fails costs the clips of the run and one line."""
 
     def __init__(self, run: Path, say: Callable[[str], None]) -> None:

@@ -72,7 +72,7 @@ def known_to(
     None where it observes none, or takes what its contract says. friction: of each robot's joints, torques [N m] or the
     law's coefficients, shape (N, J).
     """
-    if not contract.knows_friction or given.source == "contract":
+    if not contract.observes_friction or given.source == "contract":
         return None
     average = kind_average(contract.kinds)
     if not isinstance(given.source, str):

@@ -55,7 +55,7 @@ def method_of(contract: Contract) -> str:
     """Return the training method of a policy, one of `METHODS`."""
     if contract.actuator is not None:
         return "actuator"
-    if contract.knows_friction:
+    if contract.observes_friction:
         return TOLD
     if contract.method == "deception" and contract.joints_file is not None:
         return "identified"

@@ -20,7 +20,7 @@ from stiction.engines.catalog import binaries, what_is_missing
 from stiction.engines.engine import Motion
 from stiction.engines.ground import course
 from stiction.evaluate.benches import forwarded, informed
-from stiction.evaluate.code import WALKING
+from stiction.evaluate.code import WALK_CODE
 from stiction.evaluate.command import Command
 from stiction.evaluate.course import START_DISTANCE, Course, starts, straight_on
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
@@ -45,7 +45,7 @@ class WalkLedger(Ledger):
         super().__init__(path)
         self._digests = digests
         spec = None if robot is None else find_robot(robot)
-        self._common = key_of([cfg.settings(), robot, spec], *WALKING)
+        self._common = key_of([cfg.settings(), robot, spec], *WALK_CODE)
 
     def key(self, walk: Walk) -> str:
         """Return the key of a walk: bundle, cell, settings, code that measures, engine."""
@@ -121,7 +121,7 @@ def walk_once(
     trial = trials.walk(
         bundle, case, world, command_source(command, cfg.course), steps, episode, None, spec, friction, seed, known
     )
-    part = trial.recording.lasting(steps).of(slice(0, 1), round(cfg.settle / period))
+    part = trial.recording.extended(steps).of(slice(0, 1), round(cfg.settle / period))
     return measure(part, command, spec.groups(), spec.mass * GRAVITY, cfg.course)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import Origin
-from stiction.evaluate.benches import not_identified, not_told
+from stiction.evaluate.benches import not_forwarded, not_identified
 from stiction.evaluate.grid import GridCfg
 from stiction.evaluate.run import BENCHES, Progress, walk_grid
 from stiction.evaluate.table import methods_of, rows_of
@@ -40,7 +40,7 @@ def evaluate_all(
         "warnings": [
             *origin.warnings(),
             *warnings_on(cfg.used_robots),
-            *not_told(bundles, cfg, out / BENCHES, robot),
+            *not_forwarded(bundles, cfg, out / BENCHES, robot),
             *not_identified(done, bundles, cfg, out / BENCHES, robot),
         ],
         "forward": list(cfg.forward),

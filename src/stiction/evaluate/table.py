@@ -83,7 +83,7 @@ def rows_of(
             method=method_of(contract) + first.suffix,
             seed=contract.seed,
             engine=first.simulator.label,
-            friction_law=first.law if first.robot is None else real_law(first),
+            friction_law=first.law if first.robot is None else law_label(first),
             friction_level=number(first, contract.array("torque_limit"), robot_of(contract, robot)),
             terrain=first.terrain,
             command=first.command,
@@ -95,7 +95,7 @@ def rows_of(
     return rows, details
 
 
-def real_law(walk: Walk) -> str:
+def law_label(walk: Walk) -> str:
     """Return the friction law of a virtual robot as it stands in results.csv: `real`, `real-bench`, `real+load0.02`."""
     level = parse_level(walk.level)
     bench = "-bench" if level.share is None else ""

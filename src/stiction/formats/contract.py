@@ -74,7 +74,7 @@ angle is from the last target, standing + action_scale a_{t-1} − θ.
 kp e θ' is the power that dry friction and damping use up in the mean, f |θ'| + (B + kd) θ'²; of a joint that is stuck,
 kp |e| is up to f. So f follows from the three together, and from no frame alone. Since the last reset frame i weighs
 
-    mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_kept`
+    mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_decay`
 """
 
 PLACEHOLDERS = frozenset(name for name in TERM_NAMES if name.startswith("placeholder"))
@@ -88,7 +88,7 @@ class ObservationLayout:
     history_length: int = HISTORY_LENGTH
     direction: str = "oldest_first"
     layout: str = "frame_major"
-    slow_kept: float | None = None
+    slow_decay: float | None = None
     """Factor of the slow means' weights from one frame to the next, exp(−control period/time constant) [1]; None where
     there are no slow means."""
 
@@ -103,11 +103,11 @@ class ObservationLayout:
                 f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length!r}: "
                 "expected 'oldest_first', 'frame_major' and a length of at least 1"
             )
-        slow, weight = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_kept
+        slow, weight = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_decay
         if slow and not (isinstance(weight, float) and 0 < weight < 1):
-            raise BundleError(f"observation terms {', '.join(slow)} with slow_kept {weight!r}: expected one in (0, 1)")
+            raise BundleError(f"observation terms {', '.join(slow)} with slow_decay {weight!r}: expected one in (0, 1)")
         if not slow and weight is not None:
-            raise BundleError(f"observation slow_kept {weight!r} without a slow term: expected none")
+            raise BundleError(f"observation slow_decay {weight!r} without a slow term: expected none")
 
     def has(self, name: str) -> bool:
         """Say whether a frame has a term of this name."""
@@ -125,7 +125,7 @@ class ObservationLayout:
 
 
 def proprioception(
-    num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0, slow_kept: float | None = None
+    num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0, slow_decay: float | None = None
 ) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
 
@@ -136,7 +136,7 @@ def proprioception(
         num_joints: of the robot.
         history_length: frames in o_H, the present one included.
         known_kinds: kinds of joints whose friction the policy observes; 0: none, as in the paper.
-        slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
+        slow_decay: see `ObservationLayout`; None: no slow means, as in the paper.
 
     """
     terms: tuple[Term, ...] = (
@@ -152,10 +152,10 @@ def proprioception(
     )
     if known_kinds:
         terms += (Term(TERM, known_kinds, 5.0, 5.0, "kind"),)
-    if slow_kept is not None:
+    if slow_decay is not None:
         scales = zip(SLOW_TERMS, (4.0, 0.5, 2.0), strict=True)
         terms += tuple(Term(name, num_joints, scale, 5.0, "joint_size") for name, scale in scales)
-    return ObservationLayout(terms, history_length, slow_kept=slow_kept)
+    return ObservationLayout(terms, history_length, slow_decay=slow_decay)
 
 
 SCHEMA_VERSION = 2
@@ -284,12 +284,12 @@ class Contract:
         return Law(self.friction_law) if self.stribeck is None else Law(self.friction_law, *self.stribeck)
 
     @property
-    def knows_friction(self) -> bool:
+    def observes_friction(self) -> bool:
         """Whether the policy observes the friction of its joints."""
         return self.observation.has(TERM)
 
     @property
-    def told_friction(self) -> np.ndarray | None:
+    def known_friction_array(self) -> np.ndarray | None:
         """`known_friction` as an array [-], shape (kinds,), in the order of the joints; None where that is None."""
         given = self.known_friction
         return None if given is None else np.array([given[kind] for kind in dict.fromkeys(self.kinds)])
@@ -429,13 +429,13 @@ def _check_joints(contract: Contract) -> None:
 
 
 def _check_anatomy(contract: Contract) -> None:
-    """Check that the robot is the one whose joints, limits and gains the contract has."""
+    """Check that the robot is the one whose joints and limits the contract has; gains may be others, for a trial."""
     robot = contract.anatomy
     if robot is None:
         return
     names = robot.joint_names
     _expect(names == contract.joint_names, "anatomy", names, f"the joints {contract.joint_names}")
-    for field in ("torque_limit", "lower", "upper", "kp", "kd"):
+    for field in ("torque_limit", "lower", "upper"):
         same = np.allclose(robot.joint_values(field), contract.array(field))
         _expect(same, f"anatomy.{field}", robot.joint_values(field).tolist(), f"{getattr(contract, field)}")
 
@@ -478,7 +478,7 @@ def _check_observation(layout: ObservationLayout, num_joints: int, num_kinds: in
 def _check_known_friction(contract: Contract) -> None:
     """Check that known friction is that of the kinds of joints, and there only where the policy observes it."""
     given, kinds = contract.known_friction, tuple(dict.fromkeys(contract.kinds))
-    if not contract.knows_friction or given is None:
+    if not contract.observes_friction or given is None:
         _expect(given is None, "known_friction", given, f"null: the observation has no term {TERM!r}")
         file = contract.known_friction_file
         _expect(file is None, "known_friction_file", file, "null, as 'known_friction' is")

@@ -98,6 +98,6 @@ def _share(name: str, record: JointRecord, limit: float) -> float | None:
     return None if record.friction_ratio is None else max(0.0, record.friction_ratio.value)
 
 
-def told_text(shares: Mapping[str, float]) -> str:
+def known_friction_text(shares: Mapping[str, float]) -> str:
     """Return known friction for people: `hip 1 %, thigh 2 % of the torque limit`."""
     return f"{', '.join(f'{kind} {100 * share:.3g} %' for kind, share in shares.items())} of the torque limit"

@@ -50,7 +50,7 @@ class Recording:
         """Return the recording of some robots, from a step on."""
         return self._each(lambda values: values[first_step:, robots])
 
-    def lasting(self, steps: int) -> Recording:
+    def extended(self, steps: int) -> Recording:
         """Return the recording extended to a number of steps, as in a batch: a robot that fell stays where it fell."""
         more = steps - len(self.upright)
         longer = self._each(lambda values: np.concatenate((values, np.repeat(values[-1:], more, axis=0))))

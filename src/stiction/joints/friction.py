@@ -254,7 +254,7 @@ class LawSpec:
     numbers: tuple[str, ...] = ()
     """Fields of `Law` that the factor takes."""
     kept: float = 0.0
-    """Share of the old bound that is left after `KEPT_OVER`."""
+    """Share of the old bound that is left after `SMOOTHING_PERIOD`."""
     parameters: tuple[str, ...] = ()
     """Names in `UNITS` that identification estimates beside inertia and gravity, in its order; none: not a candidate.
     The columns of a new one are in `identify.regression`, its torques in `identify.model`."""
@@ -288,7 +288,7 @@ LAWS: dict[str, LawSpec] = {}
 SYMMETRIC = ("viscous_friction", "coulomb_friction", "offset")
 """Parameters of viscous and Coulomb friction, which nearly every law has."""
 
-KEPT_OVER = 0.005
+SMOOTHING_PERIOD = 0.005
 """Time over which `LawSpec.kept` of an old bound is left: the physics step of the training [s]."""
 
 

@@ -72,12 +72,14 @@ def effect_share(measured: np.ndarray, expected: np.ndarray) -> float:
 
 
 def audit_joints(stand: Stand) -> list[AuditRow]:
-    """Check what acts in a joint, by the step response of each."""
+    """Check what acts in a joint, by the step response of each; damping only where a joint's nominal one is known."""
     cfg = stand.cfg
     names = ("armature", "damping", "stiffness", "motor_strength", "action_delay")
     spans = {name: getattr(cfg.randomization, name) for name in names}
     if cfg.friction.law == "coulomb":
         spans["friction"] = cfg.friction.last.range
+    if not stand.spec.joint_values("damping").any():
+        del spans["damping"]
     rows = []
     for name, (low, high) in spans.items():
         if low != high:

@@ -55,7 +55,7 @@ def _named(method: str, cells: Sequence[Following]) -> str:
     return f"{method} (one seed)" if max(cell.seeds for cell in cells) == 1 else method
 
 
-def needs_sheet(cells: Sequence[Following]) -> Sheet:
+def recommended_sheet(cells: Sequence[Following]) -> Sheet:
     """Return, for every level that was tested, who follows everywhere, and how many seeds of each.
 
     cells: shares of the torque limit, in places where a user's robot may be.
@@ -124,7 +124,7 @@ def paces_text(found: Sequence[tuple[str, set[str]]]) -> str:
     return "; ".join(said if where["follows"] else ["follows nowhere", *said])
 
 
-def needs_sentence(cells: Sequence[Following], level: float) -> str:
+def recommended_sentence(cells: Sequence[Following], level: float) -> str:
     """Say who follows at a level: with every seed everywhere, and who does with most seeds. Empty if not tested."""
     methods = by_level(cells).get(level)
     if methods is None:

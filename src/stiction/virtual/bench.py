@@ -169,7 +169,7 @@ class Bench:
         return World(partial(make_engine, self.engine)).on_bench(self.case, self.spec, noise)
 
 
-def make_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
+def identify_on_bench(bench: Bench, folder: Path, workers: int = 1) -> None:
     """Put a robot on its bench and identify it: `folder` becomes the entry of `bench.key`, see `core.cache`.
 
     workers: processes; they do not change the result. Where no joint can be identified, every record is empty and its

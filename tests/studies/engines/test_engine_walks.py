@@ -47,7 +47,7 @@ def test_a_fall_counts_to_the_end_of_the_walk() -> None:
         upright=np.array([[True], [False]]),
         friction=np.array([[1.0], [2.0]]),
     )
-    longer = recording.lasting(4)
+    longer = recording.extended(4)
     assert longer.upright.ravel().tolist() == [True, False, False, False]
     assert longer.contact.shape == (4, 1, 6) and longer.friction is not None and longer.friction[-1, 0] == 2.0
     assert speed_ratio(longer, parse_command("vx=1")) == pytest.approx(0.25)

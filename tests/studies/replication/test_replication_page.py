@@ -12,7 +12,7 @@ from stiction.evaluate.methods import FED
 from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.following import Following, following
 from stiction.formats.results import ResultRow, read_results
-from stiction.report.following import friction_text, needs_sentence, needs_sheet
+from stiction.report.following import friction_text, recommended_sentence, recommended_sheet
 from stiction.studies.claims import Verdict
 from stiction.studies.replication.clips import ClipPair
 from stiction.studies.replication.page import (
@@ -133,7 +133,7 @@ def cell(
 
 def needs(cells: Sequence[Following]) -> dict[str, dict[str, str]]:
     """Return friction -> who follows everywhere, and the counts of each method."""
-    sheet = needs_sheet(cells)
+    sheet = recommended_sheet(cells)
     return {row[0]: dict(zip(sheet.header[1:], row[1:], strict=True)) for row in sheet.rows}
 
 
@@ -155,7 +155,7 @@ def test_too_fast_is_no_following() -> None:
         "none": "3 of 3",
         "deception": "0 of 3, 3 too fast",
     }
-    said = needs_sentence(cells, 0.01)
+    said = recommended_sentence(cells, 0.01)
     assert said == (
         "With 1 % friction, who follows everywhere with every seed: none; the largest share of seeds over all places: "
         "none, 3 of 3."
@@ -169,7 +169,7 @@ def test_only_levels_that_were_tested_are_in_the_table() -> None:
     assert list(found) == ["10 %", "20 %"]
     assert found["10 %"]["every seed, everywhere"] == "none" and found["10 %"]["direct"] == "3 of 3"
     assert found["20 %"] == {"every seed, everywhere": "nobody", "none": "0 of 3, 3 too slow", "direct": "not tested"}
-    assert needs_sentence(cells, 0.3) == "" and needs_sentence([], 0.2) == ""
+    assert recommended_sentence(cells, 0.3) == "" and recommended_sentence([], 0.2) == ""
 
 
 def test_friction_alone_and_coefficients_are_no_user_s() -> None:

@@ -95,7 +95,7 @@ def test_no_robot_is_put_on_its_bench_for_a_part_that_is_not_asked_for(
     ledger = WalkLedger(tmp_path / "walks.jsonl", replace(grid, forward=("still",)), {"still": still.digest})
     walks = plan(["still"], grid)
     ledger.add(tuple(walks), [METRICS] * len(walks))
-    monkeypatch.setattr("stiction.evaluate.benches.make_bench", lambda *rest: pytest.fail("put on its bench"))
+    monkeypatch.setattr("stiction.evaluate.benches.identify_on_bench", lambda *rest: pytest.fail("put on its bench"))
     kept = kept_part(part, [still], tmp_path)
     assert kept is not None
     assert [(row.method, row.episodes) for row in kept.rows] == [("none", 2)]
@@ -107,7 +107,7 @@ def test_what_could_not_be_walked_is_said_before_the_numbers(
     """A robot that is left out would be missing from one way alone, and nobody would see it; kept or walked now."""
     said = ["Robot 4 is left out"]
     monkeypatch.setattr(
-        walked, "not_told", lambda bundles, grid, benches: said if benches.parent.name == "first" else []
+        walked, "not_forwarded", lambda bundles, grid, benches: said if benches.parent.name == "first" else []
     )
     for asked in (None, ["second"]):
         result = replicate([still], (FIRST, SECOND), tmp_path, asked=asked)

@@ -13,7 +13,7 @@ import numpy as np
 from stiction.core.cache import key_of, read_entry
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.wear import Moments
-from stiction.evaluate.code import RUN_WALKING
+from stiction.evaluate.code import RUN_WALK_CODE
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.export import contract_of
 from stiction.evaluate.summary import check_names
@@ -29,7 +29,7 @@ Progress = Callable[[str, float], None]
 FEWEST_ROBOTS, SHORTEST_WALK = 32, 10.5
 """Of a walk that is probed: eight robots to test on, and a window of the monitor [s]."""
 
-PROBING = (*RUN_WALKING, "locomotion/*.py", "deploy/wear.py", "studies/adaptation/*.py")
+PROBING = (*RUN_WALK_CODE, "locomotion/*.py", "deploy/wear.py", "studies/adaptation/*.py")
 """Code that decides what a run's part is."""
 
 

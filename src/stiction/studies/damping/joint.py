@@ -167,8 +167,8 @@ class DampingCfg:
 
     robots: tuple[str, ...] = ("go1", "saturn_lite")
     """Robots whose joint is taken."""
-    joint: str = "shank"
-    """Kind of joint; the paper measured the shank's."""
+    joint: str | None = None
+    """Kind of joint; None: that of the outermost joint, which the paper measured."""
     frequency: float = 2.0
     """Of the stride [Hz]."""
     amplitude: float = 0.3
@@ -211,6 +211,12 @@ class DampingCfg:
         return self.amplitude * np.sin(2 * np.pi * self.frequency * held)
 
 
+def joint_of_robot(robot: str, cfg: DampingCfg) -> RobotJoint:
+    """Return the joint that is studied; raise `StictionError` where there is no such robot or kind of joint."""
+    spec = find_robot(robot)
+    return spec.joints[-1] if cfg.joint is None else spec.kind(cfg.joint)
+
+
 def joint_of(spec: RobotJoint, level: float | None = None) -> tuple[Joint, PDGains]:
     """Return a kind of joint and its controller without torque limit; level: friction over torque limit, as measured
     by default.
@@ -230,7 +236,7 @@ def swap_rows(robot: str, cfg: DampingCfg) -> Iterator[SwapRow]:
 
     Raises `StictionError` where there is no such robot.
     """
-    spec: RobotJoint = find_robot(robot).kind(cfg.joint)
+    spec: RobotJoint = joint_of_robot(robot, cfg)
     for case, level, motion, sampling in _cases(spec, cfg):
         joint, gains = joint_of(spec, level if case == FRICTION else None)
         before = motion(joint, gains)
@@ -296,7 +302,7 @@ def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
     An output-side log has B and dry friction in it, so beside its net the simulation has no dry friction; a motor-side
     net keeps the joint's.
     """
-    spec = find_robot(robot).kind(cfg.joint)
+    spec = joint_of_robot(robot, cfg)
     target = cfg.target(cfg.step)
     for level in (0.0, spec.frictionloss / spec.torque_limit):
         joint, gains = joint_of(spec, level)
@@ -317,7 +323,7 @@ def net_rows(robot: str, cfg: DampingCfg) -> Iterator[NetRow]:
 
 def draw_rows(robot: str, cfg: DampingCfg) -> Iterator[DrawRow]:
     """Yield the spread of the motion for three randomisations: B and kd; kd alone, the same sums; B alone."""
-    spec = find_robot(robot).kind(cfg.joint)
+    spec = joint_of_robot(robot, cfg)
     joint, gains = joint_of(spec)
     stream = seed_streams(cfg.seed, ["damping"])["damping"]
     factors = stream.uniform(1.0 - cfg.spread, 1.0 + cfg.spread, (cfg.draws, 2))

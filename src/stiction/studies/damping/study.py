@@ -26,8 +26,8 @@ class DampingOptions(Options):
     """Policies that drive walking robots: directories or names of shipped bundles; all shipped ones by default."""
     robots: tuple[str, ...] = ("go1", "saturn_lite")
     """Robots whose joint is taken, and that swing their legs in the air."""
-    joint: str = "shank"
-    """Kind of joint: hip, thigh or shank."""
+    joint: str | None = None
+    """Kind of joint, such as hip; by default that of the outermost joint."""
     draws: int = 100
     """Joints drawn to compare randomisations."""
     episodes: int = 8

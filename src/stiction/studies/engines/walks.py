@@ -21,7 +21,7 @@ from stiction.core.statistics import ratio_interval, t_interval, wilson
 from stiction.deploy.check import robot_of
 from stiction.engines.catalog import TIMESTEP, binaries, make_engine
 from stiction.engines.conformance.rig import Make
-from stiction.evaluate.code import WALKING
+from stiction.evaluate.code import WALK_CODE
 from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.metrics import Metrics
 from stiction.evaluate.run import walk_once
@@ -189,7 +189,7 @@ def walk_cell(bundle: Bundle, simulator: Simulator, asked: EvaluationCfg, folder
     def make() -> dict[str, list[dict[str, Any]]]:
         return {"episodes": [asdict(row) for row in _episodes(bundle, simulator, asked)]}
 
-    entry = cached(folder, name, key_of(made_from, *WALKING, "studies/engines/walks.py"), make)
+    entry = cached(folder, name, key_of(made_from, *WALK_CODE, "studies/engines/walks.py"), make)
     return tuple(EpisodeRow(**row) for row in entry["episodes"])
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from stiction.core.cache import entry_file, key_of, publish
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError
 from stiction.core.parallel import spread
-from stiction.evaluate.code import RUN_WALKING
+from stiction.evaluate.code import RUN_WALK_CODE
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.grid import BATCH
 from stiction.evaluate.samples import SeedValues
@@ -108,7 +108,7 @@ class Task:
         if checkpoint is None:
             raise TrainingError(f"{self.path} has no {self.who}; finish it with `stiction train --resume {self.path}`")
         weights = hashlib.sha256(checkpoint.read_bytes()).hexdigest()
-        return entry_file(self.cache, self.who, key_of([weights, asdict(self.settings)], *RUN_WALKING), ".csv")
+        return entry_file(self.cache, self.who, key_of([weights, asdict(self.settings)], *RUN_WALK_CODE), ".csv")
 
 
 def tasks_for(planned: Sequence[PlannedRun], base: EvaluationCfg = BASE, cache: Path | None = None) -> list[Task]:

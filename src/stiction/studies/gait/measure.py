@@ -352,7 +352,7 @@ def _measure(bundle: Bundle, variant: str, spec: Robot, command: Command, part: 
         FootRow(
             bundle.name,
             command.label,
-            spec.feet[leg].name,
+            spec.feet[leg].name.removesuffix("_foot"),
             int(groups[leg]),
             gait.duty_factor[leg] if gait.duty_factor else None,
             gait.stride_frequency[leg] if gait.stride_frequency else None,

@@ -19,7 +19,7 @@ from stiction.core.cache import has_entry, key_of, publish_entry
 from stiction.core.errors import FileError, PolicyError
 from stiction.core.parallel import spread
 from stiction.engines.catalog import make_engine
-from stiction.evaluate.code import WALKING
+from stiction.evaluate.code import WALK_CODE
 from stiction.evaluate.command import parse_command
 from stiction.evaluate.course import FLAT
 from stiction.evaluate.run import command_source
@@ -33,7 +33,7 @@ from stiction.virtual.bench import walk_log
 from stiction.virtual.cases import Case
 from stiction.virtual.trial import World, walk
 
-MAKING = (*WALKING, "joints/*.py", "rma/actuator*.py", "studies/replication/net.py")
+MAKING = (*WALK_CODE, "joints/*.py", "rma/actuator*.py", "studies/replication/net.py")
 """Code that decides what the net is."""
 
 Progress = Callable[[str, float], None]

@@ -15,7 +15,13 @@ from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
 from stiction.report.evaluation import sample_text
-from stiction.report.following import changes_sheet, friction_text, needs_sentence, needs_sheet, places_sheet
+from stiction.report.following import (
+    changes_sheet,
+    friction_text,
+    places_sheet,
+    recommended_sentence,
+    recommended_sheet,
+)
 from stiction.report.page import (
     COLORS,
     INK,
@@ -344,7 +350,7 @@ def draw_figures(result: Replication) -> dict[str, Figure]:
 def sheets_of(result: Replication) -> dict[str, Sheet]:
     """Return the tables that a README can take, by name."""
     named = {
-        "needs": needs_sheet(result.needs) if result.needs else None,
+        "needs": recommended_sheet(result.needs) if result.needs else None,
         "places": places_sheet(result.needs) if result.needs else None,
         "onsets": onset_sheet(result.onsets),
         "verdicts": study.verdict_sheet(result.verdicts, VERDICT_NOTE, "The paper's sentences"),
@@ -439,7 +445,7 @@ def lead(result: Replication) -> str:
         outcomes = f"Of {len(result.verdicts)} sentences and explanations: {listed}."
     elif single:
         outcomes = f"One training seed a method: numbers, no verdicts. {REMEDY}"
-    return f"{outcomes} {needs_sentence(result.needs, NAMED_LEVEL)}".strip()
+    return f"{outcomes} {recommended_sentence(result.needs, NAMED_LEVEL)}".strip()
 
 
 def single_and_several(result: Replication) -> tuple[list[str], list[str]]:

@@ -13,13 +13,21 @@ from stiction.core.errors import ConfigurationError, EngineError, FileError
 from stiction.core.records import make_folder
 from stiction.deploy.check import robot_of
 from stiction.engines.catalog import what_is_missing
-from stiction.evaluate.benches import all_made, bench_of, benches_of, forwarded, informed, not_identified, not_told
+from stiction.evaluate.benches import (
+    all_identified,
+    bench_of,
+    benches_of,
+    forwarded,
+    informed,
+    not_forwarded,
+    not_identified,
+)
 from stiction.evaluate.grid import GridCfg, Walk, plan, plan_forward
 from stiction.evaluate.methods import METHODS, method_of
 from stiction.evaluate.run import BENCHES, LEDGER, WalkLedger, walk_grid
 from stiction.evaluate.samples import Evidence, samples
 from stiction.evaluate.summary import check_names, describe
-from stiction.evaluate.table import number, real_law, rows_of
+from stiction.evaluate.table import law_label, number, rows_of
 from stiction.formats.advice import Source, TrainedWith
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
@@ -117,7 +125,7 @@ def key_of(row: Mapping[str, Any]) -> Key:
 
 def row_key(walk: Walk, contract: Contract) -> Key:
     """Return the same of the row that a walk will be in. contract: its policy's."""
-    law = walk.law if walk.robot is None else real_law(walk)
+    law = walk.law if walk.robot is None else law_label(walk)
     level = number(walk, contract.array("torque_limit"), robot_of(contract))
     return walk.name, walk.simulator.label, law, level, walk.terrain, walk.command
 
@@ -134,9 +142,9 @@ def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
     specs = {bundle.name: robot_of(bundle.contract) for bundle in bundles}
     walks = plan(list(specs), grid)
     benches = [bench for walk in plan_forward(grid) if (bench := bench_of(walk, specs[walk.policy])) is not None]
-    if all_made(benches, out / BENCHES):
+    if all_identified(benches, out / BENCHES):
         walks += forwarded(bundles, grid, out / BENCHES)
-    if all_made(benches_of(walks, bundles, grid), out / BENCHES):
+    if all_identified(benches_of(walks, bundles, grid), out / BENCHES):
         return informed(walks, bundles, grid, out / BENCHES)
     return walks
 
@@ -144,7 +152,7 @@ def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
 def _unidentified(walks: Collection[Walk], bundles: Sequence[Bundle], grid: GridCfg, out: Path) -> list[str]:
     """Return sentences for friction that the benches did not identify: it is not fed forward, or given otherwise."""
     benches = out / BENCHES
-    return [*not_told(bundles, grid, benches), *not_identified(walks, bundles, grid, benches)]
+    return [*not_forwarded(bundles, grid, benches), *not_identified(walks, bundles, grid, benches)]
 
 
 def replicate(

@@ -197,13 +197,13 @@ def loop_runs(runs: Path, failed: dict[str, str], jobs: int, progress: Callable[
 
 def known_joints(runs: Path, jobs: int, progress: Callable[[str, float], None]) -> Path:
     """Return the `joints.json` of the robot that training knows, identified on its bench where that is not done yet."""
-    from stiction.evaluate.benches import make_benches
+    from stiction.evaluate.benches import identify_on_benches
     from stiction.robots.catalog import find_robot
     from stiction.studies.replication.plan import known_bench
     from stiction.virtual.bench import JOINTS
 
     bench = known_bench(find_robot(ROBOT))
-    make_benches([bench], runs / "bench", jobs, progress)
+    identify_on_benches([bench], runs / "bench", jobs, progress)
     return runs / "bench" / bench.label / JOINTS
 
 

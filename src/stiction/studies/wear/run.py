@@ -19,7 +19,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.parallel import spread
 from stiction.deploy.check import check_bundle, robot_of
 from stiction.engines.catalog import binaries, make_engine
-from stiction.evaluate.code import WALKING
+from stiction.evaluate.code import WALK_CODE
 from stiction.evaluate.command import SETTLE, parse_command
 from stiction.evaluate.methods import method_of
 from stiction.formats.bundle import Bundle
@@ -28,7 +28,7 @@ from stiction.virtual.cases import Case, parse_level, parse_levels, reported
 from stiction.virtual.robot import Wear
 from stiction.virtual.trial import World, walk
 
-WEARING = (*WALKING, "formats/wear.py", "studies/wear/run.py", "studies/wear/lives.py")
+WEARING = (*WALK_CODE, "formats/wear.py", "studies/wear/run.py", "studies/wear/lives.py")
 """Code that decides what is recorded of a walk; what it means is judged anew every time."""
 
 Judged = tuple[Lifetime, list[Window], list[Reading]]
