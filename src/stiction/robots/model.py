@@ -308,6 +308,23 @@ def link_poses(robot: Robot, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray
     return position, rotation
 
 
+def joint_inertias(robot: Robot, angles: np.ndarray) -> np.ndarray:
+    """Return the inertia about each joint of all that it carries, all other joints rigid, its rotor's too [kg m²].
+
+    angles: of all joints [rad], shape (joints,); returns shape (joints,).
+    """
+    position, turn = link_poses(robot, angles)
+    total = robot.joint_values("armature")
+    for number, link in enumerate(robot.links):
+        centre = position[number] + turn[number] @ np.array(link.com)
+        inertia = turn[number] @ link.inertia_matrix @ turn[number].T
+        for carrier in robot.chain(number):
+            axis = turn[carrier] @ np.array(robot.links[carrier].axis)
+            lever = np.cross(axis, centre - position[carrier])
+            total[carrier] += axis @ inertia @ axis + link.mass * lever @ lever
+    return total
+
+
 def foot_places(robot: Robot, angles: np.ndarray) -> np.ndarray:
     """Return where the middles of the feet are on the base [m], (feet, 3), at joint angles [rad], (joints,)."""
     position, turn = link_poses(robot, angles)

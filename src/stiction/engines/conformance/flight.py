@@ -12,7 +12,7 @@ from stiction.engines.conformance.rig import Figure, drive, still, test_friction
 from stiction.engines.engine import Body, Make, Motion
 from stiction.engines.ground import flat
 from stiction.engines.mujoco_engine import MujocoEngine
-from stiction.robots.model import GRAVITY, Link, Robot
+from stiction.robots.model import GRAVITY, Link, Robot, joint_inertias
 
 FINE = 1e-4
 """Timestep of the reference [s]."""
@@ -32,7 +32,11 @@ def fly(make: Make, spec: Robot, timestep: float, friction: float, hold: float) 
     """Return a flight, step by step; torques change every `hold` seconds, a multiple of the timestep."""
     body = replace(Body.nominal(spec), base_shift=OFF_CENTRE)
     phase, every = np.linspace(0.0, SPREAD, spec.num_joints), round(hold / timestep)
-    push, bound = PUSH * spec.joint_values("kp"), np.full(spec.num_joints, friction)
+    pose = spec.joint_values("default_position")
+    room = np.minimum(pose - spec.joint_values("lower"), spec.joint_values("upper") - pose)
+    # A light joint would swing into its limits: half of the room is enough.
+    most = 0.5 * room * joint_inertias(spec, pose) * (2 * np.pi * BEAT) ** 2
+    push, bound = np.minimum(PUSH * spec.joint_values("kp"), most), np.full(spec.num_joints, friction)
 
     def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
         middle = (number // every + 0.5) * hold

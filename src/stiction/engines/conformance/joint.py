@@ -66,6 +66,15 @@ def inside(spec: Robot) -> float:
     return joint.lower + min(0.3, (joint.upper - joint.lower) / 4)
 
 
+def fitted(spec: Robot, travel: float) -> float:
+    """Return the share of torques and friction with which the outermost joint stays in its range, 1 where it does.
+
+    travel: how far it moves with all of them [rad]; its motion is proportional to them.
+    """
+    room = spec.joints[outermost(spec)].upper - inside(spec)
+    return min(1.0, 0.7 * room / abs(travel))
+
+
 def exact(
     spec: Robot, gains: PDGains, friction: float, timestep: float, target: np.ndarray, load: np.ndarray
 ) -> Trajectory:
@@ -109,16 +118,18 @@ class BreakAway:
 
 def break_away(make: Make, spec: Robot, timestep: float) -> BreakAway:
     """Return the motion of a joint under `PROFILE` in an engine, and the exact one."""
-    friction = test_friction(spec)
+    friction, start = test_friction(spec), inside(spec)
     times, levels = np.array(PROFILE).T
     steps = round(END / timestep)
     grid = np.arange(steps + 1) * timestep
-    start = inside(spec)
+    profile, still = np.interp(grid, times, levels), np.full(steps + 1, start)
+    whole = exact(spec, PDGains(1e-9, 0.0), friction, timestep, still, friction * profile)
+    friction *= fitted(spec, float(whole.position[-1]) - start)
     # Torque is constant over a step: that of its middle gives a ramp its exact impulse.
     torque = friction * np.interp(grid[:-1] + timestep / 2, times, levels)
     motion = _drive(make, spec, timestep, start, lambda number, angle, speed: (torque[number], friction))
-    load = friction * np.interp(grid, times, levels)
-    truth = exact(spec, PDGains(1e-9, 0.0), friction, timestep, np.full(steps + 1, start), load)
+    load = friction * profile
+    truth = exact(spec, PDGains(1e-9, 0.0), friction, timestep, still, load)
     return BreakAway(
         friction,
         grid,
@@ -153,15 +164,15 @@ def changing_friction(make: Make, spec: Robot, timestep: float) -> tuple[Figure,
 
     In between q' = (τ - f) / B (1 - exp(-B t / I)).
     """
-    friction = test_friction(spec)
+    friction, damping = test_friction(spec), float(on_stand(spec).damping[outermost(spec)])
+    rate = damping / hinge_inertia(spec)
+    friction *= fitted(spec, 0.5 * friction / damping * (0.3 - (1.0 - np.exp(-rate * 0.3)) / rate) * 1.5)
     free = range(round(0.5 / timestep), round(0.8 / timestep))
 
     def loosened(number: int, angle: float, speed: float) -> Pair:
         return friction, 0.5 * friction if number in free else 4.0 * friction
 
     motion = _drive(make, spec, timestep, inside(spec), loosened)
-    damping = float(on_stand(spec).damping[outermost(spec)])
-    rate = damping / hinge_inertia(spec)
     wanted = 0.5 * friction / damping * (1.0 - np.exp(-rate * 0.3))
     speed = motion.joint_velocity[:, outermost(spec)]
     return (
