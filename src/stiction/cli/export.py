@@ -40,6 +40,9 @@ class ExportCfg:
     the policy is told the nominal friction of training."""
     joint_map: tuple[str, ...] = ()
     """RECORDED=JOINT pairs where the records of --joints have other names than the policy's joints."""
+    maker_targets: Path | None = None
+    """Of a bundle: also write the targets of its golden vectors to this CSV, in the order, with the signs and zeros of
+    the robot's maker, held joints included: to be played with the robot in the air, and watched joint by joint."""
     friction_level: float | None = None
     """Of a Webots project: dry friction of the joints as a fraction of each one's torque limit [-], 0 by default. It
     can be changed in the worlds."""
@@ -56,6 +59,7 @@ BELONGS = {
     "wear": "bundle",
     "joints": "bundle",
     "joint_map": "bundle",
+    "maker_targets": "bundle",
     "friction_level": "webots",
     "step_height": "webots",
     "robot": "webots",
@@ -67,7 +71,7 @@ def main(arguments: list[str]) -> None:
     """Export what is asked for, and print where it is."""
     cfg = tyro.cli(ExportCfg, args=arguments, prog="stiction export", description=DESCRIPTION)
     for name, target in BELONGS.items():
-        if getattr(cfg, name) is not None and cfg.to != target:
+        if getattr(cfg, name) not in (None, ()) and cfg.to != target:
             raise ConfigurationError(f"--{name.replace('_', '-')} is for --to {target}; leave it out")
     if cfg.to == "webots":
         _to_webots(cfg)
@@ -84,7 +88,13 @@ def _to_bundle(cfg: ExportCfg) -> None:
     def say(note: str) -> None:
         print(f"stiction export: {note}", file=sys.stderr)
 
+    if cfg.joint_map and cfg.joints is None:
+        raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
     check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say)
+    if cfg.maker_targets is not None:
+        from stiction.deploy.vendor import write_maker_targets
+
+        write_maker_targets(check.bundle, cfg.maker_targets)
     if cfg.json:
         print(json.dumps(check.summary() | {"path": str(out)}, indent=2))
     else:

@@ -1,0 +1,42 @@
+"""The maker's numbers of joints: order, sign and zero by hand, and back again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bundles import make_contract
+from stiction.core.errors import StictionError
+from stiction.deploy.vendor import VendorMap
+from stiction.robots.catalog import find_robot
+from stiction.robots.model import Vendor
+
+
+def test_a_reversed_order_with_signs_and_zeros_by_hand() -> None:
+    """The first joint is the maker's last, turned round and 0.5 rad off: 0.2 rad is -0.2 + 0.5 there."""
+    robot = find_robot("go1")
+    names = tuple(reversed(robot.joint_names))
+    vendor = Vendor(names, (1.0,) * 11 + (-1.0,), (0.0,) * 11 + (0.5,))
+    maker = VendorMap(make_contract("go1", anatomy=replace(robot, vendor=vendor)))
+    angles = np.arange(12) / 10 + 0.2
+    found = maker.to_maker(angles)
+    assert maker.order[-1] == "FR_hip_joint" and found[-1] == pytest.approx(0.3)
+    np.testing.assert_allclose(found[:-1], angles[:0:-1])
+    np.testing.assert_allclose(maker.from_maker(found), angles)
+    np.testing.assert_allclose(maker.from_maker(maker.to_maker(np.tile(angles, (3, 1)))), np.tile(angles, (3, 1)))
+
+
+def test_held_joints_have_their_angles() -> None:
+    """29 numbers go to a G1 whose policy moves 12: an elbow that got zero would strike out."""
+    robot = find_robot("g1")
+    maker = VendorMap(make_contract("g1", anatomy=robot))
+    found = dict(zip(maker.order, maker.to_maker(np.zeros(12)).tolist(), strict=True))
+    assert len(found) == 29 and found["left_elbow_joint"] == 1.28 and found["right_shoulder_roll_joint"] == -0.2
+
+
+def test_without_a_protocol_it_is_refused() -> None:
+    """Our own order would be believed to be the maker's."""
+    with pytest.raises(StictionError, match="not in the contract; say vendor in"):
+        VendorMap(make_contract())
