@@ -65,4 +65,4 @@ def test_what_is_no_new_term_is_refused(name: str, said: str) -> None:
     """A misspelt term that is silently left out would cost a night of training."""
     assert fall.__name__ == "fall"
     with pytest.raises(StictionError, match=said):
-        _ = RewardCfg(own=((name, 1.0),)).terms
+        RewardCfg(own=((name, 1.0),)).terms_for(find_robot("saturn_lite"))

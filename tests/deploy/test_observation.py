@@ -134,7 +134,7 @@ def test_known_friction_that_does_not_fit_is_refused(layout: ObservationLayout, 
 SLOW = replace(
     LAYOUT,
     terms=tuple(Term(name, 2, 1.0, 5.0, "joint_size") for name in SLOW_TERMS),
-    slow_decay=0.5,
+    slow_kept=0.5,
     history_length=1,
 )
 
@@ -187,6 +187,6 @@ def test_slow_means_need_the_scale_of_the_action_and_a_time() -> None:
         ObservationBuilder(SLOW, STANDING)
     for kept in (None, 1.0, 0.0):
         with pytest.raises(StictionError, match="slow_kept"):
-            replace(SLOW, slow_decay=kept)
+            replace(SLOW, slow_kept=kept)
     with pytest.raises(StictionError, match=r"slow_kept 0\.5 without a slow term"):
-        replace(LAYOUT, slow_decay=0.5)
+        replace(LAYOUT, slow_kept=0.5)

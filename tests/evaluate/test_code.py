@@ -17,7 +17,7 @@ READING = {
     *("core/cache.py", "core/errors.py", "core/gemm.py", "core/statistics.py"),
     *(
         f"formats/{name}.py"
-        for name in ("actuator", "bundle", "following", "joints", "log", "plain", "results", "tables")
+        for name in ("actuator", "bundle", "following", "joint_map", "joints", "log", "plain", "results", "tables")
     ),
     *("core/plugins.py", "core/records.py", "locomotion/config.py", "locomotion/rewards.py", "joints/net.py"),
 }

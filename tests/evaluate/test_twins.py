@@ -99,7 +99,7 @@ def test_the_twin_forgets_a_robot_that_is_reset(compensation: tuple[float, ...] 
     """Over resets of one robot of two, history, last action, slow means and targets agree with the runtime's."""
     from stiction.evaluate.export import TrainedPolicy, export_network
 
-    contract = make_contract(compensation=compensation, observation=proprioception(18, slow_decay=slow))
+    contract = make_contract(compensation=compensation, observation=proprioception(18, slow_kept=slow))
     module = torch.nn.Linear(contract.observation.size, contract.num_joints)
     model = export_network(module, contract.observation.size)
     twins = TrainedPolicy(module, contract, 2), load_policy(contract, model, (2,))

@@ -206,14 +206,14 @@ def test_only_a_policy_that_observes_it_is_told(contract: Contract) -> None:
 
 def test_slow_means_go_with_their_time(contract: Contract) -> None:
     """The runtime weighs the past as training did; without the number, or with another size, it would not."""
-    slow = make_contract(observation=proprioception(18, slow_decay=0.98))
+    slow = make_contract(observation=proprioception(18, slow_kept=0.98))
     assert read_contract(slow.to_json().encode()) == slow and slow.observation.frame_size == 65 + 3 * 18
     data = json.loads(slow.to_json())
     data["observation"]["slow_kept"] = None
-    with pytest.raises(StictionError, match="slow_error, slow_speed, slow_power with slow_decay None"):
+    with pytest.raises(StictionError, match="slow_error, slow_speed, slow_power with slow_kept None"):
         read_contract(json.dumps(data).encode())
     data = json.loads(contract.to_json())
     del data["observation"]["slow_kept"]
     assert read_contract(json.dumps(data).encode()) == contract
     with pytest.raises(BundleError, match=r"observation\.\w+\.size"):
-        make_contract(observation=proprioception(17, slow_decay=0.98))
+        make_contract(observation=proprioception(17, slow_kept=0.98))

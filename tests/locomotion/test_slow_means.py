@@ -26,7 +26,7 @@ def make(num_envs: int = 4, **changes: object) -> LocomotionEnv:
 def test_the_layout_has_three_means_of_every_joint_and_their_time() -> None:
     """K = exp(−0.02/1); by default there are none, and the layout is the paper's."""
     layout = make().layout
-    assert layout.frame_size == 11 + 3 * 12 + 3 * 12 and layout.slow_decay == pytest.approx(math.exp(-0.02))
+    assert layout.frame_size == 11 + 3 * 12 + 3 * 12 and layout.slow_kept == pytest.approx(math.exp(-0.02))
     assert make(slow_means=None).layout.frame_size == 11 + 3 * 12
     for wrong in (0.0, 0.01, math.nan, 1000.0):
         with pytest.raises(StictionError, match="slow means over"):

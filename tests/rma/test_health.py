@@ -41,15 +41,15 @@ def first_diagnosis(rows: list[dict], num_envs: int = 100) -> tuple[int, Diagnos
         ({"walk/falls": 4.0}, 50, "after 0.25 s"),
     ],
 )
-def test_each_way_to_diverge_is_found_after_it_has_lasted(change: dict, extended: int, said: str) -> None:
+def test_each_way_to_diverge_is_found_after_it_has_lasted(change: dict, lasting: int, said: str) -> None:
     """Without this a run goes on for hours after it is lost; what is seen, and since when, must be said."""
     rows = [USUAL] * 30 + [USUAL | change] * 60
     found = first_diagnosis(rows)
     assert found is not None
     iteration, diagnosis = found
-    assert iteration == 30 + extended and diagnosis.since == 31
+    assert iteration == 30 + lasting and diagnosis.since == 31
     assert said in diagnosis.what and diagnosis.advice
-    assert first_diagnosis(rows[: 30 + extended - 1]) is None
+    assert first_diagnosis(rows[: 30 + lasting - 1]) is None
 
 
 @pytest.mark.parametrize(

@@ -63,10 +63,10 @@ class ObservationBuilder:
         self._history = np.zeros((*batch, layout.history_length, layout.frame_size))
         self._empty = np.ones(batch, dtype=bool)
         self._slow: SlowMeans | None = None
-        if layout.slow_decay is not None:
+        if layout.slow_kept is not None:
             if action_scale is None:
                 raise ValueError("a layout with slow means needs action_scale, the joint angle per unit of action")
-            self._slow, self._action_scale = SlowMeans((*batch, len(standing)), layout.slow_decay), action_scale
+            self._slow, self._action_scale = SlowMeans((*batch, len(standing)), layout.slow_kept), action_scale
         self._known = None if known_friction is None else friction_of_robots(layout, known_friction, batch)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -130,7 +130,7 @@ class SlowMeans:
     """Exponential means of products of error and velocity, which show a joint's dry friction, see `SLOW_TERMS`."""
 
     def __init__(self, shape: tuple[int, ...], kept: float) -> None:
-        """Start with nothing; `shape`: (*batch, J); `kept`: see `ObservationLayout.slow_decay`."""
+        """Start with nothing; `shape`: (*batch, J); `kept`: see `ObservationLayout.slow_kept`."""
         self._decay = kept
         self._sums = np.zeros((len(SLOW_TERMS), *shape))
         self._weight = np.ones((*shape[:-1], 1))

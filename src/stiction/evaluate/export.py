@@ -199,12 +199,12 @@ def export_run(
     model = None if wear is None else _wear_of(directory, wear)
     contract = contract_of(cfg, header)
     if joints is not None:
-        contract = with_bench(contract, joints, joint_map, say)
+        contract = with_bench(contract, joints, say, joint_map)
     return export_policy(load_student(directory), contract, out, model)
 
 
 def with_bench(
-    contract: Contract, path: Path, joint_map: Sequence[str] = (), say: Callable[[str], None] = lambda note: None
+    contract: Contract, path: Path, say: Callable[[str], None] = lambda note: None, joint_map: Sequence[str] = ()
 ) -> Contract:
     """Return a contract with the known friction of a bench's joints.json; arguments and errors as of `export_run`."""
     if not contract.observes_friction:
@@ -396,7 +396,7 @@ class TrainedPolicy:
         scale = contract.scale
         self._scale = scale if isinstance(scale, float) else to_tensor(scale)
         self._frames, self._history = FrameBuilder(layout, self._standing), History(num, layout)
-        decay = layout.slow_decay
+        decay = layout.slow_kept
         self._slow = None if decay is None else SlowMeans(num, contract.num_joints, decay)
         self._last_action = torch.zeros(num, contract.num_joints)
         self._fresh = torch.ones(num, dtype=torch.bool)

@@ -74,7 +74,7 @@ angle is from the last target, standing + action_scale a_{t-1} − θ.
 kp e θ' is the power that dry friction and damping use up in the mean, f |θ'| + (B + kd) θ'²; of a joint that is stuck,
 kp |e| is up to f. So f follows from the three together, and from no frame alone. Since the last reset frame i weighs
 
-    mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_decay`
+    mean_t = Σ k^(t-i) x_i / Σ k^(t-i),    k = `slow_kept`
 """
 
 PLACEHOLDERS = frozenset(name for name in TERM_NAMES if name.startswith("placeholder"))
@@ -88,7 +88,7 @@ class ObservationLayout:
     history_length: int = HISTORY_LENGTH
     direction: str = "oldest_first"
     layout: str = "frame_major"
-    slow_decay: float | None = None
+    slow_kept: float | None = None
     """Factor of the slow means' weights from one frame to the next, exp(−control period/time constant) [1]; None where
     there are no slow means."""
 
@@ -103,11 +103,11 @@ class ObservationLayout:
                 f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length!r}: "
                 "expected 'oldest_first', 'frame_major' and a length of at least 1"
             )
-        slow, weight = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_decay
+        slow, weight = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_kept
         if slow and not (isinstance(weight, float) and 0 < weight < 1):
-            raise BundleError(f"observation terms {', '.join(slow)} with slow_decay {weight!r}: expected one in (0, 1)")
+            raise BundleError(f"observation terms {', '.join(slow)} with slow_kept {weight!r}: expected one in (0, 1)")
         if not slow and weight is not None:
-            raise BundleError(f"observation slow_decay {weight!r} without a slow term: expected none")
+            raise BundleError(f"observation slow_kept {weight!r} without a slow term: expected none")
 
     def has(self, name: str) -> bool:
         """Say whether a frame has a term of this name."""
@@ -125,7 +125,7 @@ class ObservationLayout:
 
 
 def proprioception(
-    num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0, slow_decay: float | None = None
+    num_joints: int, history_length: int = HISTORY_LENGTH, known_kinds: int = 0, slow_kept: float | None = None
 ) -> ObservationLayout:
     """Return the paper's layout for a robot with `num_joints` joints (65 entries a frame for 18 joints).
 
@@ -136,7 +136,7 @@ def proprioception(
         num_joints: of the robot.
         history_length: frames in o_H, the present one included.
         known_kinds: kinds of joints whose friction the policy observes; 0: none, as in the paper.
-        slow_decay: see `ObservationLayout`; None: no slow means, as in the paper.
+        slow_kept: see `ObservationLayout`; None: no slow means, as in the paper.
 
     """
     terms: tuple[Term, ...] = (
@@ -152,10 +152,10 @@ def proprioception(
     )
     if known_kinds:
         terms += (Term(TERM, known_kinds, 5.0, 5.0, "kind"),)
-    if slow_decay is not None:
+    if slow_kept is not None:
         scales = zip(SLOW_TERMS, (4.0, 0.5, 2.0), strict=True)
         terms += tuple(Term(name, num_joints, scale, 5.0, "joint_size") for name, scale in scales)
-    return ObservationLayout(terms, history_length, slow_decay=slow_decay)
+    return ObservationLayout(terms, history_length, slow_kept=slow_kept)
 
 
 SCHEMA_VERSION = 2
@@ -381,7 +381,6 @@ FILE: Rule = _is_file, "null, or an object with the texts 'name' and 'sha256'"
 RULES: dict[str, Rule] = {
     "schema_version": _one_of(SCHEMA_VERSION),
     **dict.fromkeys(("robot", "terrain", "method", "revision", "command"), TEXT),
-    "friction_law": _one_of(*simulated_laws()),
     **dict.fromkeys(("seed", "decimation"), COUNT),
     "phases": _one_of(1, 2, None),
     **dict.fromkeys(("control_period", "physics_timestep", "action_clip", "compensation_width"), POSITIVE),
@@ -446,6 +445,8 @@ def _check_friction(contract: Contract) -> None:
     Of torques it is the mean share of the limit, of coefficients their mean.
     """
     law, shape = contract.friction_law, contract.stribeck
+    # Laws can be registered later than this module is imported.
+    _expect(law in simulated_laws(), "friction_law", law, " or ".join(map(repr, simulated_laws())))
     shaped = bool(LAWS[law].numbers)
     pair = shape is not None and len(shape) == 2 and all(map(_positive, shape)) and 1 <= shape[0] <= 10
     expected = "a ratio in [1, 10] and a positive speed" if shaped else "null"

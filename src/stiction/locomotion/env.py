@@ -122,7 +122,7 @@ class LocomotionEnv(VecEnv):
         self.sideways = torch.tensor(self.spec.sideways_joints)
         self.frames = FrameBuilder(self.layout, self.standing)
         self.history = History(num_envs, self.layout)
-        decay = self.layout.slow_decay
+        decay = self.layout.slow_kept
         self.slow = None if decay is None else SlowMeans(num_envs, self.num_actions, decay)
         self.unsync = UnsyncWindow(num_envs, len(self.spec.feet))
         self.terms = cfg.rewards.terms_for(self.spec)

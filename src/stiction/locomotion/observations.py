@@ -55,7 +55,7 @@ class SlowMeans:
     """Means of products of error and velocity that tell a joint's dry friction, see `SLOW_TERMS`."""
 
     def __init__(self, num_envs: int, num_joints: int, decay: float) -> None:
-        """Start with nothing; `decay`: see `ObservationLayout.slow_decay`."""
+        """Start with nothing; `decay`: see `ObservationLayout.slow_kept`."""
         self.decay = decay
         self.sums = torch.zeros(num_envs, len(SLOW_TERMS), num_joints)
         """Σ k^(t-i) x_i."""

@@ -40,7 +40,7 @@ FALLS = 2.5
 class Symptom:
     """One kind of divergence."""
 
-    extended: int
+    lasting: int
     """Iterations in a row that must show it."""
     advice: str
     """What to try."""
@@ -138,7 +138,7 @@ class Health:
                 self._healthy[index].append(row)
                 continue
             since = self._since[index] = iteration if since is None else since
-            if found is None and iteration - since + 1 >= symptom.extended:
+            if found is None and iteration - since + 1 >= symptom.lasting:
                 found = Diagnosis(what, since, symptom.advice)
         return found
 
