@@ -1,1 +1,1 @@
-"""Floor 7: the command line. One file a verb: parse, call, print."""
+"""The command line. One file a verb: parse, call, print."""

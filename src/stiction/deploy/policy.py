@@ -175,7 +175,7 @@ class Policy:
 
         """
         self.contract, self._network, self._batch = contract, network, batch
-        self._standing = contract.array("standing")
+        self._standing, self._scale = contract.array("standing"), contract.scale
         known = contract.known_friction_array if known_friction is None else known_friction
         self._builder = ObservationBuilder(contract.observation, self._standing, batch, known, contract.scale)
         self._last_action = np.zeros((*batch, contract.num_joints), dtype=np.float32)
@@ -210,7 +210,7 @@ class Policy:
         clip = np.float32(self.contract.action_clip)
         action = np.clip(self._network(np.atleast_2d(observation)), -clip, clip).reshape(self._last_action.shape)
         self._last_action = action
-        target = self._standing + self.contract.scale * action.astype(np.float64)
+        target = self._standing + self._scale * action.astype(np.float64)
         if self.contract.compensation is not None:
             angle = self.contract.array("compensation")
             target = compensated(target, sensors.joint_position, angle, self.contract.compensation_width)

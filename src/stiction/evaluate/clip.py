@@ -1,13 +1,10 @@
 """Renders a short clip of a bundle walking, as an animated WebP.
 
-Rendering happens in a process of its own: the kind of OpenGL is chosen before MuJoCo is imported, and a graphics driver
-that fails, or takes its process down, costs the clip and nothing else.
+Rendering happens in a process of its own, see `core.opengl`.
 """
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -16,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import EngineError
+from stiction.core.opengl import render
 from stiction.core.provenance import seed_streams
 from stiction.deploy.check import check_bundle, robot_of
 from stiction.deploy.policy import load_policy
@@ -52,15 +50,6 @@ class ClipError(EngineError):
     """A clip could not be rendered, mostly for want of OpenGL."""
 
 
-def opengl_environment() -> dict[str, str]:
-    """Return the environment for rendering: EGL on Linux where there is no display and nothing was chosen."""
-    environment = dict(os.environ)
-    headless = not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
-    if sys.platform == "linux" and headless:
-        environment.setdefault("MUJOCO_GL", "egl")
-    return environment
-
-
 def record_clip(
     bundle: Path,
     level: float,
@@ -86,20 +75,8 @@ def record_clip(
         ClipError: no OpenGL, or the renderer failed.
 
     """
-    words = [str(word) for word in (bundle, level, command, out, seconds, law, robot) if word is not None]
-    program = [sys.executable, "-m", "stiction.evaluate.clip", *words]
-    try:
-        done = subprocess.run(
-            program, env=opengl_environment(), capture_output=True, text=True, timeout=TIMEOUT, check=False
-        )
-    except subprocess.TimeoutExpired as error:
-        raise ClipError(f"no clip: rendering took more than {TIMEOUT:.0f} s") from error
-    if done.returncode != 0 or not out.is_file():
-        output = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
-        raise ClipError(
-            f"no clip: OpenGL is not available here ({output}); on Debian and Ubuntu: apt install libegl1 libgl1"
-        )
-    return out
+    words = [word for word in (bundle, level, command, out, seconds, law, robot) if word is not None]
+    return render("stiction.evaluate.clip", words, out, TIMEOUT, ClipError, "clip")
 
 
 def film(fleet: Fleet, advance: Callable[[], object], out: Path, seconds: float) -> None:

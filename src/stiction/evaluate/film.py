@@ -20,7 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.cache import publish
-from stiction.evaluate.clip import film, opengl_environment
+from stiction.core.opengl import opengl_environment
+from stiction.evaluate.clip import film
 
 if TYPE_CHECKING:
     from stiction.locomotion.config import TaskCfg

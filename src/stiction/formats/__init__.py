@@ -1,1 +1,1 @@
-"""Floor 0: the files that pass between the stages, as typed records. NumPy and the standard library."""
+"""The files that pass between the stages, as typed records. NumPy and the standard library."""

@@ -1,1 +1,1 @@
-"""Floor 2: from a log to inertia and friction with intervals. NumPy and SciPy."""
+"""From a log to inertia and friction with intervals. NumPy and SciPy."""

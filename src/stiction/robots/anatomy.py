@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from stiction.core.errors import RobotError, unknown_name
+from stiction.robots.hold import Place, merge
 from stiction.robots.model import Body
 from stiction.robots.shapes import Contact, Shape, ShapeKind, Vector
 
@@ -133,16 +134,7 @@ def _part(
     model: mujoco.MjModel, data: mujoco.MjData, bodies: Sequence[int], frame: tuple[np.ndarray, np.ndarray]
 ) -> dict:
     """Return mass and shapes of bodies that are one, in a frame (its place, its orientation) of the world."""
-    place, turn = frame
-    mass = float(model.body_mass[bodies].sum())
-    where = data.xipos[bodies]
-    com = model.body_mass[bodies] @ where / mass if mass > 0 else place
-    inertia = np.zeros((3, 3))
-    for body, centre in zip(bodies, where, strict=True):
-        axes, away = data.ximat[body].reshape(3, 3), centre - com
-        inertia += axes @ np.diag(model.body_inertia[body]) @ axes.T
-        inertia += model.body_mass[body] * (away @ away * np.eye(3) - np.outer(away, away))
-    inertia = turn.T @ inertia @ turn
+    whole = merge([_centred(model, data, body, frame) for body in bodies])
     geoms = [geom for geom in range(model.ngeom) if int(model.geom_bodyid[geom]) in set(bodies)]
     # Some files leave the bits to the program that loads them, and only the names say what is to touch.
     solid = [
@@ -156,13 +148,23 @@ def _part(
         "name": model.body(bodies[0]).name,
         "tip": model.body(bodies[int(np.argmax(depth))]).name,
         "bodies": tuple(bodies),
-        "mass": mass,
-        "com": _vector(turn.T @ (com - place)),
-        "inertia": tuple(float(inertia[pair]) for pair in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))),
+        "mass": whole.mass,
+        "com": _vector(whole.com),
+        "inertia": whole.inertia,
         "shapes": tuple(shape for shape in shapes.values() if shape is not None),
         "touched": tuple(shapes[geom] for geom in solid if shapes[geom] is not None),
         "geoms": tuple(geom for geom in solid if shapes[geom] is not None),
     }
+
+
+def _centred(
+    model: mujoco.MjModel, data: mujoco.MjData, body: int, frame: tuple[np.ndarray, np.ndarray]
+) -> tuple[Body, Place]:
+    """Return one body along its principal axes about its centre of mass, and where that is in a frame of the world."""
+    place, turn = frame
+    x, y, z = (float(moment) for moment in model.body_inertia[body])
+    mass = Body(float(model.body_mass[body]), (0.0, 0.0, 0.0), (x, y, z, 0.0, 0.0, 0.0))
+    return mass, (turn.T @ (data.xipos[body] - place), turn.T @ data.ximat[body].reshape(3, 3))
 
 
 def _ancestors(model: mujoco.MjModel, body: int) -> list[int]:

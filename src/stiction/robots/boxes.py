@@ -6,8 +6,7 @@ Legs on the right mirror those on the left: their hips turn about the opposite a
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,21 +26,6 @@ SHANK: Vector = (0.55, 0.6, 0.66)
 
 FEET: tuple[Vector, Vector] = ((0.9, 0.45, 0.15), (0.15, 0.5, 0.85))
 """Colors by contact group."""
-
-
-@dataclass(frozen=True)
-class LegJoint:
-    """One kind of joint, the same for every leg; the fields are those of `Joint`."""
-
-    torque_limit: float
-    armature: float
-    damping: float
-    frictionloss: float
-    kp: float
-    kd: float
-    lower: float
-    upper: float
-    default_position: float
 
 
 @dataclass(frozen=True)
@@ -85,15 +69,13 @@ class BoxLegs:
     """From the knee down to the foot; `size[2]` is its length."""
     foot_radius: float
     """[m]."""
-    hip: LegJoint
-    """Abduction, axis x."""
-    thigh: LegJoint
+    hip: Joint
+    """Abduction, axis x; names and kinds are made from the legs' and these fields'."""
+    thigh: Joint
     """Flexion at the hip, axis y."""
-    shank: LegJoint
+    shank: Joint
     """Knee, axis y."""
     legs: tuple[Leg, ...]
-    action_scale: float
-    """Joint angle per unit of action [rad]."""
 
     def robot(self) -> Robot:
         """Return the robot.
@@ -119,14 +101,14 @@ class BoxLegs:
 
     def _joint(self, leg: Leg, kind: str) -> Joint:
         """Return one joint of a leg."""
-        values: dict[str, Any] = {item.name: getattr(getattr(self, kind), item.name) for item in fields(LegJoint)}
-        return Joint(name=f"{leg.name}_{kind}", kind=kind, action_scale=self.action_scale, **values)
+        joint: Joint = getattr(self, kind)
+        return replace(joint, name=f"{leg.name}_{kind}", kind=kind)
 
     def _links(self, leg: Leg, first: int) -> tuple[Link, ...]:
         """Return hip, thigh and shank of a leg whose hip is link `first`: one hung on the other."""
         lateral = leg.side * self.hip_link.size[1]
         thigh, shank = self.thigh_link.size[2], self.shank_link.size[2]
-        bones = ((), (_bone(thigh, THIGH_RADIUS, "nothing", THIGH),), (_bone(shank, SHANK_RADIUS, "obstacles", SHANK),))
+        bones = ((), (bone(thigh, THIGH_RADIUS, "nothing", THIGH),), (bone(shank, SHANK_RADIUS, "obstacles", SHANK),))
         parts = (
             ("hip", -1, leg.mount, (leg.side, 0.0, 0.0), self.hip_link, (0.0, lateral / 2, 0.0)),
             ("thigh", first, (0.0, lateral, 0.0), (0.0, 1.0, 0.0), self.thigh_link, (0.0, 0.0, -thigh / 2)),
@@ -172,7 +154,7 @@ def _box(size: Vector, contact: Contact) -> Shape:
     return Shape("box", (x, y, z), contact=contact, color=TRUNK)
 
 
-def _bone(length: float, radius: float, contact: Contact, color: Vector) -> Shape:
+def bone(length: float, radius: float, contact: Contact, color: Vector) -> Shape:
     """Return a capsule from the link's joint straight down."""
     half = 0.5 * length
     return Shape("capsule", (radius, half, 0.0), (0.0, 0.0, -half), contact=contact, color=color)

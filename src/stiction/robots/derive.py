@@ -28,7 +28,7 @@ from stiction.core.names import kind_of
 from stiction.robots.anatomy import Anatomy, Part, dissect, hinges
 from stiction.robots.description import Description
 from stiction.robots.hold import hold
-from stiction.robots.model import Base, Foot, Joint, Link, Robot, link_poses
+from stiction.robots.model import Base, Foot, Joint, Link, Robot, tree_poses
 from stiction.robots.shapes import Contact, Shape, Vector, bounds, reach
 from stiction.robots.source import Source
 
@@ -99,15 +99,13 @@ def derive(source: Source, said: Description) -> Derived:
     links = tuple(_link(part) for part in anatomy.links)
     pose = np.array([joint.default_position for joint in joints])
     base = _base(anatomy.base, said, origins)
-    draft = Robot.__new__(Robot)
-    object.__setattr__(draft, "links", links)
-    position, rotation = link_poses(draft, pose)
-    feet, lowest = _feet(model, anatomy, said, (position, rotation), origins)
+    poses = tree_poses(links, pose)
+    feet, lowest = _feet(model, anatomy, said, poses, origins)
     links = tuple(
         _with_contacts(link, part, feet, number, said)
         for number, (link, part) in enumerate(zip(links, anatomy.links, strict=True))
     )
-    feet = _grouped(feet, said, (position, rotation), origins)
+    feet = _grouped(feet, said, poses, origins)
     robot = Robot(
         name=said.name or _name(source.name),
         base=base,
@@ -309,7 +307,7 @@ def _gains(model: mujoco.MjModel, joint: int) -> tuple[float, float]:
 def _link(part: Part) -> Link:
     """Return a link with nothing to touch yet."""
     return Link(
-        name=f"{part.name}" or "link",
+        name=part.name or "link",
         parent=part.parent,
         origin=part.origin,
         axis=part.axis,

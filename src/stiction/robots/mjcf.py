@@ -171,8 +171,7 @@ def _add_foot(spec: mujoco.MjSpec, link: mujoco.MjsBody, foot: Foot) -> None:
     """Add what touches the ground of one foot, and its sensor."""
     for number, shape in enumerate(foot.shapes):
         _add_shape(spec, link, shape, _foot_name(foot, number), priority=1, friction=[1.0, 0.005, 0.0001])
-    ball = len(foot.shapes) == 1 and foot.shapes[0].kind == "sphere"
-    if ball:
+    if foot.is_ball:
         link.add_site(name=foot.name, size=[1.2 * foot.radius, 0, 0], pos=foot.position, group=4)
     else:
         low, high = bounds(foot.shapes)

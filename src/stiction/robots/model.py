@@ -142,6 +142,11 @@ class Foot:
     group: int | None = None
     """Contact group of the tripod or trot, 0 or 1, C^G of the paper; None where there are none."""
 
+    @property
+    def is_ball(self) -> bool:
+        """Whether it touches the ground with one sphere: in a point, without a moment."""
+        return len(self.shapes) == 1 and self.shapes[0].kind == "sphere"
+
 
 @dataclass(frozen=True)
 class Vendor:
@@ -296,39 +301,34 @@ def box_inertia(mass: float, size: Sequence[float]) -> np.ndarray:
 
 
 def link_poses(robot: Robot, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return where the frames of all links of a robot are, see `tree_poses`."""
+    return tree_poses(robot.links, angles)
+
+
+def tree_poses(links: Sequence[Link], angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return where the frames of all links are on the base: positions [m], (joints, 3), rotations, (joints, 3, 3).
 
     angles: of all joints [rad], shape (joints,).
     """
-    position, rotation = np.zeros((len(robot.links), 3)), np.zeros((len(robot.links), 3, 3))
-    for number, link in enumerate(robot.links):
+    position, rotation = np.zeros((len(links), 3)), np.zeros((len(links), 3, 3))
+    for number, link in enumerate(links):
         below = (np.zeros(3), np.eye(3)) if link.parent < 0 else (position[link.parent], rotation[link.parent])
         position[number] = below[0] + below[1] @ np.array(link.origin)
         rotation[number] = below[1] @ matrix(about_vector(np.array(link.axis), float(angles[number])))
     return position, rotation
 
 
-def joint_inertias(robot: Robot, angles: np.ndarray) -> np.ndarray:
-    """Return the inertia about each joint of all that it carries, all other joints rigid, its rotor's too [kg m²].
-
-    angles: of all joints [rad], shape (joints,); returns shape (joints,).
-    """
-    position, turn = link_poses(robot, angles)
-    total = robot.joint_values("armature")
-    for number, link in enumerate(robot.links):
-        centre = position[number] + turn[number] @ np.array(link.com)
-        inertia = turn[number] @ link.inertia_matrix @ turn[number].T
-        for carrier in robot.chain(number):
-            axis = turn[carrier] @ np.array(robot.links[carrier].axis)
-            lever = np.cross(axis, centre - position[carrier])
-            total[carrier] += axis @ inertia @ axis + link.mass * lever @ lever
-    return total
-
-
 def foot_places(robot: Robot, angles: np.ndarray) -> np.ndarray:
     """Return where the middles of the feet are on the base [m], (feet, 3), at joint angles [rad], (joints,)."""
     position, turn = link_poses(robot, angles)
     return np.array([position[foot.link] + turn[foot.link] @ np.array(foot.position) for foot in robot.feet])
+
+
+def on_its_feet(robot: Robot) -> Robot:
+    """Return a robot with the height at which its lowest foot touches flat ground in the standing pose."""
+    places = foot_places(robot, robot.joint_values("default_position"))
+    radii = np.array([foot.radius for foot in robot.feet])
+    return replace(robot, standing_height=float((radii - places[:, 2]).max()))
 
 
 FALLEN_UP = 0.5

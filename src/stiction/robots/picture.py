@@ -1,13 +1,10 @@
 """Draws a robot standing, with the axis of every driven joint as an arrow: angles follow the right-hand rule.
 
-Rendering happens in a process of its own: the kind of OpenGL is chosen before MuJoCo is imported, and a graphics driver
-that fails, or takes its process down, costs the picture and nothing else.
+Rendering happens in a process of its own, see `core.opengl`.
 """
 
 from __future__ import annotations
 
-import os
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -15,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import EngineError
+from stiction.core.opengl import render
 from stiction.robots.model import Robot, link_poses
 from stiction.robots.record import read_robot, write_robot
 
@@ -32,15 +30,6 @@ class PictureError(EngineError):
     """A picture could not be drawn, mostly for want of OpenGL."""
 
 
-def opengl_environment() -> dict[str, str]:
-    """Return the environment for rendering: EGL on Linux where there is no display and nothing was chosen."""
-    environment = dict(os.environ)
-    headless = not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
-    if sys.platform == "linux" and headless:
-        environment.setdefault("MUJOCO_GL", "egl")
-    return environment
-
-
 def draw(robot: Robot, out: Path) -> Path:
     """Draw a robot into a PNG file and return its path.
 
@@ -49,23 +38,7 @@ def draw(robot: Robot, out: Path) -> Path:
     with tempfile.TemporaryDirectory() as folder:
         record = Path(folder) / "robot.json"
         write_robot(robot, record)
-        try:
-            done = subprocess.run(
-                [sys.executable, "-m", "stiction.robots.picture", str(record), str(out)],
-                env=opengl_environment(),
-                capture_output=True,
-                text=True,
-                timeout=TIMEOUT,
-                check=False,
-            )
-        except subprocess.TimeoutExpired as error:
-            raise PictureError(f"no picture: rendering took more than {TIMEOUT:.0f} s") from error
-    if done.returncode != 0 or not out.is_file():
-        said = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
-        raise PictureError(
-            f"no picture: OpenGL is not available here ({said}); on Debian and Ubuntu: apt install libegl1 libgl1"
-        )
-    return out
+        return render("stiction.robots.picture", (record, out), out, TIMEOUT, PictureError, "picture")
 
 
 def _render(robot: Robot, out: Path) -> None:

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stiction.robots.boxes import FEET, SHANK_RADIUS, THIGH_RADIUS, TRUNK, bone
 from stiction.robots.hold import reflect
-from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, link_poses
-from stiction.robots.shapes import Contact, Shape, Vector
+from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, on_its_feet
+from stiction.robots.shapes import Shape, Vector
 
 CORNERS = ("FR", "FL", "RR", "RL")
 """Legs in the maker's order."""
@@ -20,11 +21,7 @@ CORNERS = ("FR", "FL", "RR", "RL")
 GROUPS = {"FL": 0, "RR": 0, "FR": 1, "RL": 1}
 """Legs that step together in a trot."""
 
-RADII = {"thigh": 0.02, "calf": 0.013}
-"""Of the capsules that stand for thighs, which are only seen, and calves, which catch on edges [m]."""
-
 BONE: Vector = (0.45, 0.5, 0.56)
-RUBBER: tuple[Vector, Vector] = ((0.9, 0.45, 0.15), (0.15, 0.5, 0.85))
 
 
 @dataclass(frozen=True)
@@ -65,7 +62,7 @@ class Quadruped:
         joints = tuple(self._joint(leg, joint) for leg in CORNERS for joint in self.joints)
         feet = tuple(self._foot(leg, 3 * number + 2) for number, leg in enumerate(CORNERS))
         x, y, z = (extent / 2 for extent in self.base.size)
-        trunk = Shape("box", (x, y, z), self.base.center, contact="ground", color=(0.82, 0.84, 0.86))
+        trunk = Shape("box", (x, y, z), self.base.center, contact="ground", color=TRUNK)
         names = tuple(joint.name for joint in joints)
         robot = Robot(
             name=self.name,
@@ -76,9 +73,7 @@ class Quadruped:
             standing_height=1.0,
             vendor=Vendor(names, (1.0,) * len(names), (0.0,) * len(names)),
         )
-        position, rotation = link_poses(robot, robot.joint_values("default_position"))
-        lowest = min(float((position[foot.link] + rotation[foot.link] @ foot.position)[2]) for foot in feet)
-        return replace(robot, standing_height=self.foot_radius - lowest)
+        return on_its_feet(robot)
 
     def _joint(self, leg: str, joint: Joint) -> Joint:
         """Return one joint of a leg."""
@@ -95,14 +90,14 @@ class Quadruped:
         knee, ankle = np.array(self.calf.origin), np.array(self.foot)
         return (
             hip,
-            replace(thigh, shapes=(_bone(float(-knee[2]), RADII["thigh"], "nothing"),)),
-            replace(calf, shapes=(_bone(float(-ankle[2]), RADII["calf"], "obstacles"),)),
+            replace(thigh, shapes=(bone(float(-knee[2]), THIGH_RADIUS, "nothing", BONE),)),
+            replace(calf, shapes=(bone(float(-ankle[2]), SHANK_RADIUS, "obstacles", BONE),)),
         )
 
     def _foot(self, leg: str, link: int) -> Foot:
         """Return the ball at the end of a leg."""
         group = GROUPS[leg]
-        ball = Shape("sphere", (self.foot_radius, 0.0, 0.0), self.foot, contact="ground", color=RUBBER[group])
+        ball = Shape("sphere", (self.foot_radius, 0.0, 0.0), self.foot, contact="ground", color=FEET[group])
         return Foot(f"{leg}_foot", link, self.foot, self.foot_radius, (ball,), group)
 
 
@@ -117,9 +112,3 @@ def _link(name: str, parent: int, segment: Segment, axis: Vector) -> Link:
         com=segment.com,
         inertia=segment.inertia,
     )
-
-
-def _bone(length: float, radius: float, contact: Contact) -> Shape:
-    """Return a capsule from the link's joint straight down."""
-    half = 0.5 * length
-    return Shape("capsule", (radius, half, 0.0), (0.0, 0.0, -half), contact=contact, color=BONE)

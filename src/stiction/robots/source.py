@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import mujoco
-import numpy as np
 
 from stiction.core.errors import RobotError
 
@@ -227,8 +226,3 @@ def _candidates(name: str, folder: Path, meshdir: str) -> Iterator[Path]:
         return
     yield folder / meshdir / name
     yield folder / name
-
-
-def inertia_is_physical(moments: np.ndarray) -> bool:
-    """Return whether principal moments, shape (3,), are those of a body: positive, none above the sum of the others."""
-    return bool((moments > 0).all() and 2 * moments.max() <= moments.sum() * (1 + 1e-6))

@@ -111,7 +111,7 @@ def has_soles(spec: Robot) -> bool:
     """Return whether one foot carries a robot with locked joints: each has a sole, and none is a ball."""
     turn = link_poses(spec, spec.joint_values("default_position"))[1]
     extents = [np.subtract(*bounds(foot.shapes, turn[foot.link])[::-1]) / 2 for foot in spec.feet]
-    balls = any(shape.kind == "sphere" for foot in spec.feet for shape in foot.shapes if len(foot.shapes) == 1)
+    balls = any(foot.is_ball for foot in spec.feet)
     return not balls and all(min(extent[:2]) >= SOLE for extent in extents)
 
 

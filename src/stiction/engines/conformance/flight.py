@@ -12,7 +12,8 @@ from stiction.engines.conformance.rig import Figure, drive, still, test_friction
 from stiction.engines.engine import Body, Make, Motion
 from stiction.engines.ground import flat
 from stiction.engines.mujoco_engine import MujocoEngine
-from stiction.robots.model import GRAVITY, Link, Robot, joint_inertias
+from stiction.robots.model import GRAVITY, Link, Robot
+from stiction.sim.fleet import Fleet
 
 FINE = 1e-4
 """Timestep of the reference [s]."""
@@ -35,7 +36,8 @@ def fly(make: Make, spec: Robot, timestep: float, friction: float, hold: float) 
     pose = spec.joint_values("default_position")
     room = np.minimum(pose - spec.joint_values("lower"), spec.joint_values("upper") - pose)
     # A light joint would swing into its limits: half of the room is enough.
-    most = 0.5 * room * joint_inertias(spec, pose) * (2 * np.pi * BEAT) ** 2
+    inertia = spec.joint_values("armature") + Fleet(spec, 1).link_inertia()
+    most = 0.5 * room * inertia * (2 * np.pi * BEAT) ** 2
     push, bound = np.minimum(PUSH * spec.joint_values("kp"), most), np.full(spec.num_joints, friction)
 
     def act(number: int, motion: Motion) -> tuple[np.ndarray, np.ndarray]:

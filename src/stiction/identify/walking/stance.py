@@ -143,7 +143,7 @@ def _contact(foot: Foot, middle: np.ndarray, jacobian: np.ndarray, upward: np.nd
     )
     push = np.tile(np.diag([1.0, 1.0, 1.0, ARM, ARM, ARM]), (len(middle), 1, 1))
     push[:, 3:, :3] = np.cross((middle + below)[:, :, None], np.eye(3), axis=1)
-    count = 3 if len(foot.shapes) == 1 and foot.shapes[0].kind == "sphere" else 6
+    count = 3 if foot.is_ball else 6
     return np.swapaxes(felt[:, :count], 1, 2), push[:, :, :count]
 
 

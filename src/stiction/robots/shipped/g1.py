@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.robots.hold import hold, reflect
-from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, link_poses
+from stiction.robots.model import Base, Foot, Joint, Link, Robot, Vendor, on_its_feet
 from stiction.robots.shapes import Shape, Vector
 
 Moments = tuple[float, float, float, float, float, float]
@@ -212,9 +212,7 @@ def whole() -> Robot:
         standing_height=1.0,
         vendor=Vendor(names, (1.0,) * len(names), (0.0,) * len(names)),
     )
-    position, rotation = link_poses(robot, robot.joint_values("default_position"))
-    lowest = min(float((position[foot.link] + rotation[foot.link] @ foot.position)[2]) for foot in feet)
-    return replace(robot, standing_height=SOLE.size[2] - lowest)
+    return on_its_feet(robot)
 
 
 def _legs_driven(robot: Robot) -> Robot:

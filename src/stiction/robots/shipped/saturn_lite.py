@@ -18,9 +18,12 @@ III). It gives neither geometry, nor gains, nor the other joints' friction. Thos
 
 from dataclasses import replace
 
-from stiction.robots.boxes import Box, BoxLegs, Leg, LegJoint
+from stiction.robots.boxes import Box, BoxLegs, Leg
+from stiction.robots.model import Joint
 
-_HIP = LegJoint(
+_HIP = Joint(
+    name="",
+    kind="hip",
     torque_limit=25.0,
     armature=0.0145,
     damping=0.0704,
@@ -30,6 +33,7 @@ _HIP = LegJoint(
     lower=-0.8,
     upper=0.8,
     default_position=0.0,
+    action_scale=0.25,
 )
 
 BOXES = BoxLegs(
@@ -50,7 +54,6 @@ BOXES = BoxLegs(
         Leg("RL", (-0.31, 0.11, 0.0), group=0),
         Leg("RR", (-0.31, -0.11, 0.0), group=1),
     ),
-    action_scale=0.25,
 )
 
 ROBOT = BOXES.robot()

@@ -1,0 +1,45 @@
+"""Rendering in a process of its own: the kind of OpenGL is chosen before MuJoCo is imported, and a graphics driver
+that fails, or takes its process down, costs the picture and nothing else.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+
+from stiction.core.errors import EngineError
+
+
+def opengl_environment() -> dict[str, str]:
+    """Return the environment for rendering: EGL on Linux where there is no display and nothing was chosen."""
+    environment = dict(os.environ)
+    headless = not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+    if sys.platform == "linux" and headless:
+        environment.setdefault("MUJOCO_GL", "egl")
+    return environment
+
+
+def render(
+    module: str, words: Iterable[object], out: Path, timeout: float, error: type[EngineError], what: str
+) -> Path:
+    """Run a module that draws a file, and return the file's path.
+
+    module: run as `python -m` with these words; timeout: longest that it may take [s]; error: raised where it takes
+    longer, fails, or leaves no file, with what it said last; what: it draws, such as `clip`.
+    """
+    program = [sys.executable, "-m", module, *map(str, words)]
+    try:
+        done = subprocess.run(
+            program, env=opengl_environment(), capture_output=True, text=True, timeout=timeout, check=False
+        )
+    except subprocess.TimeoutExpired as late:
+        raise error(f"no {what}: rendering took more than {timeout:.0f} s") from late
+    if done.returncode != 0 or not out.is_file():
+        output = (done.stderr.strip().splitlines() or [f"it ended with status {done.returncode}"])[-1]
+        raise error(
+            f"no {what}: OpenGL is not available here ({output}); on Debian and Ubuntu: apt install libegl1 libgl1"
+        )
+    return out
