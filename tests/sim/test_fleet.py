@@ -20,7 +20,7 @@ def bench(robot: str, timestep: float = 0.005) -> Fleet:
     zero = np.zeros((spec.num_joints, spec.num_joints))
     fleet.set_gains(zero, zero)
     fleet.friction[:] = LEVEL * fleet.torque_limit
-    fleet.clamp(~np.eye(spec.num_joints, dtype=bool), base=True)
+    fleet.clamp(~np.eye(spec.num_joints, dtype=bool), base=range(6))
     return fleet
 
 

@@ -49,7 +49,7 @@ def test_effort_is_a_share_of_the_motors_last_torque() -> None:
 def test_load_is_what_the_leg_weighs_and_what_the_ground_bears() -> None:
     """In the air, trunk held, a hip carries its leg; on the ground it bears its share of all else."""
     fleet = make(Law("load"))
-    fleet.clamp(np.ones((2, 12), bool), base=False)
+    fleet.clamp(np.ones((2, 12), bool))
     fleet.simulation.expand("dof_armature")[1, :6] = 1e6
     fleet.set_const(np.arange(2))
     fleet.base_position[1, 2] += 1.0

@@ -27,7 +27,7 @@ def hung(physics: PhysicsCfg = PLASTIC, robots: int = 1, timestep: float = 0.005
     fleet.friction[:] = LEVEL * fleet.torque_limit
     held = np.ones((robots, fleet.spec.num_joints), bool)
     held[:, 0] = False
-    fleet.clamp(held, base=True)
+    fleet.clamp(held, base=range(6))
     return fleet
 
 

@@ -28,8 +28,11 @@ TOLERANCE = 0.1
 AUDIT_LEVEL = 0.1
 """Friction level of the audit where the task names none."""
 
+DOWN = (0.0, 0.0, -GRAVITY)
+"""Gravity [m/s²]."""
+
 SLIDING_SPAN = 0.3
-"""Largest difference of ground friction that is measured: a robot that brakes harder tips over."""
+"""Largest difference of ground friction that is measured: a robot that brakes harder has stopped before the end."""
 
 
 @dataclass(frozen=True)
@@ -72,12 +75,13 @@ def effect_share(measured: np.ndarray, expected: np.ndarray) -> float:
 
 
 def audit_joints(stand: Stand) -> list[AuditRow]:
-    """Check what acts in a joint, by the step response of each; damping only where a joint's nominal one is known."""
+    """Check what acts in a joint but for friction, by the step response of each.
+
+    Damping only where a joint's nominal one is known.
+    """
     cfg = stand.cfg
     names = ("armature", "damping", "stiffness", "motor_strength", "action_delay")
     spans = {name: getattr(cfg.randomization, name) for name in names}
-    if cfg.friction.law == "coulomb":
-        spans["friction"] = cfg.friction.last.range
     if not stand.spec.joint_values("damping").any():
         del spans["damping"]
     rows = []
@@ -106,13 +110,12 @@ def audit_friction(stand: Stand) -> list[AuditRow]:
 
 
 def audit_body(stand: Stand) -> list[AuditRow]:
-    """Check masses and ground friction, by weight, centre of pressure and sliding."""
+    """Check masses and ground friction, by what a hanging robot weighs and where, and by sliding."""
     cfg, rows = stand.cfg.randomization, []
-    down = (0.0, 0.0, -GRAVITY)
     if cfg.payload[0] < cfg.payload[1]:
-        low, high = (stand.standing_feet(down, payload=end)[0] for end in cfg.payload)
-        share = (high - low) / (GRAVITY * (cfg.payload[1] - cfg.payload[0]))
-        rows.append(AuditRow("payload", "weight on the feet", share))
+        low, high = (stand.hanging(DOWN, payload=end)[2] for end in cfg.payload)
+        share = (low - high) / (GRAVITY * (cfg.payload[1] - cfg.payload[0]))
+        rows.append(AuditRow("payload", "weight", float(share)))
     if cfg.center_of_mass[0] < cfg.center_of_mass[1]:
         rows += [_center_of_mass(stand, axis) for axis in range(3)]
     low_end, high_end = cfg.ground_friction
@@ -125,14 +128,14 @@ def audit_body(stand: Stand) -> list[AuditRow]:
 
 
 def _center_of_mass(stand: Stand, axis: int) -> AuditRow:
-    """Check the shift of the trunk's centre of mass along one axis; upward, under tilted gravity."""
-    tilt, spec = 0.1, stand.spec
-    gravity = (tilt * GRAVITY, 0.0, -GRAVITY) if axis == 2 else (0.0, 0.0, -GRAVITY)
+    """Check the shift of the trunk's centre of mass along one axis, by the moment of gravity across it."""
+    spec = stand.spec
+    # Along z gravity says nothing of a shift along z: there it pulls forward.
+    gravity, about = ((GRAVITY, 0.0, 0.0), 4) if axis == 2 else (DOWN, 4 - axis)
     ends = np.array(stand.cfg.randomization.center_of_mass) * spec.base.size[axis] / TRUNK_LENGTH
-    low, high = (stand.standing_feet(gravity, center_of_mass=np.eye(3)[axis] * end)[1] for end in ends)
-    expected = (ends[1] - ends[0]) * spec.base.mass / spec.mass * (tilt if axis == 2 else 1.0)
-    measured = (high - low)[1 if axis == 1 else 0]
-    return AuditRow("center_of_mass", f"centre of pressure, {'xyz'[axis]}", float(measured / expected))
+    low, high = (stand.hanging(gravity, center_of_mass=np.eye(3)[axis] * end)[about] for end in ends)
+    expected = (ends[1] - ends[0]) * spec.base.mass * GRAVITY * (-1.0 if axis == 1 else 1.0)
+    return AuditRow("center_of_mass", f"moment of gravity, {'xyz'[axis]}", float((high - low) / expected))
 
 
 def audit_env(cfg: TaskCfg) -> list[AuditRow]:

@@ -1,4 +1,4 @@
-"""A test stand for randomised robots: one joint at a time in the air, the whole robot standing or sliding.
+"""A test stand for randomised robots: one joint at a time in the air, the whole robot hanging or sliding.
 
 Robots are randomised through the same `Randomizer` as in training; the formulas beside the measurements use only the
 draws and the specification. Joints hang in the air, the base and all other joints held. Where a friction law reads the
@@ -21,13 +21,22 @@ from stiction.joints.simulate import Joint, simulate
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.randomization import Randomizer, nominal_joints
 from stiction.robots.model import GRAVITY, Robot
-from stiction.sim.fleet import BASE_DOFS, Fleet
+from stiction.sim.fleet import BASE_DOFS, HELD, Fleet
 
 STEP = 0.15
-"""Step of the joint target on the stand [rad]."""
+"""Largest step of a joint's target on the stand [rad]."""
+
+STEP_TORQUE = 0.8
+"""Largest torque that a step asks for, over the motor's limit: what saturates hides what it should show."""
 
 BENCH_SECONDS = 0.3
 """Length of a run on the stand [s]."""
+
+SETTLE = 20
+"""Physics steps of a robot that hangs, and of a joint before its run, without a torque on it."""
+
+FREE = int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
+"""Flags that let a joint turn without end."""
 
 
 class Stand:
@@ -36,6 +45,7 @@ class Stand:
     def __init__(self, spec: Robot, cfg: TaskCfg) -> None:
         """`cfg`: the task; friction is nominally that of its level."""
         self.spec, self.cfg = spec, cfg
+        self.steps = np.minimum(STEP, STEP_TORQUE * spec.joint_values("torque_limit") / spec.joint_values("kp"))
 
     def fleet(self, num: int, **draws: float | np.ndarray) -> tuple[Fleet, Randomizer]:
         """Return `num` robots, nominal but for `draws`."""
@@ -55,9 +65,10 @@ class Stand:
         fleet, _ = self.fleet(joints, **draws)
         fleet.set_gravity((0.0, 0.0, 0.0))
         fleet.base_position[:, 2] += 1.0
-        fleet.clamp(~np.eye(joints, dtype=bool), base=True)
+        fleet.simulation.expand("opt.disableflags")[:] |= FREE
+        fleet.clamp(~np.eye(joints, dtype=bool), base=range(BASE_DOFS))
         everyone = np.arange(joints)
-        fleet.set_targets(fleet.standing + STEP * np.eye(joints))
+        fleet.set_targets(fleet.standing + np.diag(self.steps))
         motion = [fleet.joint_position[everyone, everyone] - fleet.standing]
         for _ in range(round(BENCH_SECONDS / fleet.timestep)):
             fleet.substep()
@@ -68,24 +79,22 @@ class Stand:
         self,
         armature: float = 1.0,
         damping: float = 1.0,
-        friction: float = 0.0,
         stiffness: float = 1.0,
         motor_strength: float = 1.0,
         action_delay: float = 0.0,
     ) -> np.ndarray:
-        """Return what I q'' + B q' = τ + f gives for the same step, (joints, samples)."""
+        """Return what I q'' + B q' = τ gives for the same step, (joints, samples)."""
         fleet = Fleet(self.spec, 1, self.cfg.timestep, self.cfg.decimation)
         # The reference joins its targets by straight lines: a finer grid makes the step a step.
         links, step = fleet.link_inertia(), fleet.timestep / FINE
         nominal = nominal_joints(fleet, self.cfg.friction)
-        target = np.full(round(BENCH_SECONDS / step) + 1, STEP)
-        target[: round(action_delay / step)] = 0.0
+        after = np.arange(round(BENCH_SECONDS / step) + 1) >= round(action_delay / step)
         motion = []
         for j in range(self.spec.num_joints):
             joint = Joint(
                 inertia=links[j] + armature * nominal.armature[j],
                 viscous=damping * nominal.damping[j],
-                friction=Coulomb(friction * nominal.frictionloss[j]),
+                friction=Coulomb(0.0),
             )
             gains = PDGains(
                 kp=stiffness * fleet.nominal_kp[j],
@@ -93,25 +102,31 @@ class Stand:
                 torque_limit=fleet.torque_limit[j],
                 strength=motor_strength,
             )
-            motion.append(simulate(joint, gains, step, target).position[::FINE])
+            motion.append(simulate(joint, gains, step, self.steps[j] * after).position[::FINE])
         return np.array(motion)
 
-    def standing_feet(
-        self, gravity: tuple[float, float, float], **draws: float | np.ndarray
-    ) -> tuple[float, np.ndarray]:
-        """Return the weight on the feet [N] and its centre on the ground [m], (2,), joints held, under `gravity`."""
+    def hanging(self, gravity: tuple[float, float, float], **draws: float | np.ndarray) -> np.ndarray:
+        """Return force [N] and moment about the base's origin [N m] of gravity on a robot held by its base, (6,).
+
+        Joints are held in the standing pose, and nothing is touched.
+        """
         fleet, _ = self.fleet(1, **draws)
         fleet.set_gravity(gravity)
-        fleet.clamp(np.ones((1, self.spec.num_joints), bool), base=False)
-        for _ in range(round(1.0 / fleet.control_period)):
-            fleet.step()
-        force = fleet.foot_force[0]
-        return float(force.sum()), force @ (fleet.foot_position(0)[:, :2] - fleet.base_position[0, :2]) / force.sum()
+        fleet.base_position[:, 2] += 1.0
+        fleet.simulation.expand("opt.disableflags")[:] |= FREE
+        fleet.clamp(np.ones((1, self.spec.num_joints), bool), base=range(BASE_DOFS))
+        # A held base is a scale: its velocity is the impulse over a huge inertia.
+        for _ in range(SETTLE):
+            fleet.substep()
+        return HELD * fleet.qvel[0, :BASE_DOFS] / (SETTLE * fleet.timestep)
 
     def slide(self, **draws: float) -> float:
-        """Return the deceleration [m/s²] of a robot that slides on its feet, joints held, over half a second."""
+        """Return the deceleration [m/s²] of a robot that slides on its feet over half a second.
+
+        Joints are held, and the trunk is kept from turning: a tall robot would tip over.
+        """
         fleet, _ = self.fleet(1, **draws)
-        fleet.clamp(np.ones((1, self.spec.num_joints), bool), base=False)
+        fleet.clamp(np.ones((1, self.spec.num_joints), bool), base=range(3, BASE_DOFS))
         half_second = round(0.5 / fleet.control_period)
         for _ in range(half_second):
             fleet.step()
@@ -123,12 +138,6 @@ class Stand:
 
 SECONDS = 0.2
 """Length of a run [s]."""
-
-SETTLE = 20
-"""Physics steps before a run, without a torque on the joint."""
-
-FREE = int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
-"""Flags that let a joint turn without end."""
 
 FINE = 10
 """Steps of a formula's integration in one physics step."""
@@ -209,7 +218,7 @@ class FrictionBench:
         fleet.simulation.expand("opt.disableflags")[:] |= FREE
         held = np.ones((len(robot), self.joints), bool)
         held[robot, joint] = False
-        fleet.clamp(held, base=True)
+        fleet.clamp(held, base=range(BASE_DOFS))
         outside = fleet.simulation.bind("qfrc_applied")
         motor = np.zeros(len(robot))
         if "torque" in self.law.spec.reads:

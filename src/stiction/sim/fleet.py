@@ -5,7 +5,7 @@ Training and evaluation drive robots through this one class, so that a policy me
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -21,6 +21,9 @@ from stiction.sim.protocol import Simulation
 
 BASE_DOFS = 6
 """Degrees of freedom of the floating base, first in the velocity vector."""
+
+HELD = 1e6
+"""Inertia added to what is held, see `Fleet.clamp` [kg or kg m²]: what it takes is still read from its motion."""
 
 
 class Fleet:
@@ -273,13 +276,15 @@ class Fleet:
         """Set gravity [m/s²] for every robot: off for a bench test, tilted to find a height."""
         self.simulation.expand("opt.gravity")[:] = gravity
 
-    def clamp(self, held: np.ndarray, base: bool) -> None:
-        """Hold the joints marked in `held`, (N, joints) bool, and the base if `base`, by a huge inertia."""
+    def clamp(self, held: np.ndarray, base: Sequence[int] = ()) -> None:
+        """Hold the joints marked in `held`, (N, joints) bool, by a huge inertia, `HELD`.
+
+        base: degrees of freedom of the base that are held too: 0 to 2 linear, 3 to 5 angular.
+        """
         # The tolerance is relative to the mean inertia: the solver would stop far from the solution.
         self.simulation.expand("opt.tolerance")[:] = 0.0
-        self.armature[held] = 1e6
-        if base:
-            self.simulation.expand("dof_armature")[:, :BASE_DOFS] = 1e6
+        self.armature[held] = HELD
+        self.simulation.expand("dof_armature")[:, list(base)] = HELD
         self.set_const(np.arange(self.num_envs))
 
     def link_inertia(self) -> np.ndarray:

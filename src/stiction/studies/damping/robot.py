@@ -18,7 +18,7 @@ from stiction.evaluate.command import SETTLE, parse_command
 from stiction.evaluate.rollout import Rollout, friction_at
 from stiction.formats.bundle import Bundle
 from stiction.robots.catalog import find_robot
-from stiction.sim.fleet import Fleet
+from stiction.sim.fleet import BASE_DOFS, Fleet
 from stiction.studies.damping.joint import DampingCfg, RobotRow
 
 MOVED = 0.5
@@ -69,7 +69,7 @@ def air_row(robot: str, level: float, cfg: DampingCfg) -> RobotRow:
     spec = find_robot(robot)
     fleet = Fleet(spec, 3)
     fleet.set_gravity((0.0, 0.0, 0.0))
-    fleet.clamp(np.zeros((3, spec.num_joints), bool), base=True)
+    fleet.clamp(np.zeros((3, spec.num_joints), bool), base=range(BASE_DOFS))
     fleet.friction[:] = level * fleet.torque_limit
     fleet.set_gains(fleet.nominal_kp, (1.0 - MOVED) * fleet.nominal_kd, np.array([1]))
     fleet.damping[1] += MOVED * fleet.nominal_kd
