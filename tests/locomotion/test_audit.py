@@ -151,6 +151,15 @@ def test_a_derived_constant_that_is_not_recomputed_is_caught(monkeypatch: pytest
     assert "derived constants" in failed(audit.audit_env(TASK))
 
 
+def test_softer_ground_lets_feet_sink_by_its_formula(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As deep as MuJoCo's impedance says; and an end that is not written is caught."""
+    soft = dataclasses.replace(TASK, randomization=RandomizationCfg(contact_time=(0.01, 0.03)))
+    rows = {row.parameter: row for row in audit.audit_body(audit.Stand(find_robot("go1"), soft))}
+    assert rows["contact_time"].share == pytest.approx(1.0, abs=0.03)
+    monkeypatch.setattr(Fleet, "set_contact_time", lambda *_: None)
+    assert list(failed(audit.audit_body(audit.Stand(find_robot("go1"), soft)))) == ["contact_time"]
+
+
 def test_ground_friction_that_is_not_applied_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same for a contact parameter."""
     monkeypatch.setattr(Fleet, "set_ground_friction", lambda *_: None)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from stiction.core.errors import ConfigurationError
 from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.locomotion.config import CommandCfg, NoiseCfg, RandomizationCfg, TaskCfg
 from stiction.locomotion.env import CommandSampler, LocomotionEnv
@@ -119,6 +120,25 @@ def test_friction_in_training_has_the_range_of_its_method(method: str, low: floa
     assert np.ptp(share, axis=1).max() < 1e-6
     if high > low:
         assert share.min() < low + 0.1 * (high - low) and share.max() > high - 0.1 * (high - low)
+
+
+def test_softness_of_the_ground_is_drawn_last_and_written_to_the_feet() -> None:
+    """It changes no other draw of a seed; without a range the simulator keeps its own value."""
+    usual, env = make(), make(randomization=RandomizationCfg(contact_time=(0.01, 0.03)))
+    drawn, other = vars(env.randomizer.draws), vars(usual.randomizer.draws)
+    assert [name for name in drawn if not torch.equal(drawn[name], other[name])] == ["contact_time"]
+    foot, head = (env.fleet.model.geom(name).id for name in ("FR_foot", "floor"))
+    softness = env.fleet.simulation.expand("geom_solref")[:, :, 0]
+    assert 0.01 <= softness[:, foot].min() < softness[:, foot].max() <= 0.03
+    np.testing.assert_allclose(softness[:, foot], drawn["contact_time"][:, 0], atol=1e-8)
+    assert (softness[:, head] == 0.02).all()
+    assert (usual.fleet.simulation.expand("geom_solref")[:, foot, 0] == 0.02).all()
+
+
+def test_ground_stiffer_than_a_step_can_hold_is_refused() -> None:
+    """MuJoCo would soften it without a word."""
+    with pytest.raises(ConfigurationError, match=r"no stiffer than 0.01 s"):
+        TaskCfg(randomization=RandomizationCfg(contact_time=(0.005, 0.02)))
 
 
 def test_friction_per_joint_differs_between_joints() -> None:

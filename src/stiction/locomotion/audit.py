@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from scipy.optimize import brentq
 
 from stiction.locomotion.audit_robots import FrictionBench, Stand
 from stiction.locomotion.config import TaskCfg
@@ -118,6 +119,11 @@ def audit_body(stand: Stand) -> list[AuditRow]:
         rows.append(AuditRow("payload", "weight", float(share)))
     if cfg.center_of_mass[0] < cfg.center_of_mass[1]:
         rows += [_center_of_mass(stand, axis) for axis in range(3)]
+    hard, soft = cfg.contact_time
+    if hard < soft:
+        depth = stand.sunk(contact_time=hard)
+        share = (stand.sunk(contact_time=soft) - depth) / (sunk_at(soft, depth, hard) - depth)
+        rows.append(AuditRow("contact_time", "depth that the feet sink", share))
     low_end, high_end = cfg.ground_friction
     high_end = min(high_end, low_end + SLIDING_SPAN)
     if low_end < high_end:
@@ -125,6 +131,20 @@ def audit_body(stand: Stand) -> list[AuditRow]:
         share = change / ((high_end - low_end) * GRAVITY)
         rows.append(AuditRow("ground_friction", "deceleration in sliding", share))
     return rows
+
+
+def sunk_at(time: float, depth: float, other: float) -> float:
+    """Return how deep feet sink [m] at a time constant [s], from the `depth` that the same load has at `other`.
+
+    MuJoCo's contact holds a load N at r with N = c r d(r)^2 / ((1 - d(r)) T^2), d(r) its impedance.
+    """
+
+    def load(r: float) -> float:
+        x = min(r / 0.001, 1.0)
+        d = 0.9 + 0.05 * (2 * x * x if x < 0.5 else 1 - 2 * (1 - x) ** 2)
+        return r * d * d / (1 - d)
+
+    return float(brentq(lambda r: load(r) / time**2 - load(depth) / other**2, 0.0, 1.0))
 
 
 def _center_of_mass(stand: Stand, axis: int) -> AuditRow:

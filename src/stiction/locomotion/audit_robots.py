@@ -120,6 +120,14 @@ class Stand:
             fleet.substep()
         return HELD * fleet.qvel[0, :BASE_DOFS] / (SETTLE * fleet.timestep)
 
+    def sunk(self, **draws: float) -> float:
+        """Return how far the feet have sunk into the ground [m], joints held and the trunk kept from turning."""
+        fleet, _ = self.fleet(1, **draws)
+        fleet.clamp(np.ones((1, self.spec.num_joints), bool), base=range(3, BASE_DOFS))
+        for _ in range(round(1.0 / fleet.control_period)):
+            fleet.step()
+        return float(self.spec.standing_height - fleet.base_position[0, 2])
+
     def slide(self, **draws: float) -> float:
         """Return the deceleration [m/s²] of a robot that slides on its feet over half a second.
 

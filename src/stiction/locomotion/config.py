@@ -15,7 +15,7 @@ from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.rewards import RewardCfg
 from stiction.locomotion.terrain import TerrainCfg
 from stiction.robots.model import DELAY_SAMPLES, Robot
-from stiction.robots.physics import PhysicsCfg
+from stiction.robots.physics import CONTACT_TIME, PhysicsCfg
 
 LONGEST_HISTORY = 200
 """Most frames in o_H: 4 s at 50 Hz. The rollout storage holds every robot's history at every step."""
@@ -55,6 +55,9 @@ class RandomizationCfg:
     """Multiplier k_motor of each joint's commanded torque; the torque limit stays."""
     ground_friction: tuple[float, float] = (0.2, 2.0)
     """Multiplier of the sliding friction coefficient, nominally 1."""
+    contact_time: tuple[float, float] = (CONTACT_TIME, CONTACT_TIME)
+    """Time constant of the contact of feet and ground [s]; shorter is stiffer, down to two physics steps. Not in the
+    paper. A light robot that has only walked on soft ground runs too fast on hard ground: `results/robots`."""
     payload: tuple[float, float] = (-2.0, 3.0)
     """Mass added to the trunk [kg], at its centre of mass."""
     center_of_mass: tuple[float, float] = (-0.25, 0.25)
@@ -74,7 +77,7 @@ class RandomizationCfg:
 
     def __post_init__(self) -> None:
         """Refuse multipliers that turn physics around."""
-        positive = dict.fromkeys(("armature", "stiffness", "motor_strength"), 1e-3)
+        positive = dict.fromkeys(("armature", "stiffness", "motor_strength", "contact_time"), 1e-3)
         free = dict.fromkeys(("payload", "center_of_mass", "encoder_offset"), float("-inf"))
         check_spans(self, positive | dict.fromkeys(NOT_NEGATIVE, 0.0) | free)
         if self.push_interval < 0 or self.push_velocity < 0:
@@ -203,6 +206,13 @@ class TaskCfg:
             raise ConfigurationError(
                 f"action delay up to {self.randomization.action_delay[1]} s: at steps of {self.timestep} s the "
                 f"model holds delays up to {longest:g} s; use a longer step or a shorter delay"
+            )
+
+        softness = self.randomization.contact_time
+        if softness != (CONTACT_TIME, CONTACT_TIME) and softness[0] < 2 * self.timestep:
+            raise ConfigurationError(
+                f"contact time from {softness[0]} s: at steps of {self.timestep} s the simulator makes contacts no "
+                f"stiffer than {2 * self.timestep:g} s; use a shorter step or a longer contact time"
             )
 
     def check_net(self, net: ActuatorNet, robot: Robot) -> None:

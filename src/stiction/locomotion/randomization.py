@@ -16,6 +16,7 @@ from stiction.joints.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture, friction_share
 from stiction.robots.model import TRUNK_LENGTH, Robot
+from stiction.robots.physics import CONTACT_TIME
 from stiction.sim.fleet import Fleet
 from stiction.sim.friction import JointFriction
 from stiction.sim.net_motors import NetMotors
@@ -109,6 +110,8 @@ class Draws:
     ground_friction: torch.Tensor
     payload: torch.Tensor
     """[kg]; both (N, 1)."""
+    contact_time: torch.Tensor
+    """[s], (N, 1)."""
     center_of_mass: torch.Tensor
     """Shift in the base frame [m], (N, 3)."""
     action_delay: torch.Tensor
@@ -144,9 +147,10 @@ class Randomizer:
         cfg.check_robot(fleet.spec)
         self.com_axes = torch.from_numpy(np.array(fleet.spec.base.size) / TRUNK_LENGTH).float()
         num, joints = fleet.num_envs, fleet.spec.num_joints
-        widths = {"ground_friction": 1, "payload": 1, "center_of_mass": 3, "action_delay": 1}
+        widths = {"ground_friction": 1, "payload": 1, "center_of_mass": 3, "action_delay": 1, "contact_time": 1}
         names = Draws.__dataclass_fields__
         self.draws = Draws(**{name: torch.zeros(num, widths.get(name, joints)) for name in names})
+        self.draws.contact_time[:] = cfg.contact_time[0]
 
     def draw(self, ids: torch.Tensor, generator: torch.Generator) -> None:
         """Draw every parameter of the robots `ids` and write it into the fleet."""
@@ -155,9 +159,12 @@ class Randomizer:
         def uniform(span: tuple[float, float], like: torch.Tensor) -> torch.Tensor:
             return span[0] + (span[1] - span[0]) * torch.rand(num, like.shape[1], generator=generator)
 
-        drawn = ((name, value) for name, value in vars(self.draws).items() if name != "friction")
+        later = ("friction", "contact_time")
+        drawn = ((name, value) for name, value in vars(self.draws).items() if name not in later)
         new = {name: uniform(getattr(cfg, name), value) for name, value in drawn}
         new["friction"] = self._draw_friction(num, generator)
+        if cfg.contact_time[0] < cfg.contact_time[1]:
+            new["contact_time"] = uniform(cfg.contact_time, self.draws.contact_time)
         new["center_of_mass"] = new["center_of_mass"] * self.com_axes
         step = self.fleet.timestep
         new["action_delay"] = (new["action_delay"] / step).round() * step
@@ -196,6 +203,8 @@ class Randomizer:
         else:
             self.motors.strength[rows] = strength
         fleet.set_ground_friction(values["ground_friction"][:, 0], rows)
+        if self.cfg.contact_time != (CONTACT_TIME, CONTACT_TIME):
+            fleet.set_contact_time(values["contact_time"][:, 0], rows)
         fleet.base_mass[rows] = self.base_mass + values["payload"][:, 0]
         fleet.base_com[rows] = self.base_com + values["center_of_mass"]
         fleet.set_const(rows)

@@ -35,6 +35,9 @@ FRICTION_D0 = 0.999
 With a time constant of two steps that is some thousandths of a rad/s; with MuJoCo's default of 0.9, which simulates
 faster, a hundred times more."""
 
+CONTACT_TIME = 0.02
+"""Time constant of the contact of feet and ground where none is said [s]: MuJoCo's, softer than PhysX and ODE."""
+
 SMALLEST_YIELD = 1e-9
 """Yield of a joint without friction [rad]: MuJoCo takes 0 for a spring that never yields."""
 

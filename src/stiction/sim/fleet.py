@@ -150,6 +150,12 @@ class Fleet:
         rows = np.arange(self.num_envs)[ids]
         self._geom_friction[rows[:, None], self._feet, 0] = np.broadcast_to(value, rows.shape)[:, None]
 
+    def set_contact_time(self, value: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
+        """Set the time constant of the contact of feet and ground [s], shape (len(ids),) or a number."""
+        rows = np.arange(self.num_envs)[ids]
+        softness = self.simulation.expand("geom_solref")
+        softness[rows[:, None], self._feet, 0] = np.broadcast_to(value, rows.shape)[:, None]
+
     def set_gains(self, kp: np.ndarray, kd: np.ndarray, ids: np.ndarray | slice = slice(None)) -> None:
         """Set the controllers: torque = kp (target - q) - kd q', clipped to the limit; (len(ids), joints)."""
         if self._by_torque:
