@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from stiction.joints.net import ActuatorNet, kinds
+from stiction.joints.net import ActuatorNet, weight_groups
 from stiction.robots.catalog import find_robot
 
 
@@ -16,7 +16,7 @@ def pd_net(robot: str = "saturn_lite", kp: float = 1.0, kd: float = 1.0, **chang
     H = 3: eight inputs, e_t to e_{t-3} and θ'_t to θ'_{t-3}, of which it uses the first of either.
     """
     spec = find_robot(robot)
-    limits, groups = spec.joint_values("torque_limit"), kinds(spec.joint_names, "kind")
+    limits, groups = spec.joint_values("torque_limit"), weight_groups(spec.joint_names, "kind")
     layers = []
     for group in groups:
         joint = spec.joint_names.index(group[0])

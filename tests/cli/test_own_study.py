@@ -47,7 +47,7 @@ def run(options: BrakingOptions, work: Work) -> Report:
         return {"time": 1.0 / level}
 
     rows = [
-        Row(level, work.keep(f"at-{level:g}", {"level": level}, partial(brake, level))["time"])
+        Row(level, work.cached(f"at-{level:g}", {"level": level}, partial(brake, level))["time"])
         for level in options.levels
     ]
     work.progress("braking", 1.0)

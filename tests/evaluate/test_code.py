@@ -74,7 +74,7 @@ def imported(start: str) -> set[str]:
     ("start", "code", "known"),
     [
         ("evaluate/run.py", WALK_CODE, READING | WEAR | BENCHES),
-        ("studies/wear/lives.py", WEARING, READING),
+        ("studies/wear/lifetimes.py", WEARING, READING),
         ("evaluate/trained.py", RUN_WALK_CODE, READING | TRAINING | WEAR),
         ("virtual/bench.py", BENCH_CODE, READING | BENCHED | WEAR),
     ],

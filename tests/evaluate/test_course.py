@@ -6,7 +6,7 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.evaluate.command import parse_command
 from stiction.evaluate.course import PATIENCE, Course, parse_course, starts, straight_on
-from stiction.locomotion.terrain import BEYOND, LENGTH
+from stiction.locomotion.terrain import FINISH_MARGIN, LENGTH
 from stiction.robots.terrain import LANDING, REACH, STEPS, TREAD
 
 
@@ -40,7 +40,7 @@ def test_the_time_for_a_crossing_follows_the_commanded_speed() -> None:
 
 def test_who_walks_around_the_landing_has_crossed_a_slope_but_no_stairs() -> None:
     """Robot 0 goes over the landing, robot 1 beside it, robot 2 over it and falls before the end."""
-    along = np.array([-REACH - 0.1, -REACH + TREAD + 0.1, 0.0, LANDING + TREAD + 0.1, REACH + BEYOND + 0.1])
+    along = np.array([-REACH - 0.1, -REACH + TREAD + 0.1, 0.0, LANDING + TREAD + 0.1, REACH + FINISH_MARGIN + 0.1])
     position, upright = np.zeros((5, 3, 2)), np.ones((5, 3), bool)
     position[..., 0] = along[:, None]
     position[1:4, 1, 1] = REACH + 0.1

@@ -10,7 +10,7 @@ import pytest
 from stiction.identify.model import LAWS, Law, Model, parameter_torques, strength_torque
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Trajectory, simulate
-from stiction.joints.variation import course, vary
+from stiction.joints.variation import segments, vary
 
 STEP = 0.002
 TIME = STEP * np.arange(1500)
@@ -47,7 +47,7 @@ def errors(
         return simulate(joint, stronger, step, target, values["position"], values["velocity"], load, guess)
 
     made, joint = run(values), model.joint([values[name] for name in model.names])
-    cut = course(joint, gains, step, target, made, load)
+    cut = segments(joint, gains, step, target, made, load)
     torques = parameter_torques(model, values, joint, cut)
     start = np.zeros((2, len(values)))
     start[:, len(model.names) : len(model.names) + 2] = np.eye(2)
@@ -109,7 +109,7 @@ def test_a_joint_that_never_moves_depends_on_its_start_alone() -> None:
     joint = model.joint([0.01, 0.1, 5.0, 0.0])
     gains = PDGains(20.0, 0.5)
     made = simulate(joint, gains, STEP, 0.1 * TARGET)
-    cut = course(joint, gains, STEP, 0.1 * TARGET, made)
+    cut = segments(joint, gains, STEP, 0.1 * TARGET, made)
     torques = parameter_torques(model, {}, joint, cut)
     start = np.zeros((2, 4))
     start[0, 0] = 1.0

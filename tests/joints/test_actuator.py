@@ -13,10 +13,10 @@ from stiction.joints.net import (
     Baseline,
     first_signal,
     fit_baseline,
-    kinds,
     perceptron,
     predict,
-    seen,
+    used_inputs,
+    weight_groups,
     windows,
 )
 
@@ -38,8 +38,8 @@ def test_a_window_by_hand() -> None:
 
 def test_the_papers_set_lacks_the_current_velocity() -> None:
     """θ_t ... θ_{t-3} and θ'_{t-1} ... θ'_{t-3} are seven numbers; the default has eight."""
-    assert seen("paper", 3).tolist() == [True] * 4 + [False] + [True] * 3
-    assert seen("default", 3).all()
+    assert used_inputs("paper", 3).tolist() == [True] * 4 + [False] + [True] * 3
+    assert used_inputs("default", 3).all()
 
 
 def test_a_perceptron_by_hand() -> None:
@@ -83,8 +83,8 @@ def test_without_a_past_the_first_sample_stands_for_it() -> None:
 def test_joints_of_a_kind_share_weights() -> None:
     """Six hips have one motor; `all` is one group."""
     names = ("FL_hip", "FL_shank", "FR_hip", "FR_shank")
-    assert kinds(names, "kind") == (("FL_hip", "FR_hip"), ("FL_shank", "FR_shank"))
-    assert kinds(names, "all") == (names,)
+    assert weight_groups(names, "kind") == (("FL_hip", "FR_hip"), ("FL_shank", "FR_shank"))
+    assert weight_groups(names, "all") == (names,)
 
 
 def test_a_net_recovers_a_pd_law() -> None:

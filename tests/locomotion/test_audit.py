@@ -104,7 +104,7 @@ def test_every_law_of_friction_acts_as_its_formula_says(law: str, level: float) 
     assert all(abs(row.share - 1.0) < 0.03 for row in rows), rows
 
 
-@pytest.mark.parametrize(("law", "wrong"), [("coulomb", {}), ("load", {"kept": 1.0})])
+@pytest.mark.parametrize(("law", "wrong"), [("coulomb", {}), ("load", {"smoothing": 1.0})])
 def test_a_law_that_does_not_act_is_caught(monkeypatch: pytest.MonkeyPatch, law: str, wrong: dict) -> None:
     """One joint that keeps its nominal friction, 1/1.2 of what was drawn; a load that never reaches the bound."""
     if not wrong:

@@ -11,7 +11,7 @@ import torch
 from stiction.core.errors import StictionError
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import ELEVATION_SCALE, LocomotionEnv
-from stiction.locomotion.terrain import BEYOND, LENGTH, SCAN_POINTS, START, Curriculum, TerrainCfg, hold_heading
+from stiction.locomotion.terrain import FINISH_MARGIN, LENGTH, SCAN_POINTS, START, Curriculum, TerrainCfg, hold_heading
 from stiction.rma.run import load_checkpoint, save_checkpoint
 from stiction.robots.terrain import KINDS, REACH
 
@@ -76,7 +76,7 @@ def test_the_task_tells_the_curriculum_of_falls() -> None:
 def test_who_has_crossed_is_out_of_time_and_not_fallen() -> None:
     """The value of what would come next would be lost: robots would learn to linger on the last step."""
     env = make_env()
-    env.fleet.base_position[-1, :2] = (REACH + BEYOND + 0.1) * np.array(
+    env.fleet.base_position[-1, :2] = (REACH + FINISH_MARGIN + 0.1) * np.array(
         [np.cos(env.course.heading[-1]), np.sin(env.course.heading[-1])]
     )
     env.fleet.base_position[0, :2] = 5.0  # on flat ground nothing is crossed
@@ -125,7 +125,7 @@ def test_the_way_is_counted_along_the_course() -> None:
         curriculum.walk(np.array([[0.0, 0.4], [0.4, 0.0], [0.0, -0.4], [0.3, 0.3]]), 0.02)
     assert curriculum.covered == pytest.approx([0.4, 0.0, -0.4, 0.3], abs=1e-9)
     assert curriculum.asked == pytest.approx(0.5)
-    here = np.array([[0, REACH + BEYOND + 0.1], [0, REACH + BEYOND + 0.1], [5.0, 0.0], [0, -5.0]])
+    here = np.array([[0, REACH + FINISH_MARGIN + 0.1], [0, REACH + FINISH_MARGIN + 0.1], [5.0, 0.0], [0, -5.0]])
     assert curriculum.crossed(here).tolist() == [False, True, False, False]
 
 

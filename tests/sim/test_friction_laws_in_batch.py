@@ -72,7 +72,7 @@ def test_load_keeps_half_of_the_old_bound_but_nothing_over_a_reset() -> None:
     fleet.reset(np.array([1]))
     standing = load_size(fleet.joint_load)[1]
     fleet.substep()
-    kept = LAWS["load"].kept
+    kept = LAWS["load"].smoothing
     np.testing.assert_allclose(fleet.friction[0], kept * 100.0 + (1 - kept) * 0.1 * load[0])
     np.testing.assert_allclose(fleet.friction[1], 0.1 * standing)
 

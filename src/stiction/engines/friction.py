@@ -44,7 +44,7 @@ class JointFriction:
     def __init__(self, timestep: float, *terms: Term) -> None:
         """timestep: of the physics [s]; terms: laws whose bounds add up."""
         self._terms = [Term(term.law, np.array(term.level, float), term.numbers) for term in terms]
-        self._decay = [LAWS[term.law].kept ** (timestep / SMOOTHING_PERIOD) for term in terms]
+        self._decay = [LAWS[term.law].smoothing ** (timestep / SMOOTHING_PERIOD) for term in terms]
         self.reset()
 
     @classmethod

@@ -17,7 +17,16 @@ from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.provenance import seed_streams
 from stiction.core.rotation import about
 from stiction.evaluate.command import Command
-from stiction.locomotion.terrain import ASKEW, BEYOND, LENGTH, SCAN_POINTS, START, UNDER, TerrainCfg, hold_heading
+from stiction.locomotion.terrain import (
+    FINISH_MARGIN,
+    HEADING_ERROR,
+    LENGTH,
+    SCAN_POINTS,
+    START,
+    UNDER,
+    TerrainCfg,
+    hold_heading,
+)
 from stiction.robots.terrain import KINDS, REACH, SLABS, STEEPEST, STEPS, Terrain, stair_height
 
 if TYPE_CHECKING:  # Webots runs a policy by what is here, where there may be no MuJoCo.
@@ -114,7 +123,7 @@ def starts(seed: int, count: int) -> np.ndarray:
 
     A walk's start is that of its number alone, however many there are.
     """
-    return seed_streams(seed, ["start"])["start"].uniform(-1.0, 1.0, (count, 2)) * (START_HALF_WIDTH, ASKEW)
+    return seed_streams(seed, ["start"])["start"].uniform(-1.0, 1.0, (count, 2)) * (START_HALF_WIDTH, HEADING_ERROR)
 
 
 def line_up(fleet: Fleet, start: np.ndarray) -> None:
@@ -145,7 +154,7 @@ def crossed(position: np.ndarray, upright: np.ndarray, stairs: bool) -> np.ndarr
 
     Arguments as of `steps_passed`.
     """
-    over = (position[..., 0] > REACH + BEYOND) & upright
+    over = (position[..., 0] > REACH + FINISH_MARGIN) & upright
     return over & (steps_passed(position, upright)[0] == STEPS) if stairs else over
 
 

@@ -20,7 +20,7 @@ from stiction.identify.prepare import low_pass
 from stiction.identify.timing import near
 from stiction.joints.pd import PDGains, pd_torque
 from stiction.joints.simulate import Joint, Trajectory, simulate
-from stiction.joints.variation import course, vary
+from stiction.joints.variation import segments, vary
 
 EXTRAS = ("delay", "log_bias", "motor_strength")
 """What may be unknown about the loop. `delay`: d [s]. `log_bias`: the log's angle minus the loop's own [rad]; with
@@ -120,7 +120,7 @@ class ClosedLoop:
         delay, strength = values["delay"], values["motor_strength"]
         kp, kd, late = self.gains.kp, self.gains.kd, delay + self.velocity_delay
         target = self.delayed(self.goal, delay)
-        pieces = course(response.joint, response.gains, signals.step, target, motion, signals.disturbance)
+        pieces = segments(response.joint, response.gains, signals.step, target, motion, signals.disturbance)
         torques = parameter_torques(self.model, values, response.joint, pieces)
         zero, unsaturated = np.zeros_like(pieces.load), pieces.side == 0
         grid = np.arange(len(target))

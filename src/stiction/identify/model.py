@@ -21,7 +21,7 @@ from stiction.core.errors import ConfigurationError
 from stiction.joints.friction import KNOTS, SECANTS, candidate_laws, find_law
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint
-from stiction.joints.variation import Course
+from stiction.joints.variation import Segments
 
 Law = str
 """Name of a law, one of `LAWS`."""
@@ -76,53 +76,53 @@ class Model:
         return Joint(of["inertia"], of.get("viscous_friction", 0.0), friction, offset, gravity)
 
 
-def parameter_torques(model: Model, values: dict[str, float], joint: Joint, course: Course) -> dict[str, np.ndarray]:
+def parameter_torques(model: Model, values: dict[str, float], joint: Joint, motion: Segments) -> dict[str, np.ndarray]:
     """Return for each of the model's parameters the torque of a unit change at both ends of each step.
 
     values: the model's parameters; joint: what was simulated; cut: its motion. Arrays of shape (2, num_steps).
     """
-    ones = np.ones_like(course.position)
-    sign, forward, backward = course.sign * ones, (course.sign > 0) * ones, (course.sign < 0) * ones
+    ones = np.ones_like(motion.position)
+    sign, forward, backward = motion.sign * ones, (motion.sign > 0) * ones, (motion.sign < 0) * ones
     torques = {
-        "inertia": -course.acceleration,
-        "viscous_friction": -course.velocity,
-        "viscous_friction_forward": -course.velocity * forward,
-        "viscous_friction_backward": -course.velocity * backward,
+        "inertia": -motion.acceleration,
+        "viscous_friction": -motion.velocity,
+        "viscous_friction_forward": -motion.velocity * forward,
+        "viscous_friction_backward": -motion.velocity * backward,
         "coulomb_friction": -sign,
         "coulomb_friction_forward": -forward,
         "coulomb_friction_backward": backward,
         "offset": -ones,
-        "load_coefficient": -sign * np.abs(course.load),
+        "load_coefficient": -sign * np.abs(motion.load),
     }
     if "stribeck_velocity" in model.names:
-        torques |= _stribeck(values, sign, course)
+        torques |= _stribeck(values, sign, motion)
     if "position_slope" in model.names:
-        torques |= _at_angle(values, sign, course, joint, model.middle)
+        torques |= _at_angle(values, sign, motion, joint, model.middle)
     if joint.gravity is not None:
-        share = 1.0 - sign * joint.friction.load_coefficient * np.sign(course.load)
-        torques |= {"gravity_sin": -np.sin(course.position) * share, "gravity_cos": -np.cos(course.position) * share}
+        share = 1.0 - sign * joint.friction.load_coefficient * np.sign(motion.load)
+        torques |= {"gravity_sin": -np.sin(motion.position) * share, "gravity_cos": -np.cos(motion.position) * share}
     return {name: torques[name] for name in model.names}
 
 
-def _stribeck(values: dict[str, float], sign: np.ndarray, course: Course) -> dict[str, np.ndarray]:
+def _stribeck(values: dict[str, float], sign: np.ndarray, motion: Segments) -> dict[str, np.ndarray]:
     """Return the torques of the three parameters of the chain of secants."""
     knots, heights = np.array(KNOTS), np.array(SECANTS)
     slopes = np.append(np.diff(heights) / np.diff(knots), 0.0)
-    speed = np.abs(course.velocity) / values["stribeck_velocity"]
-    height = heights[course.piece] + slopes[course.piece] * (speed - knots[course.piece])
+    speed = np.abs(motion.velocity) / values["stribeck_velocity"]
+    height = heights[motion.piece] + slopes[motion.piece] * (speed - knots[motion.piece])
     fall = (values["static_friction"] - values["coulomb_friction"]) / values["stribeck_velocity"]
     return {
         "coulomb_friction": -sign * (1.0 - height),
         "static_friction": -sign * height,
-        "stribeck_velocity": sign * fall * slopes[course.piece] * speed,
+        "stribeck_velocity": sign * fall * slopes[motion.piece] * speed,
     }
 
 
 def _at_angle(
-    values: dict[str, float], sign: np.ndarray, course: Course, joint: Joint, middle: float
+    values: dict[str, float], sign: np.ndarray, motion: Segments, joint: Joint, middle: float
 ) -> dict[str, np.ndarray]:
     """Return the torques of the three parameters of friction over the angle: none where it is cut off at zero."""
-    away, there = course.position - middle, joint.friction.at_angle(course.position) > -values["coulomb_friction"]
+    away, there = motion.position - middle, joint.friction.at_angle(motion.position) > -values["coulomb_friction"]
     return {
         "coulomb_friction": -sign * there,
         "position_slope": -sign * there * away,
@@ -130,6 +130,6 @@ def _at_angle(
     }
 
 
-def strength_torque(gains: PDGains, course: Course) -> np.ndarray:
+def strength_torque(gains: PDGains, motion: Segments) -> np.ndarray:
     """Return the torque of a unit change of the motor's strength, shape (2, num_steps); none at the torque limit."""
-    return (course.side == 0) * (gains.kp * (course.target - course.position) - gains.kd * course.velocity)
+    return (motion.side == 0) * (gains.kp * (motion.target - motion.position) - gains.kd * motion.velocity)

@@ -253,7 +253,7 @@ class LawSpec:
     physics step; `load` costs sensors in every joint."""
     numbers: tuple[str, ...] = ()
     """Fields of `Law` that the factor takes."""
-    kept: float = 0.0
+    smoothing: float = 0.0
     """Share of the old bound that is left after `SMOOTHING_PERIOD`."""
     parameters: tuple[str, ...] = ()
     """Names in `UNITS` that identification estimates beside inertia and gravity, in its order; none: not a candidate.
@@ -289,7 +289,7 @@ SYMMETRIC = ("viscous_friction", "coulomb_friction", "offset")
 """Parameters of viscous and Coulomb friction, which nearly every law has."""
 
 SMOOTHING_PERIOD = 0.005
-"""Time over which `LawSpec.kept` of an old bound is left: the physics step of the training [s]."""
+"""Time over which `LawSpec.smoothing` of an old bound is left: the physics step of the training [s]."""
 
 
 def register_law(law: LawSpec) -> LawSpec:
@@ -346,7 +346,7 @@ for _law in (
         reads=("load",),
         # Friction at a joint changes the forces that it transmits, and those, a step later, the friction: a loop that
         # chatters at a large c. Half of the old bound calms it; more would delay the friction and help the policy.
-        kept=0.5,
+        smoothing=0.5,
         parameters=(*SYMMETRIC, "load_coefficient"),
         joint=lambda of: LoadDependent(of["coulomb_friction"], of["load_coefficient"]),
     ),

@@ -106,9 +106,9 @@ def _expect(condition: bool, field: str, value: object, expected: str) -> None:
 def _check(net: ActuatorNet) -> None:
     """Check every field."""
     names = net.joint_names
-    _expect(bool(names) and len(set(names)) == len(names) and all(map(_text, names)), "joint_names", names, "names")
+    _expect(bool(names) and len(set(names)) == len(names) and all(map(_is_text, names)), "joint_names", names, "names")
     for field in ("robot", "revision", "command"):
-        _expect(_text(getattr(net, field)), field, getattr(net, field), "a text")
+        _expect(_is_text(getattr(net, field)), field, getattr(net, field), "a text")
     limits = net.torque_limit
     fits = len(limits) == len(names) and all(_number(limit) and limit > 0 for limit in limits)
     _expect(fits, "torque_limit", limits, f"{len(names)} positive numbers")
@@ -121,7 +121,7 @@ def _check(net: ActuatorNet) -> None:
     _expect(net.torque_source in TORQUE_SOURCES, "torque_source", net.torque_source, " or ".join(TORQUE_SOURCES))
     for field in ("training", "validation"):
         value = getattr(net, field)
-        named = isinstance(value, Mapping) and all(_text(k) and _text(v) for k, v in value.items())
+        named = isinstance(value, Mapping) and all(_is_text(k) and _is_text(v) for k, v in value.items())
         _expect(named, field, value, "an object, file -> SHA-256")
     right = isinstance(net.loss, Mapping) and all(_number(value) and value >= 0 for value in net.loss.values())
     _expect(right, "loss", net.loss, "an object of numbers of at least 0")
@@ -144,7 +144,7 @@ def _check_layers(net: ActuatorNet) -> None:
         _expect(width == 1, where, f"{width} outputs", "one, the torque over its limit")
 
 
-def _text(value: object) -> bool:
+def _is_text(value: object) -> bool:
     """Return whether a value is a text that is not empty."""
     return isinstance(value, str) and bool(value.strip())
 
@@ -205,7 +205,7 @@ class ActuatorCfg:
             raise ConfigurationError(f"validation share {self.validation_share}: expected a share between 0 and 1")
 
 
-def kinds(joint_names: tuple[str, ...], share: str) -> tuple[tuple[str, ...], ...]:
+def weight_groups(joint_names: tuple[str, ...], share: str) -> tuple[tuple[str, ...], ...]:
     """Return the joints that share weights, in order of first appearance; `share`: see `ActuatorCfg`."""
     found: dict[str, list[str]] = {}
     for name in joint_names:
@@ -218,7 +218,7 @@ def first_signal(inputs: str, target: np.ndarray, position: np.ndarray) -> np.nd
     return position if inputs == "paper" else target - position
 
 
-def seen(inputs: str, history: int) -> np.ndarray:
+def used_inputs(inputs: str, history: int) -> np.ndarray:
     """Return which of the 2 (H + 1) inputs a set has, bool: the paper's lacks the current velocity."""
     mask = np.ones(2 * (history + 1), bool)
     mask[history + 1] = inputs != "paper"

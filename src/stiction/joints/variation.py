@@ -22,7 +22,7 @@ from stiction.joints.simulate import Joint, Trajectory, mean_slope
 
 
 @dataclass(frozen=True)
-class Course:
+class Segments:
     """A simulated motion cut at every sample and event; pairs are values at the begin and the end of each step.
 
     Arrays of shape (num_steps,), pairs of shape (2, num_steps).
@@ -54,14 +54,14 @@ class Course:
     """Index of the step that begins at each sample, for the last sample the number of steps; shape (num_samples,)."""
 
 
-def course(
+def segments(
     joint: Joint,
     gains: PDGains,
     step: float,
     target: np.ndarray,
     trajectory: Trajectory,
     load: np.ndarray | None = None,
-) -> Course:
+) -> Segments:
     """Cut a simulated motion; the arguments are those of `simulate` and what it returned."""
     first, last, begin, end, sign, side, piece, start = (
         np.array(column) for column in zip(*trajectory.phases, strict=True)
@@ -82,7 +82,7 @@ def course(
     outside = np.zeros(len(instant)) if load is None else np.interp(instant, grid, load)
     if joint.gravity is not None:
         outside = outside - joint.gravity.torque(position)
-    cut = Course(
+    cut = Segments(
         sign=sign,
         side=side,
         piece=piece,
@@ -100,7 +100,7 @@ def course(
     return cut
 
 
-def _laws(joint: Joint, cut: Course) -> tuple[np.ndarray, np.ndarray]:
+def _laws(joint: Joint, cut: Segments) -> tuple[np.ndarray, np.ndarray]:
     """Return level and slope of the friction piece of each step, shape (num_steps,) each."""
     level, slope = np.zeros(len(cut.sign)), np.zeros(len(cut.sign))
     for direction in (-1, 1):
@@ -110,7 +110,7 @@ def _laws(joint: Joint, cut: Course) -> tuple[np.ndarray, np.ndarray]:
     return level, slope
 
 
-def _acceleration(joint: Joint, gains: PDGains, cut: Course) -> np.ndarray:
+def _acceleration(joint: Joint, gains: PDGains, cut: Segments) -> np.ndarray:
     """Return θ'' at both ends of each step [rad/s²], zero at rest."""
     commanded = gains.strength * (gains.kp * (cut.target - cut.position) - gains.kd * cut.velocity)
     level, slope = _laws(joint, cut)
@@ -121,7 +121,7 @@ def _acceleration(joint: Joint, gains: PDGains, cut: Course) -> np.ndarray:
     return np.where(cut.sign == 0, 0.0, force / joint.inertia)
 
 
-def vary(joint: Joint, gains: PDGains, cut: Course, torque: np.ndarray, start: np.ndarray) -> np.ndarray:
+def vary(joint: Joint, gains: PDGains, cut: Segments, torque: np.ndarray, start: np.ndarray) -> np.ndarray:
     """Return the changes of θ and θ' at every sample, shape (2, num_samples, num_changes).
 
     torque: φ at both ends of each step, shape (2, num_steps, num_changes) [N m per unit]; what it is at rest does not

@@ -263,7 +263,7 @@ class FrictionBench:
         Of a law that reads the load f is as in the simulator: of the load a physics step ago, and smoothed.
         """
         known, joint, step = self.known, self.joint, self.fleet.timestep / FINE
-        smoothing = self.law.spec.kept
+        smoothing = self.law.spec.smoothing
         inertia, damping = known.inertia[joint], known.damping[joint]
         speed, acceleration, trace = self.speed.copy(), np.zeros_like(self.speed), []
         late = self.bound_at_rest()[joint]

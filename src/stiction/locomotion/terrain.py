@@ -26,16 +26,16 @@ commands: turning and walking sideways are not forgotten."""
 START = 0.7
 """Distance of a robot's start from the foot of its course [m]."""
 
-BEYOND = 0.6
+FINISH_MARGIN = 0.6
 """A robot that is this far beyond the other foot has crossed its course [m]."""
 
-LENGTH = START + 2 * REACH + BEYOND
+LENGTH = START + 2 * REACH + FINISH_MARGIN
 """Distance from the start to where a course has been crossed [m]."""
 
-SIDEWAYS = 1.0
+START_HALF_WIDTH = 1.0
 """Half-width of the start, across the course [m]."""
 
-ASKEW = 0.2
+HEADING_ERROR = 0.2
 """Half-width of the first error of heading [rad]."""
 
 FASTEST = 10.0
@@ -114,7 +114,8 @@ class Curriculum:
         self.covered, self.asked = np.zeros(num), np.zeros(num)
 
     def begin(self, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Move the levels of the robots `ids` and start their next episode, facing along the course within `ASKEW`.
+        """Move the levels of the robots `ids` and start their next episode, facing along the course but for
+        `HEADING_ERROR`.
 
         Returns difficulty (n,), random numbers for `Terrain.place` (n, SLABS, 4), start (n, 2) [m], heading (n,) [rad].
         """
@@ -134,9 +135,9 @@ class Curriculum:
         self.heading[ids] = heading
         forward = np.stack((np.cos(heading), np.sin(heading)), -1)
         left = np.stack((-forward[:, 1], forward[:, 0]), -1)
-        aside = self.generator.uniform(-SIDEWAYS, SIDEWAYS, (num, 1))
+        aside = self.generator.uniform(-START_HALF_WIDTH, START_HALF_WIDTH, (num, 1))
         start = np.where(self.on_course[ids][:, None], aside * left - (REACH + START) * forward, 0.0)
-        askew = self.generator.uniform(-ASKEW, ASKEW, num)
+        askew = self.generator.uniform(-HEADING_ERROR, HEADING_ERROR, num)
         return difficulty, self.generator.random((num, SLABS, 4)), start, heading + askew
 
     def command(self, yaw: np.ndarray) -> np.ndarray:
@@ -166,7 +167,7 @@ class Curriculum:
 
     def crossed(self, position: np.ndarray) -> np.ndarray:
         """Return which robots have crossed their courses, (N,) bool. `position`: of the base, (N, 2) [m]."""
-        return self.on_course & (self._along(position) > REACH + BEYOND)
+        return self.on_course & (self._along(position) > REACH + FINISH_MARGIN)
 
     def figures(self) -> dict[str, float]:
         """Return mean level and mean difficulty in its own unit, by kind of ground."""

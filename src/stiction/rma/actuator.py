@@ -28,9 +28,9 @@ from stiction.joints.net import (
     Layers,
     first_signal,
     fit_baseline,
-    kinds,
     predict,
-    seen,
+    used_inputs,
+    weight_groups,
     windows,
 )
 from stiction.rma.actuator_data import LoggedRun, check_runs, split_runs
@@ -69,7 +69,7 @@ def fit_net(
     inputs, torque = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in training)
     unseen, expected = (torch.from_numpy(np.ascontiguousarray(part, np.float32)) for part in validation)
     mean, deviation = inputs.mean(0), inputs.std(0).numpy()
-    used = seen(cfg.inputs, cfg.history) & (deviation > STD_FLOOR)
+    used = used_inputs(cfg.inputs, cfg.history) & (deviation > STD_FLOOR)
     scale = np.where(used, 1.0 / np.maximum(deviation, STD_FLOOR), 0.0)
     factor = torch.from_numpy(scale.astype(np.float32))
     inputs, unseen = (inputs - mean) * factor, (unseen - mean) * factor
@@ -157,7 +157,7 @@ def train_actuator(
     check_runs(runs, cfg.history)
     training, validation = split_runs(runs, cfg.validation_share, cfg.seed)
     first = training[0]
-    groups = kinds(first.joint_names, cfg.share)
+    groups = weight_groups(first.joint_names, cfg.share)
     fits = _fit_groups(groups, training, validation, cfg, progress)
     net = _assemble(groups, fits, training, validation, cfg, command)
     gains = first.kp, first.kd, first.torque_limit

@@ -75,8 +75,8 @@ class JointFriction:
         """
         bound = self.level * (self.factor() if self._stored is None else self._stored)
         self._stored = None
-        if self.law.spec.kept:
-            smoothing = np.where(self._fresh, 0.0, self.law.spec.kept)[:, None]
+        if self.law.spec.smoothing:
+            smoothing = np.where(self._fresh, 0.0, self.law.spec.smoothing)[:, None]
             bound = smoothing * fleet.friction + (1.0 - smoothing) * bound
         np.copyto(fleet.friction, bound, where=np.isfinite(bound))
         self._fresh[:] = False

@@ -112,7 +112,7 @@ class Work:
         return time.perf_counter() - self._start
 
     @property
-    def made(self) -> dict[str, Any]:
+    def provenance(self) -> dict[str, Any]:
         """`command`, `revision` and `machine`, for summary.json."""
         return {"command": self.command, **self.origin.provenance}
 
@@ -139,7 +139,7 @@ class Work:
         check_names([bundle.name for bundle in bundles])
         return bundles
 
-    def keep(self, name: str, made_from: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    def cached(self, name: str, made_from: dict[str, Any], make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
         """Return a part of the study: read where the same command made it before, else made by `make`, and kept.
 
         made_from: what the part depends on beside the package, the study's module and other packages.
@@ -168,7 +168,7 @@ class Report:
     run: Sequence[Markup] = ()
     """What was run, beside command, revision and machine."""
     summary: Summary = field(default_factory=dict)
-    """What summary.json has beside `Work.made`, warnings and claims, or in their place."""
+    """What summary.json has beside `Work.provenance`, warnings and claims, or in their place."""
     warnings: Sequence[str] = ()
     """What a reader must know first: printed, on the page, in summary.json."""
     notes: Sequence[str] = ()
@@ -229,7 +229,7 @@ class Study(Generic[Chosen]):
             return report
         warnings = [*work.origin.warnings(), *report.warnings]
         print_warnings(verb, warnings)
-        summary = write_report(work.begin(), report, work.made | {"warnings": warnings})
+        summary = write_report(work.begin(), report, work.provenance | {"warnings": warnings})
         if options.json:
             print(summary_text(dict(summary)) if report.json is None else f"{json.dumps(report.json)}\n", end="")
         else:
@@ -240,7 +240,7 @@ class Study(Generic[Chosen]):
 def write_report(out: Path, report: Report, made: Summary) -> Summary:
     """Write tables, summary.json, figures and page into a folder; return the summary.
 
-    made: `Work.made` and `warnings`.
+    made: `Work.provenance` and `warnings`.
 
     Raises:
         FileError: something cannot be written.

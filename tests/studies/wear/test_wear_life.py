@@ -8,7 +8,7 @@ from math import exp, log, sqrt
 import numpy as np
 import pytest
 
-from stiction.studies.wear.lives import (
+from stiction.studies.wear.lifetimes import (
     Ending,
     Lifetime,
     Reading,

@@ -11,7 +11,7 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.studies.study import write_report
-from stiction.studies.wear.lives import Lifetime, Reading, Window
+from stiction.studies.wear.lifetimes import Lifetime, Reading, Window
 from stiction.studies.wear.page import answers, report
 
 WALK = {"policy": "<b>p</b>", "friction_level": "0.1", "robot": 1000, "steady": None}

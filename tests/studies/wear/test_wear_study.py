@@ -14,7 +14,7 @@ from stiction.core.errors import StictionError
 from stiction.formats.bundle import Bundle, read_bundle, shipped_bundles, write_bundle
 from stiction.robots.catalog import find_robot
 from stiction.studies.wear import run as wear_study
-from stiction.studies.wear.lives import Window
+from stiction.studies.wear.lifetimes import Window
 from stiction.studies.wear.run import WearCfg, WearWalk, judge, study_wear
 from stiction.virtual.hidden import draw
 from stiction.virtual.robot import Wear

@@ -19,7 +19,10 @@ from stiction.core.provenance import seed_streams
 from stiction.core.records import column
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
-from stiction.joints.sampled import (
+from stiction.joints.simulate import Joint, Trajectory, simulate
+from stiction.robots.catalog import find_robot
+from stiction.robots.model import Joint as RobotJoint
+from stiction.studies.damping.sampled import (
     Sampling,
     fit_net,
     growth,
@@ -29,9 +32,6 @@ from stiction.joints.sampled import (
     swapped,
     total_damping,
 )
-from stiction.joints.simulate import Joint, Trajectory, simulate
-from stiction.robots.catalog import find_robot
-from stiction.robots.model import Joint as RobotJoint
 
 FRICTION, EFFORT, LIMIT = "dry friction", "friction by effort", "torque limit"
 SHARP, LATE, FILTERED = "sampled", "sampled, late velocity", "sampled, filtered velocity"

@@ -65,7 +65,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     from stiction.studies.friction.training import train
 
     if options.judge_again:
-        return report_of(options, judge_again(options.out, work.made))
+        return report_of(options, judge_again(options.out, work.provenance))
     planned = [PlannedRun.of(run, options.runs) for run in runs_of(options.parts, options.preset)]
     states = {run.run.name: run.state() for run in planned}
     if options.list:
@@ -90,7 +90,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         for folder in ship(planned, rows, options.ship) if options.ship else []:
             work.say(f"shipped {folder}")
 
-    made = work.made | {"failed": failed, "preset": options.preset}
+    made = work.provenance | {"failed": failed, "preset": options.preset}
     report = report_of(options, assemble(planned, rows, base, made, before), write_bundles)
     return replace(report, status=1 if failed else 0)
 

@@ -93,9 +93,9 @@ def run(options: ReplicateOptions, work: Work) -> Report:
     out = work.begin()
     bundles, folders, failed = find_policies(options, work)
     if options.judge_again:
-        result = judge_again(out, work.made)
+        result = judge_again(out, work.provenance)
     else:
-        made = work.made | {"preset": options.preset, "failed": failed}
+        made = work.provenance | {"preset": options.preset, "failed": failed}
         result = replicate(bundles, parts, out, work.jobs, work.progress, made, asked)
 
     def write_advice(_: Path) -> None:

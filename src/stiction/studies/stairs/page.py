@@ -11,7 +11,7 @@ import numpy as np
 from stiction.core import records
 from stiction.core.statistics import wilson
 from stiction.evaluate.course import PATIENCE
-from stiction.locomotion.terrain import BEYOND
+from stiction.locomotion.terrain import FINISH_MARGIN
 from stiction.report.page import INK, Section, figure_uri, legend, new_figure, paragraph, picture, table
 from stiction.robots.terrain import LANDING, STEPS, TREAD
 from stiction.studies.stairs.climb import ENOUGH, Climb, highest_climbed
@@ -45,8 +45,8 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
 WHAT = (
     f"{STEPS} steps up, a landing of {2 * LANDING:g} m, {STEPS} steps down, each {TREAD:.2f} m deep, the highest level "
     "with the landing; the robot is blind. A pilot holds its heading and corrects nothing else. A trial "
-    f"succeeds when the base has been over the landing and is then {BEYOND:g} m beyond the last step without a fall, "
-    f"within {PATIENCE:g} times what the commanded speed takes. Nominal masses, training's sensor noise, no delay."
+    f"succeeds when the base has been over the landing and is then {FINISH_MARGIN:g} m beyond the last step without "
+    f"a fall, within {PATIENCE:g} times what the commanded speed takes. Nominal masses, training's sensor noise, no delay."
 )
 
 

@@ -13,7 +13,7 @@ from stiction.formats.results import FOLLOWS
 from stiction.formats.wear import LEVEL
 from stiction.report.page import COLORS, Section, figure_uri, legend, new_figure, paragraph, picture, row_table, table
 from stiction.studies.study import Report
-from stiction.studies.wear.lives import SIGNALS, Lifetime, Reading, Window, factor_text
+from stiction.studies.wear.lifetimes import SIGNALS, Lifetime, Reading, Window, factor_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -23,12 +23,12 @@ from stiction.evaluate.code import WALK_CODE
 from stiction.evaluate.command import SETTLE, parse_command
 from stiction.evaluate.methods import method_of
 from stiction.formats.bundle import Bundle
-from stiction.studies.wear.lives import Lifetime, Reading, Window, judge_walk, monitor_readings, speeds
+from stiction.studies.wear.lifetimes import Lifetime, Reading, Window, judge_walk, monitor_readings, speeds
 from stiction.virtual.cases import Case, parse_level, parse_levels, reported
 from stiction.virtual.robot import Wear
 from stiction.virtual.trial import World, walk
 
-WEARING = (*WALK_CODE, "formats/wear.py", "studies/wear/run.py", "studies/wear/lives.py")
+WEARING = (*WALK_CODE, "formats/wear.py", "studies/wear/run.py", "studies/wear/lifetimes.py")
 """Code that decides what is recorded of a walk; what it means is judged anew every time."""
 
 Judged = tuple[Lifetime, list[Window], list[Reading]]

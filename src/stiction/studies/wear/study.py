@@ -70,7 +70,7 @@ def run(options: WearOptions, work: Work) -> Report:
     from stiction.evaluate.summary import describe
     from stiction.evaluate.table import methods_of
     from stiction.formats.bundle import find_bundle
-    from stiction.studies.wear.lives import groups, over_seeds
+    from stiction.studies.wear.lifetimes import groups, over_seeds
     from stiction.studies.wear.page import report
     from stiction.studies.wear.run import WearCfg, study_wear
     from stiction.virtual.cases import warnings_on
@@ -95,7 +95,7 @@ def run(options: WearOptions, work: Work) -> Report:
 def judge_recorded(out: Path, work: Work) -> Report:
     """Judge the walks of a folder anew, by the speeds and readings in its files."""
     from stiction.formats.results import read_summary
-    from stiction.studies.wear.lives import Reading, Window, groups, judge_again, over_seeds
+    from stiction.studies.wear.lifetimes import Reading, Window, groups, judge_again, over_seeds
     from stiction.studies.wear.page import report
 
     before = read_summary(out / "summary.json")
@@ -110,7 +110,7 @@ def judge_recorded(out: Path, work: Work) -> Report:
         raise FileError(f"{out / 'summary.json'} is none of `stiction study wear`: no {error}") from error
     known = [row for row in lifetimes if row.policy in methods]
     settings = {name: value for name, value in before.items() if name != "schema_version"}
-    settings |= {"judged": work.made, "groups": groups(lifetimes), "ways": over_seeds(known, methods, tried)}
+    settings |= {"judged": work.provenance, "groups": groups(lifetimes), "ways": over_seeds(known, methods, tried)}
     return report(lifetimes, windows, readings, settings)
 
 

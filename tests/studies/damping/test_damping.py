@@ -8,8 +8,8 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.joints.friction import Coulomb, Stribeck
 from stiction.joints.pd import PDGains
-from stiction.joints.sampled import fit_net, largest_difference, output_torque, swapped, total_damping
 from stiction.joints.simulate import Joint, Trajectory, simulate
+from stiction.studies.damping.sampled import fit_net, largest_difference, output_torque, swapped, total_damping
 
 STEP = 0.0005
 JOINT = Joint(0.0145, 0.0704, Coulomb(0.442))

@@ -8,8 +8,8 @@ import pytest
 from stiction.core.errors import StictionError
 from stiction.joints.friction import Coulomb, Stribeck
 from stiction.joints.pd import PDGains
-from stiction.joints.sampled import Sampling, growth, hold, simulate_sampled
 from stiction.joints.simulate import Joint, simulate
+from stiction.studies.damping.sampled import Sampling, growth, hold, simulate_sampled
 
 
 def test_a_held_torque_stops_turns_and_goes_on_inside_one_period() -> None:
