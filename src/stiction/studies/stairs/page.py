@@ -44,8 +44,8 @@ def report(rows: Sequence[Climb], settings: dict[str, Any]) -> Report:
 
 WHAT = (
     f"{STEPS} steps up, a landing of {2 * LANDING:g} m, {STEPS} steps down, each {TREAD:.2f} m deep, the highest level "
-    "with the landing; the robot is blind. A pilot holds its heading and corrects nothing else. A trial succeeds when the "
-    f"base has been over the landing and is then {FINISH_MARGIN:g} m beyond the last step without a fall, within "
+    "with the landing; the robot is blind. A pilot holds its heading and corrects nothing else. A trial succeeds when "
+    f"the base has been over the landing and is then {FINISH_MARGIN:g} m beyond the last step without a fall, within "
     f"{PATIENCE:g} times what the commanded speed takes. Nominal masses, training's sensor noise, no delay."
 )
 
