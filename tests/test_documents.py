@@ -16,7 +16,7 @@ from stiction.cli.main import VERBS
 
 CHECKOUT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
-DOCUMENTS = sorted(CHECKOUT.glob("*.md"))
+DOCUMENTS = sorted([*CHECKOUT.glob("*.md"), *CHECKOUT.glob("docs/*.md")])
 COMMANDS = re.findall(r"^stiction (\w+)(.*)$", (CHECKOUT / "README.md").read_text(), re.MULTILINE)
 
 

@@ -1,4 +1,4 @@
-"""`stiction convert`: identified joints in the form that a simulator reads."""
+"""`stiction convert`: identified joints, and the range to train with, in the form that others read."""
 
 from __future__ import annotations
 
@@ -11,15 +11,19 @@ from typing import Annotated
 import tyro
 
 from stiction.core.errors import ConfigurationError, FileError
-from stiction.exchange.targets import ConvertOptions, convert
-from stiction.formats.joints import load_joints
+from stiction.exchange.targets import ConvertOptions, convert, convert_training
+from stiction.formats.joints import is_training, load_joints
 
-DESCRIPTION = """Write identified friction, damping and rotor inertia as a simulator reads them.
+DESCRIPTION = """Write identified friction, damping and rotor inertia as a simulator reads them (joints.json), or
+the range of friction to train with as a training framework draws it (training.json).
 
 Without --model: a snippet to paste. With --model (MJCF, URDF, PROTO or world): the model with its joints changed, and
 all else, comments included, as it was. What the simulator cannot hold, or nobody knows, is left out; a comment says so.
+A range is written with the traps of its framework: what friction means there, what overrides it, what holds at rest.
 
-Example: stiction convert joints.json --to mujoco --model robot.xml --joint-map shank='*_calf_joint' --out new.xml"""
+Examples: stiction convert training.json --to mjlab --robot go2 --out friction_events.py
+
+stiction convert joints.json --to mujoco --model robot.xml --joint-map shank='*_calf_joint' --out new.xml"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +31,7 @@ class Convert(ConvertOptions):
     """Options of the verb."""
 
     joints: Annotated[Path, tyro.conf.Positional]
-    """The `joints.json` of `stiction identify`."""
+    """The `joints.json` of `stiction identify`, or the `training.json` beside it."""
     out: Path | None = None
     """File to write; by default standard output."""
     json: bool = False
@@ -38,7 +42,7 @@ def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = tyro.cli(Convert, args=arguments, prog="stiction convert", description=DESCRIPTION)
     _keep_inputs(cfg)
-    done = convert(load_joints(cfg.joints), cfg)
+    done = convert_training(cfg.joints, cfg) if is_training(cfg.joints) else convert(load_joints(cfg.joints), cfg)
     if cfg.out is not None:
         try:
             cfg.out.write_bytes(done.text.encode())

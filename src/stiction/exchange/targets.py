@@ -1,4 +1,4 @@
-"""Which simulators a `joints.json` can be converted for, and which record each joint of a model takes."""
+"""Which simulators an identification can be converted for, and which record each joint of a model takes."""
 
 from __future__ import annotations
 
@@ -8,16 +8,20 @@ from math import isfinite
 from pathlib import Path
 from typing import Literal
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.isaaclab import isaaclab_snippet
 from stiction.exchange.mujoco import model_joints, mujoco_snippet, patch_mujoco
 from stiction.exchange.physics import Conversion, JointPhysics, joint_physics
+from stiction.exchange.randomization import FRAMEWORKS, randomization_term, recipe_of
 from stiction.exchange.urdf import parse_markup, patch_urdf, read_model, urdf_joints, urdf_snippet
 from stiction.exchange.webots_joints import patch_webots, webots_joints, webots_snippet
 from stiction.formats.joint_map import map_joints, parse_joint_map
-from stiction.formats.joints import JointsFile
+from stiction.formats.joints import JointsFile, load_joints, read_training
 
-Target = Literal["mujoco", "urdf", "isaaclab", "webots"]
+Target = Literal["mujoco", "urdf", "isaaclab", "webots", "mjlab", "legged_gym"]
+
+NOMINAL: tuple[Target, ...] = ("mujoco", "urdf", "isaaclab", "webots")
+"""What takes the values of a `joints.json`; the range of a `training.json` goes to `FRAMEWORKS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +29,8 @@ class ConvertOptions:
     """What to convert to, and how."""
 
     to: Target
-    """The simulator, or format."""
+    """The simulator, or format. Of a joints.json its values: mujoco, urdf, isaaclab, webots; of a training.json the
+    range to train with: mjlab, isaaclab, legged_gym, mujoco."""
     model: Path | None = None
     """A MJCF, URDF, PROTO or world to put the values into; it is not changed itself."""
     joint_map: tuple[str, ...] = ()
@@ -34,7 +39,11 @@ class ConvertOptions:
     timestep: float | None = None
     """Physics step [s] that MuJoCo's solver settings are for, where it is not the model's own."""
     assumed_load: float | None = None
-    """|F| + |T| on the joint [N + N m]: also write the coefficient of PhysX before 5.6, which is right at this load."""
+    """|F| + |T| on the joint [N + N m], for the coefficient of PhysX before 5.6, which is right at this load: beside
+    the values, or in place of the range."""
+    robot: str | None = None
+    """Of a training.json: the robot whose joints and torque limits its shares are of; its name, robot.yaml, MJCF or
+    URDF. By default the joints of the joints.json that lies beside it."""
 
     def check(self) -> None:
         """Raise `StictionError` for numbers without meaning, and for options that the target would ignore."""
@@ -42,7 +51,11 @@ class ConvertOptions:
             value = getattr(self, name)
             if value is not None and not (isfinite(value) and value > 0):
                 raise ConfigurationError(f"{name} {value}: expected a positive number")
-        needed = {"timestep": ("mujoco",), "assumed_load": ("isaaclab",), "model": ("mujoco", "urdf", "webots")}
+        needed = {
+            "timestep": ("mujoco",),
+            "assumed_load": ("isaaclab", "legged_gym"),
+            "model": ("mujoco", "urdf", "webots"),
+        }
         for name, targets in needed.items():
             if getattr(self, name) is not None and self.to not in targets:
                 raise ConfigurationError(f"--{name.replace('_', '-')} is for --to {', '.join(targets)}; leave it out")
@@ -57,6 +70,13 @@ def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
     Raises `StictionError` for a model that cannot be read or does not fit, and for records that hold nothing.
     """
     options.check()
+    if options.to not in NOMINAL:
+        raise ConfigurationError(
+            f"--to {options.to} writes the range of a training.json; the values of a joints.json go to "
+            f"{', '.join(NOMINAL)}"
+        )
+    if options.robot is not None:
+        raise ConfigurationError("--robot is for a training.json; leave it out")
     to, pairs = options.to, parse_joint_map(options.joint_map)
     if options.model is not None:
         data, where = read_model(options.model), options.model.name
@@ -72,6 +92,47 @@ def convert(file: JointsFile, options: ConvertOptions) -> Conversion:
     if to == "isaaclab":
         return isaaclab_snippet(joints, options.assumed_load)
     return urdf_snippet(joints) if to == "urdf" else webots_snippet(joints)
+
+
+def convert_training(path: Path, options: ConvertOptions) -> Conversion:
+    """Return the range of a `training.json` as a framework draws it.
+
+    Raises `StictionError` where it proposes nothing, where a torque limit is not known, and for options that would be
+    ignored.
+    """
+    options.check()
+    for name in ("model", "timestep", "joint_map"):
+        if getattr(options, name):
+            raise ConfigurationError(f"--{name.replace('_', '-')} is for a joints.json; leave it out")
+    to = next((name for name in FRAMEWORKS if name == options.to), None)
+    if to is None:
+        raise ConfigurationError(
+            f"--to {options.to} takes the values of a joints.json; the range of a training.json goes to "
+            f"{', '.join(FRAMEWORKS)}"
+        )
+    return randomization_term(
+        recipe_of(read_training(path), torque_limits(path, options.robot)), to, options.assumed_load
+    )
+
+
+def torque_limits(path: Path, robot: str | None) -> dict[str, float]:
+    """Return the torque limits [N m] of the joints that a `training.json` is for: of a robot, or identified ones."""
+    if robot is not None:
+        from stiction.robots.catalog import find_robot
+
+        spec = find_robot(robot)
+        return dict(zip(spec.joint_names, spec.joint_values("torque_limit").tolist(), strict=True))
+    beside = path.parent / "joints.json"
+    if not beside.is_file():
+        raise FileError(
+            f"{path.name} proposes shares of torque limits, and no joints.json with limits lies beside it; give --robot"
+        )
+    limits = {name: record.torque_limit for name, record in load_joints(beside).joints.items()}
+    known = {name: limit for name, limit in limits.items() if limit is not None}
+    if len(known) < len(limits):
+        missing = next(name for name in limits if name not in known)
+        raise FileError(f"joint {missing!r} has no torque limit in {beside.name}; give --robot")
+    return known
 
 
 def _joints(file: JointsFile, pairs: Sequence[tuple[str, str]], model: Sequence[str] | None) -> list[JointPhysics]:

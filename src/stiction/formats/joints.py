@@ -297,6 +297,11 @@ def read_fit(path: Path, joint: str) -> FitSignals:
     return FitSignals(**{name: values.astype(float) for name, values in found.items()})
 
 
+def is_training(path: Path) -> bool:
+    """Return whether a file proposes a training, and is not an identification; raise `FileError` for no JSON."""
+    return "friction" in read_object(path, "a joints.json or training.json of `stiction identify`")
+
+
 def write_training(path: Path, proposal: dict[str, Any]) -> None:
     """Write a proposal: `friction`, null where none can be proposed, `text`, and whatever else explains it."""
     write_object(path, {"schema_version": SCHEMA_VERSION, **proposal})

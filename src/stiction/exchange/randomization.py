@@ -1,0 +1,305 @@
+"""A proposed range of joint friction as other people's training frameworks draw it: a term to paste, and its traps.
+
+What is proposed are shares of each joint's torque limit, so that the limits must be known: of a robot, or of the joints
+that were identified. Joints with one limit make one term. The frameworks differ in what their `friction` means, and
+whoever takes a number from one to the other trains other physics; each text says what it means there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, get_args
+
+from stiction.core.errors import ConfigurationError, FileError
+from stiction.exchange.physics import Conversion, number, one_line
+from stiction.formats.plain import is_number
+
+Framework = Literal["mjlab", "isaaclab", "legged_gym", "mujoco"]
+"""Where a range can be written to."""
+
+FRAMEWORKS: tuple[Framework, ...] = get_args(Framework)
+
+
+@dataclass(frozen=True)
+class FrictionRange:
+    """Dry friction to draw for joints that have the same one."""
+
+    joints: tuple[str, ...]
+    """Their names in the robot's model."""
+    low: float
+    """[N m]."""
+    high: float
+    """[N m]."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What is written."""
+
+    ranges: tuple[FrictionRange, ...]
+    """In the order of the joints."""
+    together: bool
+    """Whether one random number a robot is for all its joints; else one each."""
+    notes: tuple[str, ...]
+    """What the range rests on."""
+
+
+def recipe_of(training: Mapping[str, Any], limits: Mapping[str, float]) -> Recipe:
+    """Return the ranges of a `training.json` for joints with these torque limits.
+
+    training: as `formats.joints.read_training` returns it; limits: name of a joint -> its torque limit [N m].
+    Raises `FileError` where the proposal has no range, or is not of friction in newton metres.
+    """
+    friction, span = training["friction"], training.get("range")
+    law = friction.get("law", "coulomb")
+    if law != "coulomb":
+        raise FileError(f"the proposal is of the friction law {law!r}, of which no framework has a term; use coulomb")
+    pair = isinstance(span, list) and len(span) == 2 and all(map(is_number, span))
+    if not (isinstance(span, list) and pair and 0 <= span[0] <= span[1] < 1):
+        raise FileError(f"'range' is {span!r}; expected two shares of the torque limit, from 0 to below 1")
+    low, high = span
+    groups: dict[float, list[str]] = {}
+    for name, limit in limits.items():
+        groups.setdefault(limit, []).append(name)
+    ranges = tuple(FrictionRange(tuple(names), low * limit, high * limit) for limit, names in groups.items())
+    said = (
+        f"written by `stiction convert`: method {friction['method']}, {100 * low:g} to {100 * high:g} % of each "
+        "joint's torque limit",
+        str(training.get("text", "")),
+    )
+    together = friction.get("per", "robot") == "robot"
+    return Recipe(ranges, together, tuple(one_line(text) for text in said if text))
+
+
+def randomization_term(recipe: Recipe, to: Framework, assumed_load: float | None = None) -> Conversion:
+    """Return Python that draws the friction in a framework at each reset.
+
+    assumed_load: |F| + |T| that the joints transmit [N + N m], for the engines whose joint friction is a coefficient.
+    Raises `StictionError` for a framework that is none, and where the load would be ignored.
+    """
+    if assumed_load is not None and to not in ("isaaclab", "legged_gym"):
+        raise ConfigurationError("--assumed-load is for --to isaaclab, legged_gym; leave it out")
+    written: dict[str, Callable[[], tuple[Sequence[str], Sequence[str]]]] = {
+        "mjlab": lambda: _mjlab(recipe),
+        "isaaclab": lambda: _isaaclab(recipe, assumed_load),
+        "legged_gym": lambda: _legged_gym(recipe, assumed_load),
+        "mujoco": lambda: _mujoco(recipe),
+    }
+    traps, lines = written[to]()
+    notes = [*recipe.notes, *traps]
+    text = "\n".join([*(f"# {note}" for note in notes), "", *lines]) + "\n"
+    return Conversion(text, {name: name for span in recipe.ranges for name in span.joints}, tuple(notes))
+
+
+def _names(span: FrictionRange) -> str:
+    """Return the joints as a list of regular expressions that match nothing else, in Python."""
+    return "[" + ", ".join(repr(re.escape(name)) for name in span.joints) + "]"
+
+
+def _ends(low: float, high: float) -> str:
+    """Return a range in Python."""
+    return f"({number(low)}, {number(high)})"
+
+
+def _table(recipe: Recipe, factor: float) -> list[str]:
+    """Return a line for each joint with `factor` times its range, in Python."""
+    return [
+        f"    {name!r}: {_ends(factor * span.low, factor * span.high)},"
+        for span in recipe.ranges
+        for name in span.joints
+    ]
+
+
+def _apart(recipe: Recipe, where: str) -> list[str]:
+    """Say that one random number for all joints of a robot cannot be had."""
+    if not recipe.together or len(recipe.ranges) == 1:
+        return []
+    return [f"proposed is one random number a robot; {where} draws one a term: joints of other limits get another one"]
+
+
+def _mjlab(recipe: Recipe) -> tuple[list[str], list[str]]:
+    """Return traps and lines for mjlab."""
+    traps = [
+        "joint_friction sets dof_frictionloss [N m]; its default operation is 'abs', 'scale' of a model without "
+        "friction would stay 0",
+        "an actuator's own frictionloss replaces the model's when the scene is built, and is replaced by this at reset",
+        "MuJoCo's friction is soft: in the model give these joints solreffriction='2*timestep 1' and "
+        "solimpfriction='0.999 0.999 0.001 0.5 2' (`stiction convert joints.json --to mujoco`), or they creep",
+        *_apart(recipe, "mjlab"),
+    ]
+    lines = [
+        "from mjlab.envs.mdp import dr",
+        "from mjlab.managers.event_manager import EventTermCfg",
+        "from mjlab.managers.scene_entity_config import SceneEntityCfg",
+        "",
+        "FRICTION_EVENTS = {",
+    ]
+    for count, span in enumerate(recipe.ranges, 1):
+        lines += [
+            f"    'joint_friction_{count}': EventTermCfg(",
+            "        func=dr.joint_friction,",
+            "        mode='reset',",
+            "        params={",
+            f"            'asset_cfg': SceneEntityCfg('robot', joint_names=tuple({_names(span)})),",
+            f"            'ranges': {_ends(span.low, span.high)},",
+            "            'operation': 'abs',",
+            f"            'shared_random': {recipe.together},",
+            "        },",
+            "    ),",
+        ]
+    return traps, [*lines, "}"]
+
+
+def _isaaclab(recipe: Recipe, assumed_load: float | None) -> tuple[list[str], list[str]]:
+    """Return traps and lines for Isaac Lab."""
+    traps = [
+        "from Isaac Sim 5 (PhysX 5.6) joint friction is an effort [N m]; before, it is a coefficient of the load "
+        "|F| + |T| that the joint transmits, and these numbers would mean something else"
+        if assumed_load is None
+        else f"coefficients for PhysX before 5.6, right at a load |F| + |T| of {number(assumed_load)} alone; from "
+        "Isaac Sim 5 on joint friction is an effort [N m]: convert again without --assumed-load",
+        "not by mdp.randomize_joint_parameters: on PhysX it draws dynamic friction apart from the static one, and "
+        "viscous friction [N m s/rad] from the range of the dry one",
+        "an actuator's own friction and dynamic_friction are replaced at reset; its viscous friction stays",
+        "Newton has static friction alone: leave joint_dynamic_friction_coeff out there",
+    ]
+    draw = "len(env_ids), 1" if recipe.together else "len(env_ids), len(joint_ids)"
+    return traps, [
+        "import re",
+        "",
+        "import torch",
+        "from isaaclab.managers import EventTermCfg",
+        "from isaaclab.utils import configclass",
+        "",
+        f"FRICTION = {{  # [{'N m' if assumed_load is None else '1'}]",
+        *_table(recipe, 1.0 if assumed_load is None else 1.0 / assumed_load),
+        "}",
+        "",
+        "",
+        "def draw_joint_friction(env, env_ids, asset_name='robot'):",
+        '    """Draw dry friction, the same at rest and in motion, for the robots that are reset."""',
+        "    asset = env.scene[asset_name]",
+        "    if env_ids is None:",
+        "        env_ids = torch.arange(env.scene.num_envs, device=asset.device)",
+        "    names = [re.escape(name) for name in FRICTION]",
+        "    joint_ids, _ = asset.find_joints(names, preserve_order=True)",
+        "    low, high = torch.tensor(list(FRICTION.values()), device=asset.device).unbind(-1)",
+        f"    friction = low + (high - low) * torch.rand({draw}, device=asset.device)",
+        "    newer = getattr(asset, 'write_joint_friction_coefficient_to_sim_index', None)",
+        "    write = newer or asset.write_joint_friction_coefficient_to_sim",
+        "    write(",
+        "        joint_friction_coeff=friction,",
+        "        joint_dynamic_friction_coeff=friction,",
+        "        joint_ids=joint_ids,",
+        "        env_ids=env_ids,",
+        "    )",
+        "",
+        "",
+        "@configclass",
+        "class FrictionEvents:",
+        '    """Mix it into the events of the environment."""',
+        "",
+        "    joint_friction = EventTermCfg(func=draw_joint_friction, mode='reset')",
+    ]
+
+
+def _legged_gym(recipe: Recipe, assumed_load: float | None) -> tuple[list[str], list[str]]:
+    """Return traps and lines for legged_gym: friction in the motor's torque, or the engine's coefficient."""
+    table = _table(recipe, 1.0 if assumed_load is None else 1.0 / assumed_load)
+    if assumed_load is not None:
+        traps = [
+            "Isaac Gym's dof friction is a coefficient of the load that the joint transmits: right at a load "
+            f"|F| + |T| of {number(assumed_load)} alone",
+            "it is drawn once a robot, when it is made; call it from _process_dof_props",
+        ]
+        draw = "np.random.uniform()" if recipe.together else "None"
+        return traps, [
+            "import numpy as np",
+            "",
+            "FRICTION = {  # [1]",
+            *table,
+            "}",
+            "",
+            "",
+            "def draw_friction(props, names):",
+            '    """Write drawn friction into the properties of one robot\'s joints."""',
+            f"    one = {draw}",
+            "    for index, name in enumerate(names):",
+            "        if name in FRICTION:",
+            "            low, high = FRICTION[name]",
+            "            share = np.random.uniform() if one is None else one",
+            "            props['friction'][index] = low + share * (high - low)",
+            "    return props",
+        ]
+    traps = [
+        "Isaac Gym's dof friction is a coefficient of the load on the joint, not N m (--assumed-load writes it); so "
+        "friction is taken off the motor's torque here, after it was clipped; rewards of torque then see what is left",
+        "this does not hold a joint at rest: below EPSILON it is viscous, and the joint creeps at EPSILON times torque "
+        "over friction; the deployed policy sees less of it than PhysX 5.6, MuJoCo or the robot would show",
+        "it is explicit: keep EPSILON above friction times the physics step over the joint's inertia, or it chatters",
+    ]
+    share = (
+        "torch.rand(len(env_ids), 1, device=self.device)"
+        if recipe.together
+        else "torch.rand(len(env_ids), self.num_dof, device=self.device)"
+    )
+    return traps, [
+        "import torch",
+        "",
+        "FRICTION = {  # [N m]",
+        *table,
+        "}",
+        "",
+        "EPSILON = 0.1",
+        '"""Speed under which friction fades [rad/s]."""',
+        "",
+        "",
+        "class DryFriction:",
+        '    """Mix it in before LeggedRobot: class Robot(DryFriction, LeggedRobot)."""',
+        "",
+        "    def _init_buffers(self):",
+        "        super()._init_buffers()",
+        "        ends = [FRICTION.get(name, (0.0, 0.0)) for name in self.dof_names]",
+        "        self.friction_ends = torch.tensor(ends, device=self.device)",
+        "        self.friction = torch.zeros(self.num_envs, self.num_dof, device=self.device)",
+        "        self._draw_friction(torch.arange(self.num_envs, device=self.device))",
+        "",
+        "    def _draw_friction(self, env_ids):",
+        "        low, high = self.friction_ends.unbind(-1)",
+        f"        self.friction[env_ids] = low + (high - low) * {share}",
+        "",
+        "    def reset_idx(self, env_ids):",
+        "        super().reset_idx(env_ids)",
+        "        if len(env_ids) and hasattr(self, 'friction'):",
+        "            self._draw_friction(env_ids)",
+        "",
+        "    def _compute_torques(self, actions):",
+        "        torques = super()._compute_torques(actions)",
+        "        return torques - self.friction * torch.tanh(self.dof_vel / EPSILON)",
+    ]
+
+
+def _mujoco(recipe: Recipe) -> tuple[list[str], list[str]]:
+    """Return traps and lines for plain MuJoCo."""
+    traps = [
+        "MuJoCo's friction is soft: solref and solimp are set with it, or the joint creeps; they suit one timestep",
+        "integrate with implicitfast; damping is another thing, and stays as it is",
+    ]
+    share = "one" if recipe.together else "rng.uniform()"
+    return traps, [
+        "FRICTION = {  # [N m]",
+        *_table(recipe, 1.0),
+        "}",
+        "",
+        "",
+        "def draw_friction(model, rng):",
+        '    """Write drawn friction into an MjModel; rng: numpy.random.Generator."""',
+        *(["    one = rng.uniform()"] if recipe.together else []),
+        "    for name, (low, high) in FRICTION.items():",
+        "        dof = model.joint(name).dofadr[0]",
+        f"        model.dof_frictionloss[dof] = low + {share} * (high - low)",
+        "        model.dof_solref[dof] = [2 * model.opt.timestep, 1]",
+        "        model.dof_solimp[dof] = [0.999, 0.999, 0.001, 0.5, 2]",
+    ]

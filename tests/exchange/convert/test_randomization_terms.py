@@ -1,0 +1,246 @@
+"""A proposed range of friction as others draw it: each text is run, MuJoCo's in MuJoCo, others on stand-ins."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+import torch
+
+from stiction.cli.main import main
+from stiction.core.errors import FileError
+from stiction.exchange.randomization import FRAMEWORKS, FrictionRange, randomization_term, recipe_of
+from stiction.formats.joints import JointRecord, JointsFile, write_training
+
+TRAINING = {
+    "friction": {"method": "deception", "level": 0.2, "law": "coulomb", "per": "robot"},
+    "range": [0.0, 0.24],
+    "text": "provisional;\nlevel of shank",
+}
+LIMITS = {"FL_hip": 20.0, "FL.calf": 45.0, "FR_hip": 20.0}
+
+
+def test_shares_become_newton_metres_joints_of_one_limit_together() -> None:
+    """0.24 of 20 and of 45 N m; comments cannot end where the text has a line break."""
+    recipe = recipe_of(TRAINING, LIMITS)
+    assert recipe.together and recipe.ranges == (
+        FrictionRange(("FL_hip", "FR_hip"), 0.0, pytest.approx(4.8)),
+        FrictionRange(("FL.calf",), 0.0, pytest.approx(10.8)),
+    )
+    assert all("\n" not in note for note in recipe.notes)
+
+
+def run(text: str, **modules: ModuleType) -> dict[str, Any]:
+    """Run a text with stand-ins for what it imports; return what it defines."""
+    spaces = {name.replace("__", "."): module for name, module in modules.items()}
+    before = {name: sys.modules.get(name) for name in spaces}
+    sys.modules.update(spaces)
+    try:
+        defined: dict[str, Any] = {}
+        exec(compile(text, "pasted", "exec"), defined)
+        return defined
+    finally:
+        for name, module in before.items():
+            if module is None:
+                del sys.modules[name]
+            else:
+                sys.modules[name] = module
+
+
+def module(**values: Any) -> ModuleType:
+    """Return a stand-in for a module."""
+    made = ModuleType("made")
+    vars(made).update(values)
+    return made
+
+
+def test_mujoco_draws_within_the_range_and_holds_the_joint() -> None:
+    """One number for all joints; the joint under 90 % of its friction stays where it is."""
+    draw = run(randomization_term(recipe_of(TRAINING, {"a": 10.0, "b": 20.0}), "mujoco").text)["draw_friction"]
+    body = '<body><joint name="{0}" axis="0 1 0"/><geom size=".1" mass="1" pos=".2 0 0" contype="0"/></body>'
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="0.002" integrator="implicitfast" gravity="0 0 0"/><worldbody>{body.format("a")}'
+        f"{body.format('b')}</worldbody></mujoco>"
+    )
+    rng, drawn = np.random.default_rng(0), []
+    for _ in range(200):
+        draw(model, rng)
+        drawn.append(model.dof_frictionloss.copy())
+    shares = np.array(drawn) / (10.0, 20.0)
+    assert shares.min() >= 0.0 and 0.22 < shares.max() <= 0.24
+    np.testing.assert_allclose(shares[:, 0], shares[:, 1])
+    data = mujoco.MjData(model)
+    data.qfrc_applied[:] = 0.9 * model.dof_frictionloss
+    for _ in range(500):
+        mujoco.mj_step(model, data)
+    assert np.abs(data.qpos).max() < 1e-3
+
+
+def test_mjlab_gets_a_term_for_each_limit_with_names_that_match_nothing_else() -> None:
+    """The point of `FL.calf` is a point."""
+    stand_ins = {
+        "mjlab": module(),
+        "mjlab__envs": module(),
+        "mjlab__envs__mdp": module(dr=SimpleNamespace(joint_friction="joint_friction")),
+        "mjlab__managers": module(),
+        "mjlab__managers__event_manager": module(EventTermCfg=lambda **values: values),
+        "mjlab__managers__scene_entity_config": module(SceneEntityCfg=lambda name, joint_names: joint_names),
+    }
+    text = randomization_term(recipe_of(TRAINING, LIMITS), "mjlab").text
+    first, second = run(text, **stand_ins)["FRICTION_EVENTS"].values()
+    assert first["params"] == {
+        "asset_cfg": ("FL_hip", "FR_hip"),
+        "ranges": (0, 4.8),
+        "operation": "abs",
+        "shared_random": True,
+    }
+    assert second["params"]["asset_cfg"] == (r"FL\.calf",) and second["params"]["ranges"] == (0, 10.8)
+    assert first["func"] == "joint_friction" and first["mode"] == "reset"
+
+
+class Asset:
+    """An articulation of Isaac Lab, as far as friction is written to it."""
+
+    device = "cpu"
+
+    def find_joints(self, names: list[str], preserve_order: bool) -> tuple[list[int], list[str]]:
+        """Return joints by pattern."""
+        assert preserve_order
+        assert names == ["FL_hip", "FR_hip", r"FL\.calf"]
+        return [4, 5, 6], names
+
+    def write_joint_friction_coefficient_to_sim(self, **values: Any) -> None:
+        """Keep what is written."""
+        self.written = values
+
+
+@pytest.mark.parametrize(("per", "load"), [("robot", None), ("joint", None), ("robot", 50.0)])
+def test_isaac_lab_gets_the_same_friction_at_rest_and_in_motion_and_no_viscous(per: str, load: float | None) -> None:
+    """Its own term would draw viscous friction from the range of the dry one."""
+    stand_ins = {
+        "isaaclab": module(),
+        "isaaclab__managers": module(EventTermCfg=lambda **values: values),
+        "isaaclab__utils": module(configclass=lambda cls: cls),
+    }
+    training = TRAINING | {"friction": TRAINING["friction"] | {"per": per}}
+    defined = run(randomization_term(recipe_of(training, LIMITS), "isaaclab", load).text, **stand_ins)
+    asset = Asset()
+    scene = {"robot": asset}
+    env = SimpleNamespace(scene=type("Scene", (dict,), {"num_envs": 300})(scene))
+    defined["FrictionEvents"].joint_friction["func"](env, None)
+    friction = asset.written["joint_friction_coeff"]
+    assert torch.equal(friction, asset.written["joint_dynamic_friction_coeff"])
+    assert set(asset.written) == {"joint_friction_coeff", "joint_dynamic_friction_coeff", "joint_ids", "env_ids"}
+    share = friction / torch.tensor([20.0, 20.0, 45.0]) * (load or 1.0)
+    assert friction.shape == (300, 3) and share.min() >= 0.0 and 0.22 < share.max() <= 0.2401
+    assert bool((share.std(dim=1) < 1e-6).all()) == (per == "robot")
+
+
+def test_legged_gym_brakes_by_the_drawn_friction_and_draws_at_reset() -> None:
+    """At ten times EPSILON all of it, at rest none; joints that are not named have none."""
+
+    class Robot:
+        """As far as legged_gym's LeggedRobot goes."""
+
+        num_envs, num_dof, device = 200, 4, "cpu"
+        dof_names = ("FL_hip", "FR_hip", "FL.calf", "neck")
+        dof_vel = torch.tensor([1.0, -1.0, 0.0, 1.0]).expand(200, 4)
+
+        def _init_buffers(self) -> None: ...
+
+        def reset_idx(self, env_ids: torch.Tensor) -> None: ...
+
+        def _compute_torques(self, actions: torch.Tensor) -> torch.Tensor:
+            return actions
+
+    own = run(randomization_term(recipe_of(TRAINING, LIMITS), "legged_gym").text)
+    robot = type("Own", (own["DryFriction"], Robot), {})()
+    robot._init_buffers()
+    torque = robot._compute_torques(torch.zeros(200, 4))
+    torch.testing.assert_close(torque[:, 0], -robot.friction[:, 0])
+    torch.testing.assert_close(torque[:, 1], robot.friction[:, 1])
+    assert not torque[:, 2:].any() and 4.0 < robot.friction[:, 0].max() <= 4.8
+    before = robot.friction.clone()
+    robot.reset_idx(torch.tensor([3]))
+    changed = (robot.friction != before).any(dim=1)
+    assert changed.nonzero().tolist() == [[3]]
+
+
+def test_isaac_gym_gets_a_coefficient_only_for_a_stated_load() -> None:
+    """Friction over |F| + |T|, one number a robot."""
+    draw = run(randomization_term(recipe_of(TRAINING, LIMITS), "legged_gym", 40.0).text)["draw_friction"]
+    props = draw({"friction": [9.0] * 4}, ["FR_hip", "neck", "FL.calf", "FL_hip"])["friction"]
+    assert props[0] == props[3] == pytest.approx(props[2] * 20 / 45) and props[0] <= 0.12 and props[1] == 9.0
+
+
+@pytest.mark.parametrize("span", [None, [0.1], [0.3, 0.1], [-0.1, 0.2], [0.0, 1.0], [0.0, "x"]])
+def test_a_proposal_without_a_range_is_refused(span: object) -> None:
+    """Of an older file, or damaged."""
+    with pytest.raises(FileError, match="'range'"):
+        recipe_of(TRAINING | {"range": span}, LIMITS)
+
+
+def test_another_law_is_refused() -> None:
+    """A coefficient is no torque."""
+    with pytest.raises(FileError, match="law 'load'"):
+        recipe_of(TRAINING | {"friction": TRAINING["friction"] | {"law": "load"}}, LIMITS)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with an identification and a proposal."""
+    JointsFile({"shank": JointRecord(torque_limit=45.0)}).write(tmp_path / "joints.json")
+    write_training(tmp_path / "training.json", TRAINING)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("framework", FRAMEWORKS)
+def test_a_user_writes_a_range(folder: Path, capsys: pytest.CaptureFixture, framework: str) -> None:
+    """By the limits of the joints that were identified, or of a robot; as text, file and JSON."""
+    assert main(["convert", "training.json", "--to", framework]) == 0
+    text = capsys.readouterr().out
+    compile(text, framework, "exec")
+    assert "10.8" in text and "shank" in text
+    assert main(["convert", "training.json", "--to", framework, "--robot", "go2", "--out", "events.py"]) == 0
+    assert "FL_calf_joint" in (folder / "events.py").read_text() and "note: " in capsys.readouterr().err
+    assert main(["convert", "training.json", "--to", framework, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["joints"] == {"shank": "shank"}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["training.json", "--to", "urdf"], "takes the values of a joints.json"),
+        (["training.json", "--to", "mjlab", "--timestep", "0.002"], "--timestep is for"),
+        (["training.json", "--to", "mjlab", "--assumed-load", "5"], "--assumed-load is for"),
+        (["training.json", "--to", "mujoco", "--joint-map", "a=b"], "--joint-map is for a joints.json"),
+        (["training.json", "--to", "mujoco", "--robot", "go3"], "go3"),
+        (["joints.json", "--to", "mjlab"], "writes the range of a training.json"),
+        (["joints.json", "--to", "urdf", "--robot", "go2"], "--robot is for a training.json"),
+        (["none.json", "--to", "urdf"], "none.json"),
+    ],
+)
+def test_what_a_user_can_mend_is_one_line(
+    folder: Path, capsys: pytest.CaptureFixture, words: list[str], said: str
+) -> None:
+    """Status 1, nothing on standard output."""
+    assert main(["convert", *words]) == 1
+    told = capsys.readouterr()
+    assert told.out == "" and said in told.err and told.err.count("\n") == 1
+
+
+def test_a_limit_that_nobody_knows_is_asked_for(folder: Path, capsys: pytest.CaptureFixture) -> None:
+    """Of the joints beside it, or of a robot."""
+    JointsFile({"shank": JointRecord()}).write(folder / "joints.json")
+    assert main(["convert", "training.json", "--to", "mjlab"]) == 1
+    assert "'shank' has no torque limit" in capsys.readouterr().err
+    (folder / "joints.json").unlink()
+    assert main(["convert", "training.json", "--to", "mjlab"]) == 1
+    assert "give --robot" in capsys.readouterr().err
