@@ -9,6 +9,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any, TypeVar
 
 from stiction.core.errors import StictionError
+from stiction.core.isolation import isolate_workers
 
 Result = TypeVar("Result")
 
@@ -23,6 +24,7 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
         for number, task in enumerate(tasks):
             yield number, work(*task)
         return
+    isolate_workers()
     # Forked children would share the simulator's threads with this process.
     pool = ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=multiprocessing.get_context("spawn"))
     try:

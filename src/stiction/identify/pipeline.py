@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, LogError, StictionError
+from stiction.core.isolation import isolate_workers
 from stiction.core.provenance import num_threads
 from stiction.formats.joints import FitSignals, JointRecord
 from stiction.formats.log import UNNAMED, Log
@@ -252,6 +253,7 @@ def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Ide
         for name, job in jobs.items():
             yield name, _attempt(*job)
         return
+    isolate_workers()
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         waiting: dict[Future, str] = {pool.submit(_attempt, *job): name for name, job in jobs.items()}
         try:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import fcntl
-import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from io import TextIOWrapper
 
-from stiction.core.provenance import PACKAGE, THREADS_VARIABLE
+from stiction.core.isolation import isolated_environment, python_module
+from stiction.core.provenance import THREADS_VARIABLE
 from stiction.report.terminal import stop_requests
 from stiction.studies.friction.manifest import PlannedRun
 from stiction.studies.study import Stopped
@@ -35,10 +34,9 @@ LOG = "train.log"
 
 def train_command(run: PlannedRun) -> list[str]:
     """Return the command that begins a run, or goes on with it."""
-    program = [sys.executable, "-m", "stiction", "train"]
     if run.state() == "interrupted":
-        return [*program, "--resume", str(run.path)]
-    return [*program, *run.run.arguments, "--out", str(run.path)]
+        return python_module("stiction", ["train", "--resume", run.path])
+    return python_module("stiction", ["train", *run.run.arguments, "--out", run.path])
 
 
 @dataclass
@@ -67,8 +65,6 @@ def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_co
     except OSError:
         lock.close()
         return None
-    path = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
-    environment = {**os.environ, THREADS_VARIABLE: "1", "PYTHONPATH": path}
     with (run.path / LOG).open("a") as log:
         # In a session of its own, so that Ctrl-C reaches it once, from `stop`: a second one would not wait.
         process = subprocess.Popen(
@@ -76,7 +72,7 @@ def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_co
             stdout=log,
             stderr=log,
             stdin=subprocess.DEVNULL,
-            env=environment,
+            env=isolated_environment(**{THREADS_VARIABLE: "1"}),
             pass_fds=[lock.fileno()],
             start_new_session=True,
         )
