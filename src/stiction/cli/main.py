@@ -23,6 +23,7 @@ VERBS = {
     "train-actuator": "fit an Actuator Net to logs of walks, in place of the PD law in training",
     "study": "run one of the experiments behind the results, and write its page",
     "export": "turn a training run into a policy bundle, or a bundle into a Webots project (not run in Webots)",
+    "sign": "put the maker's signature into a policy bundle, or make a key",
     "verify": "check a policy bundle: every file, the contract, and the golden vectors",
     "bench": "measure the throughput ratios on this machine, side by side in one run",
     "doctor": "measure that every randomised parameter really changes the physics",
@@ -82,7 +83,7 @@ def main(arguments: list[str]) -> int:
 
 EXTRAS = {"mujoco": "sim", "PIL": "sim", "yaml": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
 EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tensorboard": "train"}
-EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu"}
+EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu", "cryptography": "sign"}
 """Package -> the extra that installs it."""
 
 
