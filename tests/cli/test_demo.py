@@ -51,8 +51,8 @@ def test_the_page_holds_every_stage_and_needs_no_network(
     ]
     assert any("measured record" in text for text in summary["warnings"])
     page = (out / "report.html").read_text()
-    told = summary["joints"]["shank"]["diagnostics"]["verdict"]["text"]
-    assert told in unescape(re.sub("</?code>", "`", page))
+    told = summary["joints"]["shank"]["diagnostics"]["verdict"]["lines"]
+    assert len(told) == 3 and all(line in unescape(re.sub("</?code>", "`", page)) for line in told)
     for text in (
         "Friction from a log",
         "16% to 24%",
@@ -100,7 +100,8 @@ def test_warnings_of_an_identification_stand_on_the_page(tmp_path: Path) -> None
     assert any("test condition" in text for text in joint.record.warnings)
     page = render_demo([joint], [], [], {}, DemoClips("vx=0.5", 0.2))
     assert page.count("<p>Warning: ") == len(joint.record.warnings)
-    assert marked(joint.record.diagnostics["verdict"]["text"]) in page
+    lines = joint.record.diagnostics["verdict"]["lines"]
+    assert len(lines) == 3 and all(marked(line) in page for line in lines)
 
 
 def test_training_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

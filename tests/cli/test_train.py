@@ -10,7 +10,7 @@ import pytest
 from stiction.cli.main import main
 from stiction.cli.progress import Display
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, write_training
-from stiction.identify.verdict import propose
+from stiction.identify.proposal import propose
 from stiction.locomotion.friction import FrictionCfg
 from stiction.report.terminal import stop_requests
 from stiction.rma.arguments import parse

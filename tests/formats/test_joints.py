@@ -44,6 +44,7 @@ def test_the_file_has_the_names_of_the_contract(tmp_path: Path) -> None:
     names |= {"gravity_sin", "gravity_cos", "motor_strength", "encoder_bias", "delay"}
     names |= {"load_coefficient", "friction_ratio", "dead_band", "combinations", "friction_law", "axis"}
     names |= {"test_condition", "torque_source", "kp", "kd", "torque_limit", "diagnostics", "warnings"}
+    names |= {"objections"}
     assert set(shank) == names
     assert shank["dead_band"] is None
 

@@ -111,9 +111,9 @@ def test_gaps_do_not_accuse_the_controller() -> None:
     for one in (log, broken):
         signals = check_log(one, "shank", one.joints["shank"])
         made = prepare(signals, np.asarray(signals.torque))
-        found.append(controller_mismatch(signals, gains, made.velocity, made.cutoff))
+        found.append(controller_mismatch(signals, gains, made.velocity, made.cutoff).size)
     assert found[1] == pytest.approx(found[0], rel=0.05)
     wave = np.sin(3 * time)
     torque = pd_torque(gains, wave, 0.9 * wave, 2.7 * np.cos(3 * time))
     all_gaps = Uniform(time, 0.002, 0.9 * wave, torque, wave, None, bridged=np.arange(10_000) % 20 == 0)
-    assert controller_mismatch(all_gaps, gains, 2.7 * np.cos(3 * time), 20.0) < 0.01
+    assert controller_mismatch(all_gaps, gains, 2.7 * np.cos(3 * time), 20.0).size < 0.01

@@ -12,6 +12,7 @@ from stiction.core.provenance import THREADS_VARIABLE
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.example import GO1, SATURN_LITE, Excitation, example_log
 from stiction.identify.pipeline import REFUSED, identify_joint, identify_log
+from stiction.identify.warnings import repeat_lines
 
 SHORT = Excitation(duration=8.0)
 
@@ -112,10 +113,14 @@ def test_repeats_go_with_their_joint() -> None:
 
 @pytest.mark.usefixtures("serial")
 @pytest.mark.parametrize("others", [("hip",), ("hip", "ankle")], ids=["one_other", "two_others"])
-def test_a_joint_that_a_repeat_lacks_is_refused(others: tuple[str, ...]) -> None:
-    """Least of all may the repeat's only joint stand in for it; the joint that is there goes on."""
+def test_a_repeat_that_lacks_a_joint_costs_nothing_but_itself(others: tuple[str, ...]) -> None:
+    """Least of all may the repeat's only joint stand in for it; the good log's result stands, and says so."""
     log = robot(hip=signals(1), knee=signals(2, GO1))
     repeat = replace(robot(**{name: signals(11) for name in others}), source="again.csv")
     found, refused = identify_log(log, repeats=(repeat,))
-    assert list(found) == ["hip"]
-    assert refused["knee"].warnings[0].startswith(f"{REFUSED}again.csv: unknown joint 'knee'; known: {others[0]}")
+    assert list(found) == ["hip", "knee"] and not refused
+    alone = identify_joint(robot(knee=log.joints["knee"]), "knee").record
+    assert found["knee"].record.coulomb_friction == alone.coulomb_friction
+    said = "the repeat again.csv could not be used, and the rest stands without it: again.csv: unknown joint 'knee'"
+    assert any(text.startswith(said) for text in found["knee"].record.warnings)
+    assert [line.partition(": not used")[0] for line in repeat_lines(found["knee"].record)] == ["repeat again.csv"]

@@ -5,7 +5,8 @@ from __future__ import annotations
 from stiction.formats.advice import TRAINING
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.identify.advice import shipped
-from stiction.identify.verdict import judge, propose
+from stiction.identify.proposal import propose
+from stiction.identify.verdict import judge
 from stiction.locomotion.friction import FRICTION_RANGES, FrictionCfg
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.formats.advice import TRAINING, TRANSFER, FrictionEffect, Source
-from stiction.formats.joints import Estimate, JointRecord
+from stiction.formats.joints import Estimate, JointRecord, Objection
 from stiction.identify.advice import shipped
-from stiction.identify.verdict import Thresholds, Verdict, judge
+from stiction.identify.verdict import Thresholds, Verdict, is_leg, judge
 
 FRICTION = Estimate(1.0, 0.1, (0.8, 1.2))
 
@@ -64,10 +64,67 @@ def test_a_level_that_training_refuses_is_not_proposed() -> None:
 def test_friction_that_scatters_about_zero_is_said_to_be_at_most_its_upper_end() -> None:
     """Nobody can do anything with a motor that loses -0.4 % of its torque; 0.6 % is what it may lose."""
     faint, band = Estimate(-0.004, 0.005, (-0.014, 0.006)), Estimate(-1e-4, 1e-4, (-3e-4, 1e-4))
-    told = verdict(FRICTION.scaled(-0.1), faint, band, "in_air")
-    assert told.text.startswith("No dry friction can be told from zero in this log. Dry friction takes at most 0.6 %")
-    assert "up to f/kp, at most 0.0001 rad" in told.text and told.level == 0.02
+    told = verdict(Estimate(-0.08, 0.1, (-0.28, 0.12)), faint, band, "in_air")
+    assert told.lines[0].startswith("No dry friction can be told from zero in this log: it is at most 0.12 N m")
+    assert ", at most 0.6 % (95 %: -1.4 to 0.6) of the torque limit, measured on a leg in the air" in told.lines[0]
+    assert "up to f/kp, at most 0.0001 rad" in told.text
+    assert told.level is None and told.training is None and "No level is proposed" in told.lines[2]
     assert "told from zero" not in verdict(FRICTION, ratio(0.02), None, "in_air").text
+
+
+LIMIT = {"torque_limit": 40.0}
+
+
+@pytest.mark.parametrize(
+    ("ends", "condition", "answer", "decides"),
+    [
+        ((0.012, 0.02), "loaded", "Yes", "at least 1.2 %"),
+        ((0.004, 0.012), "loaded", "Probably", "up to 1.2 %"),
+        ((0.004, 0.006), "in_air", "Probably", "2 times 0.6 %"),
+        ((0.003, 0.004), "in_air", "No", "at most 0.4 %, even times 2"),
+        ((-0.01, 0.03), "in_air", "Cannot be told", "up to 3 %"),
+        ((-0.001, 0.002), "in_air", "No", "at most 0.2 %"),
+    ],
+)
+def test_whether_it_matters_is_one_word_and_the_number_that_decides(
+    ends: tuple[float, float], condition: str, answer: str, decides: str
+) -> None:
+    """By hand against the package's 1 % that slowed policies; a yes must hold at the interval's lower end."""
+    middle = sum(ends) / 2
+    share = Estimate(middle, 0.001, ends)
+    told = judge(
+        JointRecord(coulomb_friction=share.scaled(40.0), friction_ratio=share, test_condition=condition, **LIMIT)
+    )
+    assert len(told.lines) == 3
+    assert told.lines[1].startswith(f"Does it matter? {answer}: ") and decides in told.lines[1]
+    unknown = judge(
+        JointRecord(coulomb_friction=share.scaled(40.0), friction_ratio=share, test_condition=condition), legs=False
+    )
+    assert unknown.lines[1].startswith("Does it matter? Cannot be told without the task")
+
+
+def test_of_walking_is_spoken_to_legs_alone() -> None:
+    """An arm's owner reads three lines about walking policies, and nothing about the arm."""
+    record = JointRecord(coulomb_friction=FRICTION, friction_ratio=ratio(0.03), test_condition="loaded", **LIMIT)
+    arm, leg = judge(record, legs=False), judge(record)
+    for word in ("walk", "polic", "leg", "train", "follow"):
+        assert word not in arm.text and word not in " ".join(case.text for case in arm.what_if)
+    assert "stiction convert" in arm.lines[2] and "stiction train --friction-from" in leg.lines[2]
+    assert arm.level == leg.level == 0.03 and arm.training == leg.training
+    assert [is_leg(name) for name in ("FL_calf_joint", "left_hip_pitch", "shoulder_pan", "joint", "wrist_3")] == [
+        *(True, True, False, False, False),
+    ]
+
+
+def test_what_makes_a_fit_invalid_stands_in_the_place_of_the_answer() -> None:
+    """First what to do, then why; neither level, training nor what-if, however certain the interval looks."""
+    objection = Objection("follows_position", "the torque follows the position", "--gravity True")
+    record = JointRecord(coulomb_friction=FRICTION, friction_ratio=ratio(0.2), test_condition="loaded", **LIMIT)
+    told = judge(replace(record, objections=(objection, replace(objection, seen="and so on"))))
+    assert told.lines[0] == "Do first: --gravity True." and "the torque follows the position" in told.lines[1]
+    assert "And 1 more: and so on" in told.lines[1] and "no level" in told.lines[2]
+    assert told.level is None and told.training is None and told.range is None and told.what_if == ()
+    assert "1 N m" not in told.text and "--method" not in told.text
 
 
 def test_a_linear_axis_is_not_a_leg() -> None:
@@ -84,9 +141,6 @@ def test_the_range_and_the_settings_say_the_same_as_the_words() -> None:
     assert "--method deception --friction-level 0.2." in told.text and "has to cover 25 %" in told.text
     little = verdict(FRICTION, ratio(0.0098), None, "loaded")
     assert (little.level, little.training["method"], little.range) == (0.01, "none", [0.0, 0.0])
-    nothing = verdict(FRICTION, Estimate(-0.01, 0.001, (-0.02, 0.0)), None, "loaded")
-    assert nothing.level == 0 and nothing.training["method"] == "none" and "--method none" in nothing.text
-    assert nothing.to_dict()["advice"] is None and nothing.range == [0.0, 0.0]
 
 
 MUJOCO = FrictionEffect("mujoco", 3, 1.1, noticeable=0.04, speed_loss=0.05, dead_band=0.018, onset=0.09, severe=0.3)

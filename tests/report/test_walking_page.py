@@ -23,7 +23,7 @@ def make_records() -> JointsFile:
         friction_ratio=Estimate(0.05, 0.002, (0.046, 0.054)),
         load_coefficient=Estimate(0.15, 0.01, (0.13, 0.17)),
         torque_limit=25.0,
-        diagnostics={"swings": 30, "samples_used": 200, "load": loaded, "verdict": {"text": "Train at 0.11."}},
+        diagnostics={"swings": 30, "samples_used": 200, "load": loaded, "verdict": {"lines": ["Much.", "Run this."]}},
         warnings=("the robot was tired",),
     )
     hip = JointRecord(diagnostics={"swings": 3, "load": {"refusal": REFUSED}}, warnings=("the robot was tired",))
@@ -51,7 +51,15 @@ def write(folder: Path, joints: JointsFile, fit: WalkFit) -> str:
 def test_the_page_has_what_a_reader_needs(tmp_path: Path) -> None:
     """Numbers with intervals, clouds, gait, load, refusals and warnings, and nothing from the network."""
     text = write(tmp_path, make_records(), make_fit())
-    for part in ("FL_shank. Train at 0.11.", "1.25 ± 0.2", "5 ± 0.4", "0.15 ± 0.02", ">3 ± 0.2<", ">12 ± 0.8<"):
+    for part in (
+        "FL_shank has the most",
+        ":<br>Much.<br>Run this.",
+        "1.25 ± 0.2",
+        "5 ± 0.4",
+        "0.15 ± 0.02",
+        ">3 ± 0.2<",
+        ">12 ± 0.8<",
+    ):
         assert part in text, part
     assert "the interval of the hips" in text and "&lt;to tell&gt;" in text
     assert text.count("data:image/png") == 3

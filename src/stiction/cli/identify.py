@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -51,7 +51,8 @@ class IdentifyConfig(IdentifySetup):
     names: tuple[str, ...] = ()
     """Names of the joints, in order, for a log that only numbers them."""
     columns: tuple[str, ...] = ()
-    """ROLE=NAME pairs for logs with other column names; roles: time, position, velocity, target, torque, disturbance;
+    """ROLE=NAME pairs for logs with other column names; roles: time, position, velocity, target, torque, disturbance
+    (torque from outside), feedforward (torque that the controller adds, and that a torque column has in it already);
     position=q_{joint} for several joints; state=TOPIC command=TOPIC for MCAP."""
     rate: float | None = None
     """Samples per second of a log without time stamps [Hz]."""
@@ -147,13 +148,12 @@ def _write_results(
     folder: Path, joints: JointsFile, write_signals: Callable[[Path], None], write_page: Callable[[Path], Any]
 ) -> None:
     """Write the four files, of which `write_signals` writes fit.npz; raise `StictionError` where that cannot be."""
-    from stiction.formats.joints import write_training
-    from stiction.identify.verdict import propose
+    from stiction.identify.proposal import write_proposal
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
         joints.write(folder / "joints.json")
-        write_training(folder / "training.json", propose(joints))
+        write_proposal(folder, joints)
         write_signals(folder / "fit.npz")
         write_page(folder)
     except OSError as error:
@@ -173,57 +173,75 @@ def _print_results(
 
 
 def show(console: Console, joints: JointsFile) -> None:
-    """Print what was found, what it means, and the warnings, for a person."""
-    from stiction.report.identification import gather_warnings, shared_warnings
+    """Print for a person what was found: the verdict in three lines, the numbers, and the warnings."""
+    from stiction.identify.warnings import repeat_lines
+    from stiction.report.identification import lead_lines, own_warnings, remaining_warnings
 
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
+    for line in lead_lines(joints):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     if len(found) == 1:
         for name, record in found.items():
             console.print(_one(name, record))
-            if record.friction_law and record.friction_law["law"] != "coulomb":
+            if record.friction_law and record.friction_law["law"] not in (None, "coulomb"):
                 console.print(_law(record))
-            console.print(record.diagnostics["verdict"]["text"], highlight=False, soft_wrap=True)
             console.print(record.friction_law["text"] if record.friction_law else "", highlight=False, soft_wrap=True)
     elif found:
         console.print(_several(found))
-    shared = shared_warnings(joints)
-    for text in shared:
+    for name, record in found.items():
+        for line in repeat_lines(record):
+            console.print(f"{name}: {line}", highlight=False, markup=False, soft_wrap=True)
+    for text in remaining_warnings(joints):
         console.print(f"warning: {text}", highlight=False, markup=False, soft_wrap=True)
-    if own := len(gather_warnings(joints)) - len(shared):
-        console.print(f"warning: {own} more about single joints: see the page, joint by joint", soft_wrap=True)
+    own = own_warnings(joints)
+    if len(found) == 1:
+        for name, text in own:
+            console.print(f"warning: {name}: {text}", highlight=False, markup=False, soft_wrap=True)
+    elif own:
+        console.print(f"warning: {len(own)} more about single joints: see the page, joint by joint", soft_wrap=True)
 
 
 def _one(name: str, record: JointRecord) -> Table:
     """Tabulate one joint: both estimators, and combinations where parameters are not known."""
     from stiction.report.identification import EXTRA
-    from stiction.report.page import unit
+    from stiction.report.page import number, unit
 
     other = record.diagnostics.get("output_error") or {}
-    table = Table("", "unit", "value", "95 % interval", "output error", title=name)
+    table = Table("", "unit", "value", "95 % interval", "output error", title=_title(name, record))
     for quantity in (*PARAMETERS, *EXTRA, "friction_ratio", "dead_band"):
         estimate = getattr(record, quantity)
         if estimate is None:
             if quantity in (*PARAMETERS, "friction_ratio", "dead_band"):
                 table.add_row(quantity, unit(record, quantity), "not known", "", "")
             continue
-        second = f"{other[quantity]['value']:.5g}" if quantity in other else ""
-        interval = "{:.5g} to {:.5g}".format(*estimate.interval95)
-        table.add_row(quantity, unit(record, quantity), f"{estimate.value:.5g}", interval, second)
+        second = number(other[quantity]["value"]) if quantity in other else ""
+        table.add_row(quantity, unit(record, quantity), number(estimate.value), _interval(estimate.interval95), second)
     for label, estimate in record.combinations.items():
-        table.add_row(label, "", f"{estimate.value:.5g}", "{:.5g} to {:.5g}".format(*estimate.interval95), "")
+        table.add_row(label, "", number(estimate.value), _interval(estimate.interval95), "")
     return table
+
+
+def _interval(ends: Sequence[float]) -> str:
+    """Return both ends of an interval."""
+    from stiction.report.page import number
+
+    return " to ".join(map(number, ends))
+
+
+def _title(name: str, record: JointRecord) -> str:
+    """Return the name of a joint over its numbers, and whether they may be used."""
+    return f"{name}: NOT VALID, see above" if record.objections else name
 
 
 def _law(record: JointRecord) -> Table:
     """Tabulate the law that was chosen."""
-    from stiction.report.page import unit
+    from stiction.report.page import number, unit
 
     law = record.friction_law or {}
     table = Table("", "unit", "value", "95 % interval", title=f"{law['law']} law")
     over = "/k" if law["over_strength"] else ""
     for name, data in law["parameters"].items():
-        low, high = data["interval95"]
-        table.add_row(name, unit(record, name) + over, f"{data['value']:.5g}", f"{low:.5g} to {high:.5g}")
+        table.add_row(name, unit(record, name) + over, number(data["value"]), _interval(data["interval95"]))
     return table
 
 
@@ -242,9 +260,12 @@ def _several(found: dict[str, JointRecord]) -> Table:
 
 def _show_walk(console: Console, joints: JointsFile) -> None:
     """Print what was found in a walk, and the warnings, for a person."""
+    from stiction.report.identification import lead_lines
     from stiction.report.walking import VALUE_CAPTION, VALUE_COLUMNS, grouped_warnings, value_rows
 
     table = Table("", *VALUE_COLUMNS, caption=VALUE_CAPTION)
+    for line in lead_lines(joints):
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     for row in value_rows(joints):
         table.add_row(*row)
     console.print(table)

@@ -20,13 +20,16 @@ if TYPE_CHECKING:
     from stiction.rma.run import RunDirectory
 
 
-def _identified(file: str | None, robot: str, pairs: tuple[str, ...]) -> dict[str, Any] | None:
-    """Read the nominal joints of a robot from a `joints.json`, with its name and hash; say what is not used."""
+def _identified(file: str | None, robot: str, pairs: tuple[str, ...], friction: FrictionCfg) -> dict[str, Any] | None:
+    """Read the nominal joints of a robot from a `joints.json`, with its name and hash; say what is not used.
+
+    friction: what is trained with, which a load coefficient of the file may match or not.
+    """
     if file is None:
         return None
     from stiction.formats.joint_map import mapped
     from stiction.formats.joints import load_joints
-    from stiction.locomotion.randomization import identified_joints
+    from stiction.locomotion.randomization import identified_joints, load_warnings
     from stiction.robots.catalog import find_robot
     from stiction.sim.fleet import Fleet
 
@@ -34,7 +37,7 @@ def _identified(file: str | None, robot: str, pairs: tuple[str, ...]) -> dict[st
     limits = spec.joint_values("torque_limit")
     records = mapped(load_joints(path), pairs, spec.joint_names)
     found = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
-    for warning in found.warnings:
+    for warning in (*found.warnings, *load_warnings(records, spec.joint_names, friction)):
         print(f"stiction train: warning: {warning}", file=sys.stderr)
     values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
     return {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "values": values}
@@ -102,7 +105,7 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
         robot_mirror(robot)
     if options.joint_map and cfg.joints is None:
         raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
-    identified = _identified(cfg.joints, cfg.task.robot, options.joint_map)
+    identified = _identified(cfg.joints, cfg.task.robot, options.joint_map, cfg.task.friction)
     command = shlex.join(["stiction", "train", *arguments])
     return RunDirectory.create(options.out, cfg, command, identified), cfg
 

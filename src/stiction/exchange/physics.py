@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stiction.core.errors import FileError
-from stiction.formats.joints import Estimate, JointRecord
+from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord
 from stiction.identify.reference import CONDITIONS
 
 
@@ -52,10 +52,15 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -
     Raises `StictionError` for a record of which nothing can be used.
     """
     notes: list[str] = []
+    if (objection := record.objection_to("inertia")) is not None:
+        raise FileError(f"the fit of record {recorded!r} is not valid, nothing of it is written: {objection.text}")
     coulomb, viscous = record.coulomb_friction, record.viscous_friction
     if stribeck_law(record):
         # The best symmetric fit of such a joint has too much dry friction and too little viscous.
         coulomb, viscous = (_of_law(record, name) for name in ("coulomb_friction", "viscous_friction"))
+    if (objection := record.objection_to("coulomb_friction")) is not None:
+        coulomb = None
+        notes.append(f"dry friction is left out: {objection.text}")
     friction, damping = _size(coulomb, "dry friction", notes), _size(viscous, "viscous friction", notes)
     armature = _armature(record, notes)
     missing = [
@@ -80,7 +85,7 @@ def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset(
     """Name what the record knows beyond symmetric Coulomb and viscous friction, but for what is `represented`."""
     richer = ("static_friction", "stribeck_velocity", "load_coefficient")
     notes = [
-        f"{quantity} {number(estimate.value)} is not represented"
+        f"{quantity} {number(estimate.value)}{_of_what(record, quantity)} is not represented"
         for quantity in richer
         if quantity not in represented and (estimate := getattr(record, quantity)) is not None
     ]
@@ -92,6 +97,14 @@ def beyond_coulomb(record: JointRecord, represented: frozenset[str] = frozenset(
     if offset is not None and not offset.interval95[0] <= 0 <= offset.interval95[1]:
         notes.append(f"the constant torque that the motor had to supply, {number(offset.value)}, is not represented")
     return notes
+
+
+def _of_what(record: JointRecord, quantity: str) -> str:
+    """Say what a load coefficient multiplies: three laws go by that name, and no target has friction that follows
+    one.
+    """
+    regressor = record.load_regressor
+    return f" of {LOAD_REGRESSORS[regressor]}" if quantity == "load_coefficient" and regressor is not None else ""
 
 
 def stribeck_law(record: JointRecord) -> bool:

@@ -10,7 +10,7 @@ and a run can be compared line by line. The rest is for people: what the level r
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +75,60 @@ class Estimate:
         return cls(float(data["value"]), float(data["std"]), (float(low), float(high)))
 
 
+FRICTION_REACHES_ZERO = "friction_reaches_zero"
+"""Reason of the one objection that concerns dry friction alone: the rest of the fit stands."""
+
+NEGLIGIBLE = 0.01
+"""Friction over torque limit that no policy of `stiction replicate` noticed in any engine (identify/advice.json): where
+friction cannot be told from zero, and is no more than this, simulators may have it as zero."""
+
+LOAD_REGRESSORS = {
+    "gravity": "|gravity and known torque from outside| [N m]",
+    "motor_torque": "|motor torque| [N m]",
+}
+"""What a load coefficient may multiply -> the same in words: the first from a joint's own log, the second from a walk.
+Training has the second as its law `effort`; its law `load`, of |F| + |T| at the joint, is neither."""
+
+FRICTIONS = (
+    "coulomb_friction",
+    "static_friction",
+    "stribeck_velocity",
+    "load_coefficient",
+    "friction_ratio",
+    "dead_band",
+)
+"""Quantities that say how much dry friction there is."""
+
+
+@dataclass(frozen=True)
+class Objection:
+    """Why a fit must not be used, and what to do first."""
+
+    reason: str
+    """One word for programs: `unexplained_torque`."""
+    seen: str
+    """What was seen, with its number."""
+    remedy: str
+    """What to do."""
+
+    @property
+    def text(self) -> str:
+        """Both in one sentence."""
+        return f"{self.seen}. Do first: {self.remedy}"
+
+    @classmethod
+    def from_dict(cls, data: Any, where: str) -> Objection:
+        """Build from plain data; `where` is named in messages."""
+        names = [item.name for item in fields(cls)]
+        if (
+            not isinstance(data, dict)
+            or set(data) != set(names)
+            or not all(isinstance(data[one], str) for one in names)
+        ):
+            raise FileError(f"{where}: expected an object with the texts {', '.join(names)}, got {str(data)[:80]}")
+        return cls(**data)
+
+
 @dataclass(frozen=True)
 class JointRecord:
     """What is known about one joint."""
@@ -96,7 +150,7 @@ class JointRecord:
     stribeck_velocity: Estimate | None = None
     """Speed at which static friction has given way to Coulomb friction [rad/s]."""
     load_coefficient: Estimate | None = None
-    """Friction per unit of transmitted load [1]."""
+    """Friction per unit of load [1]; of which load says `load_regressor`, and `regressor` in `friction_law`."""
     motor_strength: Estimate | None = None
     """k, torque delivered over torque logged or commanded, where a known payload shows it [1]."""
     encoder_bias: Estimate | None = None
@@ -126,14 +180,41 @@ class JointRecord:
     """Largest torque of the motor [N m]."""
     diagnostics: dict[str, Any] = field(default_factory=dict)
     """Plain data about the fit: conditioning, residuals, what the other estimator found, and so on."""
+    objections: tuple[Objection, ...] = ()
+    """What makes the fit invalid; where there is any, nothing that trains or simulates takes its friction."""
     warnings: tuple[str, ...] = ()
     """What a reader should know before trusting the numbers."""
+
+    def objection_to(self, quantity: str) -> Objection | None:
+        """Return why a quantity must not be used, None where it may be.
+
+        Dry friction that cannot be told from zero invalidates nothing else, and may be used as zero where it is at most
+        `NEGLIGIBLE` of the torque limit.
+        """
+        for objection in self.objections:
+            if objection.reason != FRICTION_REACHES_ZERO:
+                return objection
+            small = self.friction_ratio is not None and self.friction_ratio.interval95[1] <= NEGLIGIBLE
+            if quantity in FRICTIONS and not small:
+                return objection
+        return None
+
+    @property
+    def load_regressor(self) -> str | None:
+        """What the load coefficient multiplies, one of `LOAD_REGRESSORS`; None where there is no coefficient."""
+        law = self.friction_law or {}
+        if self.load_coefficient is None:
+            return None
+        if law.get("regressor") in LOAD_REGRESSORS:
+            return str(law["regressor"])
+        # Files of before named it in words alone, and those of walks alone.
+        return "motor_torque" if str(law.get("load", "")).startswith("|motor") else "gravity"
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         data = vars(self) | {name: value.to_dict() for name, value in vars(self).items() if isinstance(value, Estimate)}
         data["combinations"] = {name: value.to_dict() for name, value in self.combinations.items()}
-        return data | {"warnings": list(self.warnings)}
+        return data | {"objections": [asdict(one) for one in self.objections], "warnings": list(self.warnings)}
 
     @classmethod
     def from_dict(cls, data: Any, where: str) -> JointRecord:
@@ -145,13 +226,16 @@ class JointRecord:
         for name in QUANTITIES:
             if values.get(name) is not None:
                 values[name] = Estimate.from_dict(values[name], f"{where}.{name}")
-        for name, kind in (("combinations", dict), ("diagnostics", dict), ("warnings", list)):
+        for name, kind in (("combinations", dict), ("diagnostics", dict), ("objections", list), ("warnings", list)):
             if not isinstance(values.get(name, kind()), kind):
                 raise FileError(f"{where}.{name}: expected a JSON {kind.__name__}, got {str(values[name])[:80]}")
         values["combinations"] = {
             name: Estimate.from_dict(entry, f"{where}.combinations.{name}")
             for name, entry in values.get("combinations", {}).items()
         }
+        values["objections"] = tuple(
+            Objection.from_dict(entry, f"{where}.objections") for entry in values.get("objections", [])
+        )
         values["warnings"] = tuple(str(text) for text in values.get("warnings", []))
         _check_settings(values, where)
         return cls(**values)
@@ -202,10 +286,14 @@ class JointsFile:
         """Return one quantity's value for each joint, as simulators take it: what is below zero is zero.
 
         quantity: one of `QUANTITIES`. Raises `FileError` for a joint without a record, and where the quantity
-        is null. An inertia must be positive; friction whose interval reaches below zero may have a negative estimate.
+        is null, or the fit is not valid. An inertia must be positive; friction whose interval reaches below zero may
+        have a negative estimate.
         """
         values = []
         for joint in joints:
+            objection = self.record(joint).objection_to(quantity)
+            if objection is not None:
+                raise FileError(f"{quantity} of joint {joint!r} must not be used: {objection.text}")
             estimate = getattr(self.record(joint), quantity)
             if estimate is None:
                 why = next((f": {text}" for text in self.record(joint).warnings), "")
@@ -308,7 +396,19 @@ def write_training(path: Path, proposal: dict[str, Any]) -> None:
 
 
 def read_training(path: Path) -> dict[str, Any]:
-    """Return the whole proposal; raise `StictionError` for a file that is none, or proposes no friction."""
+    """Return the whole proposal; raise `StictionError` for a file that is none, or proposes no friction.
+
+    Where there is no file because the fit beside it is not valid, the message says so.
+    """
+    beside = path.parent / "joints.json"
+    if not path.exists() and beside.is_file():
+        objections = [
+            f"{name}: {one.text}" for name, record in load_joints(beside).joints.items() for one in record.objections
+        ]
+        if objections:
+            raise FileError(
+                f"there is no {path.name}, for nothing can be proposed from this identification: {objections[0]}"
+            )
     data = read_object(path, "the training.json of `stiction identify`")
     if {"joints", "warnings"} <= data.keys() and "friction" not in data:
         raise FileError(f"{path.name}: these are identified joints; expected the training.json that lies beside them")

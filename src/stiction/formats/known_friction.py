@@ -53,8 +53,9 @@ def bench_friction(
 ) -> BenchFriction:
     """Return the mean f/τ_max of each kind of joint as it was identified; below zero it is zero.
 
-    A record stands for the joint of its name, or for all of its kind. Where a joint has none, or its friction is null,
-    the mean of that kind's other joints is taken; where all of a kind are so, the nominal friction of training.
+    A record stands for the joint of its name, or for all of its kind. Where a joint has none, its friction is null, or
+    its fit is not valid, the mean of that kind's other joints is taken; where all of a kind are so, the nominal
+    friction of training.
 
     Args:
         file: the `joints.json`.
@@ -90,9 +91,11 @@ def bench_friction(
 
 
 def _share(name: str, record: JointRecord, limit: float) -> float | None:
-    """Return f/τ_max of a joint whose motor gives `limit` [N m]; None where its record has neither."""
+    """Return f/τ_max of a joint whose motor gives `limit` [N m]; None where its record has neither, or is not valid."""
     if record.axis != "rotary":
         raise FileError(f"joint {name!r} was identified as a linear axis (kg, N); expected a rotary one")
+    if record.objection_to("coulomb_friction") is not None:
+        return None
     if record.coulomb_friction is not None:
         return max(0.0, record.coulomb_friction.value) / limit
     return None if record.friction_ratio is None else max(0.0, record.friction_ratio.value)

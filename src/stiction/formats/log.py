@@ -1,8 +1,9 @@
 """The canonical log of one or more joints: CSV, NPZ or Parquet, with an optional sidecar of what columns cannot say.
 
 Columns are `time` [s] and, per joint, `position.<joint>` [rad], `velocity.<joint>` [rad/s], `target.<joint>` [rad],
-`torque.<joint>` [N m], `disturbance.<joint>` [N m], those that exist; a log of a single joint may drop the joint's
-name. The sidecar of `swing.csv` is `swing.json` (`stiction.formats.log`). Nothing that executes code is ever read.
+`torque.<joint>` [N m], `disturbance.<joint>` [N m] (from outside), `feedforward.<joint>` [N m] (added by the
+controller), those that exist; a log of a single joint may drop the joint's name. The sidecar of `swing.csv` is
+`swing.json` (`stiction.formats.log`). Nothing that executes code is ever read.
 """
 
 from __future__ import annotations
@@ -161,7 +162,7 @@ def _joints(value: Any, source: str, allowed: tuple[str, ...]) -> dict[str, LogS
     return {name: _build(entry, f"{source}: joint {name!r}", allowed) for name, entry in value.items()}
 
 
-SIGNALS = ("position", "velocity", "target", "torque", "disturbance")
+SIGNALS = ("position", "velocity", "target", "torque", "disturbance", "feedforward")
 """What a log may hold per joint."""
 
 UNNAMED = "joint"
@@ -182,6 +183,8 @@ class JointSignals:
     """τ [N m]."""
     disturbance: np.ndarray | None = None
     """d, a known torque on the joint from outside, positive in the position's direction [N m]."""
+    feedforward: np.ndarray | None = None
+    """u, torque that the controller adds to that of its gains; a logged torque has it in it already [N m]."""
 
 
 @dataclass(frozen=True)

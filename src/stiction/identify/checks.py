@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -41,6 +42,52 @@ FEWEST_PER_CYCLE = 20
 """Samples per period of the fastest motion; with fewer, derivatives are guesses."""
 
 
+class PoorMotion(LogError):
+    """The motion does not tell what is asked of it: `seen` says how, `remedy` what to do where nothing else is
+    known.
+    """
+
+    def __init__(self, where: str, seen: str, remedy: str) -> None:
+        """`where`: the log and its joint, for the message."""
+        self.where, self.seen = where, seen
+        super().__init__(f"{where}: excitation too poor: {seen}; {remedy}")
+
+    def because(self, cause: str) -> LogError:
+        """Return the error with a cause that is known in place of the usual one."""
+        return LogError(f"{self.where}: {self.seen}: {cause}")
+
+
+SMALL_MOTION = 0.1
+"""Range of another joint over that of the joint in question from which on it is said to move too [1]."""
+
+
+def moving_beside(log: Log, joint: str) -> tuple[str, ...]:
+    """Return the other joints of a log that move while this one does."""
+    ranges = {
+        name: float(np.ptp(one.position[np.isfinite(one.position)]))
+        for name, one in log.joints.items()
+        if one.position is not None and np.isfinite(one.position).any()
+    }
+    own = ranges.get(joint, 0.0)
+    return tuple(name for name, reach in ranges.items() if name != joint and reach > SMALL_MOTION * own > 0)
+
+
+def coupled_text(moving: Sequence[str]) -> str:
+    """Say what other joints in motion do to a joint that is taken to move alone; at least one."""
+    named = ", ".join(moving[:MOST_NAMED]) + (
+        f" and {len(moving) - MOST_NAMED} more" if len(moving) > MOST_NAMED else ""
+    )
+    return (
+        f"other joints move in this log ({named}): what they do, and the ground where a foot is on it, acts on this "
+        "joint, "
+        "which is taken to move alone; log it with the others held, in the air"
+    )
+
+
+MOST_NAMED = 4
+"""Joints that a message names."""
+
+
 @dataclass(frozen=True)
 class Uniform:
     """Signals of one joint on an even grid, torque in N m; arrays of shape (num_samples,)."""
@@ -59,6 +106,8 @@ class Uniform:
     """θ' as logged [rad/s], or None."""
     disturbance: np.ndarray | None = None
     """d, a known torque from outside [N m], or None."""
+    feedforward: np.ndarray | None = None
+    """u, torque that the controller adds to that of its gains [N m], or None; the target carries it (`runs`)."""
     valid: np.ndarray = field(default_factory=lambda: np.ones(0, dtype=bool))
     """False where so many samples are missing that the signals are guesses; by default True everywhere."""
     bridged: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
@@ -95,7 +144,7 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
     for name in ("position", "torque" if signals.torque is not None else "target"):
         _check_signal(f"{log.source}: {name} of joint {joint!r}", name, table[name], grid)
     even = {
-        name: resample(grid, values, command=name in ("target", "disturbance"))
+        name: resample(grid, values, command=name in ("target", "disturbance", "feedforward"))
         for name, values in table.items()
         if name != "time"
     }
@@ -107,6 +156,7 @@ def check_log(log: Log, joint: str, signals: JointSignals, torque_scale: float =
         target=even.get("target"),
         velocity=even.get("velocity"),
         disturbance=even.get("disturbance"),
+        feedforward=even.get("feedforward"),
         valid=grid.valid,
         bridged=~grid.valid,
         timing=timing,
@@ -194,7 +244,8 @@ def check_excitation(source: str, velocity: np.ndarray, step: float) -> None:
     moving = velocity[np.abs(velocity) > 0.05 * np.abs(velocity).max()]
     reversals = int(np.count_nonzero(np.diff(np.sign(moving))))
     if reversals < FEWEST_REVERSALS:
-        raise LogError(
-            f"{source}: excitation too poor: the joint turns round {reversals} times; expected at least "
-            f"{FEWEST_REVERSALS}: log several periods of a sine of the target"
+        raise PoorMotion(
+            source,
+            f"the joint turns round {reversals} times, expected at least {FEWEST_REVERSALS}",
+            "log several periods of a sine of the target",
         )

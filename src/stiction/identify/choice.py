@@ -8,7 +8,7 @@ estimators disagree on friction, that law is fitted by simulation as well.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,6 +40,9 @@ MIN_EVIDENCE = 6.0
 
 LAW_PARAMETER_SUFFIXES = ("friction", "_forward", "_backward", "stribeck_velocity", "coefficient", "slope", "curvature")
 """How the names of the friction laws' parameters end."""
+
+NOT_NEGATIVE = ("viscous", "coulomb", "load", "static")
+"""How the names of parameters begin that are friction: a law in which one is below zero is not chosen."""
 
 MIN_STATIC_RATIO = 1.2
 """Static over Coulomb friction in simulation: a controller that holds its torque for 2 ms looks like a rise by a
@@ -120,6 +123,12 @@ class Choice:
         changes: dict[Law, dict[str, Any]] = {"coulomb": {"verdict": "beaten"}, found.fit.model.law: chosen}
         candidates = tuple(replace(entry, **changes.get(entry.law, {})) for entry in self.candidates)
         return Choice(found.fit.model, candidates, True)
+
+    def without_richer(self, base: Fit, reason: str) -> Choice:
+        """Return the choice with viscous and Coulomb friction in place of the law that was chosen; reason: why."""
+        changes: dict[Law, str] = {self.law: reason, "coulomb": "chosen, for the richer law cannot be"}
+        candidates = tuple(replace(one, verdict=changes.get(one.law, one.verdict)) for one in self.candidates)
+        return Choice(base.model, candidates)
 
     @property
     def text(self) -> str:
@@ -214,6 +223,43 @@ def evidence_of(plain: Sequence[np.ndarray], rich: Sequence[np.ndarray], more: i
     return total - more * float(np.log(samples))
 
 
+@dataclass(frozen=True)
+class GravityChoice:
+    """Whether gravity pulls on the link, as the log says."""
+
+    chosen: bool
+    """Whether it is fitted."""
+    gain: Gain | None
+    """By how much it lowers the held-out squared error; None where gravity and inertia cannot be told apart."""
+
+    @property
+    def text(self) -> str:
+        """One sentence for people."""
+        if self.gain is None:
+            return "gravity was not fitted: in this motion it cannot be told from inertia or friction"
+        lower = f"on blocks that the fit did not see it lowers the squared error by {self.gain.mean:.0%}"
+        return f"gravity was {'' if self.chosen else 'not '}fitted: {lower} (± {self.gain.std:.0%})"
+
+
+def choose_gravity(run: Run) -> GravityChoice | None:
+    """Say whether the log wants gravity, by held-out error; None where that was stated.
+
+    It is asked where nobody said what hung on a rotary joint, and where it was loaded, which may or may not be by a
+    weight. A known payload is gravity already, and would not be told from more of it.
+    """
+    setup = run.setup
+    stated = setup.gravity is not None or setup.test_condition not in (None, "loaded")
+    if stated or setup.axis == "linear" or setup.payload is not None:
+        return None
+    plain, heavy = (fit_rows(run.rows, Model("coulomb", gravity)) for gravity in (False, True))
+    if max(heavy.inflation[name] for name in ("inertia", "viscous_friction", "coulomb_friction")) >= MAX_INFLATION:
+        return GravityChoice(False, None)
+    fold = run.rows.blocks(min(FOLDS, block_count(heavy.residual)))
+    gain = gain_of(*(_held_out(run.rows, fit.model, False, fold) for fit in (heavy, plain)))
+    evidence = evidence_of([plain.residual], [heavy.residual], len(GRAVITY))
+    return GravityChoice(gain.certain and evidence >= MIN_EVIDENCE, gain)
+
+
 def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> str:
     """Return why a law cannot be chosen, or nothing."""
     if fit is base:
@@ -228,13 +274,8 @@ def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> 
         return "friction does not rise toward rest"
     if fit.model.law == "load" and max(fit.inflation.get(name, 0.0) for name in GRAVITY) > MAX_GRAVITY_INFLATION:
         return "over this range of angles gravity cannot be told from the offset, so the load is not known"
-    if fit.model.law == "asymmetric":
-        # The offset is half the difference of the two, so one of them may be below zero.
-        negative = found["coulomb_friction_forward"] + found["coulomb_friction_backward"] < 0
-    else:
-        negative = any(found[name] < 0 for name in fit.names if name.startswith(("coulomb", "load", "static")))
-    if negative:
-        return "its friction would drive the joint"
+    if negative := negative_friction(found):
+        return negative
     if fit.model.law == "position" and _least_friction(fit, rows) < 0:
         return "its friction would drive the joint"
     if not gain.certain:
@@ -243,6 +284,12 @@ def _objection(rows: Rows, fit: Fit, base: Fit, gain: Gain, evidence: float) -> 
     if evidence < MIN_EVIDENCE:
         return f"the information criterion does not support it ({evidence:.1f}, at least {MIN_EVIDENCE:.0f})"
     return ""
+
+
+def negative_friction(values: Mapping[str, float]) -> str:
+    """Return which friction of a law's values, by name, is below zero, in words; nothing where none is."""
+    negative = [name for name, value in values.items() if name.startswith(NOT_NEGATIVE) and value < 0]
+    return f"its friction would drive the joint: {negative[0]} is {values[negative[0]]:.3g}" if negative else ""
 
 
 def _least_friction(fit: Fit, rows: Rows) -> float:
@@ -266,7 +313,7 @@ def choose_in_loop(run: Run, base: Fit, loop: InLoop) -> SimulatedLaw | None:
     start["static_friction"] = START_STATIC_RATIO * start["coulomb_friction"]
     start["stribeck_velocity"] = START_STRIBECK_SHARE * float(np.quantile(np.abs(run.prepared.velocity), 0.99))
     found = fit_in_loop(run, rich, start)
-    if found is None or not _rises(found):
+    if found is None or not _rises(found) or negative_friction(found.values):
         return None
     late = fit_late(run, base, start)
     if late is not None and _misfit(late, plain) < _misfit(found, plain):

@@ -155,10 +155,21 @@ LARGEST_MISMATCH = 0.15
 """Relative size of logged torque − PD torque beyond which gains, torque unit or timing must be wrong."""
 
 
+@dataclass(frozen=True)
+class Mismatch:
+    """How the logged torque differs from the declared controller's."""
+
+    size: float
+    """|τ_logged − PD(target, position, velocity)| / |τ_logged| [1]."""
+    scales: tuple[float, float]
+    """Multiples of kp (target − position) and of −kd θ' that, with a constant, come nearest to the logged torque
+    [1]."""
+
+
 def controller_mismatch(
     signals: Uniform, gains: PDGains, velocity: np.ndarray, cutoff: float, biased: bool = False
-) -> float:
-    """Return |τ_logged − PD(target, position, velocity)| / |τ_logged|, both below `cutoff` [Hz].
+) -> Mismatch:
+    """Compare the logged torque with the declared controller's, both below `cutoff` [Hz].
 
     signals: with target and torque; velocity: filtered θ' as the controller has it, late if it is [rad/s], shape
     (num_samples,); biased: the log's angle may be ahead of the controller's, so a constant difference is not held
@@ -172,4 +183,11 @@ def controller_mismatch(
     if not clear.any():
         clear = ~signals.bridged
     difference = (expected - measured)[clear]
-    return float(np.linalg.norm(difference - difference.mean() * biased) / np.linalg.norm(measured[clear]))
+    size = float(np.linalg.norm(difference - difference.mean() * biased) / np.linalg.norm(measured[clear]))
+    spring, damper = gains.kp * (target - position)[clear], -gains.kd * velocity[clear]
+    free = np.abs(spring + damper) < gains.torque_limit
+    if free.mean() < 0.5:  # In another unit everything is beyond the limit.
+        free[:] = True
+    columns = np.stack([spring, damper, np.ones_like(spring)], axis=1)[free]
+    scales = np.linalg.lstsq(columns, measured[clear][free], rcond=None)[0]
+    return Mismatch(size, (float(scales[0]), float(scales[1]) if gains.kd > 0 else 1.0))

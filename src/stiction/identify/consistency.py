@@ -32,6 +32,9 @@ LARGEST_GAP = 0.03
 MAX_SHIFT = 1.5
 """Samples by which torque may be early or late: more means that the friction law is wrong, not the timing."""
 
+REPEAT = "repeat"
+"""How the label of a comparison with another log of the joint begins."""
+
 TIMING = "timing"
 """Label of a comparison with a log whose torque may be late or early."""
 
@@ -85,7 +88,8 @@ class Comparison:
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON."""
         sigmas = {name: self.sigmas(name) for name in self.values}
-        return asdict(self) | {"sigmas": sigmas, "disputed": list(self.disputed)}
+        repeat = self.label.startswith(REPEAT)
+        return asdict(self) | {"sigmas": sigmas, "disputed": list(self.disputed), "repeat": repeat}
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,14 @@ import numpy as np
 from stiction.core.errors import StictionError
 from stiction.formats.joints import Estimate
 from stiction.identify.checks import Uniform
-from stiction.identify.closed_loop import LARGEST_MISMATCH, ClosedLoop, LoopError, Response, controller_mismatch
+from stiction.identify.closed_loop import (
+    LARGEST_MISMATCH,
+    ClosedLoop,
+    LoopError,
+    Mismatch,
+    Response,
+    controller_mismatch,
+)
 from stiction.identify.combinations import shifted
 from stiction.identify.consistency import COMPARED, TIMING, Comparison, common_speed, splits
 from stiction.identify.model import GRAVITY, Model, nearest_joint
@@ -43,6 +50,8 @@ class InLoop:
     """Output error with viscous and Coulomb friction and k, where a known load of one log tells it; in SI units."""
     reason: str | None = None
     """Why it was not done."""
+    scales: tuple[float, float] | None = None
+    """What multiples of the declared kp and kd the logged torque looks like; None without torque or gains."""
 
 
 def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
@@ -53,10 +62,12 @@ def close_loop(run: Run, base: Fit, chosen: Fit) -> InLoop:
             return InLoop(scaled=fit_strength(run, base))
     except LoopError as error:
         return InLoop(reason=str(error))
-    mismatch = _mismatch(run)
-    if mismatch is not None and mismatch > LARGEST_MISMATCH and "delay" not in run.setup.unknowns:
+    difference = _mismatch(run)
+    mismatch = None if difference is None else difference.size
+    if difference is not None and difference.size > LARGEST_MISMATCH and "delay" not in run.setup.unknowns:
         return InLoop(
             mismatch,
+            scales=difference.scales,
             reason=f"the logged torque differs from kp (target − position) − kd velocity by {mismatch:.0%}: gains, the "
             "torque's unit or the timing are not as declared, or kd feeds back much noise; output error is not done",
         )
@@ -84,7 +95,7 @@ def controller(run: Run) -> PDGains:
     return run.gains
 
 
-def _mismatch(run: Run) -> float | None:
+def _mismatch(run: Run) -> Mismatch | None:
     """Compare the logged torque with the declared controller's; None where no torque was logged."""
     if not run.measured:
         return None

@@ -18,15 +18,34 @@ from stiction.core.isolation import isolate_workers
 from stiction.core.provenance import num_threads
 from stiction.formats.joints import FitSignals, JointRecord
 from stiction.formats.log import UNNAMED, Log
-from stiction.identify.choice import choose_in_loop, choose_law
+from stiction.identify.checks import PoorMotion, coupled_text, moving_beside
+from stiction.identify.choice import (
+    MIN_EVIDENCE,
+    choose_gravity,
+    choose_in_loop,
+    choose_law,
+    evidence_of,
+    negative_friction,
+)
 from stiction.identify.combinations import strength_identified
-from stiction.identify.consistency import Comparison, compare, compare_parts, compare_timing
+from stiction.identify.consistency import REPEAT, Comparison, compare, compare_parts, compare_timing
 from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run
+from stiction.identify.model import GRAVITY, Model
+from stiction.identify.objections import NEGATIVE_FRICTION, find_objections
 from stiction.identify.prepare import make_rows
-from stiction.identify.record import Evidence, make_record
-from stiction.identify.regression import INVERSE_STRENGTH, Fit, check_fit, fit_rows, predict_torque, rigid_torque
+from stiction.identify.record import Evidence, make_record, plain
+from stiction.identify.regression import (
+    INVERSE_STRENGTH,
+    MAX_INFLATION,
+    Fit,
+    check_fit,
+    fit_rows,
+    predict_torque,
+    rigid_torque,
+)
 from stiction.identify.runs import Run, make_run
 from stiction.identify.setup import IdentifySetup
+from stiction.identify.verdict import is_leg, judge
 from stiction.identify.warnings import NAMELESS, find_warnings
 
 Done = Callable[[str], None]
@@ -36,7 +55,7 @@ REFUSED = "not identified: "
 """How the warning of a refused joint begins."""
 
 
-_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...]]
+_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...], tuple[str, ...]]
 """What `_attempt` is called with."""
 
 
@@ -53,25 +72,42 @@ class Identification:
 
 
 def identify_joint(
-    log: Log, joint: str | None = None, setup: IdentifySetup | None = None, repeats: Sequence[Log] = ()
+    log: Log,
+    joint: str | None = None,
+    setup: IdentifySetup | None = None,
+    repeats: Sequence[Log] = (),
+    moving: tuple[str, ...] | None = None,
 ) -> Identification:
     """Identify one joint of a log.
 
     joint: its name, or None for the only one; repeats: further logs of the same joint, each with what its sidecar says.
     They show whether the joint says the same again; if a payload hangs on it in some of them, they are fitted together.
-    Raises `StictionError` with one line for whatever the logs lack.
+    moving: joints that moved at the same time, by default those of the log that did. Raises `StictionError` with one
+    line for whatever the logs lack.
     """
     setup = setup or IdentifySetup()
+    if moving is None:
+        moving = moving_beside(log, log.joint(joint)[0])
+    try:
+        return _identify(log, joint, setup, repeats, moving)
+    except PoorMotion as error:
+        if moving:
+            raise error.because(coupled_text(moving)) from error
+        raise
+
+
+def _identify(
+    log: Log, joint: str | None, setup: IdentifySetup, repeats: Sequence[Log], moving: tuple[str, ...]
+) -> Identification:
+    """Identify one joint; arguments as of `identify_joint`."""
     run = make_run(log, joint, setup)
-    others = [make_run(other, joint, setup.for_repeat()) for other in repeats]
-    for other in others:
-        if np.array_equal(other.signals.position, run.signals.position):
-            raise ConfigurationError(
-                f"{other.source} is the same log as {run.source}: a repeat is another log of the joint"
-            )
+    gravity = choose_gravity(run)
+    if gravity is not None:
+        run = replace(run, setup=replace(run.setup, gravity=gravity.chosen))
+    others, unusable = _repeats(run, joint, setup, repeats)
     base = _symmetric(run, others)
     rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
-    check_fit(run.source, base)
+    check_fit(run.where, base)
     _check_values(run, base)
     choice = choose_law(rows, base, strength_unknown)
     chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
@@ -83,17 +119,49 @@ def identify_joint(
             simulated.fit,
             replace(loop, chosen=simulated.found),
         )
+    if loop.chosen is not None and (negative := negative_friction(loop.chosen.values)):
+        choice, chosen, loop = choice.without_richer(base, negative), base, replace(loop, chosen=None)
     delay = _found_delay(run, loop)
     if delay is not None:
-        return identify_joint(log, joint, replace(setup, delay=delay), repeats)
+        return _identify(log, joint, replace(setup, delay=delay), repeats, moving)
     unseen = others if rows is run.rows else ()
     comparisons = _comparisons(run, base, loop, unseen)
-    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, unseen))
+    predictions = (*_predictions(chosen, unseen), *unusable)
+    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions)
     record = make_record(evidence)
-    warnings = find_warnings(record, run)
+    record = replace(record, objections=find_objections(evidence, record, moving))
+    if any(one.reason == NEGATIVE_FRICTION for one in record.objections):
+        none = {"law": None, "text": "No friction law was chosen: friction comes out below zero, which no joint has."}
+        record = replace(record, friction_law=(record.friction_law or {}) | none)
+    verdict = judge(record, legs=is_leg(run.joint)).to_dict()
+    record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
+    warnings = (*(one.seen for one in record.objections), *find_warnings(record, run))
     if run.joint == UNNAMED and joint is None and record.axis == "rotary":
         warnings += (NAMELESS,)
     return Identification(run.joint, replace(record, warnings=warnings), _fit_signals(evidence))
+
+
+def _repeats(
+    run: Run, joint: str | None, setup: IdentifySetup, logs: Sequence[Log]
+) -> tuple[list[Run], list[dict[str, Any]]]:
+    """Prepare the repeats; of those that cannot be used return why, for a poor repeat says nothing of the log itself.
+
+    Raises `ConfigurationError` where a repeat is the log itself.
+    """
+    found, unusable = [], []
+    shared = replace(setup.for_repeat(), gravity=run.setup.gravity)
+    for log in logs:
+        try:
+            other = make_run(log, joint, shared)
+        except StictionError as error:
+            unusable.append({"source": log.source, "refusal": str(error)})
+            continue
+        if np.array_equal(other.signals.position, run.signals.position):
+            raise ConfigurationError(
+                f"{other.source} is the same log as {run.source}: a repeat is another log of the joint"
+            )
+        found.append(other)
+    return found, unusable
 
 
 def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
@@ -134,34 +202,55 @@ def _check_values(run: Run, fit: Fit) -> None:
     """Refuse values that no joint has."""
     found = fit.estimates()
     inertia, (low, high) = found["inertia"].value, found["inertia"].interval95
-    if high <= 0:
+    poor = all(found[name].interval95[0] <= 0 for name in ("inertia", "viscous_friction", "coulomb_friction"))
+    if (inertia <= 0 or poor) and _wants_gravity(run, fit):
         raise LogError(
-            f"{run.source}: the fitted inertia is {inertia:.3g}; it must be positive: is the torque's "
-            "sign that of the position (--torque-scale -1 turns it round), and its column the right one?"
+            f"{run.where}: the torque follows the position, as with gravity, a spring or a cable, and without it the "
+            "fitted "
+            f"inertia is {inertia:.3g}: --gravity True fits it; or turn the joint's axis upright, or take the load off"
         )
-    if all(found[name].interval95[0] <= 0 for name in ("inertia", "viscous_friction", "coulomb_friction")):
+    if high <= 0 and found["coulomb_friction"].interval95[0] <= 0:
         raise LogError(
-            f"{run.source}: excitation too poor: the intervals of inertia, viscous and dry friction all reach zero; "
-            "move further and faster, or check that the torque belongs to this joint"
+            f"{run.where}: the fitted inertia is {inertia:.3g}; it must be positive: is the torque's "
+            "sign that of the position (--torque-scale -1 turns it round), and its column the right one?"
+            if run.measured
+            else f"{run.where}: the fitted inertia is {inertia:.3g}; it must be positive: is the target this joint's, "
+            "and its sign that of the position?"
+        )
+    if poor:
+        raise PoorMotion(
+            run.where,
+            "the intervals of inertia, viscous and dry friction all reach zero",
+            "move further and faster, or check that the torque belongs to this joint",
         )
     if inertia <= 0:
-        raise LogError(
-            f"{run.source}: excitation too poor: the fitted inertia is {inertia:.3g} ({low:.3g} to {high:.3g}), and it "
-            "must be positive; move further and faster, so that the joint sticks less"
+        raise PoorMotion(
+            run.where,
+            f"the fitted inertia is {inertia:.3g} ({low:.3g} to {high:.3g}), and it must be positive",
+            "move further and faster, so that the joint sticks less, and check that target and torque are this joint's",
         )
     limit = run.setup.torque_limit
     if limit is not None and found["coulomb_friction"].value >= limit:
         raise LogError(
-            f"{run.source}: dry friction of {found['coulomb_friction'].value:.4g} would be beyond the torque limit "
+            f"{run.where}: dry friction of {found['coulomb_friction'].value:.4g} would be beyond the torque limit "
             f"{limit:.4g}, and yet the joint moved: check the torque's unit (--torque-scale) and --torque-limit"
         )
+
+
+def _wants_gravity(run: Run, fit: Fit) -> bool:
+    """Return whether the log makes sense with gravity where none was fitted."""
+    if fit.model.gravity or run.setup.axis == "linear" or run.setup.payload is not None:
+        return False
+    heavy = fit_rows(run.rows, Model("coulomb", True))
+    clear = heavy.inflation["inertia"] < MAX_INFLATION and heavy.estimates()["inertia"].interval95[0] > 0
+    return clear and evidence_of([fit.residual], [heavy.residual], len(GRAVITY)) >= MIN_EVIDENCE
 
 
 def _comparisons(run: Run, base: Fit, loop: InLoop, others: Sequence[Run]) -> tuple[Comparison, ...]:
     """Compare the parts of the log, and the log with its repeats that carry the same load."""
     alike = [other for other in others if other.setup.payload == run.setup.payload]
     runs = tuple(
-        compare(f"repeat {index}", (run.source, other.source), run.rows, other.rows, base)
+        compare(f"{REPEAT} {index}", (run.source, other.source), run.rows, other.rows, base)
         for index, other in enumerate(alike, 1)
     )
     parts = compare_in_loop(run, base, loop.symmetric) or compare_parts(run.rows, base)
@@ -201,7 +290,7 @@ def _fit_signals(evidence: Evidence) -> FitSignals:
         law_torque=predict_torque(evidence.chosen, everything),
         rigid_torque=rigid_torque(evidence.chosen, everything),
         used=used,
-        target=run.signals.target,
+        target=run.logged_target,
         simulated_position=best.simulated.position if best else None,
         simulated_torque=best.simulated.torque if best and run.measured else None,
     )
@@ -232,6 +321,7 @@ def identify_log(
             name if named else None,
             setup,
             tuple(_single_joint(one, name) for one in repeats),
+            moving_beside(log, name),
         )
         for name in names
     }
@@ -269,10 +359,10 @@ def _single_joint(log: Log, name: str) -> Log:
 
 
 def _attempt(
-    log: Log, name: str | None, setup: IdentifySetup | None, repeats: Sequence[Log]
+    log: Log, name: str | None, setup: IdentifySetup | None, repeats: Sequence[Log], moving: tuple[str, ...]
 ) -> Identification | StictionError:
     """Identify one joint; what is wrong with it comes back as a value, for an exception would lose its class."""
     try:
-        return identify_joint(log, name, setup, repeats)
+        return identify_joint(log, name, setup, repeats, moving)
     except StictionError as error:
         return error

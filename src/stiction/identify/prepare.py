@@ -54,6 +54,23 @@ class Prepared:
     """Indices of the samples that enter the regression, shape (num_used,)."""
     attenuation: float = 0.0
     """Share by which noise of the acceleration makes the inertia too small, in least squares [1]."""
+    unusable: int = 0
+    """Samples in long gaps, and at the torque limit where the torque is the PD law's."""
+
+    @property
+    def left_over(self) -> str:
+        """How many samples of how many are left, and where the others went."""
+        slow = int(np.count_nonzero(np.abs(self.velocity) < self.threshold))
+        turns = int(np.count_nonzero(np.diff(np.sign(self.velocity))))
+        kept = len(range(0, len(self.velocity), _decimation(self.cutoff, self.step)))
+        parts = [
+            f"of {len(self.velocity)} in the log {kept} are independent below the filter's corner of "
+            f"{self.cutoff:.3g} Hz"
+        ]
+        parts.append(f"{slow / len(self.velocity):.0%} are slower than {self.threshold:.3g}")
+        parts.append(f"{turns} reversals take {2 / self.cutoff:.3g} s each, for the filter")
+        parts += [f"{self.unusable} are in gaps or at the torque limit"] if self.unusable else []
+        return ", ".join(parts)
 
     @property
     def time(self) -> np.ndarray:
@@ -93,6 +110,7 @@ def prepare(
         outside=low_pass(outside, corner, signals.step),
         threshold=threshold,
         attenuation=(acceleration_noise(noise, signals.step, corner) / float(np.std(acceleration))) ** 2,
+        unusable=int(left_out.sum()),
         used=_clear_samples(velocity, threshold, corner, signals.step, left_out),
     )
 
@@ -153,9 +171,13 @@ def _clear_samples(
     reach = max(1, round(1 / (cutoff * step)))
     excluded = np.convolve(unclear, np.ones(2 * reach + 1), "same") > 0.5
     excluded[: 2 * reach] = excluded[-2 * reach :] = True
-    every = max(1, int(1 / (2 * cutoff * step)))
-    decimated = np.arange(0, len(velocity), every)
+    decimated = np.arange(0, len(velocity), _decimation(cutoff, step))
     return decimated[~excluded[decimated]]
+
+
+def _decimation(cutoff: float, step: float) -> int:
+    """Return of how many samples one is kept: twice the corner [Hz] is sampled; step [s]."""
+    return max(1, int(1 / (2 * cutoff * step)))
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from stiction.formats.joints import Estimate, JointRecord
-from stiction.identify.choice import Choice
+from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord
+from stiction.identify.choice import Choice, GravityChoice
 from stiction.identify.combinations import (
     Strength,
     combine,
@@ -18,14 +18,13 @@ from stiction.identify.combinations import (
     product,
     shifted,
 )
-from stiction.identify.consistency import Comparison, Drift, disagreement, find_drift, whiteness, widened
+from stiction.identify.consistency import REPEAT, Comparison, Drift, disagreement, find_drift, whiteness, widened
 from stiction.identify.in_loop import InLoop
 from stiction.identify.model import GRAVITY
 from stiction.identify.output_error import OutputError
 from stiction.identify.prepare import Rows
 from stiction.identify.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit
 from stiction.identify.runs import Run
-from stiction.identify.verdict import judge
 from stiction.joints.friction import dead_band, friction_ratio
 
 DELAY_ERROR = 0.1
@@ -74,6 +73,17 @@ def hanging_bias(fit: Fit, hanging: float) -> Estimate | None:
     return found if found.interval95[1] - found.value < WIDEST_BIAS else None
 
 
+REPEAT_FACTOR, REPEAT_ERROR = 2.0, 0.1
+"""A repeat is predicted badly from this many times the fit's own error on, and from this share of its torque on."""
+
+
+def predicted_badly(tried: dict[str, Any], own: float) -> bool:
+    """Return whether a law misses a repeat that it was tried on; own: its error on the log that it was fitted to
+    [1].
+    """
+    return "refusal" in tried or tried["torque_error"] > min(REPEAT_FACTOR * own, REPEAT_ERROR)
+
+
 @dataclass(frozen=True)
 class Evidence:
     """What the estimators left behind."""
@@ -92,9 +102,21 @@ class Evidence:
     """What simulations gave."""
     comparisons: tuple[Comparison, ...]
     """Parts and repeats."""
+    gravity: GravityChoice | None = None
+    """Whether gravity was fitted, where the log was asked."""
     predictions: tuple[dict[str, Any], ...] = ()
     """How well the chosen law predicts each of the repeats, which it was not fitted to: `source`, the log's name,
     `torque_error` and `simulation_errors`, shares of what was measured [1]."""
+
+    @property
+    def admitted(self) -> tuple[Comparison, ...]:
+        """Comparisons that stated intervals admit: all, but for those with repeats that the law does not predict."""
+        poor = {
+            tried["source"]
+            for tried in self.predictions
+            if predicted_badly(tried, _relative_error(self.chosen, self.rows))
+        }
+        return tuple(one for one in self.comparisons if not (one.label.startswith(REPEAT) and one.parts[1] in poor))
 
     @property
     def by_simulation(self) -> bool:
@@ -123,11 +145,47 @@ class Evidence:
         return self.chosen.estimates()
 
 
+SHARED = ("inertia", "offset", *GRAVITY)
+"""Parameters that mean the same under every friction law."""
+
+
+def contradicted(plain: dict[str, Estimate], law: dict[str, Estimate]) -> tuple[str, ...]:
+    """Return the parameters of `SHARED` whose interval under one law lies apart from that under another."""
+    return tuple(
+        name
+        for name in SHARED
+        if name in plain
+        and name in law
+        and (plain[name].interval95[1] < law[name].interval95[0] or law[name].interval95[1] < plain[name].interval95[0])
+    )
+
+
+def admitting(plain: dict[str, Estimate], law: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return estimates whose intervals also hold those of the law that was chosen, where the two lie apart."""
+    result = dict(plain)
+    for name in contradicted(plain, law):
+        (low, high), (first, last) = plain[name].interval95, law[name].interval95
+        gap = abs(plain[name].value - law[name].value) / 2
+        ends = min(low, first), max(high, last)
+        result[name] = Estimate(plain[name].value, max(plain[name].std, gap), ends)
+    return result
+
+
+def inertia_known(fit: Fit) -> bool:
+    """Return whether the torque that inertia takes is more than what is not explained.
+
+    What the model lacks can look like inertia, wholly so if it follows the acceleration, up to |residual| / |θ''|:
+    where that is as much as the inertia itself, the fit does not tell it, whatever its scatter says.
+    """
+    inertial = fit.by_name["inertia"] * fit.rows.acceleration
+    return bool(np.linalg.norm(inertial) > np.linalg.norm(fit.residual))
+
+
 def make_record(evidence: Evidence) -> JointRecord:
-    """Put everything into the record; the warnings that it calls for come later."""
+    """Put everything into the record; objections, verdict and warnings come later."""
     run, base, setup = evidence.run, evidence.base, evidence.run.setup
     strength = find_strength(base, run.measured, setup.torque_calibrated is not False, setup.motor_strength)
-    estimates = widened(evidence.symmetric(), evidence.comparisons)
+    estimates = admitting(widened(evidence.symmetric(), evidence.admitted), evidence.law())
     middle = float(run.signals.position.min() + run.signals.position.max()) / 2
     parameters, combinations = combine(base, estimates, strength, kd_assumed(run), middle)
     scaled = evidence.loop.scaled
@@ -143,6 +201,8 @@ def make_record(evidence: Evidence) -> JointRecord:
     holding = evidence.law().get("static_friction", level)
     band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
     law = _law(evidence, strength)
+    if not evidence.by_simulation and not inertia_known(base):
+        parameters["inertia"] = None
     known = parameters | _law_fields(law, strength) | loop_unknowns(base, evidence.loop, setup.hanging_angle)
     record = JointRecord(
         inertia=known["inertia"],
@@ -168,8 +228,7 @@ def make_record(evidence: Evidence) -> JointRecord:
         kd=setup.kd,
         torque_limit=setup.torque_limit,
     )
-    diagnostics = _diagnostics(evidence, strength) | {"verdict": judge(record).to_dict()}
-    return replace(record, diagnostics=plain(diagnostics))
+    return replace(record, diagnostics=plain(_diagnostics(evidence, strength)))
 
 
 def plain(value: Any) -> Any:
@@ -193,7 +252,7 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     parameters = {}
     stated = evidence.law()
     if fit is evidence.base:
-        stated = widened(stated, evidence.comparisons)
+        stated = widened(stated, evidence.admitted)
     for name, estimate in stated.items():
         identified = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
         if name not in fit.names or name == INVERSE_STRENGTH or not identified:
@@ -201,7 +260,8 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
         unitless = name in UNITLESS
         parameters[name] = (own if strength.value is None or unitless else product(own, strength.value)).to_dict()
-    return {
+    named = {"regressor": "gravity", "load": LOAD_REGRESSORS["gravity"]} if fit.model.law == "load" else {}
+    return named | {
         "law": fit.model.law,
         "parameters": parameters,
         "over_strength": strength.value is None,
@@ -272,6 +332,9 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "position_torque": None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base),
         "comparisons": [comparison.to_dict() for comparison in evidence.comparisons],
         "predictions": evidence.predictions,
+        "contradicted": contradicted(widened(evidence.symmetric(), evidence.admitted), evidence.law()),
+        "inertia_known": evidence.by_simulation or inertia_known(base),
+        "gravity": evidence.gravity and evidence.gravity.text,
         "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
         "controller_mismatch": loop.mismatch,
         "closed_loop": loop.reason,

@@ -16,6 +16,7 @@ from scipy.optimize import minimize_scalar
 
 from stiction.core.errors import LogError
 from stiction.formats.joints import Estimate
+from stiction.identify.checks import PoorMotion
 from stiction.identify.intervals import (
     Blocks,
     block_count,
@@ -197,19 +198,22 @@ def check_fit(source: str, fit: Fit) -> None:
         )
     worst = max(("inertia", "viscous_friction", "coulomb_friction"), key=lambda name: fit.inflation[name])
     if not fit.inflation[worst] < MAX_INFLATION:
-        raise LogError(
-            f"{source}: excitation too poor: {worst} cannot be told from the other parameters (its share of the motion "
-            f"is 1/{fit.inflation[worst]:.3g} of its own, at least 1/{MAX_INFLATION:.0f} is needed); use at least "
-            "two frequencies and both directions"
+        raise PoorMotion(
+            source,
+            f"{worst} cannot be told from the other parameters (its share of the motion is "
+            f"1/{fit.inflation[worst]:.3g} of "
+            f"its own, at least 1/{MAX_INFLATION:.0f} is needed)",
+            "use at least two frequencies and both directions",
         )
 
 
-def check_rows(source: str, rows: Rows) -> None:
-    """Raise `LogError` for too few rows."""
+def check_rows(source: str, rows: Rows, prepared: Prepared) -> None:
+    """Raise `LogError` for too few rows; prepared: what they were taken from."""
     if len(rows) < FEWEST_ROWS:
-        raise LogError(
-            f"{source}: excitation too poor: {len(rows)} samples are clear of reversals and faster than "
-            f"{rows.slowest:.3g}; expected at least {FEWEST_ROWS}: move further, faster, or for longer"
+        raise PoorMotion(
+            source,
+            f"{len(rows)} samples are left, at least {FEWEST_ROWS} are needed: {prepared.left_over}",
+            "move further, faster, or for longer",
         )
 
 

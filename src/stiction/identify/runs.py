@@ -15,6 +15,9 @@ from stiction.identify.regression import check_rows
 from stiction.identify.setup import IdentifySetup
 from stiction.joints.pd import PDGains
 
+MOST_SATURATED = 0.5
+"""Share of the samples beyond the torque limit from which on gains, limit or angles cannot be what was declared."""
+
 SATURATED = 0.98
 """Share of the torque limit from which on a motor no longer follows its controller."""
 
@@ -39,6 +42,19 @@ class Run:
     """What counts."""
     notes: tuple[str, ...] = ()
     """What was said of the file when it was read."""
+
+    @property
+    def where(self) -> str:
+        """The log and its joint, for messages."""
+        return f"{self.source}: joint {self.joint!r}"
+
+    @property
+    def logged_target(self) -> np.ndarray | None:
+        """The target as it was logged, without the feedforward that `signals.target` carries [rad], (num_samples,)."""
+        signals, kp = self.signals, self.setup.kp
+        if signals.target is None or signals.feedforward is None or kp is None:
+            return signals.target
+        return signals.target - signals.feedforward / kp
 
     @property
     def measured(self) -> bool:
@@ -66,12 +82,29 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
     signals = check_log(log, name, raw, setup.torque_scale)
     if signals.disturbance is not None:
         signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
-    torque, unusable = _driving_torque(log.source, signals, setup)
+    if signals.feedforward is not None:
+        signals = _with_feedforward(signals, setup)
+    torque, unusable = _driving_torque(f"{log.source}: joint {name!r}", signals, setup)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
-    check_excitation(log.source, prepared.velocity, signals.step)
+    where = f"{log.source}: joint {name!r}"
+    check_excitation(where, prepared.velocity, signals.step)
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
-    check_rows(log.source, rows)
+    check_rows(where, rows, prepared)
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
+
+
+def _with_feedforward(signals: Uniform, setup: IdentifySetup) -> Uniform:
+    """Return signals whose target carries the torque that the controller adds to its own.
+
+    kp (a + u/kp − θ) − kd θ' is kp (a − θ) − kd θ' + u: to whatever simulates or reconstructs the controller, limit
+    included, feedforward is a target that is u/kp ahead. Logged torque has it already. Without kp or a target nothing
+    is simulated, and it has no effect.
+    """
+    scale = setup.torque_scale if setup.feedforward_scale is None else setup.feedforward_scale
+    added = scale * np.asarray(signals.feedforward)
+    if signals.target is None or setup.kp is None:
+        return replace(signals, feedforward=added)
+    return replace(signals, feedforward=added, target=signals.target + added / setup.kp)
 
 
 def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
@@ -90,5 +123,12 @@ def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tupl
     velocity = np.gradient(signals.position, signals.step)
     spring, damper = setup.kp * (signals.target - signals.position), setup.kd * velocity
     unusable = np.abs(spring - damper) > SATURATED * (setup.torque_limit or np.inf)
+    if unusable.mean() > MOST_SATURATED:
+        raise LogError(
+            f"{source}: kp (target − position) − kd velocity is beyond the torque limit in {unusable.mean():.0%} of "
+            "the "
+            "samples; expected a controller that its motor can follow: are the angles in degrees, is the target this "
+            "joint's and of its sign, and are --kp, --kd and --torque-limit right?"
+        )
     delay = setup.delay or 0.0
     return np.interp(signals.time - delay, signals.time, spring - damper), unusable

@@ -55,6 +55,9 @@ class IdentifySetup:
     """N m (or N) per unit of the torque column: a torque constant, or -1 where the sign is the other way round."""
     disturbance_scale: float = 1.0
     """N m (or N) per unit of the disturbance column; negative where it counts against the position."""
+    feedforward_scale: float | None = None
+    """N m (or N) per unit of the feedforward column; that of the torque column if not given, for both are the
+    controller's."""
     velocity_delay: float = 0.0
     """How late the velocity is that the controller uses [s]: half a sample for a difference over one sample, plus its
     filter. It matters to output error alone."""
@@ -112,8 +115,9 @@ class IdentifySetup:
             value, less = getattr(self, name), "" if name in positive else ", or 0"
             if value is not None and not (isfinite(value) and (value > 0 or (value == 0 and less))):
                 raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected a positive number{less}")
-        for name in ("torque_scale", "disturbance_scale"):
-            if not 1e-9 <= abs(getattr(self, name)) <= 1e9:
+        for name in ("torque_scale", "disturbance_scale", "feedforward_scale"):
+            value = getattr(self, name)
+            if value is not None and not 1e-9 <= abs(value) <= 1e9:
                 raise ConfigurationError(
                     f"{name.replace('_', ' ')} {getattr(self, name)}: expected a size between 1e-9 and 1e9"
                 )

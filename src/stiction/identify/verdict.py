@@ -1,22 +1,25 @@
-"""Does this friction matter for a walking policy? A provisional answer in words, with the numbers it rests on.
+"""How much friction, does it matter, what to run: three lines, and behind them the numbers that they rest on.
 
-From which friction on a policy suffers is read from `advice.json` beside this module, which `stiction replicate`
-writes from its rows. Which training to choose: see `advice`.
+Where the fit is not valid the three lines say what to do first, why, and that there is no level. Of walking is spoken
+where the joint is a leg's. From which friction on a policy suffers is read from `advice.json` beside this module, which
+`stiction replicate` writes from its rows. Which training to choose: see `advice`.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from stiction.core.errors import StictionError
+from stiction.core.names import kind_of
 from stiction.formats.advice import TRANSFER, FrictionEffect, Source
 from stiction.formats.following import LEAST
-from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord
 from stiction.formats.results import DIRECTIONS, FOLLOWS
 from stiction.identify.advice import TRAINED_IN, Advice, advise, shipped
+from stiction.identify.objections import no_friction_shown
 from stiction.identify.reference import CONDITIONS, Placement, Quantity, place
 
 MARGIN = 2.0
@@ -154,7 +157,7 @@ class WhatIf:
     """The same in one sentence."""
 
 
-def what_if(record: JointRecord, thresholds: Thresholds) -> tuple[WhatIf, ...]:
+def what_if(record: JointRecord, thresholds: Thresholds, legs: bool = True) -> tuple[WhatIf, ...]:
     """Return every case of `WHAT_IF` for a joint; nothing where neither its ratio nor its dead band is known."""
     if record.friction_ratio is None and record.dead_band is None:
         return ()
@@ -168,8 +171,11 @@ def what_if(record: JointRecord, thresholds: Thresholds) -> tuple[WhatIf, ...]:
         text = f"What if {case} ({origin}): {', '.join(numbers)}"
         if ratio and level is not None:
             trainable = level < TRAINABLE
-            text += f". {thresholds.effect(max(ratio.interval95[1], 0.0))}; to cover" + (
-                f": {level:.2f}" if trainable else f" {level:.2f} is beyond training, mend the joint"
+            text += f". {thresholds.effect(max(ratio.interval95[1], 0.0))}" if legs else ""
+            text += (
+                f"; to cover: {level:.2f}"
+                if trainable
+                else f"; to cover {level:.2f} is beyond training, mend the joint"
             )
             level = level if trainable else None
         found.append(WhatIf(case, factor, ratio, dead_band, level, text + "."))
@@ -182,15 +188,22 @@ class Verdict:
 
     level: float | None
     """Friction that a training has to cover, as a share of the torque limit: the upper end, with the margin; None
-    without a torque limit, and beyond what can be trained."""
-    text: str
-    """The same in words, with the comparison."""
+    without a torque limit, beyond what can be trained, and where the fit is not valid."""
+    lines: tuple[str, ...]
+    """How much friction there is, whether it matters, and what to run; or what to do first, why, and what not to do."""
+    details: tuple[str, ...] = ()
+    """What the lines rest on, a sentence or more each."""
     placement: tuple[Placement, ...] = ()
     """Rank of ratio and dead band among public joints of the same condition."""
     what_if: tuple[WhatIf, ...] = ()
     """Seals removed, and wear."""
     advice: Advice | None = None
     """What to train with; None where there is nothing to cover."""
+
+    @property
+    def text(self) -> str:
+        """All of it in words."""
+        return " ".join((*self.lines, *self.details))
 
     @property
     def range(self) -> list[float] | None:
@@ -213,68 +226,209 @@ class Verdict:
             "range": self.range,
             "training": self.training,
             "advice": self.advice and self.advice.to_dict(),
+            "lines": list(self.lines),
+            "details": list(self.details),
             "text": self.text,
             "placement": [asdict(item) for item in self.placement],
             "what_if": [asdict(item) for item in self.what_if],
         }
 
 
-def judge(record: JointRecord, sources: Mapping[str, Source] | None = None) -> Verdict:
+LEG_WORDS = frozenset(
+    (
+        "hip",
+        "thigh",
+        "calf",
+        "shank",
+        "knee",
+        "ankle",
+        "coxa",
+        "femur",
+        "tibia",
+        "haa",
+        "hfe",
+        "kfe",
+        "hx",
+        "hy",
+        "kn",
+        "foot",
+    )
+)
+"""Words in a joint's name that only a leg's has."""
+
+
+def is_leg(name: str) -> bool:
+    """Return whether a joint is a leg's, by its name: `FL_calf_joint` is, `shoulder_pan` and `joint_3` are not known
+    to.
+    """
+    return not LEG_WORDS.isdisjoint(kind_of(name).split("_"))
+
+
+def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs: bool = True) -> Verdict:
     """Judge a joint by its ratio f/τ_max and its dead band f/kp, with their intervals; newton metres may be null.
 
     A linear axis is not compared with legs, and no training is proposed for it. sources: what the studies found, as of
-    `advise`; by default what comes with the package.
+    `advise`; by default what comes with the package; legs: whether it is known to be a leg's joint, and a word about
+    walking has a place.
     """
-    thresholds, leg = Thresholds.of(sources), record.axis == "rotary"
+    thresholds, rotary = Thresholds.of(sources), record.axis == "rotary"
+    known = record.coulomb_friction or record.friction_ratio or record.dead_band
+    if known is not None and not record.objections:
+        record = replace(record, objections=no_friction_shown(known, "N m" if rotary else "N"))
     ratio, condition = record.friction_ratio, record.test_condition
-    parts, level = _measured(record), None
-    placement: tuple[Placement, ...] = ()
-    if leg:
-        known: dict[Quantity, Estimate | None] = {"friction_ratio": ratio, "dead_band": record.dead_band}
-        places = (place(value, condition, name) for name, value in known.items() if value is not None)
-        placement = tuple(item for item in places if item is not None)
-        parts += [item.text for item in placement]
-        if ratio is not None:
-            level = friction_level(ratio, condition)
-            parts += _simulated_effect(ratio, record.dead_band, condition, thresholds)
-        if condition != "loaded":
-            parts.append(
-                "This is a lower bound for a leg that carries the robot: friction grows with load, and only a log "
-                "under a known load can tell by how much."
-            )
-    if level is not None and level >= TRAINABLE:
-        parts.append(
-            f"To cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}: mend the joint."
+    level = None if ratio is None or not rotary or record.objections else friction_level(ratio, condition)
+    beyond = level is not None and level >= TRAINABLE
+    advice = advise(max(ratio.interval95[0], 0.0), level, sources) if level and not beyond and ratio else None
+    if record.objections and record.objections[0].reason != FRICTION_REACHES_ZERO:
+        return Verdict(None, _invalid(record))
+    placement = _placement(record) if rotary else ()
+    details = [*_in_which_unit(record), *(item.text for item in placement)]
+    if rotary and legs and ratio is not None:
+        details += _simulated_effect(ratio, record.dead_band, condition, thresholds)
+    if rotary and condition != "loaded":
+        details.append(
+            f"This is a lower bound for a {'leg that carries the robot' if legs else 'joint that carries a load'}: "
+            "friction "
+            "grows with load, and only a log under a known load can tell by how much."
         )
-        level = None
-    advice = advise(max(ratio.interval95[0], 0.0), level, sources) if level and ratio is not None else None
-    if level is not None:
-        parts.append(_proposal(level, condition, advice))
-    return Verdict(level, " ".join(parts), placement, what_if(record, thresholds) if leg else (), advice)
+    if level is not None and not beyond and legs:
+        details.append(_proposal(level, condition, advice))
+    return Verdict(
+        None if beyond else level,
+        (
+            _how_much(record),
+            _matters(record, thresholds, legs and rotary),
+            _to_run(record, level, advice, legs and rotary),
+        ),
+        tuple(details),
+        placement,
+        what_if(record, thresholds, legs) if rotary and not record.objections else (),
+        advice,
+    )
 
 
-def _measured(record: JointRecord) -> list[str]:
-    """Say what was found, under which condition, and what is not known."""
-    coulomb, ratio, dead_band = record.coulomb_friction, record.friction_ratio, record.dead_band
+def _invalid(record: JointRecord) -> tuple[str, ...]:
+    """Say what to do first, why, and what not to do."""
+    first, *more = record.objections
+    others = f" And {len(more)} more: {'; '.join(one.seen for one in more)}." if more else ""
+    return (
+        f"Do first: {first.remedy}.",
+        f"This fit is not valid: {first.seen}.{others}",
+        "Until then no friction is stated, no level is proposed, and none of these numbers should be used.",
+    )
+
+
+def _placement(record: JointRecord) -> tuple[Placement, ...]:
+    """Rank ratio and dead band among public joints of the same condition."""
+    known: dict[Quantity, Estimate | None] = {"friction_ratio": record.friction_ratio, "dead_band": record.dead_band}
+    places = (place(value, record.test_condition, name) for name, value in known.items() if value is not None)
+    return tuple(item for item in places if item is not None)
+
+
+def _how_much(record: JointRecord) -> str:
+    """Say how much dry friction there is, of what limit, under which condition."""
     condition = CONDITIONS.get(record.test_condition or "", "under a condition that was not stated")
-    parts, known = [], coulomb or ratio or dead_band
-    if known is not None and known.interval95[0] <= 0:
-        parts.append("No dry friction can be told from zero in this log.")
-    if ratio is None:
-        parts.append(
-            "Without the motor's torque limit it cannot be said whether this friction matters: --torque-limit."
+    coulomb, ratio, limit = record.coulomb_friction, record.friction_ratio, record.torque_limit
+    unit = "N m" if record.axis == "rotary" else "N"
+    over = record.combinations.get("f/k")
+    size = (
+        _span(coulomb, 1, f" {unit}")
+        if coulomb
+        else _span(over, 1, f" {unit} over the motor strength k")
+        if over
+        else ""
+    )
+    share = "" if ratio is None else _span(ratio, 100, " %") + " of the torque limit"
+    share += f" {limit:.4g} {unit}" if share and limit is not None else ""
+    numbers = ", ".join(part for part in (size, share) if part)
+    if record.objections:
+        return f"No dry friction can be told from zero in this log: it is {numbers}, measured {condition}."
+    missing = "" if ratio is not None else "; of what torque limit is not known (--torque-limit)"
+    if not numbers:
+        return f"Dry friction is not known, measured {condition}{missing}."
+    if coulomb is None and record.kp is not None and record.torque_source is None:
+        missing += (
+            f"; all of it if kp is {record.kp:.4g} {unit}/{'rad' if record.axis == 'rotary' else 'm'}, as declared: "
         )
-    else:
-        parts.append(f"Dry friction takes {_span(ratio, 100, ' %')} of the torque limit, measured {condition}.")
-    if dead_band is not None:
-        band = _span(dead_band, 1, " rad" if record.axis == "rotary" else " m")
-        parts.append(f"The joint ignores position errors up to f/kp, {band}, at the gains of the log.")
-    if coulomb is None and known is not None:
-        parts.append(
+        missing += "positions alone do not show it"
+    if coulomb is not None and _scale_unchecked(record):
+        missing += f"; all of it if the torque is in {unit}, as declared: without --kp and --kd nothing shows it"
+    return f"Dry friction is {numbers}, measured {condition}{missing}."
+
+
+def _scale_unchecked(record: JointRecord) -> bool:
+    """Return whether a measured torque was held against nothing: no controller, no known load."""
+    known = record.diagnostics.get("strength", {}).get("source") == "known_load"
+    return record.diagnostics.get("controller_mismatch", 0.0) is None and not known
+
+
+def _in_which_unit(record: JointRecord) -> list[str]:
+    """Say what the joint ignores, and what newton metres rest on."""
+    found, band = [], record.dead_band
+    if band is not None:
+        unit = " rad" if record.axis == "rotary" else " m"
+        found.append(f"T{_ignored(band, unit)[1:]}")
+    if record.coulomb_friction is None and (band or record.friction_ratio):
+        found.append(
             "Newton metres are not known: these are in units of the command, or of the torque column, in which the "
             "motor's strength cancels."
         )
-    return parts
+    return found
+
+
+def _ignored(band: Estimate, unit: str) -> str:
+    """Say what a dead band means."""
+    return f"the joint ignores position errors up to f/kp, {_span(band, 1, unit)}, at the gains of the log."
+
+
+def _matters(record: JointRecord, thresholds: Thresholds, legs: bool) -> str:
+    """Say whether it matters, with the one number that decides."""
+    ratio, band, begin = record.friction_ratio, record.dead_band, "Does it matter?"
+    if not legs:
+        unit = " rad" if record.axis == "rotary" else " m"
+        told = "Cannot be told without the task"
+        if band is None:
+            return f"{begin} {told}; the dead band f/kp would tell what position errors the joint ignores (--kp)."
+        return f"{begin} {told}: {_ignored(band, unit)}"
+    if ratio is None:
+        return f"{begin} Cannot be told without the motor's torque limit (--torque-limit)."
+    low, high = ratio.interval95
+    margin = 1.0 if record.test_condition == "loaded" else MARGIN
+    noticed = 100 * thresholds.noticeable
+    least = f"{noticed:.4g} % of the torque limit is the least that slowed walking policies in simulation"
+    wide = band is not None and band.interval95[1] > thresholds.dead_band
+    if low >= thresholds.noticeable:
+        return f"{begin} Yes: it is at least {100 * low:.4g} %; {least}."
+    if margin * high < thresholds.noticeable and not wide:
+        times = "" if margin == 1.0 else f", even times {margin:g} for load too little"
+        return f"{begin} No: it is at most {100 * high:.4g} %{times}; {least}."
+    if record.objections:
+        return f"{begin} Cannot be told: it may be nothing, or up to {100 * high:.4g} %; {least}."
+    if high >= thresholds.noticeable:
+        return f"{begin} Probably: it may be up to {100 * high:.4g} %; {least}."
+    if margin * high >= thresholds.noticeable:
+        return f"{begin} Probably: under load it may be {margin:g} times {100 * high:.4g} %; {least}."
+    reached = 0.0 if band is None else band.interval95[1]
+    return f"{begin} Probably: at such low gains the dead band is up to {reached:.4g} rad wide."
+
+
+def _to_run(record: JointRecord, level: float | None, advice: Advice | None, legs: bool) -> str:
+    """Say what to run."""
+    if record.objections:
+        return f"Do first: {record.objections[0].remedy}. No level is proposed."
+    if level is not None and level >= TRAINABLE:
+        return f"To cover it would take level {level:.2f}, and no training goes beyond {TRAINABLE:g}: mend the joint."
+    if not legs:
+        return (
+            "Run: stiction convert joints.json --to mujoco --model ROBOT.xml, which puts it into a simulator's model."
+        )
+    if level is None:
+        return "Run: this again with --torque-limit; a training takes friction as a share of it."
+    if advice is None:
+        return "Run: stiction train --friction-from training.json; there is no friction to train for: --method none."
+    flags = f"--method {advice.training.method}"
+    flags += f" --friction-level {advice.training.level:g}" if advice.training.level > 0 else ""
+    return f"Run: stiction train --friction-from training.json, which is {flags}, to cover {100 * level:.4g} %."
 
 
 def _simulated_effect(
@@ -302,57 +456,7 @@ def _proposal(level: float, condition: str | None, advice: Advice | None) -> str
 
 
 def _span(estimate: Estimate, factor: float, unit: str) -> str:
-    """Return `value unit (low to high)` with three digits; where there may be nothing, the most that it may be."""
+    """Return `value unit (low to high)` with four digits; where there may be nothing, the most that it may be."""
     low, high = estimate.interval95
-    value = f"{estimate.value * factor:.3g}" if low > 0 else f"at most {max(high, 0.0) * factor:.3g}"
-    return f"{value}{unit} (95 %: {low * factor:.3g} to {high * factor:.3g})"
-
-
-def propose(file: JointsFile) -> dict[str, Any]:
-    """Return what `stiction train --friction-from` reads, as plain data.
-
-    One training for all joints, by the friction of the worst: what `train` draws is a share of each joint's own limit.
-    `joints` has each joint's ratio and the level that would cover it, `advice` what the choice rests on. `friction` is
-    null, and `text` says why, where no joint has a ratio, or where one is beyond what can be trained.
-    """
-    levels = {
-        name: friction_level(record.friction_ratio, record.test_condition)
-        for name, record in file.joints.items()
-        if record.friction_ratio is not None and record.axis == "rotary"
-    }
-    beyond = [name for name, level in levels.items() if level >= TRAINABLE]
-    proposed = Verdict(None, "")
-    if not levels:
-        text = "no rotary joint has a ratio of friction to torque limit: identify with --torque-limit"
-    elif beyond:
-        text = f"{', '.join(beyond)} would need level {TRAINABLE:g} or more, which leaves nothing to walk with: mend it"
-    else:
-        worst = max(levels, key=lambda name: levels[name])
-        proposed = judge(file.joints[worst])
-        text = _reason(file, levels, worst) + (f". {proposed.advice.text}" if proposed.advice else "")
-    return {
-        "friction": proposed.training,
-        "range": proposed.range,
-        "text": text,
-        "advice": proposed.advice and proposed.advice.to_dict(),
-        "joints": {
-            name: {
-                "friction_ratio": record.friction_ratio and record.friction_ratio.to_dict(),
-                "dead_band": record.dead_band and record.dead_band.to_dict(),
-                "test_condition": record.test_condition,
-                "friction_level": levels.get(name),
-            }
-            for name, record in file.joints.items()
-        },
-    }
-
-
-def _reason(file: JointsFile, levels: dict[str, float], worst: str) -> str:
-    """Say which joint sets the level, and which joints were not asked."""
-    condition = file.joints[worst].test_condition
-    stated = CONDITIONS.get(condition or "", "under no stated condition")
-    text = f"provisional; level of {worst}, the worst of {len(levels)}, measured {stated}"
-    if condition != "loaded":
-        text += ", with a margin chosen, not measured, for the load that was not on it"
-    left = [name for name in file.joints if name not in levels]
-    return text + (f"; without a ratio, and so not asked: {', '.join(left)}" if left else "")
+    value = f"{estimate.value * factor:.4g}" if low > 0 else f"at most {max(high, 0.0) * factor:.4g}"
+    return f"{value}{unit} (95 %: {low * factor:.4g} to {high * factor:.4g})"

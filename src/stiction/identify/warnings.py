@@ -7,19 +7,14 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import JointRecord
-from stiction.identify.checks import unit_warnings
-from stiction.identify.consistency import LARGEST_SIGMAS, beyond_chance
+from stiction.identify.consistency import beyond_chance
 from stiction.identify.intervals import FEWEST_BLOCKS
+from stiction.identify.objections import SERIOUS, follows_position
+from stiction.identify.record import predicted_badly
 from stiction.identify.runs import Run
-
-LARGEST_REST = 0.3
-"""Share of the torque that may go unexplained, |residual| / |torque|; good logs leave a tenth or less."""
 
 LARGEST_CHANGE = 0.02
 """Relative change of a parameter, once torque may follow the position, that is worth a warning."""
-
-LARGEST_EXCESS = 1.05
-"""Logged torque over torque limit that noise of the current sensor still explains."""
 
 LARGEST_DRIFT = 0.05
 """Change of the friction over the log, as a share, that is worth a warning if it is also beyond its interval."""
@@ -55,6 +50,7 @@ def find_warnings(record: JointRecord, run: Run) -> tuple[str, ...]:
         *_missing(record, run),
         *_unknown(record, run),
         *_fit(record),
+        *_repeats(record),
         *_parts(record, run),
         *_estimators(record),
         *(run.signals.timing.warnings() if run.signals.timing else ()),
@@ -69,10 +65,19 @@ def _missing(record: JointRecord, run: Run) -> list[str]:
         found.append("no kp: the dead band f/kp is null")
     if record.torque_limit is None:
         found.append("no torque limit: the ratio f/τ_max is null; give --torque-limit")
+    gravity = record.diagnostics["gravity"]
     if record.test_condition is None:
         found.append(
-            "the test condition was not stated: a bare motor, a leg in the air and a loaded leg differ; "
-            "give --test-condition"
+            "the test condition was not stated: a bare motor, a link in the air and a loaded one differ; "
+            "give --test-condition" + (f"; {gravity}" if gravity else "")
+        )
+    elif gravity and run.setup.fits_gravity:
+        found.append(f"{gravity}; --gravity False leaves it out")
+    if run.signals.feedforward is not None and (run.signals.target is None or record.kp is None):
+        found.append(
+            "the feedforward has no effect: it belongs to the controller, which is not simulated without target, --kp "
+            "and "
+            "--kd; a logged torque has it in it already"
         )
     if record.diagnostics["closed_loop"]:
         found.append(record.diagnostics["closed_loop"])
@@ -107,10 +112,25 @@ def _unknown(record: JointRecord, run: Run) -> list[str]:
             "the unit of the torque is not known: the torque limit was taken to be in the unit of the torque column, "
             "and the dead band is null, for kp is not in that unit"
         )
+    if run.setup.hanging_angle is not None and record.encoder_bias is None:
+        found.append(
+            "--hanging-angle has no effect: "
+            + (
+                "over this range the phase of gravity is not known well enough to tell the encoder's bias"
+                if run.setup.fits_gravity
+                else "no gravity is fitted, from whose phase alone it could tell the encoder's bias (--gravity True)"
+            )
+        )
     for name in run.setup.unknowns:
         if getattr(record, name) is None:
             found.append(f"the {name.replace('_', ' ')} was asked for, and this log does not tell it")
-    if not strength["missing"] and record.offset is None and record.inertia is not None:
+    if not record.diagnostics["inertia_known"]:
+        found.append(
+            "the inertia is not known: at these accelerations it takes less torque than is left unexplained; it is "
+            "null; "
+            "move faster to find it"
+        )
+    if not strength["missing"] and record.offset is None and record.coulomb_friction is not None:
         found.append("over this range of angles the offset cannot be told from gravity: it is null; move further")
     return found
 
@@ -118,22 +138,21 @@ def _unknown(record: JointRecord, run: Run) -> list[str]:
 def _fit(record: JointRecord) -> list[str]:
     """Warn of parameters that the log does not show, and of intervals that rest on little."""
     found = []
-    for name in ("inertia", "viscous_friction", "coulomb_friction"):
+    for name in ("inertia", "viscous_friction"):
         estimate = getattr(record, name)
-        if estimate is not None and estimate.interval95[1] < 0:
-            found.append(
-                f"{name} comes out below zero, which no joint has: viscous and Coulomb friction are not its law"
-            )
-        elif estimate is not None and estimate.interval95[0] <= 0:
+        if estimate is not None and estimate.interval95[0] <= 0 <= estimate.interval95[1]:
             found.append(
                 f"the interval of {name} reaches zero: the log does not show that there is any; move more, or longer"
             )
-    unexplained = record.diagnostics["relative_torque_error"]
-    if unexplained > LARGEST_REST:
-        found.append(
-            f"{unexplained:.0%} of the torque is not explained by inertia and friction: gravity, a load, or noise; "
-            "intervals cover noise, not a model that lacks something"
-        )
+    for name in record.diagnostics["contradicted"]:
+        own = (record.friction_law or {})["parameters"].get(name)
+        if own is not None:
+            low, high = own["interval95"]
+            found.append(
+                f"{name} is {own['value']:.4g} ({low:.4g} to {high:.4g}) under the law that was chosen, and otherwise "
+                "under "
+                "viscous and Coulomb friction alone: the stated interval is widened until it admits both"
+            )
     found += _position_torque(record.diagnostics["position_torque"])
     if record.diagnostics["blocks"] == FEWEST_BLOCKS:
         found.append(
@@ -143,11 +162,9 @@ def _fit(record: JointRecord) -> list[str]:
 
 
 def _position_torque(follows: dict[str, Any] | None) -> list[str]:
-    """Warn of torque that follows the position where no gravity was fitted."""
-    if follows is None or abs(follows["slope"]) <= LARGEST_SIGMAS * follows["std"]:
-        return []
-    worst = max(follows["changes"], key=lambda name: abs(follows["changes"][name]), default=None)
-    if worst is None or abs(follows["changes"][worst]) <= LARGEST_CHANGE:
+    """Warn of torque that follows the position where no gravity was fitted; from `SERIOUS` on it is an objection."""
+    worst = follows_position(follows, LARGEST_CHANGE)
+    if follows is None or worst is None or follows_position(follows, SERIOUS):
         return []
     return [
         f"the torque follows the position too ({follows['slope']:.3g} per unit): gravity, a spring or a cable, which "
@@ -156,9 +173,51 @@ def _position_torque(follows: dict[str, Any] | None) -> list[str]:
     ]
 
 
+def repeat_lines(record: JointRecord) -> list[str]:
+    """Return a line for each repeat: what agrees, how well it is predicted, and over the fit's own error."""
+    own = (record.friction_law or {}).get("relative_torque_error")
+    compared = {data["parts"][1]: data for data in record.diagnostics.get("comparisons", ()) if data["repeat"]}
+    lines = []
+    for tried in record.diagnostics.get("predictions", ()):
+        if "refusal" in tried:
+            lines.append(f"repeat {tried['source']}: not used: {tried['refusal']}")
+            continue
+        data, parts = compared.get(tried["source"]), []
+        if data is not None:
+            agreeing = [name for name in data["values"] if name not in data["disputed"]]
+            parts += [f"{', '.join(agreeing)} agree"] if agreeing else []
+            parts += [f"{', '.join(data['disputed'])} do not"] if data["disputed"] else []
+        error = tried["torque_error"]
+        parts.append(
+            f"torque predicted to {error:.2%}" + (f", {error / own:.2g} times the fit's own {own:.2%}" if own else "")
+        )
+        lines.append(f"repeat {tried['source']}: {'; '.join(parts)}")
+    return lines
+
+
+def _repeats(record: JointRecord) -> list[str]:
+    """Warn of repeats that could not be used, or that the law does not predict."""
+    own, found = (record.friction_law or {})["relative_torque_error"], []
+    for tried in record.diagnostics["predictions"]:
+        if "refusal" in tried:
+            found.append(
+                f"the repeat {tried['source']} could not be used, and the rest stands without it: {tried['refusal']}"
+            )
+        elif predicted_badly(tried, own):
+            found.append(
+                f"the repeat {tried['source']} is predicted badly: {tried['torque_error']:.1%} of its torque is not, "
+                "against "
+                f"{own:.1%} of the log's own: other gains do not matter to that, but another load, temperature, "
+                "payload or "
+                "torque from outside (feedforward, disturbance) does"
+            )
+    return found
+
+
 def _parts(record: JointRecord, run: Run) -> list[str]:
     """Warn where parts of the log, or repeats, do not agree, and say what that points to."""
-    found = []
+    found, own = [], (record.friction_law or {})["relative_torque_error"]
+    poor = {tried["source"] for tried in record.diagnostics["predictions"] if predicted_badly(tried, own)}
     for comparison in record.diagnostics["comparisons"]:
         one, two = comparison["parts"]
         if comparison["disputed"] and comparison["alternative"]:
@@ -175,10 +234,15 @@ def _parts(record: JointRecord, run: Run) -> list[str]:
         elif comparison["disputed"]:
             found.append(
                 f"{one} and {two} do not agree on {' and '.join(comparison['disputed'])}, beyond their own intervals"
-                f"{_reason(comparison)}; the stated intervals are widened until they admit both"
+                f"{_reason(comparison)}; the stated intervals "
+                + (
+                    f"are those of {one} alone, for {two} is predicted badly"
+                    if comparison["repeat"] and two in poor
+                    else "are widened until they admit both"
+                )
             )
-    law = (record.friction_law or {}).get("law", "coulomb")
-    if law != "coulomb":
+    law = (record.friction_law or {}).get("law")
+    if law not in (None, "coulomb"):
         found.append(
             f"this joint's friction is not plain Coulomb friction: the {law} law (see friction_law) predicts unseen "
             "parts of the log better; the standard values are the best symmetric description, over all speeds, "
@@ -214,7 +278,7 @@ def _estimators(record: JointRecord) -> list[str]:
         # Least squares on torque that was not measured is known to be the worse estimator: no news.
         return found
     for name, gap in (record.diagnostics["disagreement"] or {}).items():
-        if beyond_chance(gap):
+        if beyond_chance(gap) and (name != "coulomb_friction" or gap["relative"] <= SERIOUS):
             found.append(
                 f"regression and output error disagree on {name} by {gap['relative']:.0%} ({gap['sigmas']:.1f} "
                 "combined standard deviations): the model, the gains or the timing are not quite right" + HINTS[name]
@@ -225,7 +289,7 @@ def _estimators(record: JointRecord) -> list[str]:
 def _signals(record: JointRecord, run: Run) -> list[str]:
     """Warn of units, of a logged velocity that is not the derivative of the position, of a motor at its limit."""
     signals, velocity = run.signals, run.prepared.velocity
-    found = list(unit_warnings(signals, record.axis))
+    found: list[str] = []
     if signals.velocity is not None:
         slope = float(np.dot(signals.velocity, velocity) / np.dot(velocity, velocity))
         if not 0.9 < slope < 1.1:
@@ -236,10 +300,4 @@ def _signals(record: JointRecord, run: Run) -> list[str]:
         share = float(np.mean(np.abs(run.torque) >= 0.99 * record.torque_limit))
         if share > 0.01:
             found.append(f"the motor is at its torque limit in {share:.0%} of the samples: move more gently")
-        peak = float(np.abs(run.torque).max())
-        if peak > LARGEST_EXCESS * record.torque_limit:
-            found.append(
-                f"the log's torque reaches {peak:.4g}, beyond the torque limit {record.torque_limit:.4g}: the torque's "
-                "unit (--torque-scale) or the limit is not as declared"
-            )
     return found

@@ -5,14 +5,15 @@ Each draw is relative to the *nominal* value, never to the last one, so nothing 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 
-from stiction.core.errors import FileError
-from stiction.formats.joints import Estimate, JointRecord, JointsFile
-from stiction.joints.friction import has_coefficient
+from stiction.core.errors import ConfigurationError, FileError
+from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord, JointsFile
+from stiction.joints.friction import find_law, has_coefficient
 from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture, friction_share
 from stiction.robots.model import TRUNK_LENGTH, Robot
@@ -247,22 +248,71 @@ def identified_joints(
     `StictionError` where the file holds nothing that can be used for this robot, a linear axis, or an inertia smaller
     than the links' own.
     """
-    rows = []
+    rows: list[tuple[float | None, float | None, float | None]] = []
     warnings: dict[str, None] = {}
     for name, links, limit in zip(joint_names, link_inertia, torque_limit, strict=True):
         key = file.key(name)
         record = file.joints[key] if key is not None else JointRecord()
         if record.axis != "rotary":
             raise FileError(f"joint {key!r} was identified as a linear axis (kg, N); expected a rotary one")
+        whole, dry = (record.objection_to(quantity) for quantity in ("inertia", "coulomb_friction"))
+        if dry is not None:
+            part = "nothing of it" if whole is not None else "its dry friction"
+            used = "is not used" if whole is None else "is used"
+            warnings[f"the fit of {key!r} is not valid, {part} {used}: {dry.text}"] = None
+        if whole is not None:
+            rows.append((None, None, None))
+            continue
         armature = _armature(name, key, record, float(links), warnings)
-        rows.append((armature, _value(record.viscous_friction), _friction(key, record, float(limit), warnings)))
+        friction = None if dry is not None else _friction(key, record, float(limit), warnings)
+        rows.append((armature, _value(record.viscous_friction), friction))
     if all(value is None for row in rows for value in row):
+        if invalid := next((text for text in warnings if "is not valid" in text), None):
+            raise FileError(f"the file holds nothing that can be used: {invalid}")
         raise FileError(
             f"the file has {', '.join(file.joints)}, and nothing that can be used for {', '.join(joint_names[:3])} and "
             "so on; name the joint, or its kind, when you identify it"
         )
     inertias, dampings, frictions = zip(*rows, strict=True)
     return IdentifiedJoints(inertias, dampings, frictions, tuple(warnings))
+
+
+LOAD_LAWS = {"motor_torque": "effort"}
+"""What an identified load coefficient multiplies -> the law of training that has the same regressor."""
+
+
+def load_warnings(file: JointsFile, joint_names: Sequence[str], friction: FrictionCfg) -> tuple[str, ...]:
+    """Say what becomes of the load coefficients that were identified for a robot's joints.
+
+    None is taken by itself: a law with a coefficient has one for all joints, which --friction-level says. Raises
+    `ConfigurationError` where that is an identified coefficient and the law multiplies something else with it.
+    """
+    found: dict[str, None] = {}
+    for key in dict.fromkeys(key for name in joint_names if (key := file.key(name)) is not None):
+        record = file.joints[key]
+        coefficient, regressor = record.load_coefficient, record.load_regressor
+        if coefficient is None or regressor is None:
+            continue
+        what = f"the load_coefficient of {key!r}, {coefficient.value:.4g} of {LOAD_REGRESSORS[regressor]}"
+        match = LOAD_LAWS.get(regressor)
+        instead = f"--friction-law {match} has that law" if match else "no law of training has that"
+        if not has_coefficient(friction.law):
+            found[f"{what}, is not used: the law {friction.law} does not depend on load; {instead}"] = None
+        elif friction.law == match:
+            found[f"{what}, is of the law {match}: --friction-level {coefficient.value:.4g} trains with it"] = None
+        elif friction.level is not None and abs(friction.level - coefficient.value) < SAME_NUMBER * coefficient.value:
+            raise ConfigurationError(
+                f"--friction-law {friction.law} --friction-level {friction.level:g} looks like {what}: {friction.law} "
+                "means "
+                f"{find_law(friction.law).meaning}, which is another law; {instead}, or give a coefficient of that law"
+            )
+        else:
+            found[f"{what}, is not used: {friction.law} means {find_law(friction.law).meaning}; {instead}"] = None
+    return tuple(found)
+
+
+SAME_NUMBER = 0.05
+"""Relative difference under which a coefficient that was typed is taken for one that was read from the file."""
 
 
 def _value(estimate: Estimate | None) -> float | None:

@@ -138,8 +138,8 @@ CHECK_TEXT = (
 def _joint_section(joint: DemoJoint) -> Section:
     """Return one identification."""
     notes = (paragraph(f"Warning: {warning}") for warning in joint.record.warnings)
-    verdict = joint.record.diagnostics["verdict"]["text"]
-    blocks = paragraph(verdict), *notes, *joint.blocks, paragraph(f"By hand: {joint.command}")
+    verdict = map(paragraph, joint.record.diagnostics["verdict"]["lines"])
+    blocks = *verdict, *notes, *joint.blocks, paragraph(f"By hand: {joint.command}")
     return Section(f"Friction from a log: {joint.title}", blocks)
 
 

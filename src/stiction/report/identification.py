@@ -10,7 +10,7 @@ from markupsafe import Markup
 from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
 from stiction.formats.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, load_joints, read_fit
-from stiction.identify.consistency import COMPARED
+from stiction.identify.consistency import COMPARED, REPEAT
 from stiction.report.joint_figures import against_angle, cloud, friction_of, overview, residuals, signals
 from stiction.report.page import (
     CONDITIONS,
@@ -46,6 +46,7 @@ def agreement(record: JointRecord) -> tuple[Markup, ...]:
     tried = [
         [entry["source"], f"{entry['torque_error']:.2%}", _errors(entry["simulation_errors"] or {}) or "not done"]
         for entry in record.diagnostics.get("predictions", ())
+        if "refusal" not in entry
     ]
     if tried:
         header = ["log", "torque not explained", "simulation error"]
@@ -64,7 +65,7 @@ def _caption(comparison: dict[str, Any], how: str) -> str:
     """Return the caption of a comparison; repeats and moved torque are always by torque regression."""
     if comparison["alternative"]:
         return "Torque and angle at the same instant, or not"
-    if comparison["label"].startswith("repeat"):
+    if comparison["label"].startswith(REPEAT):
         how = "by torque regression"
     return f"The same again: {comparison['label']}, each {how}"
 
@@ -153,17 +154,45 @@ def write_identification_page(folder: Path) -> Path:
     found = {name: record for name, record in joints.joints.items() if record.diagnostics}
     if len(joints.joints) == 1:
         sections = [section for name in found for section in _sections(folder, name)]
-        lead = " ".join(record.diagnostics.get("verdict", {}).get("text", "") for record in found.values())
     else:
         tasks = [(folder, name) for name in found]
         drawn = dict(spread(_sections, tasks, num_threads() if len(tasks) >= MANY else 1))
         sections = _many(joints, {name: drawn[number] for number, name in enumerate(found)})
-        lead = _lead(found)
     page = folder / "report.html"
     named = ", ".join(joints.joints) if len(joints.joints) <= MOST_NAMES else f"{len(joints.joints)} joints"
     title = f"Joint identification: {named}"
-    page.write_text(render_page(title, sections, lead, shared_warnings(joints)), encoding="utf-8")
+    page.write_text(render_page(title, sections, lead_lines(joints), remaining_warnings(joints)), encoding="utf-8")
     return page
+
+
+def lead_lines(joints: JointsFile) -> tuple[str, ...]:
+    """Return the verdict as the page and the terminal begin with it.
+
+    Of one joint its three lines; of several how many there are, those that are not valid with what to do first, and the
+    lines of the one with the most friction for its motor.
+    """
+    found = {name: record for name, record in joints.joints.items() if record.diagnostics}
+    lines = {name: tuple(record.diagnostics.get("verdict", {}).get("lines", ())) for name, record in found.items()}
+    if len(joints.joints) == 1:
+        return next(iter(lines.values()), ())
+    bad = [name for name, record in found.items() if record.objections]
+    first = [f"{name}: do first: {one.remedy}. {one.seen}." for name in bad for one in found[name].objections[:1]]
+    valid = {name: record for name, record in found.items() if name not in bad}
+    ratios = {name: record.friction_ratio for name, record in valid.items() if record.friction_ratio is not None}
+    count = f"{len(found)} of {len(joints.joints)} joints were identified"
+    count += f", {len(bad)} of them not validly: no friction is stated for {', '.join(bad)}." if bad else "."
+    if not valid:
+        return (count, *first)
+    if not ratios:
+        return (count, *first, "Without torque limits their friction cannot be judged: --torque-limit.")
+    worst = max(ratios, key=lambda name: ratios[name].interval95[1])
+    return (count, *first, f"{worst} has the most dry friction for its motor:", *lines[worst])
+
+
+def remaining_warnings(joints: JointsFile) -> list[str]:
+    """Return `shared_warnings` without what the verdict says already: page and terminal have them below it."""
+    said = " ".join(lead_lines(joints))
+    return [text for text in shared_warnings(joints) if text not in said]
 
 
 def joint_sections(name: str, record: JointRecord, fit: FitSignals) -> list[Section]:
@@ -196,9 +225,10 @@ def _many(joints: JointsFile, drawn: dict[str, list[Section]]) -> list[Section]:
     shared = gather_warnings(joints)
     for name, record in found.items():
         parts = [block for section in drawn[name] for block in section.blocks]
-        verdict = paragraph(record.diagnostics.get("verdict", {}).get("text", ""))
+        verdict = map(paragraph, record.diagnostics.get("verdict", {}).get("lines", ()))
         own = [text for text in record.warnings if len(shared[text]) == 1]
-        blocks.append(fold(name, [verdict, *([bullets(own)] if own else []), *parts]))
+        title = f"{name}: not valid" if record.objections else name
+        blocks.append(fold(title, [*verdict, *([bullets(own)] if own else []), *parts]))
     return [
         Section("All joints", (table(["", *JOINT_COLUMNS], rows, caption), overview(found))),
         Section("Joint by joint", tuple(blocks)),
@@ -217,19 +247,7 @@ def joint_row(record: JointRecord) -> list[str]:
     ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
     numbers = ("" if each is None else number(each.value) for each in (viscous, inertia))
     band = "" if record.dead_band is None else number(record.dead_band.value)
-    return [friction, interval, *numbers, ratio, band, (record.friction_law or {}).get("law", "")]
-
-
-def _lead(found: dict[str, JointRecord]) -> str:
-    """Return one sentence about all joints: which has most friction, as a share of its limit."""
-    known = {name: record.friction_ratio.value for name, record in found.items() if record.friction_ratio is not None}
-    if not known:
-        return f"{len(found)} joints were identified. Without torque limits their friction cannot be judged."
-    worst = max(known, key=lambda name: known[name])
-    return (
-        f"{len(found)} joints were identified. Dry friction takes between {min(known.values()):.1%} and "
-        f"{known[worst]:.1%} of the torque limit; {worst} has most. {found[worst].diagnostics['verdict']['text']}"
-    )
+    return [friction, interval, *numbers, ratio, band, (record.friction_law or {}).get("law") or ""]
 
 
 def shared_warnings(joints: JointsFile) -> list[str]:
@@ -242,6 +260,17 @@ def shared_warnings(joints: JointsFile) -> list[str]:
         f"{', '.join(names) if len(names) < len(joints.joints) else 'all'}: {text}"
         for text, names in said.items()
         if len(names) > 1 or set(names) & refused
+    ]
+
+
+def own_warnings(joints: JointsFile) -> list[tuple[str, str]]:
+    """Return the warnings that one joint of several has alone, with its name; those of a refused one are shared."""
+    if len(joints.joints) == 1:
+        return []
+    return [
+        (names[0], text)
+        for text, names in gather_warnings(joints).items()
+        if len(names) == 1 and joints.joints[names[0]].diagnostics
     ]
 
 
@@ -303,7 +332,7 @@ def _law(record: JointRecord) -> tuple[Markup, ...]:
     ]
     header = ["law", "parameters", "torque not explained, unseen blocks", "squared error lower by", "evidence", ""]
     blocks = [paragraph(law["text"]), table(header, rows, "Laws that were tried; evidence is the drop of the BIC")]
-    if law["law"] != "coulomb":
+    if law["law"] not in (None, "coulomb"):
         rows = [
             [label(record, name, " / k" if law["over_strength"] else ""), *cells(Estimate.from_dict(data, name))]
             for name, data in law["parameters"].items()
@@ -317,7 +346,7 @@ def _law(record: JointRecord) -> tuple[Markup, ...]:
 def _meaning(name: str, record: JointRecord) -> list[Section]:
     """Return what the friction means among public robots, and with seals removed or wear."""
     verdict = record.diagnostics.get("verdict", {})
-    blocks = [paragraph(item["text"]) for item in verdict.get("placement", ())]
+    blocks = [paragraph(text) for text in verdict.get("details", ())]
     rows = [
         [
             case["case"],
@@ -331,4 +360,5 @@ def _meaning(name: str, record: JointRecord) -> list[Section]:
     if rows:
         header = ["", "f/τ_max", "f/kp", "friction to cover", ""]
         blocks.append(table(header, rows, "What if: nobody measured these"))
-    return [Section(f"{name}: what it means", tuple(blocks))] if blocks else []
+    title = "What the verdict rests on, and what if"
+    return [Section(f"{name}: what it means", (fold(title, blocks),))] if blocks else []

@@ -140,7 +140,7 @@ def friction_of(record: JointRecord) -> Estimate | None:
 
 def _name(record: JointRecord) -> str:
     """Return the name of the law that was chosen."""
-    return (record.friction_law or {}).get("law", "coulomb")
+    return (record.friction_law or {}).get("law") or "coulomb"
 
 
 def _used(fit: FitSignals) -> np.ndarray:

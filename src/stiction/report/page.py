@@ -175,12 +175,21 @@ def figure_block(figure: Figure, caption: str) -> Markup:
     return picture(figure_uri(figure), caption)
 
 
-def render_page(title: str, sections: Sequence[Section], lead: str = "", warnings: Sequence[str] = ()) -> str:
-    """Return the page as one HTML text; `lead` is the answer in a sentence or two, shown under the title."""
+def render_page(
+    title: str, sections: Sequence[Section], lead: str | Sequence[str] = "", warnings: Sequence[str] = ()
+) -> str:
+    """Return the page as one HTML text; `lead` is the answer in a sentence or two, or lines, shown under the title."""
+    lines = [lead] if isinstance(lead, str) else list(lead)
     return (
         _environment()
         .get_template("page.html")
-        .render(title=title, sections=sections, lead=lead, warnings=warnings, version=__version__)
+        .render(
+            title=title,
+            sections=sections,
+            lead=[line for line in lines if line],
+            warnings=warnings,
+            version=__version__,
+        )
     )
 
 

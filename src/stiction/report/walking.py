@@ -11,7 +11,7 @@ from markupsafe import Markup
 from stiction.core.names import kind_of
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.formats.walk import WalkFit, read_walk_fit
-from stiction.report.identification import gather_warnings
+from stiction.report.identification import gather_warnings, lead_lines
 from stiction.report.page import COLORS, INK, Section, figure_block, legend, new_figure, paragraph, render_page, table
 
 if TYPE_CHECKING:
@@ -37,7 +37,8 @@ def write_walking_page(folder: Path) -> Path:
     ]
     page = folder / "report.html"
     page.write_text(
-        render_page("Joint friction from a walk", sections, _lead(joints), grouped_warnings(joints)), encoding="utf-8"
+        render_page("Joint friction from a walk", sections, lead_lines(joints), grouped_warnings(joints)),
+        encoding="utf-8",
     )
     return page
 
@@ -65,14 +66,6 @@ def _panels(count: int, label: str) -> tuple[Figure, list[Axes]]:
     for axis in axes[::MOST_PANELS]:
         axis.set_ylabel(label)
     return figure, axes[:count]
-
-
-def _lead(joints: JointsFile) -> str:
-    """Say what the joint with the most friction means."""
-    known = {name: record for name, record in joints.joints.items() if record.friction_ratio is not None}
-    worst = max(known, key=lambda name: known[name].friction_ratio.interval95[1])  # type: ignore[union-attr]
-    text = known[worst].diagnostics.get("verdict", {}).get("text", "")
-    return f"The joint that may have the most friction for its motor is {worst}. {text}"
 
 
 def span(estimate: Estimate | None, factor: float = 1.0) -> str:

@@ -30,12 +30,12 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import ControlStep, JointCommand, Port, Reading
 from stiction.engines.catalog import binaries, make_engine
 from stiction.formats.bundle import Bundle
-from stiction.formats.joints import JointRecord, JointsFile, write_training
+from stiction.formats.joints import JointRecord, JointsFile
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.formats.walk import WalkHeader, WalkLog
 from stiction.identify.excite.task import Pattern
 from stiction.identify.pipeline import REFUSED, identify_log
-from stiction.identify.verdict import propose
+from stiction.identify.proposal import write_proposal
 from stiction.robots.model import Robot
 from stiction.virtual.cases import Case
 from stiction.virtual.robot import VirtualRobot
@@ -121,7 +121,7 @@ def _play(port: Port, path: np.ndarray, kp: np.ndarray, kd: np.ndarray) -> list[
     return [port.read(), *(port.exchange(JointCommand.position(target, kp, kd)) for target in path)]
 
 
-JOINTS, TRAINING = "joints.json", "training.json"
+JOINTS = "joints.json"
 """Files of the folder."""
 
 BENCH_CODE = (
@@ -197,7 +197,7 @@ def identified(log: Log, workers: int = 1) -> JointsFile:
 def write_found(joints: JointsFile, folder: Path) -> None:
     """Write what was found on a bench, as `stiction identify` does. May raise `OSError`."""
     joints.write(folder / JOINTS)
-    write_training(folder / TRAINING, propose(joints))
+    write_proposal(folder, joints)
 
 
 def walk_log(steps: Sequence[ControlStep], bundle: Bundle, spec: Robot, recorded_in: str, command: str = "") -> WalkLog:

@@ -10,7 +10,7 @@ import walks
 from stiction.core.errors import StictionError
 from stiction.formats.joints import Estimate, JointsFile
 from stiction.formats.walk import SIGNALS, WalkLog
-from stiction.identify.verdict import propose
+from stiction.identify.proposal import propose
 from stiction.identify.walking.pipeline import identify_walk, standing_inertia
 from stiction.identify.walking.setup import WalkSetup
 

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.formats.joints import JointRecord, JointsFile
+from stiction.formats.joints import LOAD_REGRESSORS, JointRecord, JointsFile
 from stiction.formats.walk import WalkFit, WalkHeader, WalkLog
 from stiction.identify.combinations import shifted
+from stiction.identify.objections import no_friction_shown
 from stiction.identify.record import plain
 from stiction.identify.verdict import judge
 from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
@@ -105,9 +106,8 @@ def _record(
     if law is not None and friction is not None:
         settings["load_coefficient"] = law["load_coefficient"]
         settings["combinations"] = {f"coulomb_friction + {torque:.3g} N m * load_coefficient": friction}
-        settings["friction_law"] = {"law": "load", "load": "|motor torque| [N m]"} | {
-            name: estimate.to_dict() for name, estimate in law.items()
-        }
+        named = {"law": "load", "regressor": "motor_torque", "load": LOAD_REGRESSORS["motor_torque"]}
+        settings["friction_law"] = named | {name: estimate.to_dict() for name, estimate in law.items()}
     diagnostics: dict[str, Any] = {
         "method": "walking",
         "kind": kind,
@@ -140,7 +140,8 @@ def _record(
             settings["offset"] = swing.fit.estimate(len(PARAMETERS)) if len(swing.joints) == 1 else None
         else:
             settings["combinations"] = {"f/k": coulomb, "B/k": viscous}
-    record = JointRecord(**settings)
+    friction = None if swing.fit is None else swing.fit.estimate(2)
+    record = JointRecord(**settings, objections=() if friction is None else no_friction_shown(friction, "N m"))
     return replace(record, diagnostics=plain(diagnostics | {"verdict": judge(record).to_dict()}))
 
 
@@ -155,15 +156,15 @@ def _warnings(
     load: LoadFit,
 ) -> tuple[str, ...]:
     """Return what a reader should know before trusting a record."""
-    found, kind = [], spec.joints[_number(name, spec)].kind
+    found: list[str] = []
+    kind = spec.joints[_number(name, spec)].kind
     if swing.fit is None:
         found.append(f"nothing is known: {swing.refusal}")
     elif name not in spec.joint_names:
         silent = [spec.joint_names[number] for number in spec.joints_of(kind) if own[number].fit is None]
         alike = ", ".join(silent)
         found.append(f"swings of all {name} joints together, as if alike, for those whose own do not tell: {alike}")
-    if record.friction_ratio is not None and record.friction_ratio.interval95[0] <= 0:
-        found.append("the interval of coulomb_friction reaches zero: the walk does not show that there is any")
+    found += [one.seen for one in record.objections]
     if not motion.measured_torque:
         found.append(
             "torque was not logged: what the controller asked for stands in, so newton metres are null; friction is "

@@ -1,0 +1,254 @@
+"""What makes a fit invalid: where one of these holds, no friction is stated, no level, and nothing is proposed.
+
+An interval knows scatter. It does not know that gravity was left out, that a column is in degrees or that a flag is
+wrong, and a fit that lacks something may look as certain as one that does not. Each objection says what was seen, with
+its number, and what to do first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, Objection
+from stiction.identify.checks import coupled_text, unit_warnings
+from stiction.identify.consistency import LARGEST_SIGMAS, beyond_chance
+from stiction.identify.record import Evidence
+from stiction.identify.runs import Run
+
+LARGEST_REST = 0.3
+"""Share of the torque that may go unexplained, |residual| / |torque|. With right flags the measured joints of
+results/identification leave 2 to 6 %, by the law that was chosen; beyond 30 % what is missing is as large as dry
+friction usually is, and takes any share of it."""
+
+SERIOUS = 0.1
+"""Relative change of a parameter, by another reading of the same log, from which on there is no answer. Less is lost in
+a level, rounded up to a whole per cent and doubled where the joint was not loaded; from a tenth on it shows."""
+
+LARGEST_SCALE = 0.1
+"""Relative gap between the torque that the declared gains ask for and the logged one, beyond which one of the two is
+wrong; `closed_loop.LARGEST_MISMATCH` must be exceeded too, for noise alone changes no scale."""
+
+LARGEST_EXCESS = 1.05
+"""Logged torque over torque limit that noise of the current sensor still explains."""
+
+FLAT_SHARE = 0.02
+"""Share of the samples at exactly the extreme torque from which on it counts as clipped. Noise reaches an extreme
+once."""
+
+FLAT_RATIO = 2.0
+"""Samples at the extreme over those in the next twentieth of the range below it: a torque that turns round by itself
+has as many there; one that is cut off piles up."""
+
+NEGATIVE_FRICTION = "negative_friction"
+"""Reason of the objection to friction that would drive the joint: no law is then called the chosen one."""
+
+EXCITE = "`stiction excite` designs the motion"
+"""Where a better log comes from."""
+
+
+def find_objections(evidence: Evidence, record: JointRecord, moving: Sequence[str] = ()) -> tuple[Objection, ...]:
+    """Return what makes the fit invalid, the plainest first: units and flags, then the model, then the excitation.
+
+    moving: other joints that moved in the log.
+    """
+    run = evidence.run
+    found = [
+        *_units(run, record),
+        *_controller(evidence),
+        *_clipped(run),
+        *_coupled([*_position(record), *_negative(evidence), *_rest(record)], moving),
+        *_estimators(record),
+    ]
+    friction = evidence.symmetric()["coulomb_friction"]
+    shown = record.coulomb_friction or record.combinations.get("f/k") or friction
+    return (*found, *no_friction_shown(shown, "N m" if record.axis == "rotary" else "N"))
+
+
+def no_friction_shown(friction: Estimate, unit: str) -> tuple[Objection, ...]:
+    """Object to dry friction [`unit`] whose interval reaches zero."""
+    low, high = friction.interval95
+    if low > 0:
+        return ()
+    return (
+        Objection(
+            FRICTION_REACHES_ZERO,
+            f"the interval of coulomb_friction reaches zero ({low:.4g} to {high:.4g} {unit}): the log does not show "
+            "that "
+            "there is any",
+            f"log for longer, with slow stretches and many reversals; {EXCITE}",
+        ),
+    )
+
+
+def _units(run: Run, record: JointRecord) -> list[Objection]:
+    """Object to signals that are probably not in SI units, and to torque beyond the motor's limit."""
+    found = [
+        Objection("units", text, "convert the columns to rad and N m (--torque-scale), and run again")
+        for text in unit_warnings(run.signals, record.axis)
+    ]
+    limit, peak = record.torque_limit, float(np.abs(run.torque).max())
+    if limit is not None and run.measured and peak > LARGEST_EXCESS * limit:
+        found.append(
+            Objection(
+                "beyond_limit",
+                f"the log's torque reaches {peak:.4g}, beyond the torque limit {limit:.4g}: the torque's unit "
+                "(--torque-scale) or the limit is not as declared",
+                "find out which of the two is wrong: --torque-scale, --torque-limit",
+            )
+        )
+    return found
+
+
+def _controller(evidence: Evidence) -> list[Objection]:
+    """Object to a logged torque that is another multiple of the position's error, or speed, than the gains say."""
+    scales = evidence.loop.scales
+    if scales is None or evidence.loop.mismatch is None or evidence.loop.reason is None:
+        return []
+    if max(abs(scale - 1) for scale in scales) <= LARGEST_SCALE:
+        return []
+    spring, damper = scales
+    seen = (
+        f"the logged torque is {spring:.3g} times kp (target − position) less {damper:.3g} times kd velocity, and is "
+        "off "
+        f"by {evidence.loop.mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, or "
+        "the "
+        "gains are not as declared"
+    )
+    degrees = abs(spring * 180 / np.pi - 1) < LARGEST_SCALE and abs(damper * 180 / np.pi - 1) < LARGEST_SCALE
+    remedy = (
+        "the angles look like degrees: convert them to rad"
+        if degrees
+        else "check --torque-scale, --kp, --kd, the rate, and that all columns are this joint's; torque that the "
+        "controller "
+        "adds goes into a feedforward column; where the gains are not known leave --kp and --kd out"
+    )
+    return [Objection("controller", seen, remedy)]
+
+
+def _clipped(run: Run) -> list[Objection]:
+    """Object to a torque that stands still at its extremes, unless that is the declared limit."""
+    if not run.measured:
+        return []
+    torque, limit = run.torque[run.signals.valid], run.setup.torque_limit
+    flat = [_flat_share(side) for side in (torque, -torque)]
+    most = float(np.abs(torque).max())
+    if sum(flat) < FLAT_SHARE or (limit is not None and most > 0.99 * limit):
+        return []
+    return [
+        Objection(
+            "clipped",
+            f"the torque stands at exactly its extremes in {sum(flat):.0%} of the samples ({most:.4g}): it was cut off "
+            "there, and what the motor gave beyond is missing",
+            f"log the whole range, or move more gently; if {most:.4g} is the motor's own limit say so: --torque-limit",
+        )
+    ]
+
+
+def _flat_share(torque: np.ndarray) -> float:
+    """Return the share of samples at the maximum where it is a plateau, else 0; shape (num_samples,)."""
+    top, reach = float(torque.max()), 0.05 * float(np.ptp(torque))
+    there = int(np.count_nonzero(torque >= top - 1e-9 * max(abs(top), 1e-300)))
+    below = int(np.count_nonzero(torque >= top - reach)) - there
+    return there / len(torque) if there > FLAT_RATIO * below else 0.0
+
+
+def _coupled(objections: list[Objection], moving: Sequence[str]) -> list[Objection]:
+    """Add to objections to the model that other joints moved, where they did."""
+    if not moving:
+        return objections
+    return [replace(one, remedy=f"{one.remedy}; {coupled_text(moving)}") for one in objections]
+
+
+def _position(record: JointRecord) -> list[Objection]:
+    """Object to a torque that follows the position, where no gravity was fitted and it matters."""
+    follows = record.diagnostics["position_torque"]
+    worst = follows_position(follows, SERIOUS)
+    if follows is None or worst is None:
+        return []
+    return [
+        Objection(
+            "follows_position",
+            f"the torque follows the position too ({follows['slope']:.3g} per unit): gravity, a spring, a cable or a "
+            "stop, "
+            f"which the model lacks; with it {worst} would change by {follows['changes'][worst]:+.0%}, which the "
+            "interval "
+            "does not cover",
+            "--gravity True fits it; or turn the joint's axis upright, or take the load off",
+        )
+    ]
+
+
+def follows_position(follows: dict[str, Any] | None, least: float) -> str | None:
+    """Return which parameter changes most once torque may follow the position; None where by less than a share `least`.
+
+    follows: see `combinations.position_torque`.
+    """
+    if follows is None or abs(follows["slope"]) <= LARGEST_SIGMAS * follows["std"]:
+        return None
+    changes = follows["changes"]
+    worst = max(changes, key=lambda name: abs(changes[name]), default=None)
+    return worst if worst is not None and abs(changes[worst]) > least else None
+
+
+def _negative(evidence: Evidence) -> list[Objection]:
+    """Object to friction that would drive the joint, where no other law is in its place."""
+    if evidence.chosen is not evidence.base:
+        return []
+    for name in ("coulomb_friction", "viscous_friction"):
+        low, high = evidence.symmetric()[name].interval95
+        if high < 0:
+            cause = (
+                "check that the log was made at these gains (--kp, --kd) and this rate"
+                if not evidence.run.measured
+                else "check --torque-scale and the columns; log this joint alone, in the air, with --gravity if a link "
+                "hangs on it"
+            )
+            return [
+                Objection(
+                    NEGATIVE_FRICTION,
+                    f"{name} comes out below zero ({low:.4g} to {high:.4g}), which no joint has: something in this log "
+                    "drives the joint that the model does not have",
+                    cause,
+                )
+            ]
+    return []
+
+
+def _rest(record: JointRecord) -> list[Objection]:
+    """Object to a fit that leaves much of the torque unexplained."""
+    rest = (record.friction_law or {})["relative_torque_error"]
+    if rest <= LARGEST_REST:
+        return []
+    return [
+        Objection(
+            "unexplained_torque",
+            f"{rest:.0%} of the torque is not explained by inertia and friction, at most {LARGEST_REST:.0%} may be: "
+            "gravity, a load, contact, other joints in motion, or noise; intervals cover noise, not a model that lacks "
+            "something",
+            "--gravity True if a link hangs on the joint; else log this joint alone, free of contact, and check that "
+            "the "
+            "torque column is its own",
+        )
+    ]
+
+
+def _estimators(record: JointRecord) -> list[Objection]:
+    """Object where regression and simulation dispute the dry friction itself."""
+    gap = (record.diagnostics["disagreement"] or {}).get("coulomb_friction")
+    if record.diagnostics["method"] == "output_error" or gap is None:
+        return []
+    if not beyond_chance(gap) or gap["relative"] <= SERIOUS:
+        return []
+    return [
+        Objection(
+            "estimators",
+            f"regression and output error disagree on coulomb_friction by {gap['relative']:.0%} ({gap['sigmas']:.1f} "
+            "combined standard deviations): the model, the gains or the timing are not quite right",
+            "check --kp, --kd and --velocity-delay; log some of it slower, for the regression leaves turning points "
+            "out",
+        )
+    ]
