@@ -387,7 +387,21 @@ def read_fit(path: Path, joint: str) -> FitSignals:
 
 def is_training(path: Path) -> bool:
     """Return whether a file proposes a training, and is not an identification; raise `FileError` for no JSON."""
+    _check_withheld(path)
     return "friction" in read_object(path, "a joints.json or training.json of `stiction identify`")
+
+
+def _check_withheld(path: Path) -> None:
+    """Raise `FileError` where a training.json is missing because the fit beside it is not valid."""
+    beside = path.parent / "joints.json"
+    if not path.exists() and beside.is_file():
+        objections = [
+            f"{name}: {one.text}" for name, record in load_joints(beside).joints.items() for one in record.objections
+        ]
+        if objections:
+            raise FileError(
+                f"there is no {path.name}, for nothing can be proposed from this identification: {objections[0]}"
+            )
 
 
 def write_training(path: Path, proposal: dict[str, Any]) -> None:
@@ -400,15 +414,7 @@ def read_training(path: Path) -> dict[str, Any]:
 
     Where there is no file because the fit beside it is not valid, the message says so.
     """
-    beside = path.parent / "joints.json"
-    if not path.exists() and beside.is_file():
-        objections = [
-            f"{name}: {one.text}" for name, record in load_joints(beside).joints.items() for one in record.objections
-        ]
-        if objections:
-            raise FileError(
-                f"there is no {path.name}, for nothing can be proposed from this identification: {objections[0]}"
-            )
+    _check_withheld(path)
     data = read_object(path, "the training.json of `stiction identify`")
     if {"joints", "warnings"} <= data.keys() and "friction" not in data:
         raise FileError(f"{path.name}: these are identified joints; expected the training.json that lies beside them")

@@ -81,7 +81,8 @@ class IdentifySetup:
     unknowns: tuple[Literal["delay", "encoder_bias"], ...] = ()
     """What output error is to find besides: the delay of the controller, the bias of the encoder."""
     gravity: bool | None = None
-    """Fit gravity on the link; by default for a leg in the air, and nothing else."""
+    """Fit gravity on the link; by default for a leg in the air, and where the test condition is loaded or not stated,
+    if it predicts parts of the log that the fit did not see better."""
     cutoff: float | None = None
     """Corner of the filter [Hz]; by default as high as the noise of the acceleration lets."""
 
