@@ -155,6 +155,10 @@ LARGEST_MISMATCH = 0.15
 """Relative size of logged torque − PD torque beyond which gains, torque unit or timing must be wrong."""
 
 
+LONGEST_LATENESS = 0.04
+"""Lateness of a whole loop that is looked for before its torque is called another multiple [s]."""
+
+
 @dataclass(frozen=True)
 class Mismatch:
     """How the logged torque differs from the declared controller's."""
@@ -188,6 +192,14 @@ def controller_mismatch(
     free = np.abs(spring + damper) < gains.torque_limit
     if free.mean() < 0.5:  # In another unit everything is beyond the limit.
         free[:] = True
-    columns = np.stack([spring, damper, np.ones_like(spring)], axis=1)[free]
-    scales = np.linalg.lstsq(columns, measured[clear][free], rcond=None)[0]
+    free = np.flatnonzero(free)
+    columns, logged = np.stack([spring, damper, np.ones_like(spring)], axis=1), measured[clear]
+    best, scales = np.inf, np.ones(3)
+    # A loop that is late asks for the same torque a little later, and friction does not mind: only the size counts here.
+    for late in range(0, int(LONGEST_LATENESS / signals.step) + 1, max(1, round(LONGEST_LATENESS / signals.step / 20))):
+        rows = free[free >= late]
+        found = np.linalg.lstsq(columns[rows - late], logged[rows], rcond=None)[0]
+        rest = float(np.mean((logged[rows] - columns[rows - late] @ found) ** 2))
+        if rest < best:
+            best, scales = rest, found
     return Mismatch(size, (float(scales[0]), float(scales[1]) if gains.kd > 0 else 1.0))
