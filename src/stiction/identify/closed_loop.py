@@ -195,8 +195,9 @@ def controller_mismatch(
     free = np.flatnonzero(free)
     columns, logged = np.stack([spring, damper, np.ones_like(spring)], axis=1), measured[clear]
     best, scales = np.inf, np.ones(3)
-    # A loop that is late asks for the same torque a little later, and friction does not mind: only the size counts here.
-    for late in range(0, int(LONGEST_LATENESS / signals.step) + 1, max(1, round(LONGEST_LATENESS / signals.step / 20))):
+    most = int(LONGEST_LATENESS / signals.step)
+    # A loop that is late asks for the same torque a little later, and friction does not mind: only the size counts.
+    for late in range(0, most + 1, max(1, most // 20)):
         rows = free[free >= late]
         found = np.linalg.lstsq(columns[rows - late], logged[rows], rcond=None)[0]
         rest = float(np.mean((logged[rows] - columns[rows - late] @ found) ** 2))

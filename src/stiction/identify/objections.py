@@ -30,9 +30,10 @@ SERIOUS = 0.1
 """Relative change of a parameter, by another reading of the same log, from which on there is no answer. Less is lost in
 a level, rounded up to a whole per cent and doubled where the joint was not loaded; from a tenth on it shows."""
 
-LARGEST_SCALE = 0.1
+LARGEST_SCALE = 0.25
 """Relative gap between the torque that the declared gains ask for and the logged one, beyond which one of the two is
-wrong; `closed_loop.LARGEST_MISMATCH` must be exceeded too, for noise alone changes no scale."""
+wrong; `closed_loop.LARGEST_MISMATCH` must be exceeded too, for noise alone changes no scale. Delays and
+biases of virtual robots reach a fifth, with friction that is right within 2 %."""
 
 LARGEST_EXCESS = 1.05
 """Logged torque over torque limit that noise of the current sensor still explains."""
@@ -121,7 +122,7 @@ def _controller(evidence: Evidence) -> list[Objection]:
         "the "
         "gains are not as declared"
     )
-    degrees = abs(spring * 180 / np.pi - 1) < LARGEST_SCALE and abs(damper * 180 / np.pi - 1) < LARGEST_SCALE
+    degrees = abs(spring * 180 / np.pi - 1) < SERIOUS and abs(damper * 180 / np.pi - 1) < SERIOUS
     remedy = (
         "the angles look like degrees: convert them to rad"
         if degrees
