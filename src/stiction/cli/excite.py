@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
+from stiction.core.lock import output_folder
 from stiction.core.records import header, part_of, texts
 from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits, write_signals
 from stiction.formats.log import write_log
@@ -56,11 +57,11 @@ def main(arguments: list[str]) -> int:
         designed = design_excitation(setup, config.joint, command, progress)
     text = object_text(designed.record.to_dict())
     try:
-        config.out.mkdir(parents=True, exist_ok=True)
-        write_log(config.out / "trajectory.csv", designed.trajectory)
-        write_signals(config.out / "design.npz", designed.signals)
-        (config.out / "design.json").write_text(text, encoding="utf-8")
-        write_excitation_page(config.out)
+        with output_folder(config.out):
+            write_log(config.out / "trajectory.csv", designed.trajectory)
+            write_signals(config.out / "design.npz", designed.signals)
+            (config.out / "design.json").write_text(text, encoding="utf-8")
+            write_excitation_page(config.out)
     except OSError as error:
         raise FileError(f"cannot write to {config.out}: {error.strerror or error}; choose another --out") from error
     if config.json:

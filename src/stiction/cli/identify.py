@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.table import Table
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError
+from stiction.core.lock import output_folder
 from stiction.core.records import part_of
 from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile, write_fit
 from stiction.formats.plain import object_text
@@ -151,11 +152,11 @@ def _write_results(
     from stiction.identify.verdict import propose
 
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        joints.write(folder / "joints.json")
-        write_training(folder / "training.json", propose(joints))
-        write_signals(folder / "fit.npz")
-        write_page(folder)
+        with output_folder(folder):
+            joints.write(folder / "joints.json")
+            write_training(folder / "training.json", propose(joints))
+            write_signals(folder / "fit.npz")
+            write_page(folder)
     except OSError as error:
         raise FileError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
 

@@ -11,6 +11,7 @@ import tyro
 from tyro.conf import Positional, subcommand
 
 from stiction.core.errors import RobotError
+from stiction.core.lock import output_folder
 
 
 @dataclass(frozen=True)
@@ -126,10 +127,10 @@ def _show(cfg: ShowCfg) -> None:
     from stiction.robots.mjcf import build
     from stiction.robots.picture import draw
 
-    cfg.out.mkdir(parents=True, exist_ok=True)
-    (cfg.out / "robot.xml").write_text(build(robot).to_xml(), encoding="utf-8")
-    (cfg.out / "robot.yaml").write_text(complete_text(robot, "robot.xml"), encoding="utf-8")
-    draw(robot, cfg.out / "robot.png")
+    with output_folder(cfg.out):
+        (cfg.out / "robot.xml").write_text(build(robot).to_xml(), encoding="utf-8")
+        (cfg.out / "robot.yaml").write_text(complete_text(robot, "robot.xml"), encoding="utf-8")
+        draw(robot, cfg.out / "robot.png")
     if not cfg.json:
         print(f"written: {cfg.out}/robot.png, robot.yaml (complete), robot.xml (what is simulated)")
 

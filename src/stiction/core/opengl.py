@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from stiction.core.errors import EngineError
+from stiction.core.lifeline import tied
 
 
 def opengl_environment() -> dict[str, str]:
@@ -27,13 +28,13 @@ def render(
 ) -> Path:
     """Run a module that draws a file, and return the file's path.
 
-    module: run as `python -m` with these words; timeout: longest that it may take [s]; error: raised where it takes
+    module: run as `python -m` with these words, calls `follow_parent`; timeout: longest that it may take [s]; error: raised where it takes
     longer, fails, or leaves no file, with what it said last; what: it draws, such as `clip`.
     """
     program = [sys.executable, "-m", module, *map(str, words)]
     try:
         done = subprocess.run(
-            program, env=opengl_environment(), capture_output=True, text=True, timeout=timeout, check=False
+            program, **tied(opengl_environment()), capture_output=True, text=True, timeout=timeout, check=False
         )
     except subprocess.TimeoutExpired as late:
         raise error(f"no {what}: rendering took more than {timeout:.0f} s") from late

@@ -95,7 +95,7 @@ class StopRequest:
 
     @property
     def status(self) -> int:
-        """Exit status of a program that a signal ended: 130 for Ctrl-C, 143 for SIGTERM."""
+        """Exit status of a program that a signal ended: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
         return 128 + self.signal
 
     def receive(self, number: int, _: FrameType | None) -> None:
@@ -108,9 +108,12 @@ class StopRequest:
 
 @contextmanager
 def stop_requests(say: Callable[[str], None], what: str) -> Iterator[StopRequest]:
-    """Take Ctrl-C and SIGTERM as a request while the work lasts."""
+    """Take Ctrl-C, SIGTERM and a closed terminal (SIGHUP) as a request while the work lasts."""
     request = StopRequest(say, what)
-    before = {number: signal.signal(number, request.receive) for number in (signal.SIGINT, signal.SIGTERM)}
+    asking = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    # nohup has SIGHUP ignored.
+    numbers = [number for number in asking if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, request.receive) for number in numbers}
     try:
         yield request
     finally:

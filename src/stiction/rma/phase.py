@@ -208,6 +208,7 @@ class PhaseRunner(OnPolicyRunner):
             tree["random_cuda"] = torch.cuda.get_rng_state()
         self.run.flush()
         self.board.flush()
+        tree["run"] = self.run.origin()
         save_checkpoint(self._file(), tree)
         keep_newest(self.run.checkpoints, self.phase)
 
@@ -216,7 +217,7 @@ class PhaseRunner(OnPolicyRunner):
         tree = load_checkpoint(path)
         try:
             self._restore(path, tree)
-        except (KeyError, ValueError, RuntimeError) as error:  # a part that is missing, of another shape, another net
+        except (KeyError, ValueError, TypeError, AttributeError, IndexError, RuntimeError) as error:  # a part that is missing, of another shape, another net
             cause, first = str(error).strip().splitlines()[0], self.run.header()["revision"].partition("+")[0]
             raise TrainingError(
                 f"checkpoint {path} cannot be restored by this version ({type(error).__name__}: {cause}); "
@@ -231,6 +232,8 @@ class PhaseRunner(OnPolicyRunner):
                 "the result will not be that of an uninterrupted run bit by bit",
                 stacklevel=2,
             )
+        if "run" in tree:  # Older checkpoints do not say.
+            self.run.check_origin(path.name, tree["run"])
         # Before there was a fast path, checkpoints did not say which one they were written on.
         written = tree.get("gemm", "default (none was recorded)")
         if (written == "fast") != (gemm_path() == "fast"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
 import signal
 import subprocess
@@ -10,8 +9,8 @@ import sys
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from io import TextIOWrapper
 
+from stiction.core.lifeline import tied
 from stiction.core.provenance import PACKAGE, THREADS_VARIABLE
 from stiction.report.terminal import stop_requests
 from stiction.studies.friction.manifest import PlannedRun
@@ -47,7 +46,6 @@ class Job:
 
     run: PlannedRun
     process: subprocess.Popen
-    lock: TextIOWrapper
 
     def last_line(self) -> str:
         """Return the last line that the run printed: of one that failed, the reason."""
@@ -55,18 +53,12 @@ class Job:
         return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
 
 
-def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_command) -> Job | None:
-    """Start the training of a run on one thread, by this very code; None where another process trains it.
+def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_command) -> Job:
+    """Start the training of a run on one thread, by this very code.
 
-    The lock passes to the run's own process, so that it holds as long as the training goes on, whoever is interrupted.
+    It ends itself where another process writes the run's folder; and, with a checkpoint, where this one is killed.
     """
     run.path.mkdir(parents=True, exist_ok=True)
-    lock = (run.path / ".lock").open("w")
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        lock.close()
-        return None
     path = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
     environment = {**os.environ, THREADS_VARIABLE: "1", "PYTHONPATH": path}
     with (run.path / LOG).open("a") as log:
@@ -75,12 +67,10 @@ def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_co
             command(run),
             stdout=log,
             stderr=log,
-            stdin=subprocess.DEVNULL,
-            env=environment,
-            pass_fds=[lock.fileno()],
+            **tied(environment),
             start_new_session=True,
         )
-    return Job(run, process, lock)
+    return Job(run, process)
 
 
 def train_missing(
@@ -107,16 +97,11 @@ def train_missing(
     try:
         while (waiting or running) and not asked():
             while waiting and len(running) < jobs:
-                run = waiting.pop(0)
-                if job := start(run, command):
-                    running.append(job)
-                else:
-                    failed[run.run.name] = "another process trains it"
+                running.append(start(waiting.pop(0), command))
             time.sleep(poll)
             trained = [job.run for job in running]
             for job in [job for job in running if job.process.poll() is not None]:
                 running.remove(job)
-                job.lock.close()
                 if job.run.state() != "finished":
                     failed[job.run.run.name] = f"{job.last_line()} (see {job.run.path / LOG})"
             shares.report(trained, failed)
@@ -144,7 +129,6 @@ def stop(running: Sequence[Job]) -> None:
         except subprocess.TimeoutExpired:
             job.process.kill()
             job.process.wait()
-        job.lock.close()
 
 
 class Shares:
