@@ -8,7 +8,6 @@ from pathlib import Path
 
 import tyro
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
@@ -50,7 +49,7 @@ def main(arguments: list[str]) -> int:
     setup = given.filled(robot_joint(config.robot, config.joint) if config.robot else None)
     from stiction.identify.excite.plan import design_excitation
     from stiction.report.excitation import write_excitation_page
-    from stiction.report.terminal import work_progress
+    from stiction.report.terminal import Terminal, work_progress
 
     command = shlex.join(["stiction", "excite", *arguments])
     with work_progress() as progress:
@@ -67,7 +66,7 @@ def main(arguments: list[str]) -> int:
     if config.json:
         print(text, end="")
     else:
-        show(Console(), designed.record, config.out)
+        show(Terminal(), designed.record, config.out)
     return 0
 
 
@@ -92,13 +91,13 @@ def show(console: Console, design: ExcitationDesign, out: Path) -> None:
     """Print how to run the log, what it will tell and what to type next, for a person."""
     table = Table(*header(Predicted), title=design.joint)
     for row in design.predicted:
-        table.add_row(*map(escape, texts(row)))
+        table.add_row(*texts(row))
     console.print(table)
     lines = [design.advice, *run_lines(design, out)]
     lines += [f"warning: {text}" for text in design.warnings]
     lines += [f"page: {out / 'report.html'}", f"then: {design.next_command}"]
     for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 def run_lines(design: ExcitationDesign, out: Path) -> list[str]:

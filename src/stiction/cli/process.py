@@ -6,6 +6,7 @@ import os
 import signal
 import sys
 import traceback
+from pathlib import Path
 from types import FrameType
 from typing import Any, TextIO
 
@@ -37,7 +38,7 @@ class Stream:
     """Standard output or error: escapes what could steer a terminal, and knows what a reader that is gone means."""
 
     def __init__(self, file: TextIO, lasting: bool, escapes: bool = True) -> None:
-        """`lasting`: whether the work goes on where it cannot be written; `escapes`: not for what draws the terminal."""
+        """`lasting`: whether work goes on where it cannot be written; `escapes`: not for what draws the terminal."""
         self._file, self._lasting, self._escapes = file, lasting, escapes
 
     @property
@@ -62,8 +63,8 @@ class Stream:
     def flush(self) -> None:
         """Bring everything out.
 
-        Raises `SystemExit` with status 0 where the reader of standard output (`| head`) has seen enough, `StictionError`
-        where it cannot be written for another reason.
+        Raises `SystemExit` with status 0 where the reader of standard output (`| head`) has seen enough, and
+        `StictionError` where it cannot be written for another reason.
         """
         try:
             self._file.flush()
@@ -91,7 +92,7 @@ def begin() -> None:
             # Closed by the caller: the next file that is opened would get its number, and what is printed.
             os.open(os.devnull, os.O_RDWR)
     for name in ("stdout", "stderr"):
-        file = getattr(sys, name) or open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115
+        file = getattr(sys, name) or Path(os.devnull).open("w", encoding="utf-8")  # noqa: SIM115
         file.reconfigure(errors="backslashreplace")
         setattr(sys, name, Stream(file, lasting=name == "stderr"))
     for number in (signal.SIGTERM, signal.SIGHUP):

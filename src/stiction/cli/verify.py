@@ -50,11 +50,11 @@ def main(arguments: list[str]) -> None:
 
 def _print(check) -> None:
     """Print what was checked as a table."""
-    from rich.console import Console
     from rich.table import Table
 
     from stiction.deploy.check import TOLERANCE
     from stiction.formats.known_friction import known_friction_text
+    from stiction.report.terminal import Terminal
 
     bundle, contract = check.bundle, check.bundle.contract
     rows = {
@@ -73,7 +73,7 @@ def _print(check) -> None:
     table = Table(title=f"{bundle.name}: every check passed", title_justify="left", show_header=False)
     for name, text in rows.items():
         table.add_row(name, text)
-    console = Console()
+    console = Terminal()
     console.print(table)
     console.print("The digests guard against damage; they are not a signature. Take bundles from where you trust.")
 

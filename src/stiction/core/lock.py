@@ -84,7 +84,7 @@ def _take(file: Path, folder: Path, option: str) -> int:
             raise FileError(f"{folder} cannot be written: {error.strerror}; choose another {option}") from error
         try:
             fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            there = os.stat(file)
+            there = file.stat()
             if (there.st_dev, there.st_ino) == (os.fstat(number).st_dev, os.fstat(number).st_ino):
                 with suppress(OSError):  # A full disk: the lock holds without its text.
                     os.ftruncate(number, 0)

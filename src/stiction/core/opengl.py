@@ -28,8 +28,9 @@ def render(
 ) -> Path:
     """Run a module that draws a file, and return the file's path.
 
-    module: run as `python -m` with these words, calls `follow_parent`; timeout: longest that it may take [s]; error: raised where it takes
-    longer, fails, or leaves no file, with what it said last; what: it draws, such as `clip`.
+    module: run as `python -m` with these words, which calls `follow_parent`; timeout: longest that it may take [s];
+    error: raised where it takes longer, fails, or leaves no file, with what it said last; what: it draws, such as
+    `clip`.
     """
     program = [sys.executable, "-m", module, *map(str, words)]
     try:

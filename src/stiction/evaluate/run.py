@@ -57,7 +57,7 @@ class WalkLedger(Ledger):
     def find(self, walk: Walk) -> Metrics | None:
         """Return the metrics of a walk; None where it was not done."""
         entry = self.get(self.key(walk))
-        return None if entry is None else from_plain(Metrics, entry.get("metrics"), f"{LEDGER}: {entry['key']}: metrics")
+        return None if entry is None else from_plain(Metrics, entry.get("metrics"), f"{LEDGER}, {entry['key']}")
 
     def add(self, walks: tuple[Walk, ...], metrics: list[Metrics]) -> None:
         """Add walks; they are on the disk when this returns. Raises `FileError` where the file cannot be written."""

@@ -42,8 +42,7 @@ ROBOT = "robot.json"
 LARGEST_CHECKPOINT = 2**30
 """Bytes of a checkpoint's tensors that are read; those of the largest preset have some 4 MB."""
 
-BROKEN = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError)
-BROKEN += (FileError, SafetensorError)
+BROKEN = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError, SafetensorError)
 """What a damaged checkpoint raises where it is read."""
 
 _TENSOR = "__tensor__"
@@ -123,7 +122,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
             raise ValueError("it is not what its digest says, and was damaged or altered")
         # A copy each: in the file they lie unaligned, and the linear algebra rounds by how its numbers lie in memory.
         tree = _join(header["tree"], {name: tensor.clone() for name, tensor in load(content).items()})
-    except BROKEN as error:
+    except (*BROKEN, FileError) as error:
         raise TrainingError(
             f"checkpoint {path} cannot be read: {error}; remove it to go on from the one before it, or train again"
         ) from error

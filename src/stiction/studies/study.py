@@ -30,7 +30,7 @@ from stiction.core.lock import output_folder
 from stiction.core.provenance import Origin, num_threads
 from stiction.core.records import make_folder, write_rows
 from stiction.formats.results import ResultRow, summary_text, write_results, write_summary
-from stiction.report.terminal import jobs_of, print_warnings, work_progress
+from stiction.report.terminal import Terminal, jobs_of, print_warnings, work_progress
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -314,11 +314,9 @@ WIDE = 140
 
 def _show(report: Report, out: Path) -> None:
     """Print the answer, where the page is, and what to do next."""
-    from rich.console import Console
-
-    console = Console()
+    console = Terminal()
     if not console.is_terminal:
-        console = Console(width=WIDE)
+        console = Terminal(width=WIDE)
     for line in report.answer or (report.lead,):
         (print if isinstance(line, str) else console.print)(line)
     for line in (*((f"report: {out / PAGE}",) if report.title else ()), *report.further):
