@@ -92,6 +92,7 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
         )
     robot = find_robot(cfg.task.robot)
     cfg.task.randomization.check_robot(robot)
+    cfg.check_memory(robot)
     cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
     find_device(cfg.device, cfg.contacts)
     if cfg.symmetry != "none":

@@ -12,8 +12,12 @@ from typing import Any, TypeVar
 
 from stiction.core import lifeline
 from stiction.core.errors import StictionError
+from stiction.core.memory import check_memory
 
 Result = TypeVar("Result")
+
+PROCESS = 150e6
+"""Memory that a process at work takes at least: Python with numerical libraries and a simulator [B]."""
 
 
 def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int) -> Iterator[tuple[int, Result]]:
@@ -27,10 +31,12 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
         for number, task in enumerate(tasks):
             yield number, work(*task)
         return
+    processes = min(jobs, len(tasks))
+    check_memory(processes * PROCESS, f"work in {processes} processes", "ask for fewer --jobs, or STICTION_THREADS")
     # Forked children would share the simulator's threads with this process.
     context = multiprocessing.get_context("spawn")
     reader, writer = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(min(jobs, len(tasks)), context, initializer=_begin, initargs=(reader,))
+    pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(reader,))
     try:
         waiting = {pool.submit(work, *task): number for number, task in enumerate(tasks)}
         for future in as_completed(waiting):

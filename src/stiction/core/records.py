@@ -14,7 +14,7 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from stiction.core.errors import FileError, StictionError
+from stiction.core.errors import ConfigurationError, FileError, StictionError
 
 Row = TypeVar("Row")
 
@@ -183,6 +183,22 @@ def _short(value: Any) -> str:
     """Return the begin of a value as text, for messages."""
     # An integer of thousands of digits has no text.
     return "a huge integer" if isinstance(value, int) and abs(value) >= LARGEST else str(value)[:60]
+
+
+MOST = 1e12
+"""Size from which a setting is a mistake: there is no length, time, gain or count like that."""
+
+
+def check_numbers(config: Any, name: str = "") -> None:
+    """Raise `StictionError` naming the number of a (nested) dataclass that is not finite, or beyond `MOST`."""
+    if dataclasses.is_dataclass(config):
+        for field in fields(config):
+            check_numbers(getattr(config, field.name), f"{name}.{field.name}".lstrip("."))
+    elif isinstance(config, tuple | list):
+        for part in config:
+            check_numbers(part, name)
+    elif isinstance(config, int | float) and not isinstance(config, bool) and not abs(config) < MOST:
+        raise ConfigurationError(f"{name} is {_short(config)}; expected a number, smaller than {MOST:g}")
 
 
 def part_of(kind: type[T], config: Any, **others: Any) -> T:

@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from stiction.core.errors import ConfigurationError, escaped
-from stiction.core.provenance import num_threads
+from stiction.core.provenance import MOST_THREADS, num_threads
 from stiction.core.records import header, texts
 from stiction.formats.following import row_pace
 from stiction.formats.results import ResultRow
@@ -137,10 +137,10 @@ def stop_requests(say: Callable[[str], None], what: str) -> Iterator[StopRequest
 def jobs_of(asked: int | None) -> int:
     """Return how many tasks are done at once; by default as many as there are cores (STICTION_THREADS).
 
-    Raises `StictionError` where less than one is asked for.
+    Raises `StictionError` where less than one is asked for, or more than can start.
     """
-    if asked is not None and asked < 1:
-        raise ConfigurationError(f"--jobs {asked}: expected at least 1")
+    if asked is not None and not 1 <= asked <= MOST_THREADS:
+        raise ConfigurationError(f"--jobs {asked}: expected at least 1, and at most {MOST_THREADS}")
     return asked or num_threads()
 
 

@@ -234,8 +234,6 @@ class PhaseRunner(OnPolicyRunner):
                 "the result will not be that of an uninterrupted run bit by bit",
                 stacklevel=2,
             )
-        if "run" in tree:  # Older checkpoints do not say.
-            self.run.check_origin(path.name, tree["run"])
         # Before there was a fast path, checkpoints did not say which one they were written on.
         written = tree.get("gemm", "default (none was recorded)")
         if (written == "fast") != (gemm_path() == "fast"):

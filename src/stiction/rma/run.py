@@ -23,7 +23,7 @@ from stiction.core.lock import output_folder
 from stiction.core.provenance import git_revision, machine
 from stiction.core.records import from_plain, to_plain
 from stiction.formats.actuator import FILE, actuator_file, read_actuator
-from stiction.formats.plain import read_object
+from stiction.formats.plain import is_integer, is_number, read_object
 from stiction.formats.results import read_metrics
 from stiction.joints.net import ActuatorNet
 from stiction.rma.config import TrainCfg
@@ -163,6 +163,9 @@ def _sha256(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
+REPORTED, STOPPED = ("walk/tracking_error", "walk/tripod_share"), ("iteration", "walk/tracking_error")
+"""Numbers that summary.json has of a phase, and of one that reached its target."""
+
 HOLDS_ONE = "{} holds a run already; resume it with --resume, or name another folder with --out"
 
 
@@ -214,6 +217,8 @@ class RunDirectory:
         recorded = self.header().get("actuator")
         if recorded is None:
             return None
+        if not isinstance(recorded, dict) or "sha256" not in recorded:
+            raise FileError(f"{self.path / 'config.json'}: its actuator has no 'sha256'; expected {MADE}")
         net = read_actuator(self.path / FILE)
         if _sha256(self.path / FILE) != recorded["sha256"]:
             raise TrainingError(f"{self.path / FILE} is not the net that the run was started with; put that one back")
@@ -240,11 +245,24 @@ class RunDirectory:
 
     def summary(self) -> dict[str, Any]:
         """Return summary.json; empty where the run is not finished. Raises `StictionError` where it cannot be read."""
-        file = self.path / "summary.json"
-        return read_object(file, "that of a finished run; remove it and finish the run again") if self.finished else {}
+        if not self.finished:
+            return {}
+        file, expected = self.path / "summary.json", "that of a finished run; remove it and finish the run again"
+        found = read_object(file, expected)
+        figures = {"last": REPORTED, "stopped": STOPPED}
+        for name, wanted in figures.items():
+            phases = found.get(name, {})
+            if not isinstance(phases, dict) or not all(
+                isinstance(phase, dict) and all(is_number(phase.get(one), 1e12) for one in wanted)
+                for phase in phases.values()
+            ):
+                raise FileError(f"{file}: {name!r} lacks numbers; expected {expected}")
+        if "teacher" not in found.get("last", {}) or not is_number(found.get("seconds"), 1e12):
+            raise FileError(f"{file}: lacks 'last' or 'seconds'; expected {expected}")
+        return found
 
     def check_finished(self, phase: str) -> None:
-        """Raise `StictionError` unless a phase, `teacher` or `student`, has a checkpoint of its last iteration.
+        """Raise `StictionError` unless a phase, `teacher` or `student`, has a checkpoint of its last iteration, whole.
 
         The last one is the configuration's, or the one in which the phase reached its target. A half-trained policy
         walks badly and looks like a result.
@@ -258,6 +276,7 @@ class RunDirectory:
                 f"{self.path} is not finished, its {phase} stands at iteration {done} of {iterations}; "
                 f"finish it with `stiction train --resume {self.path}`"
             )
+        self.check_checkpoints()
 
     @contextmanager
     def writing(self) -> Iterator[None]:
@@ -287,6 +306,36 @@ class RunDirectory:
             "settings": hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest(),
             "figures": {"bytes": len(figures), "sha256": hashlib.sha256(figures).hexdigest()},
         }
+
+    def check(self, tree: dict[str, Any], path: Path) -> None:
+        """Raise `StictionError` where a checkpoint is none of this run. Older ones do not say which they are of."""
+        phase, _, number = path.stem.rpartition("_")
+        stopped, iterations = tree.get("stopped"), getattr(self.config(), phase).iterations
+        if not (
+            is_integer(tree.get("iteration"))
+            and number == f"{tree['iteration']:06d}"
+            and tree["iteration"] <= iterations
+            and (stopped is None or isinstance(stopped, dict))
+        ):
+            raise TrainingError(
+                f"checkpoint {path}: it is of another iteration than its name says, or of none of the {iterations}; "
+                "remove it to go on from the one before it"
+            )
+        try:
+            if "run" in tree:
+                self.check_origin(path.name, tree["run"])
+        except BROKEN as error:
+            raise TrainingError(
+                f"checkpoint {path}: cannot be compared with its run ({type(error).__name__}: {error}); remove it to go on "
+                "from the one before it"
+            ) from error
+
+    def check_checkpoints(self) -> None:
+        """Raise `StictionError` where the newest checkpoints are damaged, or none of this run: before it is built."""
+        for phase in ("teacher", "student"):
+            newest = latest_checkpoint(self.checkpoints, phase)
+            if newest is not None:
+                self.check(load_checkpoint(newest), newest)
 
     def check_origin(self, checkpoint: str, origin: dict[str, Any]) -> None:
         """Raise `StictionError` where a checkpoint is of other settings, or of other figures up to it.
@@ -344,4 +393,9 @@ class RunDirectory:
 def identified_values(header: dict[str, Any]) -> dict[str, np.ndarray] | None:
     """Return the joints that a run, by its `RunDirectory.header`, took from an identification, None where none."""
     identified = header["identified"]
-    return {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
+    if not identified:
+        return None
+    try:
+        return {name: np.array(value, float) for name, value in identified["values"].items()}
+    except (KeyError, AttributeError, ValueError, TypeError) as error:
+        raise FileError(f"config.json: its identified joints cannot be read: {error}; expected {MADE}") from error
