@@ -116,5 +116,5 @@ def test_a_run_of_too_many_robots_is_refused_before_it_is_built(tmp_path: Path) 
     """The memory is computed, not tried."""
     cfg = replace(CFG, num_envs=131_072, teacher=replace(CFG.teacher, steps=1000))
     run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
-    with pytest.raises(StictionError, match="GB of memory and .* GB are free; use fewer --num-envs"):
+    with pytest.raises(StictionError, match=r"GB of memory and .* GB are free; use fewer --num-envs"):
         train(cfg, run)

@@ -139,6 +139,6 @@ def explained(error: Exception, verb: str) -> str:
 def failed(error: Exception, verb: str, debug: bool) -> int:
     """Print the line of an error, with `debug` its traceback before it; return the exit status."""
     if debug:
-        traceback.print_exception(error, file=sys.stderr)
+        print(escaped("".join(traceback.format_exception(error))), end="", file=sys.stderr)
     print(f"stiction {verb}: {escaped(explained(error, verb))}", file=sys.stderr)
     return 1

@@ -104,8 +104,8 @@ class GridCfg:
         walks = robots * levels * len(self.terrains) * len(self.base.commands) * self.base.episodes
         if walks > MOST_WALKS:
             raise ConfigurationError(
-                f"a grid of some {walks} walks a policy; expected at most {MOST_WALKS}, days of computing: ask for fewer "
-                "episodes, robots, levels, grounds, commands or engines"
+                f"a grid of some {walks} walks a policy; expected at most {MOST_WALKS}, days of computing: ask for "
+                "fewer episodes, robots, levels, grounds, commands or engines"
             )
         for terrain in self.terrains:
             self.on(terrain)

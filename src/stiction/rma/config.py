@@ -273,6 +273,7 @@ class TrainCfg:
                 raise ConfigurationError(
                     f"{phase}: {samples} samples a rollout for {cfg.mini_batches} mini-batches; use more robots"
                 )
+
     def _check_rates(self) -> None:
         """Refuse rates, weights and shares out of range."""
         teacher, student = self.teacher, self.student
