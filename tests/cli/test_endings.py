@@ -95,6 +95,16 @@ def test_a_name_is_no_markup(capsys: pytest.CaptureFixture) -> None:
     assert "[/bar] \\u001b]0;title\\u0007: done" in captured.err
 
 
+@pytest.mark.parametrize("name", ["$\\frac$", "\x1b[2J", "a" * 200])
+def test_a_policy_has_a_name_that_can_be_shown(name: str) -> None:
+    """Matplotlib would take it for a formula, hours after the walks began."""
+    from stiction.core.errors import ConfigurationError
+    from stiction.evaluate.summary import check_names
+
+    with pytest.raises(ConfigurationError, match="rename the directory"):
+        check_names([POLICY, name])
+
+
 def test_what_a_stream_escapes_is_still_json() -> None:
     """A summary with a foreign name in it must be read by the next program, and colours of the help must work."""
     import io
