@@ -64,8 +64,8 @@ def check_names(names: Sequence[str], kind: str = "bundles") -> None:
     for name in names:
         if "$" in name or UNSAFE.search(name) or len(name) > LONGEST_NAME:
             raise ConfigurationError(
-                f"{kind} called {name[:LONGEST_NAME]!r}: expected at most {LONGEST_NAME} characters, without $ and control "
-                "characters; rename the directory"
+                f"{kind} called {name[:LONGEST_NAME]!r}: expected at most {LONGEST_NAME} characters, without $ and "
+                "control characters; rename the directory"
             )
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise ConfigurationError(

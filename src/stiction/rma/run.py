@@ -326,8 +326,8 @@ class RunDirectory:
                 self.check_origin(path.name, tree["run"])
         except BROKEN as error:
             raise TrainingError(
-                f"checkpoint {path}: cannot be compared with its run ({type(error).__name__}: {error}); remove it to go "
-                "on from the one before it"
+                f"checkpoint {path}: cannot be compared with its run ({type(error).__name__}: {error}); remove it to "
+                "go on from the one before it"
             ) from error
 
     def check_checkpoints(self) -> None:
