@@ -126,5 +126,5 @@ def test_the_memory_of_a_training_grows_with_what_it_holds() -> None:
 
 def test_no_field_of_a_file_is_taken_for_another_error() -> None:
     """The one kind of error says which file it was."""
-    with pytest.raises(FileError, match="^config is "):
+    with pytest.raises(FileError, match=r"^config is "):
         from_plain(TrainCfg, [])
