@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import fields
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +12,9 @@ import pytest
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS
-from stiction.formats.bundle import FILES, Golden, write_bundle
+from stiction.formats.bundle import listed, write_bundle
 from stiction.formats.contract import Contract, proprioception
+from stiction.formats.golden import Golden, controller_torque
 from stiction.formats.wear import WearModel
 from stiction.robots.catalog import find_robot
 
@@ -84,6 +85,7 @@ def make_golden(contract: Contract, model: bytes, steps: int = 500, seed: int = 
     """Return golden vectors over random sensors, two resets and changing commands."""
     generator = np.random.default_rng(seed)
     joints = contract.num_joints
+    position = contract.array("standing") + 0.2 * generator.standard_normal((steps, joints))
     quaternion = np.array([1.0, 0.0, 0.0, 0.0]) + 0.1 * generator.standard_normal((steps, 4))
     golden = Golden(
         joint_names=np.array(contract.joint_names),
@@ -92,7 +94,7 @@ def make_golden(contract: Contract, model: bytes, steps: int = 500, seed: int = 
         command=np.repeat(generator.uniform(-0.5, 0.5, (steps // 100, 3)), 100, axis=0),
         quaternion=quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True),
         angular_velocity=generator.standard_normal((steps, 3)),
-        joint_position=contract.array("standing") + 0.2 * generator.standard_normal((steps, joints)),
+        joint_position=np.clip(position, contract.array("lower"), contract.array("upper")),
         joint_velocity=generator.standard_normal((steps, joints)),
         observation=np.zeros((steps, contract.observation.size), np.float32),
         action=np.zeros((steps, joints), np.float32),
@@ -104,12 +106,15 @@ def make_golden(contract: Contract, model: bytes, steps: int = 500, seed: int = 
             policy.reset()
         outputs.append(policy.step(Sensors(*(getattr(golden, name)[t] for name in SENSORS)), golden.command[t]))
     computed = {name: np.stack([getattr(o, name) for o in outputs]) for name in ("observation", "action", "target")}
-    return Golden(**({field.name: getattr(golden, field.name) for field in fields(Golden)} | computed))
+    motors = (contract.array(name) for name in ("kp", "kd", "torque_limit"))
+    torque = controller_torque(computed["target"], golden.joint_position, golden.joint_velocity, *motors)
+    return replace(golden, **computed, torque=torque)
 
 
 def repair_sums(folder: Path) -> None:
     """Write SHA256SUMS anew, as someone would who altered a file on purpose."""
-    lines = [f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}\n" for name in FILES]
+    names = listed([path.name for path in folder.iterdir()])
+    lines = [f"{hashlib.sha256((folder / name).read_bytes()).hexdigest()}  {name}\n" for name in names]
     (folder / "SHA256SUMS").write_text("".join(lines))
 
 

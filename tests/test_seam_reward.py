@@ -37,7 +37,7 @@ def test_a_term_of_ones_own_pays_its_weight() -> None:
 
 
 def test_it_is_a_flag_and_goes_on_after_a_resume(tmp_path: Path) -> None:
-    """config.json is the complete configuration: whoever resumes a run names the term no second time."""
+    """config.json is the complete configuration; a run that is finished pays nobody, and needs no module to say so."""
     out = tmp_path / "run"
     words = (
         "--preset quick --robot go1 --num-envs 4 --teacher.iterations 2 --teacher.steps 4 --teacher.mini-batches 2 "

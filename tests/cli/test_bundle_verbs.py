@@ -1,5 +1,6 @@
 """`verify`, `export` and `evaluate` from the command line, with good and with bad input."""
 
+import hashlib
 import json
 import subprocess
 import sys
@@ -35,7 +36,7 @@ def test_verify_prints_what_was_checked(bundle: Path, capsys: pytest.CaptureFixt
     assert main(["verify", str(bundle)]) == 0
     out = capsys.readouterr().out
     assert "every check passed" in out
-    assert "not a signature" in out
+    assert "Checksums find accidents, signatures find authors" in " ".join(out.split())
 
 
 def test_verify_prints_json_and_nothing_else(bundle: Path, capsys: pytest.CaptureFixture) -> None:
@@ -44,6 +45,17 @@ def test_verify_prints_json_and_nothing_else(bundle: Path, capsys: pytest.Captur
     summary = json.loads(capsys.readouterr().out)
     assert summary["ok"] is True
     assert summary["steps"] == 500
+
+
+def test_verify_takes_the_digest_that_was_published(bundle: Path, capsys: pytest.CaptureFixture) -> None:
+    """Another bundle, or half of a digest, is refused in one line; the right one is said to be expected."""
+    digest = hashlib.sha256((bundle / "SHA256SUMS").read_bytes()).hexdigest()
+    assert main(["verify", str(bundle), "--expect-digest", digest]) == 0
+    assert "as expected" in " ".join(capsys.readouterr().out.split())
+    for wrong, said in (("0" * 64, "it is another bundle"), (digest[:32], "64 hexadecimal digits"), ("", "64 hex")):
+        assert main(["verify", str(bundle), "--expect-digest", wrong]) == 1
+        shown = capsys.readouterr().err
+        assert said in shown and shown.count("\n") == 1
 
 
 def test_verify_needs_neither_torch_nor_a_simulator(bundle: Path) -> None:

@@ -107,7 +107,7 @@ def _compensating(path: Path) -> None:
     from bundles import make_bundle, make_contract
 
     contract = make_contract()
-    make_bundle(path, replace(contract, compensation=(1.0,) * contract.num_joints))
+    make_bundle(path, replace(contract, compensation=(0.1,) * contract.num_joints))
 
 
 @pytest.mark.parametrize(

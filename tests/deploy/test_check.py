@@ -1,14 +1,15 @@
 """`check_bundle` accepts what was exported and rejects what was altered, repaired checksums or not."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from bundles import make_bundle, make_contract, make_golden, make_network, repair_sums
+from bundles import make_bundle, make_contract, make_golden, make_network, make_wear, repair_sums
 from stiction.core.errors import BundleError, StictionError
-from stiction.deploy.check import TOLERANCE, check_bundle
-from stiction.formats.bundle import read_bundle, write_bundle
+from stiction.deploy.check import TOLERANCE, check_bundle, robot_of
+from stiction.formats.bundle import read_bundle, shipped_bundles, write_bundle
 from stiction.formats.contract import Contract
 
 
@@ -55,9 +56,9 @@ SEEN = ("command", "quaternion", "angular_velocity", "joint_position", "joint_ve
 def test_a_number_of_the_recording_that_was_changed_is_rejected(name: str, tmp_path: Path, contract: Contract) -> None:
     """Damage that leaves a file of the right form, with every digest made anew, is left to the replay."""
     model = make_network(contract)
-    golden = make_golden(contract, model)
+    golden = replace(make_golden(contract, model), torque=None)
     getattr(golden, name)[250, 0] += 0.01
-    with pytest.raises(BundleError, match="differs"):
+    with pytest.raises(BundleError, match=r"differs|unit length"):
         check_bundle(write_bundle(tmp_path / "forged", contract, model, golden, ""))
 
 
@@ -76,3 +77,31 @@ def test_any_number_of_the_contract_changed_with_repaired_sums_is_rejected(bundl
     path.write_text(original)
     repair_sums(bundle)
     assert check_bundle(bundle).steps == 500
+
+
+@pytest.mark.parametrize(
+    ("robot", "said"),
+    [("go1@kp=0.5", "other gains kp"), ("go1@torque=2", "other torque limits"), ("saturn_lite", "has the joints")],
+)
+def test_a_robot_with_other_motors_is_none_to_walk_on(robot: str, said: str) -> None:
+    """A policy learned to walk with its gains and limits; on others it says nothing of itself."""
+    with pytest.raises(StictionError, match=said):
+        robot_of(make_contract("go1"), robot)
+    assert robot_of(make_contract(robot), robot).name == robot
+
+
+def test_a_shipped_robot_of_other_gains_does_not_pass(tmp_path: Path) -> None:
+    """Its name says which gains it has, whatever the recording and every digest say."""
+    contract = make_contract("go1", kp=(41.0,) * 12)
+    with pytest.raises(StictionError, match="other gains kp"):
+        check_bundle(make_bundle(tmp_path / "forged", contract))
+
+
+def test_a_map_that_nothing_binds_passes_in_an_older_bundle_alone(tmp_path: Path, contract: Contract) -> None:
+    """Bundles that are published have one; `verify` says so. A recording with torques would have bound it."""
+    model, wear = make_network(contract), make_wear(contract)
+    whole = check_bundle(write_bundle(tmp_path / "new", contract, model, make_golden(contract, model), "", wear))
+    assert whole.bundle.wear_bound
+    older = shipped_bundles()["saturn_lite-flat-deception-0.2"]
+    found = check_bundle(older).bundle
+    assert found.wear is not None and found.golden.torque is None and not found.wear_bound

@@ -14,15 +14,16 @@ BY_FILE = {name: path for path, name in NAMES.items()}
 """Path below the package -> module."""
 
 READING = {
-    *("core/cache.py", "core/errors.py", "core/gemm.py", "core/statistics.py"),
-    *(
-        f"formats/{name}.py"
-        for name in ("actuator", "bundle", "following", "joint_map", "joints", "log", "plain", "results", "tables")
-    ),
+    *("core/cache.py", "core/errors.py", "core/gemm.py", "core/isolation.py", "core/statistics.py"),
+    *(f"formats/{name}.py" for name in ("actuator", "bundle", "contract_rules", "following", "golden", "joint_map")),
+    *(f"formats/{name}.py" for name in ("joints", "log", "plain", "results", "signature", "tables")),
     *("core/plugins.py", "core/records.py", "locomotion/config.py", "locomotion/rewards.py", "joints/net.py"),
 }
 """Code that reads and refuses files, whose content is in every key, or names columns and methods; finds what a user
 named; speed; configuration, whose values are in every key, and rewards, which no walk reads."""
+
+CHECKING = {f"deploy/{name}.py" for name in ("check", "first_run", "network_file", "operators")}
+"""Code that refuses a policy, or lets it walk as it is."""
 
 WEAR = {"formats/wear.py", "deploy/wear.py"}
 """The monitor, which only listens."""
@@ -37,7 +38,7 @@ BENCHES = {
 TRAINING = {
     *(f"locomotion/{name}.py" for name in ("commands", "device", "env", "gait")),
     *(f"rma/{name}.py" for name in ("config", "figures", "health", "phase", "ppo", "quick", "run", "symmetry")),
-    *("deploy/check.py", "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py"),
+    *(*CHECKING, "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py"),
 }
 """Code that trained, exports and drives, which the modules around a run's policies import: weights and settings are in
 keys."""
@@ -47,7 +48,7 @@ BENCHED = {
     *(
         "locomotion/friction.py",
         "locomotion/terrain.py",
-        "deploy/check.py",
+        *CHECKING,
         "deploy/observation.py",
         "deploy/policy.py",
     ),

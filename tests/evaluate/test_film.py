@@ -47,10 +47,10 @@ def test_a_lost_clip_costs_one_line_and_no_more_tries(tmp_path: Path, checkpoint
 def test_the_newest_checkpoint_waits_for_a_slow_clip(tmp_path: Path, checkpoint: Path, monkeypatch) -> None:
     """Training neither waits nor piles up processes; of those that wait, the newest is what people want to see.
 
-    The stand-in for the renderer gets `-m module run checkpoint out`, and waits until it may go on.
+    The stand-in for the renderer gets `-P -m module run checkpoint out`, and waits until it may go on.
     """
     go = tmp_path / "go"
-    monkeypatch.setattr(sys, "executable", renderer(tmp_path, f'until [ -e {go} ]; do sleep 0.02; done; cp "$4" "$5"'))
+    monkeypatch.setattr(sys, "executable", renderer(tmp_path, f'until [ -e {go} ]; do sleep 0.02; done; cp "$5" "$6"'))
     said: list[str] = []
     run = tmp_path / "run"
     run.mkdir()

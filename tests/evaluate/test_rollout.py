@@ -44,14 +44,14 @@ def test_recorded_golden_vectors_pass_the_check(tmp_path: Path, robot: str) -> N
 
 def test_the_fleet_has_the_bundles_joints(contract: Contract) -> None:
     """Friction is a fraction of each joint's own torque limit, gains come from the contract."""
-    changed = make_contract(kp=(80.0,) * 18, kd=(1.0,) * 18)
+    changed = make_contract("saturn_lite@kp=0.16")  # kp 16 and, by the root of it, kd 1
     fleet = make_rollout(changed, [0.0, 0.2], [0]).fleet
     np.testing.assert_allclose(fleet.friction, [[0.0] * 18, list(0.2 * contract.array("torque_limit"))])
     fleet.step()
     fleet.set_targets(fleet.joint_position + 0.01)
     before = fleet.joint_position.copy(), fleet.joint_velocity.copy()
     fleet.simulation.step(1)
-    expected = 80.0 * (fleet.targets - before[0]) - 1.0 * before[1]
+    expected = 16.0 * (fleet.targets - before[0]) - 1.0 * before[1]
     np.testing.assert_allclose(fleet.torque, expected, atol=1e-6)
 
 

@@ -11,8 +11,9 @@ import pytest
 
 from bundles import make_golden, make_network, repair_sums
 from stiction.core.errors import BundleError
-from stiction.formats.bundle import FILES, SUMS, read_bundle, read_golden, write_bundle, write_golden
+from stiction.formats.bundle import FILES, SUMS, read_bundle, write_bundle
 from stiction.formats.contract import Contract
+from stiction.formats.golden import read_golden, write_golden
 
 EVERY_FILE = (*FILES, SUMS)
 
@@ -94,13 +95,19 @@ def test_an_unknown_line_in_the_sums_is_refused(bundle: Path) -> None:
         read_bundle(bundle)
 
 
-def test_gains_changed_with_repaired_sums_are_refused(bundle: Path) -> None:
-    """The replay cannot see the joint gains; the digest within golden.npz can."""
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [("kp", [50.0] * 18, "the torques of 'FL_hip'"), ("seed", 7, r"contract\.json is not the file")],
+)
+def test_a_contract_changed_with_repaired_sums_is_refused(
+    bundle: Path, field: str, value: object, message: str
+) -> None:
+    """The replay sees neither gains nor seed; the recorded torques see the one, the digest within golden.npz both."""
     data = json.loads((bundle / "contract.json").read_text())
-    data["kp"] = [50.0] * len(data["kp"])
+    data[field] = value
     (bundle / "contract.json").write_text(json.dumps(data))
     repair_sums(bundle)
-    with pytest.raises(BundleError, match=r"contract\.json is not the file"):
+    with pytest.raises(BundleError, match=message):
         read_bundle(bundle)
 
 
@@ -142,28 +149,28 @@ def test_malformed_golden_vectors_are_refused(contract: Contract, change: dict, 
     golden = make_golden(contract, make_network(contract))
     data = write_golden(type(golden)(**(vars(golden) | change)), {})
     with pytest.raises(BundleError, match=message):
-        read_golden(data, contract.observation.size, contract.joint_names)
+        read_golden(data, contract)
 
 
 def test_too_few_golden_steps_are_refused(contract: Contract) -> None:
     """Ten seconds are the least that shows anything."""
     data = write_golden(make_golden(contract, make_network(contract), steps=400), {})
     with pytest.raises(BundleError, match="at least 500"):
-        read_golden(data, contract.observation.size, contract.joint_names)
+        read_golden(data, contract)
 
 
 def test_pickled_golden_vectors_are_refused(tmp_path: Path, contract: Contract) -> None:
     """A pickle runs code when it is read."""
     np.savez(tmp_path / "golden.npz", time=np.array([{}], dtype=object))
     with pytest.raises(BundleError, match="not a readable NPZ file of plain arrays"):
-        read_golden((tmp_path / "golden.npz").read_bytes(), contract.observation.size, contract.joint_names)
+        read_golden((tmp_path / "golden.npz").read_bytes(), contract)
 
 
 def test_a_small_archive_that_unpacks_large_is_refused(tmp_path: Path, contract: Contract) -> None:
     """80 MB of zeros compress to 80 kB."""
     np.savez_compressed(tmp_path / "golden.npz", time=np.zeros(10_000_000))
     with pytest.raises(BundleError, match="would inflate to"):
-        read_golden((tmp_path / "golden.npz").read_bytes(), contract.observation.size, contract.joint_names)
+        read_golden((tmp_path / "golden.npz").read_bytes(), contract)
 
 
 def test_no_damage_of_golden_vectors_is_read(contract: Contract) -> None:
@@ -173,7 +180,7 @@ def test_no_damage_of_golden_vectors_is_read(contract: Contract) -> None:
         damaged = bytearray(data)
         damaged[position] ^= 0xFF
         with pytest.raises(BundleError):
-            read_golden(bytes(damaged), contract.observation.size, contract.joint_names)
+            read_golden(bytes(damaged), contract)
 
 
 def test_no_damage_within_an_intact_archive_is_read(contract: Contract) -> None:
@@ -192,4 +199,4 @@ def test_no_damage_within_an_intact_archive_is_read(contract: Contract) -> None:
                 for other, content in members.items():
                     archive.writestr(other, bytes(damaged) if other == name else content)
             with pytest.raises(BundleError):
-                read_golden(buffer.getvalue(), contract.observation.size, contract.joint_names)
+                read_golden(buffer.getvalue(), contract)

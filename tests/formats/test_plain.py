@@ -20,6 +20,7 @@ from stiction.formats.plain import build, is_number, object_text, read_object, t
         (b"[" * 100_000, "not JSON"),
         (b'{"a": ' + b"9" * 5000 + b"}", "not JSON"),
         (b'{"a": NaN}', "NaN is no number of JSON"),
+        (b'{"a": 1, "b": {"c": 1, "c": 1}}', "the key 'c' stands twice"),
         (b"[]", "holds a list"),
         (b" " * 101, "over 100 bytes"),
     ],

@@ -50,8 +50,8 @@ class ExportCfg:
     step_height: float | None = None
     """Of a Webots project: height of the stairs' steps [m], 0.1 by default."""
     robot: str | None = None
-    """Of a Webots project: a robot of your own, `package.module:NAME`; by default the shipped one that the bundle
-    names."""
+    """Of a Webots project: a robot of your own in place of the bundle's, a file or `package.module:NAME`. Of a bundle:
+    the robot that the run's config.json names as a module, said again: a module that a file names is not run."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -63,7 +63,6 @@ BELONGS = {
     "maker_targets": "bundle",
     "friction_level": "webots",
     "step_height": "webots",
-    "robot": "webots",
 }
 """Option -> what it is an option of."""
 
@@ -92,7 +91,7 @@ def _to_bundle(cfg: ExportCfg) -> None:
     if cfg.joint_map and cfg.joints is None:
         raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
     with replaced_folder(out):
-        check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say)
+        check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say, cfg.robot)
     if cfg.maker_targets is not None:
         from stiction.deploy.vendor import write_maker_targets
 

@@ -15,7 +15,7 @@ from stiction.core.lifeline import follow_parent
 
 EXTRAS = {"mujoco": "sim", "PIL": "sim", "yaml": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
 EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tensorboard": "train"}
-EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu"}
+EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu", "cryptography": "sign"}
 """Package -> the extra that installs it."""
 
 DEBUG = "--debug"

@@ -55,10 +55,14 @@ def _friction_from(path: Path, cfg: TrainCfg, arguments: list[str]) -> TrainCfg:
     return replace(cfg, task=replace(cfg.task, friction=friction))
 
 
+AGAIN = ("--robot", "--task.robot", "--task.rewards.own")
+"""Options that may name a module. With --resume they have to be said again: a module that a file names is not run."""
+
+
 def _only_resume(arguments: list[str]) -> None:
     """Refuse other options beside --resume: the run goes on as its config.json says, and they would have no effect."""
     flags = [word.partition("=")[0] for word in arguments if word.startswith("--")]
-    others = [flag for flag in flags if flag not in ("--resume", "--json")]
+    others = [flag.replace("_", "-") for flag in flags if flag.replace("_", "-") not in ("--resume", "--json", *AGAIN)]
     if others:
         raise ConfigurationError(
             f"--resume continues a run as it was started, and {', '.join(others)} would have no effect; "
@@ -110,12 +114,14 @@ def _resume(options: Train, arguments: list[str]) -> int:
 
     assert options.resume is not None
     _only_resume(arguments)
-    run = RunDirectory(options.resume)
-    cfg = run.config()
+    run, task = RunDirectory(options.resume), options.config.task
+    if any(word.partition("=")[0] in AGAIN[:2] for word in arguments):
+        run.adopt(task.robot)
     if run.finished:
         print(f"stiction train: {run.path} is finished already; next: stiction export {run.path}", file=sys.stderr)
         _report(run, run.summary(), options.json)
         return 0
+    cfg = run.config_to_train(task.rewards.own)
     with run.writing():
         run.resume()
     return _run(options, run, cfg)

@@ -21,6 +21,10 @@ class VerifyCfg:
     against: Path | None = None
     """Your own model of the robot, a MuJoCo (.xml) or URDF (.urdf) file: axes, places, limits, masses and order of the
     joints must be those of the policy's robot."""
+    key: Path | None = None
+    """Public key of the maker, a PEM file: the bundle must have this key's signature. Needs the extra sign."""
+    expect_digest: str | None = None
+    """Digest that the bundle must have, as its maker published it: 64 hexadecimal digits."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -32,7 +36,7 @@ def main(arguments: list[str]) -> None:
     from stiction.formats.bundle import find_bundle
 
     try:
-        check = check_bundle(find_bundle(cfg.bundle))
+        check = check_bundle(find_bundle(cfg.bundle), cfg.expect_digest, cfg.key)
         if cfg.against is not None:
             from stiction.deploy.check import robot_of
             from stiction.robots.compare import check_against
@@ -45,11 +49,11 @@ def main(arguments: list[str]) -> None:
     if cfg.json:
         print(json.dumps(check.summary() | ({} if cfg.against is None else {"against": cfg.against.name}), indent=2))
     else:
-        _print(check)
+        _print(check, cfg.expect_digest is not None)
 
 
-def _print(check) -> None:
-    """Print what was checked as a table."""
+def _print(check, expected: bool) -> None:
+    """Print what was checked as a table; `expected`: whether its digest was."""
     from rich.table import Table
 
     from stiction.deploy.check import TOLERANCE
@@ -57,9 +61,12 @@ def _print(check) -> None:
     from stiction.report.terminal import Terminal
 
     bundle, contract = check.bundle, check.bundle.contract
+    unchecked = "there is one, of whom was not checked: name the maker's public key, --key"
+    signature = f"by the key {check.signer}" if check.signer else "none" if bundle.signature is None else unchecked
     rows = {
-        "files": f"five, {bundle.size / 1e6:.2f} MB, as SHA256SUMS says",
-        "digest": bundle.digest,
+        "files": f"{5 + (bundle.wear is not None)}, {bundle.size / 1e6:.2f} MB, as SHA256SUMS says",
+        "digest": bundle.digest + (", as expected" if expected else ""),
+        "signature": signature,
         "contract": f"{contract.robot}, {contract.num_joints} joints, every {contract.control_period:g} s; "
         f"trained with {contract.method!r}, nominal friction {100 * contract.friction_level:g} % of the torque limit",
         "network": f"observation {contract.observation.size} -> action {contract.num_joints}, nothing outside the file",
@@ -70,15 +77,21 @@ def _print(check) -> None:
         file = contract.known_friction_file
         source = "nominal in its training" if file is None else f"as {file['name']} says"
         rows["told friction"] = f"{known_friction_text(contract.known_friction)}, {source}"
+    if bundle.wear is not None and not bundle.wear_bound:
+        rows["wear monitor"] = "not bound to the policy by its recording, as in bundles of older versions"
     table = Table(title=f"{bundle.name}: every check passed", title_justify="left", show_header=False)
     for name, text in rows.items():
         table.add_row(name, text)
     console = Terminal()
     console.print(table)
-    console.print("The digests guard against damage; they are not a signature. Take bundles from where you trust.")
+    if check.signer is None and not expected:
+        console.print(
+            "Checksums find accidents, signatures find authors: --key, or --expect-digest, says whose bundle this is."
+        )
 
 
 DESCRIPTION = (
-    "Check a policy bundle: the set of files and their digests, the contract, the network's inputs and outputs, and a "
-    "replay of the recorded sensors. Needs neither torch nor a simulator."
+    "Check a policy bundle: the set of files and their digests, the contract, the network's operators, sizes and work, "
+    "its first run in a process with little memory and time, and a replay of the recorded sensors. Checksums find "
+    "accidents, signatures find authors: --key. Needs neither torch nor a simulator."
 )

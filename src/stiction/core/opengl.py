@@ -4,19 +4,19 @@ that fails, or takes its process down, costs the picture and nothing else.
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 
 from stiction.core.errors import EngineError
+from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
 
 
 def opengl_environment() -> dict[str, str]:
     """Return the environment for rendering: EGL on Linux where there is no display and nothing was chosen."""
-    environment = dict(os.environ)
+    environment = isolated_environment()
     headless = not (environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
     if sys.platform == "linux" and headless:
         environment.setdefault("MUJOCO_GL", "egl")
@@ -28,14 +28,18 @@ def render(
 ) -> Path:
     """Run a module that draws a file, and return the file's path.
 
-    module: run as `python -m` with these words, which calls `follow_parent`; timeout: longest that it may take [s];
+    module: run as `python -P -m` with these words, which calls `follow_parent`; timeout: longest that it may take [s];
     error: raised where it takes longer, fails, or leaves no file, with what it said last; what: it draws, such as
     `clip`.
     """
-    program = [sys.executable, "-m", module, *map(str, words)]
     try:
         done = subprocess.run(
-            program, **tied(opengl_environment()), capture_output=True, text=True, timeout=timeout, check=False
+            python_module(module, words),
+            **tied(opengl_environment()),
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
         )
     except subprocess.TimeoutExpired as late:
         raise error(f"no {what}: rendering took more than {timeout:.0f} s") from late

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from stiction.core import lifeline
 from stiction.core.errors import StictionError
+from stiction.core.isolation import isolate_workers
 from stiction.core.memory import check_memory
 
 Result = TypeVar("Result")
@@ -33,6 +34,7 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
         return
     processes = min(jobs, len(tasks))
     check_memory(processes * PROCESS, f"work in {processes} processes", "ask for fewer --jobs, or STICTION_THREADS")
+    isolate_workers()
     # Forked children would share the simulator's threads with this process.
     context = multiprocessing.get_context("spawn")
     reader, writer = context.Pipe(duplex=False)

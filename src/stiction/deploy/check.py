@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from stiction.core.errors import BundleError, RobotError
+from stiction.core.errors import BundleError, ConfigurationError, RobotError
+from stiction.deploy.first_run import first_run
 from stiction.deploy.observation import Sensors
-from stiction.deploy.policy import Policy, PolicyStep, load_policy
+from stiction.deploy.policy import Policy, PolicyStep, check_model, load_policy
 from stiction.deploy.wear import WearMonitor
-from stiction.formats.bundle import Bundle, Golden, read_bundle
+from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.contract import Contract
-from stiction.robots.catalog import find_robot
+from stiction.formats.golden import Golden
+from stiction.formats.signature import check_signature
+from stiction.robots.catalog import find_robot, is_shipped
 from stiction.robots.model import Robot
 
 
@@ -23,7 +28,7 @@ def robot_of(contract: Contract, robot: str | None = None) -> Robot:
     It is the contract's own; of an older bundle the shipped one of its name. `robot` names another one to use in its
     place: a path, or `package.module:NAME`, which runs that module.
 
-    Raises `StictionError`: the robot is unknown, or its joints or torque limits are not those of the contract.
+    Raises `StictionError`: the robot is unknown, or its joints, torque limits or gains are not those of the contract.
     """
     if robot is None and contract.anatomy is not None:
         return contract.anatomy
@@ -35,11 +40,14 @@ def robot_of(contract: Contract, robot: str | None = None) -> Robot:
     spec = find_robot(robot or contract.robot)
     if spec.joint_names != contract.joint_names:
         raise RobotError(f"robot {spec.name!r} has the joints {spec.joint_names}, the bundle {contract.joint_names}")
-    if not np.allclose(spec.joint_values("torque_limit"), contract.array("torque_limit")):
-        raise RobotError(
-            f"robot {spec.name!r} has other torque limits than the bundle; name the right one with --robot"
-        )
+    for field, what in ALIKE.items():
+        if not np.allclose(spec.joint_values(field), contract.array(field)):
+            raise RobotError(f"robot {spec.name!r} has other {what} than the bundle; name the right one with --robot")
     return spec
+
+
+ALIKE = {"torque_limit": "torque limits", "kp": "gains kp", "kd": "gains kd"}
+"""Field in which a robot has to be the contract's -> what it is: the policy learned to walk with these."""
 
 
 OF_CONTRACT = ("robot", "method", "friction_law", "friction_level", "known_friction")
@@ -47,6 +55,9 @@ OF_CONTRACT = ("robot", "method", "friction_law", "friction_level", "known_frict
 
 TOLERANCE = 1e-5
 """Largest difference between the recording and the replay, in units of observation and action and in rad."""
+
+MOST_WORK = 10**10
+"""Multiplications that a replay may take: some 5 s of one core. Those of our bundles take 3e8."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +74,13 @@ class BundleCheck:
     """Largest difference of the action [-]."""
     target_error: float
     """Largest difference of the joint target [rad]."""
+    signer: str | None = None
+    """Fingerprint of the key that was named and whose signature the bundle has; None where none was named."""
 
     def summary(self) -> dict:
-        """Return plain data for `--json`; `wear`: what the wear monitor estimates the friction of: joints, `level`."""
+        """Return plain data for `--json`; `wear`: what the wear monitor estimates the friction of: joints, `level`;
+        `signed`: whether there is a signature, `signer`: whose it is, where a key was named.
+        """
         contract, wear = self.bundle.contract, self.bundle.wear
         return {
             "ok": True,
@@ -74,6 +89,8 @@ class BundleCheck:
             "size": self.bundle.size,
             **{name: getattr(contract, name) for name in OF_CONTRACT},
             "wear": [] if wear is None else [t for t, known in zip(wear.targets, wear.told, strict=True) if known],
+            "signed": self.bundle.signature is not None,
+            "signer": self.signer,
             "steps": self.steps,
             "tolerance": TOLERANCE,
             "observation_error": self.observation_error,
@@ -82,13 +99,36 @@ class BundleCheck:
         }
 
 
-def check_bundle(path: Path | str) -> BundleCheck:
+def check_bundle(path: Path | str, digest: str | None = None, key: Path | None = None) -> BundleCheck:
     """Read a bundle, load its network and replay its golden vectors; return what was found.
 
-    Raises `StictionError`: the first thing that is wrong: files, checksums, contract, network, or the replay.
+    Args:
+        path: its directory.
+        digest: what `Bundle.digest` has to be, 64 hexadecimal digits, as its maker published it.
+        key: public key of the maker, a PEM file, whose signature the bundle has to have.
+
+    Raises `StictionError`: the first thing that is wrong: files, checksums, digest or signature, before anything is
+    interpreted; then contract, network, or the replay.
     """
-    bundle = read_bundle(path)
-    policy = load_policy(bundle.contract, bundle.policy)
+    signers: list[str] = []
+
+    def vouch(sums: bytes, signature: bytes | None) -> None:
+        if digest is not None:
+            _expect_digest(Path(path), sums, digest)
+        if key is not None:
+            signers.append(check_signature(sums, signature, key))
+
+    bundle = read_bundle(path, vouch)
+    contract, golden = bundle.contract, bundle.golden
+    if is_shipped(contract.robot):
+        robot_of(contract)
+    work = check_model(bundle.policy, contract.observation.size, contract.num_joints)
+    if work * len(golden) > MOST_WORK:
+        raise BundleError(
+            f"{path}: {len(golden)} golden steps of {work:.3g} operations each; at most {MOST_WORK:.3g} are replayed"
+        )
+    first_run(bundle.policy, golden.observation)
+    policy = load_policy(contract, bundle.policy)
     if bundle.wear is not None:
         WearMonitor(bundle.contract, bundle.wear)
     replayed = replay(policy, bundle.golden)
@@ -102,7 +142,24 @@ def check_bundle(path: Path | str) -> BundleCheck:
                 f"{path}: the replay differs from golden.npz by {error:.3g} in the {name}, more than {TOLERANCE:g}: "
                 "policy, contract and golden vectors do not belong together; get the bundle again"
             )
-    return BundleCheck(bundle, len(bundle.golden), *errors.values())
+    return BundleCheck(
+        bundle,
+        len(bundle.golden),
+        observation_error=errors["observation"],
+        action_error=errors["action"],
+        target_error=errors["target"],
+        signer=signers[0] if signers else None,
+    )
+
+
+def _expect_digest(path: Path, sums: bytes, digest: str) -> None:
+    """Refuse a bundle with another digest than was expected."""
+    if re.fullmatch("[0-9a-fA-F]{64}", digest) is None:
+        raise ConfigurationError(
+            f"the digest {digest[:80]!r} is none; expected 64 hexadecimal digits, as verify prints"
+        )
+    if (found := hashlib.sha256(sums).hexdigest()) != digest.lower():
+        raise BundleError(f"{path}: its digest is {found}, not {digest.lower()}: it is another bundle; do not use it")
 
 
 def replay(policy: Policy, golden: Golden) -> PolicyStep:

@@ -1,99 +1,18 @@
-"""The policy as it runs on a robot: observation builder, network (onnxruntime), joint targets.
-
-An ONNX file is a protocol-buffer message: a sequence of (field number, wire type, value). Only the few messages that
-can contain a tensor are followed; the field numbers are those of onnx.proto.
-"""
+"""The policy as it runs on a robot: observation builder, network (onnxruntime), joint targets."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 import onnxruntime
 
 from stiction.core.errors import BundleError, PolicyError
+from stiction.deploy.network_file import FLOAT, Port, read_network
 from stiction.deploy.observation import ObservationBuilder, Sensors
+from stiction.deploy.operators import check_network
 from stiction.formats.contract import Contract
 from stiction.joints.pd import compensated
-
-NESTED = {
-    "model": {7: "graph", 20: "training", 25: "function"},
-    "training": {1: "graph", 2: "graph"},
-    "function": {7: "node", 11: "attribute"},
-    "graph": {1: "node", 5: "tensor", 15: "sparse"},
-    "node": {5: "attribute"},
-    "attribute": {5: "tensor", 6: "graph", 10: "tensor", 11: "graph", 22: "sparse", 23: "sparse"},
-    "sparse": {1: "tensor", 2: "tensor"},
-    "tensor": {},
-}
-"""Message -> field number -> message within it, as far as tensors can hide there."""
-
-TENSOR_NAME, TENSOR_EXTERNAL_DATA, TENSOR_LOCATION = 8, 13, 14
-
-MAX_DEPTH = 32
-"""Deepest nesting that is followed: graphs within attributes of graphs."""
-
-
-def external_tensors(data: bytes) -> list[str]:
-    """Return the names of the tensors that the ONNX model `data` keeps in other files; empty for a whole model.
-
-    Raises `BundleError`: the bytes are not a protocol-buffer message.
-    """
-    return list(_search(memoryview(data), "model", 0))
-
-
-def _search(data: memoryview, message: str, depth: int) -> Iterator[str]:
-    """Yield the names of external tensors within one message."""
-    if depth > MAX_DEPTH:
-        raise BundleError(
-            f"policy.onnx is nested deeper than {MAX_DEPTH} messages; it is not a network that is run here"
-        )
-    name, external = "", False
-    for field, value in _fields(data):
-        if message == "tensor":
-            if field == TENSOR_NAME and isinstance(value, memoryview):
-                name = bytes(value).decode("utf-8", "replace")
-            external |= field == TENSOR_EXTERNAL_DATA or (field == TENSOR_LOCATION and value != 0)
-        elif (inner := NESTED[message].get(field)) and isinstance(value, memoryview):
-            yield from _search(value, inner, depth + 1)
-    if external:
-        yield name
-
-
-def _fields(data: memoryview) -> Iterator[tuple[int, int | memoryview]]:
-    """Yield (field number, value) of a message; the value is a number or the bytes of a field with a length."""
-    position = 0
-    while position < len(data):
-        key, position = _varint(data, position)
-        field, wire = key >> 3, key & 7
-        if wire == 0:
-            value, position = _varint(data, position)
-            yield field, value
-            continue
-        if wire == 2:
-            length, position = _varint(data, position)
-        elif wire in (1, 5):
-            length = 8 if wire == 1 else 4
-        else:
-            raise BundleError(f"policy.onnx is not an ONNX file: wire type {wire}; export the bundle again")
-        if field == 0 or position + length > len(data):
-            raise BundleError("policy.onnx is not an ONNX file, or it is cut off; export the bundle again")
-        yield field, data[position : position + length]
-        position += length
-
-
-def _varint(data: memoryview, position: int) -> tuple[int, int]:
-    """Return a base-128 number and the position after it."""
-    value, shift = 0, 0
-    while position < len(data) and shift < 70:
-        byte = data[position]
-        value |= (byte & 0x7F) << shift
-        position, shift = position + 1, shift + 7
-        if byte < 0x80:
-            return value, position
-    raise BundleError("policy.onnx is not an ONNX file, or it is cut off; export the bundle again")
-
 
 INPUT, OUTPUT = "observation", "action"
 """Names of the network's one input and one output."""
@@ -103,23 +22,12 @@ class Network:
     """A network in ONNX, run by onnxruntime on one CPU thread: observation (N, size) -> action (N, J), float32."""
 
     def __init__(self, model: bytes, observation_size: int, num_actions: int) -> None:
-        """Load the network from its bytes and check its input and output.
+        """Load the network from its bytes, once its file, every operator, size and its work are known to be in bounds.
 
-        Raises `BundleError`: not a model, tensors in other files, or other inputs and outputs than the contract needs.
+        Raises `BundleError`, see `check_model`.
         """
-        if outside := external_tensors(model):
-            raise BundleError(
-                f"policy.onnx keeps {len(outside)} tensors in other files ({outside[0]!r}); expected none"
-            )
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.log_severity_level = 4
-        try:
-            self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # onnxruntime raises a different class for each of its status codes
-            raise BundleError(f"policy.onnx cannot be loaded: {error}; export the bundle again") from error
-        _check_port("input", self._session.get_inputs(), INPUT, observation_size)
-        _check_port("output", self._session.get_outputs(), OUTPUT, num_actions)
+        check_model(model, observation_size, num_actions)
+        self._session = open_session(model)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
         """Return the actions, float32, shape (N, J), for observations, float32, shape (N, size).
@@ -135,12 +43,40 @@ class Network:
         return action
 
 
-def _check_port(kind: str, ports: list, name: str, size: int) -> None:
-    """Check that there is one port of the given name, float32, with a free batch and the given size."""
-    found = [(port.name, port.type, list(port.shape)) for port in ports]
-    free_batch = len(found) == 1 and len(found[0][2]) == 2 and not isinstance(found[0][2][0], int)
-    if not free_batch or found[0][:2] != (name, "tensor(float)") or found[0][2][1] != size:
-        raise BundleError(f"policy.onnx has the {kind} {found}; expected one {name!r}, float32, shape (batch, {size})")
+def check_model(model: bytes, observation_size: int, num_actions: int) -> int:
+    """Return the multiplications that a network takes in one step of one robot; nothing runs for it.
+
+    Raises `BundleError`: not a network that is run here, see `read_network` and `check_network`, or one with other
+    inputs and outputs than (batch, observation_size) and (batch, num_actions).
+    """
+    file = read_network(model)
+    _check_port("input", file.input, INPUT, observation_size)
+    _check_port("output", file.output, OUTPUT, num_actions)
+    return check_network(file, observation_size, num_actions)
+
+
+def open_session(model: bytes) -> onnxruntime.InferenceSession:
+    """Return a network, ONNX that was checked, ready to run on one CPU thread.
+
+    Raises `BundleError`: onnxruntime does not take it.
+    """
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    options.add_session_config_entry("session.load_model_format", "ONNX")
+    try:
+        return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime raises a different class for each of its status codes
+        raise BundleError(f"policy.onnx cannot be loaded: {error}; export the bundle again") from error
+
+
+def _check_port(side: str, port: Port, name: str, size: int) -> None:
+    """Check that a port has the given name, is float32, and has a free batch and the given size."""
+    if (port.name, port.kind, port.shape) != (name, FLOAT, (None, size)):
+        raise BundleError(
+            f"policy.onnx has the {side} {port.name!r}, type {port.kind}, shape {port.shape}; expected {name!r}, "
+            f"float32 (type {FLOAT}), shape (batch, {size})"
+        )
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,10 @@ from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
 from stiction.evaluate.known_friction import nominal_known
 from stiction.evaluate.rollout import Driver, Rollout, RolloutStep
-from stiction.formats.bundle import Golden, write_bundle
-from stiction.formats.contract import METHODS, Contract
+from stiction.formats.bundle import write_bundle
+from stiction.formats.contract import Contract
+from stiction.formats.contract_rules import METHODS
+from stiction.formats.golden import Golden, controller_torque
 from stiction.formats.joint_map import mapped
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import TERM, bench_friction, known_friction_text
@@ -67,8 +69,8 @@ attitude and its own last actions, and follows a commanded velocity.
 
 It was trained and evaluated in simulation. It has not run on a robot.
 
-`stiction verify` checks the files and replays the recorded sensors of `golden.npz`. `SHA256SUMS` guards against
-damage, it is not a signature: take bundles from where you trust.
+`stiction verify` checks the files and replays the recorded sensors of `golden.npz`. Checksums find accidents,
+signatures find authors: `stiction verify --key` and `--expect-digest` say whose this is.
 """
 
 
@@ -146,17 +148,15 @@ def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0
         commands[t] = streams["golden commands"].uniform(-bound, bound) if fresh else commands[t - 1]
         steps.append(rollout.step(commands[t : t + 1]))
         needs_reset = bool(rollout.fleet.fallen()[0]) or len(steps[-1].blown_up) > 0
-    return Golden(
-        joint_names=np.array(contract.joint_names),
-        time=np.arange(STEPS) * contract.control_period,
-        reset=resets,
-        command=commands,
-        **{
-            part.name: np.concatenate([getattr(getattr(step, source), part.name) for step in steps])
-            for source, kind in (("sensors", Sensors), ("policy", PolicyStep))
-            for part in fields(kind)
-        },
-    )
+    arrays = {
+        part.name: np.concatenate([getattr(getattr(step, source), part.name) for step in steps])
+        for source, kind in (("sensors", Sensors), ("policy", PolicyStep))
+        for part in fields(kind)
+    }
+    motors = (spec.joint_values(name) for name in ("kp", "kd", "torque_limit"))
+    torque = controller_torque(arrays["target"], arrays["joint_position"], arrays["joint_velocity"], *motors)
+    time = np.arange(STEPS) * contract.control_period
+    return Golden(np.array(contract.joint_names), time, resets, commands, **arrays, torque=torque)
 
 
 OPSET = 18
@@ -173,6 +173,7 @@ def export_run(
     joints: Path | None = None,
     joint_map: Sequence[str] = (),
     say: Callable[[str], None] = lambda note: None,
+    robot: str | None = None,
 ) -> BundleCheck:
     """Export the student of a training run, write its bundle, and check what was written.
 
@@ -183,6 +184,7 @@ def export_run(
         joints: the joints.json of a robot, for a policy that observes its joints' friction.
         joint_map: RECORDED=JOINT pairs where its records have other names than the policy's joints.
         say: called with what the joints.json lacks, and what stands in its place.
+        robot: the run's own, where its config.json names it as a module; see `RunDirectory.adopt`.
 
     Raises:
         StictionError: not a run, a run that is not finished, a wear.json of another student, a joints.json of another
@@ -190,6 +192,8 @@ def export_run(
 
     """
     directory = RunDirectory(run)
+    if robot is not None:
+        directory.adopt(robot)
     header, cfg = directory.header(), directory.config()
     directory.check_finished("student")
     if not directory.finished:

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.cache import publish
+from stiction.core.isolation import python_module
 from stiction.core.lifeline import follow_parent, tied
 from stiction.core.opengl import opengl_environment
 from stiction.evaluate.clip import film
@@ -132,7 +133,7 @@ class ClipRecorder:
         """Start the process that films."""
         with shot.log.open("wb") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "stiction.evaluate.film", str(self.run), str(shot.checkpoint), str(shot.out)],
+                python_module("stiction.evaluate.film", (self.run, shot.checkpoint, shot.out)),
                 **tied(opengl_environment() | {"STICTION_THREADS": "1", "OMP_NUM_THREADS": "1"}),
                 stdout=subprocess.DEVNULL,
                 stderr=log,

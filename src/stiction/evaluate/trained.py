@@ -165,7 +165,7 @@ def walk_run(
             f"{run} has one phase and no teacher; evaluate its student, or train with --preset two-phase"
         )
     contract = contract_of(train, header)
-    spec, actor = robot_of(contract, contract.robot), load_actor(directory, who)
+    spec, actor = robot_of(contract), load_actor(directory, who)
     privileged, friction = None, friction_at(contract, cfg.robot_levels, cfg.law)
     known = known_to(contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
     if who == "teacher" and actor.sees_terrain:

@@ -207,32 +207,38 @@ def _isaaclab(recipe: Recipe, assumed_load: float | None) -> tuple[list[str], li
 
 def _legged_gym(recipe: Recipe, assumed_load: float | None) -> tuple[list[str], list[str]]:
     """Return traps and lines for legged_gym: friction in the motor's torque, or the engine's coefficient."""
-    table = _table(recipe, 1.0 if assumed_load is None else 1.0 / assumed_load)
-    if assumed_load is not None:
-        traps = [
-            "Isaac Gym's dof friction is a coefficient of the load that the joint transmits: right at a load "
-            f"|F| + |T| of {number(assumed_load)} alone",
-            "it is drawn once a robot, when it is made; call it from _process_dof_props",
-        ]
-        draw = "np.random.uniform()" if recipe.together else "None"
-        return traps, [
-            "import numpy as np",
-            "",
-            "FRICTION = {  # [1]",
-            *table,
-            "}",
-            "",
-            "",
-            "def draw_friction(props, names):",
-            '    """Write drawn friction into the properties of one robot\'s joints."""',
-            f"    one = {draw}",
-            "    for index, name in enumerate(names):",
-            "        if name in FRICTION:",
-            "            low, high = FRICTION[name]",
-            "            share = np.random.uniform() if one is None else one",
-            "            props['friction'][index] = low + share * (high - low)",
-            "    return props",
-        ]
+    return _taken_off_the_torque(recipe) if assumed_load is None else _coefficient(recipe, assumed_load)
+
+
+def _coefficient(recipe: Recipe, load: float) -> tuple[list[str], list[str]]:
+    """Return traps and lines for Isaac Gym's own joint friction under a load |F| + |T| [N + N m]."""
+    traps = [
+        "Isaac Gym's dof friction is a coefficient of the load that the joint transmits: right at a load "
+        f"|F| + |T| of {number(load)} alone",
+        "it is drawn once a robot, when it is made; call it from _process_dof_props",
+    ]
+    return traps, [
+        "import numpy as np",
+        "",
+        "FRICTION = {  # [1]",
+        *_table(recipe, 1.0 / load),
+        "}",
+        "",
+        "",
+        "def draw_friction(props, names):",
+        '    """Write drawn friction into the properties of one robot\'s joints."""',
+        f"    one = {'np.random.uniform()' if recipe.together else 'None'}",
+        "    for index, name in enumerate(names):",
+        "        if name in FRICTION:",
+        "            low, high = FRICTION[name]",
+        "            share = np.random.uniform() if one is None else one",
+        "            props['friction'][index] = low + share * (high - low)",
+        "    return props",
+    ]
+
+
+def _taken_off_the_torque(recipe: Recipe) -> tuple[list[str], list[str]]:
+    """Return traps and lines for a class that takes friction off legged_gym's torque."""
     traps = [
         "Isaac Gym's dof friction is a coefficient of the load on the joint, not N m (--assumed-load writes it); so "
         "friction is taken off the motor's torque here, after it was clipped; rewards of torque then see what is left",
@@ -249,7 +255,7 @@ def _legged_gym(recipe: Recipe, assumed_load: float | None) -> tuple[list[str], 
         "import torch",
         "",
         "FRICTION = {  # [N m]",
-        *table,
+        *_table(recipe, 1.0),
         "}",
         "",
         "EPSILON = 0.1",

@@ -11,16 +11,25 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import BundleError, unknown_name
 from stiction.core.names import kinds_of
+from stiction.formats.contract_rules import (
+    PER_JOINT,
+    RULES,
+    SCHEMA_VERSION,
+    SHARE,
+    SPEED_RATIO,
+    TERM_RULES,
+    is_name,
+    one_of,
+)
 from stiction.formats.known_friction import TERM
-from stiction.formats.plain import build, is_integer, is_number, is_text, parse_object
+from stiction.formats.plain import build, is_integer, parse_object
 from stiction.joints.friction import LAWS, Law, has_coefficient, simulated_laws
 from stiction.robots.model import Robot
 from stiction.robots.record import robot_from
@@ -79,6 +88,19 @@ kp |e| is up to f. So f follows from the three together, and from no frame alone
 
 PLACEHOLDERS = frozenset(name for name in TERM_NAMES if name.startswith("placeholder"))
 
+FRAMES = {
+    **dict.fromkeys(("angular_velocity", "roll_pitch"), "base"),
+    **dict.fromkeys(("joint_position", "joint_velocity", "last_action"), "joint"),
+    **dict.fromkeys(PLACEHOLDERS, "none"),
+    **dict.fromkeys(SLOW_TERMS, "joint_size"),
+    "command": "command",
+    TERM: "kind",
+}
+"""Term -> the frame that it is in."""
+
+LONGEST_HISTORY, MOST_TERMS, MOST_ENTRIES, MOST_JOINTS = 1000, 64, 2**16, 256
+"""Frames of a history, terms of a frame, entries of an observation, and joints that a policy may have."""
+
 
 @dataclass(frozen=True)
 class ObservationLayout:
@@ -97,11 +119,11 @@ class ObservationLayout:
         for term in self.terms:
             if term.name not in TERM_NAMES:
                 raise BundleError(unknown_name("observation term", term.name, TERM_NAMES))
-        counted = is_integer(self.history_length) and self.history_length >= 1
+        counted = is_integer(self.history_length) and 1 <= self.history_length <= LONGEST_HISTORY
         if self.direction != "oldest_first" or self.layout != "frame_major" or not counted:
             raise BundleError(
                 f"observation history {self.direction!r}, {self.layout!r}, length {self.history_length!r}: "
-                "expected 'oldest_first', 'frame_major' and a length of at least 1"
+                f"expected 'oldest_first', 'frame_major' and a length from 1 to {LONGEST_HISTORY}"
             )
         slow, weight = [term.name for term in self.terms if term.name in SLOW_TERMS], self.slow_kept
         if slow and not (isinstance(weight, float) and 0 < weight < 1):
@@ -158,23 +180,10 @@ def proprioception(
     return ObservationLayout(terms, history_length, slow_kept=slow_kept)
 
 
-SCHEMA_VERSION = 2
-"""Version of contract.json. Version 1 is read as well; any other is refused."""
-
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(
     ("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy"), 2
 )
 """Field that came later -> the last version in which it may be missing; it is then its default."""
-
-METHODS = {
-    "none": "conventional domain randomisation, without dry friction in the joints",
-    "direct": "dry friction in the joints, drawn closely around its nominal value",
-    "compensation": "dry friction in the joints, drawn closely around its nominal value, which is added to the command",
-    "finetune": "without dry friction at first, then all of it at once, drawn closely around its nominal value",
-    "iterative": "without dry friction at first, then more of it in equal steps, drawn closely around each",
-    "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
-}
-"""Training method with friction -> what it means, in words for people."""
 
 
 @dataclass(frozen=True)
@@ -329,114 +338,54 @@ def read_contract(text: bytes) -> Contract:
     """
     data = parse_object(text, "contract.json", "the contract of a policy; export the bundle again", BundleError)
     version = data.get("schema_version")
-    later = {name for name, last in LATER.items() if version in range(1, last + 1)}
-    if version == 1:
+    later = {name for name, last in LATER.items() if is_integer(version) and version in range(1, last + 1)}
+    if is_integer(version) and version == 1:
         data["schema_version"] = SCHEMA_VERSION
     if data.get("anatomy") is not None:
         data["anatomy"] = robot_from(data["anatomy"], "contract.json: anatomy")
     return build(Contract, data, "contract.json", BundleError, {field.name for field in fields(Contract)} - later)
 
 
-LARGEST = 1e9
-"""Bound of every number: JSON allows 1e999 and integers of any length."""
-
-Rule = tuple[Callable[[Any], bool], str]
-"""Whether a value is allowed, and what is expected in words."""
-
-
-def _positive(value: Any) -> bool:
-    """Return whether a value is a number above zero, of a size that something physical can have."""
-    return is_number(value, LARGEST) and value > 0
-
-
-def _not_negative(value: Any) -> bool:
-    """Return whether a value is zero or such a number."""
-    return is_number(value, LARGEST) and value >= 0
-
-
-def _is_range(value: Any) -> bool:
-    """Return whether a value is the two ends of a range that does not begin below zero."""
-    return len(value) == 2 and all(map(_not_negative, value)) and value[0] <= value[1]
-
-
-def _is_file(value: Any) -> bool:
-    """Return whether a value names a file, or is None."""
-    named = isinstance(value, Mapping) and set(value) == {"name", "sha256"}
-    return value is None or (named and all(isinstance(text, str) for text in value.values()))
-
-
-def _one_of(*values: Any) -> Rule:
-    """Return the rule of a field that takes some values alone."""
-    words = " or ".join("null" if value is None else repr(value) for value in values)
-    return lambda value: value in values and not isinstance(value, bool), words
-
-
-NUMBER: Rule = lambda value: is_number(value, LARGEST), "a finite number"
-POSITIVE: Rule = _positive, "a positive number"
-NOT_NEGATIVE: Rule = _not_negative, "a number >= 0"
-COUNT: Rule = lambda value: is_integer(value) and value >= 0, "an integer >= 0"
-TEXT: Rule = is_text, "a text that is not empty"
-FILE: Rule = _is_file, "null, or an object with the texts 'name' and 'sha256'"
-
-RULES: dict[str, Rule] = {
-    "schema_version": _one_of(SCHEMA_VERSION),
-    **dict.fromkeys(("robot", "terrain", "method", "revision", "command"), TEXT),
-    **dict.fromkeys(("seed", "decimation"), COUNT),
-    "phases": _one_of(1, 2, None),
-    **dict.fromkeys(("control_period", "physics_timestep", "action_clip", "compensation_width"), POSITIVE),
-    "friction_level": NOT_NEGATIVE,
-    "friction_range": (_is_range, "two numbers, 0 <= low <= high"),
-    "action_offset": _one_of("standing"),
-    "quaternion_order": _one_of("wxyz"),
-    **dict.fromkeys(("joints_file", "actuator", "known_friction_file"), FILE),
-}
-"""Field -> what it may be, of those that do not depend on the number of joints."""
-
-PER_JOINT: dict[str, Rule] = {
-    **dict.fromkeys(("standing", "lower", "upper"), NUMBER),
-    **dict.fromkeys(("kp", "torque_limit", "armature"), POSITIVE),
-    **dict.fromkeys(("kd", "damping", "friction"), NOT_NEGATIVE),
-}
-"""Field with one number per joint, in the order of `joint_names` -> what each may be."""
-
-
 def _expect(condition: bool, field: str, value: object, expected: str) -> None:
     """Raise `BundleError` naming the field unless the condition holds."""
     if not condition:
-        raise BundleError(f"contract field {field!r} is {value!r}; expected {expected}")
+        raise BundleError(f"contract field {field!r} is {repr(value)[:200]}; expected {expected}")
 
 
 def _check_joints(contract: Contract) -> None:
     """Check names, sizes and ranges of the fields with one entry per joint."""
     names = contract.joint_names
-    valid = len(names) > 0 and all(isinstance(name, str) and name for name in names)
-    _expect(valid and len(set(names)) == len(names), "joint_names", names, "different names, at least one")
+    valid = isinstance(names, tuple) and 0 < len(names) <= MOST_JOINTS and all(map(is_name, names))
+    _expect(valid and len(set(names)) == len(names), "joint_names", names, f"1 to {MOST_JOINTS} different names")
+    single = () if isinstance(contract.action_scale, tuple) else ("action_scale",)
+    absent = () if contract.compensation is not None else ("compensation",)
     for field, (allowed, expected) in PER_JOINT.items():
         values = getattr(contract, field)
-        right = len(values) == len(names) and all(map(allowed, values))
-        _expect(right, field, values, f"{expected} for each of the {len(names)} joints")
+        if field in single:
+            _expect(allowed(values), field, values, f"{expected}, or one for each of the {len(names)} joints")
+        elif field not in absent:
+            right = isinstance(values, tuple) and len(values) == len(names) and all(map(allowed, values))
+            _expect(right, field, values, f"{expected} for each of the {len(names)} joints")
     for name, lower, standing, upper in zip(names, contract.lower, contract.standing, contract.upper, strict=True):
         _expect(lower < standing < upper, "standing", f"{standing} at {name}", f"an angle within ({lower}, {upper})")
-    scale = contract.action_scale
-    scales = scale if isinstance(scale, tuple) else (scale,)
-    right = len(scales) in ((len(names),) if isinstance(scale, tuple) else (1,)) and all(map(_positive, scales))
-    _expect(right, "action_scale", scale, f"a positive number, or one for each of the {len(names)} joints")
     _check_anatomy(contract)
-    added = contract.compensation
-    right = added is None or (len(added) == len(names) and all(map(_not_negative, added)))
-    _expect(right, "compensation", added, f"null, or a number >= 0 for each of the {len(names)} joints")
+
+
+OF_ROBOT = ("torque_limit", "lower", "upper", "kp", "kd", "action_scale")
+"""Fields that contract and robot have under one name, and must have alike."""
 
 
 def _check_anatomy(contract: Contract) -> None:
-    """Check that the robot is the one whose joints and limits the contract has; gains may be others, for a trial."""
+    """Check that the robot is the one whose joints, limits, gains, pose and scale of the action the contract has."""
     robot = contract.anatomy
     if robot is None:
         return
     names = robot.joint_names
     _expect(names == contract.joint_names, "anatomy", names, f"the joints {contract.joint_names}")
-    for field in ("torque_limit", "lower", "upper"):
-        same = np.allclose(robot.joint_values(field), contract.array(field))
-        _expect(same, f"anatomy.{field}", robot.joint_values(field).tolist(), f"{getattr(contract, field)}")
+    for field, own in {**{name: name for name in OF_ROBOT}, "default_position": "standing"}.items():
+        given = np.broadcast_to(getattr(contract, own), (len(names),))
+        same = np.allclose(robot.joint_values(field), given, rtol=1e-6, atol=1e-9)
+        _expect(same, f"anatomy.{field}", robot.joint_values(field).tolist(), f"{getattr(contract, own)}, as {own!r}")
 
 
 def _check_friction(contract: Contract) -> None:
@@ -448,7 +397,7 @@ def _check_friction(contract: Contract) -> None:
     # Laws can be registered later than this module is imported.
     _expect(law in simulated_laws(), "friction_law", law, " or ".join(map(repr, simulated_laws())))
     shaped = bool(LAWS[law].numbers)
-    pair = shape is not None and len(shape) == 2 and all(map(_positive, shape)) and 1 <= shape[0] <= 10
+    pair = isinstance(shape, tuple) and len(shape) == 2 and SPEED_RATIO[0][0](shape[0]) and SPEED_RATIO[1][0](shape[1])
     expected = "a ratio in [1, 10] and a positive speed" if shaped else "null"
     _expect(pair if shaped else shape is None, "stribeck", shape, expected)
     coefficients = has_coefficient(law)
@@ -465,15 +414,17 @@ def _check_observation(layout: ObservationLayout, num_joints: int, num_kinds: in
     sizes = {"angular_velocity": 3, "roll_pitch": 2, "command": 3, TERM: num_kinds}
     sizes |= dict.fromkeys(of_joints, num_joints)
     names = [term.name for term in layout.terms]
-    _expect(len(set(names)) == len(names) > 0, "observation.terms", names, "different terms, at least one")
+    different = len(set(names)) == len(names) and 0 < len(names) <= MOST_TERMS
+    _expect(different, "observation.terms", names, "different terms, at least one")
     for term in layout.terms:
         where, size = f"observation.{term.name}", sizes.get(term.name, term.size)
-        right = is_integer(term.size) and term.size >= 1 and term.size == size
+        right = is_integer(term.size) and 1 <= term.size <= MOST_ENTRIES and term.size == size
         _expect(right, f"{where}.size", term.size, f"{size}")
-        for field in ("scale", "clip"):
-            _expect(_positive(getattr(term, field)), f"{where}.{field}", getattr(term, field), POSITIVE[1])
-        offset, expected = _one_of("none", "standing") if term.name == "joint_position" else _one_of("none")
-        _expect(offset(term.offset), f"{where}.offset", term.offset, expected)
+        words = {"frame": one_of(FRAMES[term.name])}
+        words["offset"] = one_of("none", "standing") if term.name == "joint_position" else one_of("none")
+        for field, (allowed, expected) in (TERM_RULES | words).items():
+            _expect(allowed(getattr(term, field)), f"{where}.{field}", getattr(term, field), expected)
+    _expect(layout.size <= MOST_ENTRIES, "observation", layout.size, f"at most {MOST_ENTRIES} entries")
 
 
 def _check_known_friction(contract: Contract) -> None:
@@ -484,5 +435,6 @@ def _check_known_friction(contract: Contract) -> None:
         file = contract.known_friction_file
         _expect(file is None, "known_friction_file", file, "null, as 'known_friction' is")
         return
-    right = isinstance(given, Mapping) and set(given) == set(kinds) and all(map(_not_negative, given.values()))
-    _expect(right, "known_friction", given, f"an object with a number >= 0 for each of {', '.join(kinds)}, or null")
+    allowed, expected = SHARE
+    right = isinstance(given, Mapping) and set(given) == set(kinds) and all(map(allowed, given.values()))
+    _expect(right, "known_friction", given, f"an object with {expected} for each of {', '.join(kinds)}, or null")

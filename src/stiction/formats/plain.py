@@ -44,12 +44,22 @@ def parse_object(content: bytes | str, where: str, expected: str, error: type[Fi
     """Return a JSON object from text; `where` is named in messages. Raises `error` as `read_object` does."""
     try:
         text = content.decode("utf-8") if isinstance(content, bytes) else content
-        data = json.loads(text, parse_constant=_refuse_constant)
+        data = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_refuse_twice)
     except (ValueError, RecursionError) as fault:  # not UTF-8, not JSON, an endless integer, or nested without end
         raise error(f"{where}: not JSON ({str(fault)[:120]}); expected {expected}") from fault
     if not isinstance(data, dict):
         raise error(f"{where}: holds a {type(data).__name__}; expected {expected}")
     return data
+
+
+def _refuse_twice(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON; refuse a key that stands twice, of which two readers may take different values."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        seen: set[str] = set()
+        twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
+        raise ValueError(f"the key {twice[:60]!r} stands twice")
+    return found
 
 
 def _refuse_constant(name: str) -> float:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import asdict, dataclass
 
-import numpy as np
-
 from stiction.core.errors import BundleError
-from stiction.formats.plain import build, parse_object, take_version
+from stiction.formats.plain import build, is_integer, is_number, parse_object, take_version
 
 SCHEMA_VERSION = 1
 """Version of wear.json; any other is refused."""
+
+LARGEST, LONGEST_WINDOW = 1e9, 10**5
+"""Largest number of a map, and longest window: half an hour at 50 Hz."""
 
 LEVEL = "level"
 """Name of the last target: the mean of f/τ_max over the joints."""
@@ -66,11 +68,22 @@ class WearModel:
         for name, (found, expected) in sizes.items():
             if found != expected:
                 raise BundleError(f"wear.json: {name!r} has {found} entries; expected {expected}; export again")
-        numbers = (self.center, self.scale, self.intercept, self.reach, self.determination, self.coverage, self.weights)
-        finite = all(np.isfinite(np.array(value, dtype=float)).all() for value in numbers)
-        single = np.isfinite([self.threshold, self.highest, self.unusual, self.limit]).all()
-        if not (finite and single and min(self.scale) > 0 and min(self.reach) > 0 and self.window >= 1):
-            raise BundleError("wear.json: a number is not finite, or a scale, reach or window is not positive")
+        lists = (self.center, self.scale, self.intercept, self.reach, self.determination, self.coverage, *self.weights)
+        single = (self.threshold, self.highest, self.unusual, self.limit)
+        if not all(is_number(number, LARGEST) for row in (*lists, single) for number in row):
+            raise BundleError(f"wear.json: a number is none, is not finite, or is over {LARGEST:g}; export again")
+        counted = is_integer(self.window) and 1 <= self.window <= LONGEST_WINDOW
+        if not (counted and min(self.scale) > 0 and min(self.reach) > 0 and min(single[1:]) > 0):
+            raise BundleError(
+                f"wear.json: the window {self.window!r}, a scale, a reach or a bound is out of range; expected a "
+                f"window of 1 to {LONGEST_WINDOW} steps, and what is above zero"
+            )
+        known = all(isinstance(value, bool) for value in self.told) and max(self.determination) <= 1.0
+        digest = isinstance(self.student, str) and re.fullmatch("[0-9a-f]{64}", self.student) is not None
+        if not (known and digest and all(0.0 <= value <= 1.0 for value in self.coverage)):
+            raise BundleError(
+                "wear.json: 'told' is not of yes and no, a share is above 1, or 'student' is no SHA-256; export again"
+            )
 
     @property
     def targets(self) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 from markupsafe import Markup
 
 from stiction.formats.bundle import Bundle
-from stiction.formats.contract import METHODS
+from stiction.formats.contract_rules import METHODS
 from stiction.formats.following import BAND, LEAST, MOST, row_pace
 from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shlex
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -27,7 +28,7 @@ from stiction.formats.plain import is_integer, is_number, read_object
 from stiction.formats.results import read_metrics
 from stiction.joints.net import ActuatorNet
 from stiction.rma.config import TrainCfg
-from stiction.robots.catalog import find_robot, is_shipped
+from stiction.robots.catalog import find_robot, is_shipped, robot_in_file
 from stiction.robots.record import write_robot
 
 MADE = "that of a folder that `stiction train` made"
@@ -233,10 +234,52 @@ class RunDirectory:
         return data
 
     def config(self) -> TrainCfg:
-        """Return the configuration the run was started with; a robot of one's own is the run's copy of it."""
-        cfg = from_plain(TrainCfg, self.header()["config"], str(self.path / "config.json"))
-        copy = self.path / ROBOT
-        return replace(cfg, task=replace(cfg.task, robot=str(copy))) if copy.is_file() else cfg
+        """Return the configuration the run was started with, without reward terms of one's own.
+
+        They pay in training alone, see `config_to_train`. A robot of one's own is the run's copy of it. Raises
+        `StictionError` where there is no copy of a robot that is named as a module, see `adopt`.
+        """
+        cfg = self._written()
+        if (copy := self.path / ROBOT).is_file():
+            robot = str(copy)
+        else:
+            again = f"say it yourself, once: stiction export {self.path} --robot {shlex.quote(str(cfg.task.robot))}"
+            robot = robot_in_file(cfg.task.robot, str(self.path / "config.json"), again)
+        return replace(cfg, task=replace(cfg.task, robot=robot, rewards=replace(cfg.task.rewards, own=())))
+
+    def config_to_train(self, named: tuple[tuple[str, float], ...] = ()) -> TrainCfg:
+        """Return the configuration to go on training with.
+
+        named: the run's own reward terms, said again by the user: finding one runs its module, so that it is typed and
+        never read from a file. Raises `StictionError` where config.json has others, and as `config`.
+        """
+        cfg, own = self.config(), self._written().task.rewards.own
+        if named != own:
+            words = " ".join(shlex.quote(str(word)) for term in own for word in term)
+            raise TrainingError(
+                f"{self.path / 'config.json'}: reward terms are named as modules, and a file runs no module; say the "
+                f"same again, if you trust them: stiction train --resume {self.path} --task.rewards.own {words}"
+                if own
+                else f"the run {self.path} has no reward terms of your own; leave --task.rewards.own out"
+            )
+        return replace(cfg, task=replace(cfg.task, rewards=replace(cfg.task.rewards, own=own)))
+
+    def adopt(self, robot: str) -> None:
+        """Copy the robot that the user named into the run, in whose config.json it stands as a module.
+
+        Raises `StictionError` where the run is of another robot, or there is no such robot.
+        """
+        if robot != self._written().task.robot:
+            raise TrainingError(
+                f"the run {self.path} is of the robot {self._written().task.robot!r}, not {robot!r}; leave --robot out"
+            )
+        if not is_shipped(robot) and not (self.path / ROBOT).exists():
+            with self.writing():
+                write_robot(find_robot(robot), self.path / ROBOT)
+
+    def _written(self) -> TrainCfg:
+        """Return the configuration as config.json says it: modules in it are names, and nothing looks them up."""
+        return from_plain(TrainCfg, self.header()["config"], str(self.path / "config.json"))
 
     @property
     def finished(self) -> bool:

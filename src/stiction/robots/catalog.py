@@ -45,6 +45,18 @@ def is_shipped(name: str) -> bool:
     return name.partition("@")[0] in robot_names()
 
 
+def robot_in_file(name: str, where: str, how: str) -> str:
+    """Return the name of a robot that a file says: of a shipped one, or the path of a file that describes one.
+
+    where: the file, for messages; how: the user says it himself, such as `give it with --robot`. Raises `RobotError`
+    for `package.module:ROBOT`: finding such a robot runs that module, so it is typed and never read from a file.
+    """
+    plain = str(name).partition("@")[0]
+    if not isinstance(name, str) or (not is_shipped(name) and not plain.endswith(FILES)):
+        raise RobotError(f"{where}: the robot {name!r} is neither shipped nor a file; a file runs no module: {how}")
+    return name
+
+
 def vary(robot: Robot, name: str, variation: str) -> Robot:
     """Return a robot called `name` with its joints varied as `kp=0.5,torque=2` says."""
     factors: dict[str, float] = {}

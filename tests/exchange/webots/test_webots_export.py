@@ -180,7 +180,6 @@ def test_a_run_is_exported_through_its_bundle(bundle: Path, tmp_path: Path, caps
     [
         (["--friction-level", "0.1"], "--friction-level is for --to webots"),
         (["--step-height", "0.1"], "--step-height is for --to webots"),
-        (["--robot", "go1"], "--robot is for --to webots"),
         (["--to", "webots", "--wear", "wear.json"], "--wear is for --to bundle"),
     ],
 )

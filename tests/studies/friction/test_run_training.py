@@ -111,6 +111,6 @@ def test_commands_begin_and_resume(tmp_path: Path) -> None:
     """If this failed, an interrupted run would begin again, or refuse its own folder."""
     at = place(tmp_path)
     begin = ["train", *at.run.arguments, "--out", str(at.path)]
-    assert train_command(at)[3:] == begin and begin[1:3] == ["--preset", "two-phase"]
+    assert train_command(at)[4:] == begin and begin[1:3] == ["--preset", "two-phase"]
     write_run(at, "summary.json")
-    assert train_command(at)[3:] == ["train", "--resume", str(at.path)]
+    assert train_command(at)[4:] == ["train", "--resume", str(at.path)]

@@ -134,7 +134,7 @@ class ActuatorLoop:
                 done = iteration + (cfg.teacher.iterations if phase == "student" else 0)
                 self.progress(f"train {name}", done / total)
 
-            train(run.config(), run, None, report)
+            train(run.config_to_train(), run, None, report)
             export_run(path, folder)
         return read_bundle(folder)
 

@@ -236,7 +236,7 @@ class PlannedRun:
         if not (self.path / "config.json").exists():
             return "missing"
         run = RunDirectory(self.path)
-        found, expected = (replace(cfg, joints=None, actuator=None) for cfg in (run.config(), self.cfg))
+        found, expected = (replace(cfg, joints=None, actuator=None) for cfg in (run.config_to_train(), self.cfg))
         if other := [*differences(found, expected), *self._other_files(run)]:
             raise TrainingError(
                 f"{self.path} holds another run than the manifest's: {', '.join(other)}; "

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
+from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.lifeline import tied
-from stiction.core.provenance import PACKAGE, THREADS_VARIABLE
+from stiction.core.provenance import THREADS_VARIABLE
 from stiction.report.terminal import stop_requests
 from stiction.studies.friction.manifest import PlannedRun
 from stiction.studies.study import Stopped
@@ -34,10 +33,9 @@ LOG = "train.log"
 
 def train_command(run: PlannedRun) -> list[str]:
     """Return the command that begins a run, or goes on with it."""
-    program = [sys.executable, "-m", "stiction", "train"]
     if run.state() == "interrupted":
-        return [*program, "--resume", str(run.path)]
-    return [*program, *run.run.arguments, "--out", str(run.path)]
+        return python_module("stiction", ["train", "--resume", run.path])
+    return python_module("stiction", ["train", *run.run.arguments, "--out", run.path])
 
 
 @dataclass
@@ -59,15 +57,13 @@ def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_co
     It ends itself where another process writes the run's folder; and, with a checkpoint, where this one is killed.
     """
     run.path.mkdir(parents=True, exist_ok=True)
-    path = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
-    environment = {**os.environ, THREADS_VARIABLE: "1", "PYTHONPATH": path}
     with (run.path / LOG).open("a") as log:
         # In a session of its own, so that Ctrl-C reaches it once, from `stop`: a second one would not wait.
         process = subprocess.Popen(
             command(run),
             stdout=log,
             stderr=log,
-            **tied(environment),
+            **tied(isolated_environment(**{THREADS_VARIABLE: "1"})),
             start_new_session=True,
         )
     return Job(run, process)

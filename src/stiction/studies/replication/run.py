@@ -33,7 +33,7 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.following import following
 from stiction.formats.results import read_summary
-from stiction.robots.catalog import find_robot
+from stiction.robots.catalog import find_robot, robot_in_file
 from stiction.robots.model import Robot
 from stiction.studies.claims import Verdict, rejudged_summary
 from stiction.studies.replication.budget import beside_forward, budget, friction_effects, onsets
@@ -338,7 +338,7 @@ def judge_again(out: Path, made: dict[str, Any]) -> Replication:
         raise FileError(
             f"{out / SUMMARY} is no summary of `stiction replicate` ({error!r}); expected one that it wrote"
         ) from error
-    found = judged(records, find_robot(robot), {})
+    found = judged(records, find_robot(robot_in_file(robot, str(out / SUMMARY), "walk it again")), {})
     summary = rejudged_summary(before, verdicts, found.verdicts, made, own=("ways", "warnings"))
     return replace(found, summary=summary)
 

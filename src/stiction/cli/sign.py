@@ -1,0 +1,80 @@
+"""`stiction sign BUNDLE --key KEY`: puts the maker's Ed25519 signature into a policy bundle."""
+
+from __future__ import annotations
+
+import getpass
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from stiction.core.errors import ConfigurationError, FileError
+
+
+@dataclass(frozen=True)
+class SignCfg:
+    """Sign a policy bundle."""
+
+    bundle: Annotated[Path | None, tyro.conf.Positional] = None
+    """Directory of the bundle. It is checked first, as `stiction verify` does."""
+    key: Path | None = None
+    """Your private key, a PEM file."""
+    new_key: Path | None = None
+    """Make a new private key here instead, such as maker.pem, and the public one beside it, maker.pub. Keep the first
+    to yourself; publish the second where people trust you."""
+    json: bool = False
+    """Print the summary as JSON on standard output, and nothing else."""
+
+
+def main(arguments: list[str]) -> None:
+    """Sign one bundle, or make a key."""
+    cfg = tyro.cli(SignCfg, args=arguments, prog="stiction sign", description=DESCRIPTION)
+    if cfg.new_key is not None:
+        if cfg.bundle is not None or cfg.key is not None:
+            raise ConfigurationError("--new-key makes a key and signs nothing; sign with it in a second command: --key")
+        from stiction.formats.signature import make_key
+
+        public = make_key(cfg.new_key)
+        _say(cfg, {"key": str(cfg.new_key), "public": str(public)}, f"{cfg.new_key}: private; {public}: public")
+        return
+    if cfg.bundle is None or cfg.key is None:
+        raise ConfigurationError("name a bundle and a key: stiction sign BUNDLE --key maker.pem")
+    fingerprint = sign_bundle(cfg.bundle, cfg.key)
+    _say(cfg, {"bundle": str(cfg.bundle), "signature": fingerprint}, f"{cfg.bundle}: signed by the key {fingerprint}")
+
+
+def sign_bundle(path: Path, key: Path) -> str:
+    """Check a bundle and put the key's signature into it; return the key's fingerprint."""
+    from stiction.core.cache import publish
+    from stiction.deploy.check import check_bundle
+    from stiction.formats.bundle import SIGNATURE, find_bundle
+    from stiction.formats.signature import sign
+
+    def passphrase() -> str:
+        return getpass.getpass(f"passphrase of {key}: ")
+
+    folder = find_bundle(path)
+    bundle = check_bundle(folder).bundle
+    signature, by = sign(bundle.sums, key, passphrase)
+    if bundle.signature not in (None, signature):
+        raise FileError(f"{folder} has the signature of another key, or a damaged one; remove {SIGNATURE} to sign it")
+    try:
+        with publish(folder / SIGNATURE) as partial:
+            partial.write_bytes(signature)
+    except OSError as error:
+        raise FileError(f"{folder / SIGNATURE} cannot be written: {error.strerror or error}") from error
+    return by
+
+
+def _say(cfg: SignCfg, summary: dict[str, str], text: str) -> None:
+    """Print what was done."""
+    print(json.dumps(summary, indent=2) if cfg.json else text)
+
+
+DESCRIPTION = (
+    "Sign a policy bundle, so that `stiction verify BUNDLE --key maker.pub` finds its author, where checksums find "
+    "accidents alone. The signature is of SHA256SUMS, which lists every file; it goes beside it, into SHA256SUMS.sig, "
+    "and OpenSSL can check it too. Needs the extra sign (cryptography)."
+)

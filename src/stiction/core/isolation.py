@@ -1,0 +1,50 @@
+"""Processes of our own, started so that no module in the working folder is imported in place of Python's.
+
+`python -m` and `python -c` put the working folder first on the path: a `json.py` in a folder that somebody sent would
+run. `-P` and PYTHONSAFEPATH leave it out; an empty entry of PYTHONPATH, which means the same folder, goes too.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from stiction.core.provenance import PACKAGE
+
+INSTALLED = ("site-packages", "dist-packages")
+"""Folders that Python looks into by itself."""
+
+
+def python_module(module: str, words: Iterable[object] = ()) -> list[str]:
+    """Return the command that runs a module with these words in a Python of its own; `isolated_environment` with it."""
+    return [sys.executable, "-P", "-m", module, *map(str, words)]
+
+
+def isolated_environment(**more: str) -> dict[str, str]:
+    """Return this process's environment, and `more`, for a Python that finds this very package and no working folder.
+
+    An entry of PYTHONPATH that is relative is made absolute: somebody asked for that folder by its name.
+    """
+    environment = {**os.environ, **more, "PYTHONSAFEPATH": "1"}
+    path = _folders(environment)
+    if PACKAGE.parent.name not in INSTALLED and str(PACKAGE.parent) not in path:
+        path.insert(0, str(PACKAGE.parent))
+    environment.pop("PYTHONPATH", None)
+    return environment | ({"PYTHONPATH": os.pathsep.join(path)} if path else {})
+
+
+def isolate_workers() -> None:
+    """Have the workers that multiprocessing will spawn from this process start without the working folder.
+
+    Their path is then set to this process's own, as always, before they import anything of ours.
+    """
+    os.environ["PYTHONSAFEPATH"] = "1"
+    if "PYTHONPATH" in os.environ:
+        os.environ["PYTHONPATH"] = os.pathsep.join(_folders(os.environ))
+
+
+def _folders(environment: Mapping[str, str]) -> list[str]:
+    """Return the folders that PYTHONPATH names, from the root on."""
+    return [str(Path(entry).absolute()) for entry in environment.get("PYTHONPATH", "").split(os.pathsep) if entry]

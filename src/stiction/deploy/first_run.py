@@ -1,0 +1,99 @@
+"""Runs a network for the first time: in a process of its own, with little memory and time, which may fail.
+
+What a network will compute is bounded beforehand (`operators`). What onnxruntime makes of it is not ours to promise; so
+a robot, and whoever evaluates, meets a network only after it has run on recorded observations somewhere else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from stiction.core.errors import BundleError, PolicyError
+from stiction.core.isolation import isolated_environment, python_module
+
+MEMORY = 384 * 2**20
+"""Address space that loading and running may take, beyond what Python and onnxruntime have then [B]."""
+
+SECONDS = 8
+"""Processor time of the whole process [s]; starting Python and onnxruntime takes some 0.4 s of it."""
+
+PATIENCE = 120.0
+"""Longest that it may take on a machine that is busy with other things [s]."""
+
+STEPS = 32
+"""Observations that it is run on."""
+
+_passed: set[bytes] = set()
+"""Digests of networks that ran, with what they ran on, in this process."""
+
+
+def first_run(model: bytes, observations: np.ndarray) -> None:
+    """Load a network and run it on observations, float32, shape (T, size), within bounds of memory and time.
+
+    It costs some 0.5 s, once for each network in a process. Raises `BundleError` where it fails or takes too much, and
+    `PolicyError` where no process can be started.
+    """
+    rows = np.ascontiguousarray(observations[:: max(1, len(observations) // STEPS)][:STEPS], dtype="<f4")
+    digest = hashlib.sha256(model + rows.tobytes()).digest()
+    if digest in _passed:
+        return
+    try:
+        done = subprocess.run(
+            python_module("stiction.deploy.first_run"),
+            input=struct.pack("<2q", *rows.shape) + rows.tobytes() + model,
+            env=isolated_environment(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"),
+            capture_output=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise BundleError(f"policy.onnx: its first run took more than {PATIENCE:.0f} s; do not use it") from error
+    except OSError as error:
+        why = error.strerror or error
+        raise PolicyError(f"no process can be started for the network's first run: {why}") from error
+    if done.returncode != 0:
+        said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        why = said[-1][:200] if said else f"it ended with status {done.returncode}"
+        raise BundleError(
+            f"policy.onnx did not run within {MEMORY >> 20} MB and {SECONDS} s ({why}); do not use it, export it again"
+        )
+    _passed.add(digest)
+
+
+def _limit() -> None:
+    """Bound the memory and the processor time of this process, where the system can, and never above what it had."""
+    import resource
+
+    bounds = {resource.RLIMIT_CPU: SECONDS, resource.RLIMIT_CORE: 0}
+    if sys.platform == "linux":
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+        bounds[resource.RLIMIT_AS] = pages * resource.getpagesize() + MEMORY
+    for kind, most in bounds.items():
+        _, hard = resource.getrlimit(kind)
+        least = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(kind, (least, least))
+
+
+def main() -> None:
+    """Read what `first_run` writes, and run it; the status says whether it ran."""
+    from stiction.deploy.policy import INPUT, OUTPUT, open_session
+
+    _limit()
+    content = sys.stdin.buffer.read()
+    steps, size = struct.unpack("<2q", content[:16])
+    end = 16 + 4 * steps * size
+    rows = np.frombuffer(content[16:end], dtype="<f4").reshape(steps, size)
+    session = open_session(content[end:])
+    for batch in (*np.split(rows, steps), rows):
+        if not np.isfinite(session.run([OUTPUT], {INPUT: batch})[0]).all():
+            sys.exit("it puts out what is not finite")
+
+
+if __name__ == "__main__":
+    main()

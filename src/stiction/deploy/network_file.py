@@ -1,0 +1,332 @@
+"""Reads a network file, policy.onnx, within bounds, before any runtime sees it.
+
+An ONNX file is a protocol-buffer message: a sequence of (field number, wire type, value); the field numbers are those
+of onnx.proto. Only what a policy's network is made of is known here: a graph of nodes with numbers for attributes, and
+constants that lie in the file. Everything else is refused by its name: subgraphs (control flow), functions, training,
+sparse, quantised and external tensors, metadata, unknown fields, and fields that stand twice where they may stand once,
+which two readers could take differently.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import BundleError
+
+MOST_BYTES = 32 * 2**20
+"""Size of the largest network that is read: eight million weights."""
+
+MOST_NODES, MOST_CONSTANTS, MOST_PARTS = 1024, 1024, 64
+"""Nodes of a graph, its constants, and inputs, outputs or attributes of a node. Our own have some 30, 30 and 5."""
+
+MOST_TEXT, MOST_DIMENSIONS = 256, 6
+"""Bytes of a name, and dimensions of a tensor."""
+
+FLOAT, INT64 = 1, 7
+"""Types of tensors that are known: TensorProto.FLOAT and INT64."""
+
+WIDTH = {FLOAT: 4, INT64: 8}
+"""Bytes of an entry."""
+
+OPSETS = range(13, 24)
+"""Versions of the operators whose meaning `operators` knows."""
+
+IR_VERSIONS = range(7, 12)
+"""Versions of the file's own layout."""
+
+VARINT, DOUBLE, BYTES, SINGLE = 0, 1, 2, 5
+"""Wire types."""
+
+Fields = Mapping[int, tuple[str, int, int]]
+"""Number of a field -> name, wire type, and how often it may stand."""
+
+_ONCE = 1
+MODEL: Fields = {
+    1: ("ir_version", VARINT, _ONCE),
+    2: ("producer_name", BYTES, _ONCE),
+    3: ("producer_version", BYTES, _ONCE),
+    4: ("domain", BYTES, _ONCE),
+    5: ("model_version", VARINT, _ONCE),
+    7: ("graph", BYTES, _ONCE),
+    8: ("opset_import", BYTES, _ONCE),
+}
+OPSET: Fields = {1: ("domain", BYTES, _ONCE), 2: ("version", VARINT, _ONCE)}
+GRAPH: Fields = {
+    1: ("node", BYTES, MOST_NODES),
+    2: ("name", BYTES, _ONCE),
+    5: ("initializer", BYTES, MOST_CONSTANTS),
+    11: ("input", BYTES, _ONCE),
+    12: ("output", BYTES, _ONCE),
+}
+NODE: Fields = {
+    1: ("input", BYTES, MOST_PARTS),
+    2: ("output", BYTES, MOST_PARTS),
+    3: ("name", BYTES, _ONCE),
+    4: ("op_type", BYTES, _ONCE),
+    5: ("attribute", BYTES, MOST_PARTS),
+    7: ("domain", BYTES, _ONCE),
+}
+ATTRIBUTE: Fields = {
+    1: ("name", BYTES, _ONCE),
+    2: ("f", SINGLE, _ONCE),
+    3: ("i", VARINT, _ONCE),
+    8: ("ints", VARINT, MOST_PARTS),
+    20: ("type", VARINT, _ONCE),
+}
+TENSOR: Fields = {
+    1: ("dims", VARINT, MOST_DIMENSIONS),
+    2: ("data_type", VARINT, _ONCE),
+    8: ("name", BYTES, _ONCE),
+    9: ("raw_data", BYTES, _ONCE),
+}
+PORT: Fields = {1: ("name", BYTES, _ONCE), 2: ("type", BYTES, _ONCE)}
+TYPE: Fields = {1: ("tensor_type", BYTES, _ONCE)}
+TENSOR_TYPE: Fields = {1: ("elem_type", VARINT, _ONCE), 2: ("shape", BYTES, _ONCE)}
+SHAPE: Fields = {1: ("dim", BYTES, MOST_DIMENSIONS)}
+DIMENSION: Fields = {1: ("dim_value", VARINT, _ONCE), 2: ("dim_param", BYTES, _ONCE)}
+
+EXTERNAL = (13, 14)
+"""Fields of a tensor whose numbers lie in another file."""
+
+ATTRIBUTE_TYPES = {"f": 1, "i": 2, "ints": 7}
+"""Field of an attribute -> what its type has to say."""
+
+
+@dataclass(frozen=True)
+class Tensor:
+    """A constant."""
+
+    name: str
+    kind: int
+    """`FLOAT` or `INT64`."""
+    shape: tuple[int, ...]
+    data: memoryview = field(repr=False)
+    """Its numbers, little-endian."""
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """Return the numbers, int64 or float32, of its shape."""
+        return np.frombuffer(self.data, dtype="<i8" if self.kind == INT64 else "<f4").reshape(self.shape)
+
+
+Attribute = float | int | tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Node:
+    """One operation."""
+
+    operator: str
+    inputs: tuple[str, ...]
+    """Names; empty for one that is left out."""
+    outputs: tuple[str, ...]
+    attributes: Mapping[str, Attribute]
+
+
+@dataclass(frozen=True)
+class Port:
+    """The input or output of a network."""
+
+    name: str
+    kind: int
+    shape: tuple[int | None, ...]
+    """None where the size is free."""
+
+
+@dataclass(frozen=True)
+class NetworkFile:
+    """What a network file says."""
+
+    nodes: tuple[Node, ...]
+    constants: Mapping[str, Tensor]
+    input: Port
+    output: Port
+
+
+def read_network(data: bytes) -> NetworkFile:
+    """Return what an ONNX file says.
+
+    Raises `BundleError`: not an ONNX file, too large, or with anything in it that is not known here.
+    """
+    if len(data) > MOST_BYTES:
+        raise BundleError(f"policy.onnx has {len(data)} bytes; at most {MOST_BYTES} are read")
+    if data[4:8] == b"ORTM":
+        # onnxruntime would read the whole file as its own format, whatever else it could be read as.
+        raise BundleError("policy.onnx is in the format of onnxruntime (ORTM); expected ONNX; export the bundle again")
+    model = _message(memoryview(data), "the model", MODEL)
+    if model["ir_version"] and model["ir_version"][0] not in IR_VERSIONS:
+        raise BundleError(f"policy.onnx has the layout {model['ir_version'][0]}; expected {_span(IR_VERSIONS)}")
+    operators = _message(_one(model, "opset_import", "the model"), "opset_import", OPSET)
+    domain, version = _text(operators["domain"], "opset_import.domain"), operators["version"]
+    if domain not in ("", "ai.onnx") or not version or version[0] not in OPSETS:
+        raise BundleError(
+            f"policy.onnx has operators of {domain or 'ONNX'!r}, version {version}; expected ONNX's own, version "
+            f"{_span(OPSETS)}; export the bundle again"
+        )
+    graph = _message(_one(model, "graph", "the model"), "graph", GRAPH)
+    constants = {tensor.name: tensor for tensor in map(_tensor, graph["initializer"])}
+    if len(constants) < len(graph["initializer"]):
+        raise BundleError("policy.onnx has two constants of one name; export the bundle again")
+    ports = (_port(_one(graph, name, "graph"), name) for name in ("input", "output"))
+    return NetworkFile(tuple(map(_node, graph["node"])), constants, *ports)
+
+
+def _span(versions: range) -> str:
+    """Return a range in words."""
+    return f"{versions[0]} to {versions[-1]}"
+
+
+def _node(data: memoryview) -> Node:
+    """Read one operation."""
+    found = _message(data, "node", NODE)
+    operator, domain = _text(found["op_type"], "node.op_type"), _text(found["domain"], "node.domain")
+    if domain not in ("", "ai.onnx"):
+        raise BundleError(f"policy.onnx: the operator {operator!r} is of {domain!r}; expected ONNX's own alone")
+    attributes: dict[str, Attribute] = {}
+    for part in found["attribute"]:
+        name, value = _attribute(part, operator)
+        if name in attributes:
+            raise BundleError(f"policy.onnx: {operator!r} has two attributes {name!r}; export the bundle again")
+        attributes[name] = value
+    inputs, outputs = (tuple(_text([part], f"node.{side}") for part in found[side]) for side in ("input", "output"))
+    if not all(outputs) or not outputs:
+        raise BundleError(f"policy.onnx: {operator!r} has an output without a name; export the bundle again")
+    return Node(operator, inputs, outputs, attributes)
+
+
+def _attribute(data: memoryview, operator: str) -> tuple[str, Attribute]:
+    """Read one attribute: a number or several integers."""
+    found = _message(data, f"attribute of {operator!r}", ATTRIBUTE)
+    name, given = _text(found["name"], "attribute.name"), [kind for kind in ATTRIBUTE_TYPES if found[kind]]
+    # Fields of the value zero may be left out: the type says which it is.
+    kind = next((kind for kind, number in ATTRIBUTE_TYPES.items() if found["type"] == [number]), None)
+    if kind is None or given not in ([kind], []):
+        raise BundleError(
+            f"policy.onnx: attribute {name!r} of {operator!r}: expected one number, or integers; export it again"
+        )
+    if kind == "ints":
+        return name, tuple(map(_signed, found["ints"]))
+    value = found[kind][0] if found[kind] else 0
+    return name, _signed(value) if kind == "i" else float(value)
+
+
+def _tensor(data: memoryview) -> Tensor:
+    """Read one constant."""
+    for number, _, _ in _entries(data, "tensor"):
+        if number in EXTERNAL:
+            raise BundleError("policy.onnx keeps tensors in other files; expected all within; export the bundle again")
+    found = _message(data, "tensor", TENSOR)
+    name, kind = _text(found["name"], "tensor.name"), (found["data_type"] or [0])[0]
+    shape, content = tuple(map(_signed, found["dims"])), found["raw_data"][0] if found["raw_data"] else memoryview(b"")
+    if kind not in WIDTH or min(shape, default=1) < 0 or math.prod(shape) * WIDTH[kind] != len(content):
+        raise BundleError(
+            f"policy.onnx: the constant {name!r} of type {kind} and shape {shape} has {len(content)} bytes; expected "
+            "float32 or int64, as many as its shape says"
+        )
+    return Tensor(name, kind, shape, content)
+
+
+def _port(data: memoryview, side: str) -> Port:
+    """Read the input or the output."""
+    found = _message(data, side, PORT)
+    kind = _message(_one(_message(_one(found, "type", side), side, TYPE), "tensor_type", side), side, TENSOR_TYPE)
+    sizes: list[int | None] = []
+    for part in _message(_one(kind, "shape", side), side, SHAPE)["dim"]:
+        size = _message(part, f"dimension of the {side}", DIMENSION)
+        sizes.append(_signed(size["dim_value"][0]) if size["dim_value"] else None)
+    return Port(_text(found["name"], f"{side}.name"), (kind["elem_type"] or [0])[0], tuple(sizes))
+
+
+def _one(found: Mapping[str, list], name: str, where: str) -> memoryview:
+    """Return the one message of a name."""
+    if not found[name]:
+        raise BundleError(f"policy.onnx is not an ONNX file, or it is cut off: {where} has no {name}")
+    return found[name][0]
+
+
+def _text(values: list, where: str) -> str:
+    """Return a text of a bounded length, empty where there is none."""
+    content = bytes(values[0][: MOST_TEXT + 1]) if values else b""
+    try:
+        text = content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise BundleError(f"policy.onnx: {where} is no text; export the bundle again") from error
+    if len(content) > MOST_TEXT or not (text == "" or text.isprintable()):
+        raise BundleError(f"policy.onnx: {where} is {text[:40]!r}; expected at most {MOST_TEXT} printable characters")
+    return text
+
+
+def _signed(value: int) -> int:
+    """Return a number of a protocol buffer as the int64 that is meant."""
+    return value - 2**64 if value >= 2**63 else value
+
+
+def _message(data: memoryview, where: str, known: Fields) -> dict[str, list]:
+    """Return name -> values of the known fields of a message; refuse any other, and too many of one."""
+    found: dict[str, list] = {name: [] for name, _, _ in known.values()}
+    for number, wire, value in _entries(data, where):
+        if number not in known:
+            raise BundleError(
+                f"policy.onnx: field {number} of {where} is none that the network of a policy has; export the bundle "
+                "again"
+            )
+        name, expected, most = known[number]
+        values: list[Any] = [value]
+        if isinstance(value, memoryview) and expected == VARINT and most > 1:
+            values = list(_numbers(value))
+        elif wire != expected:
+            raise BundleError(f"policy.onnx is not an ONNX file: {name} of {where} has the wire type {wire}")
+        found[name] += values
+        if len(found[name]) > most:
+            raise BundleError(f"policy.onnx: {where} has more than {most} of {name}; export the bundle again")
+    return found
+
+
+def _numbers(data: memoryview) -> Iterator[int]:
+    """Yield packed numbers, no more than a part may have and one."""
+    position, count = 0, 0
+    while position < len(data) and count <= MOST_PARTS:
+        value, position = _varint(data, position)
+        count += 1
+        yield value
+
+
+def _entries(data: memoryview, where: str) -> Iterator[tuple[int, int, int | float | memoryview]]:
+    """Yield (field number, wire type, value) of a message; the value is a number or the bytes of a length."""
+    position = 0
+    while position < len(data):
+        key, position = _varint(data, position)
+        number, wire = key >> 3, key & 7
+        value: int | float | memoryview
+        if number == 0:
+            raise BundleError(f"policy.onnx is not an ONNX file: {where} has a field 0; export the bundle again")
+        if wire == VARINT:
+            value, position = _varint(data, position)
+        else:
+            if wire == BYTES:
+                length, position = _varint(data, position)
+            else:
+                length = {DOUBLE: 8, SINGLE: 4}.get(wire, -1)
+            if length < 0 or position + length > len(data):
+                raise BundleError(f"policy.onnx is not an ONNX file, or it is cut off, in {where}; export it again")
+            value = data[position : position + length]
+            position += length
+            if wire == SINGLE:
+                value = struct.unpack("<f", value)[0]
+        yield number, wire, value
+
+
+def _varint(data: memoryview, position: int) -> tuple[int, int]:
+    """Return a base-128 number of at most 64 bits and the position after it."""
+    value = 0
+    for shift, byte in enumerate(data[position : position + 10]):
+        value |= (byte & 0x7F) << 7 * shift
+        if byte < 0x80 and value < 2**64:
+            return value, position + shift + 1
+    raise BundleError("policy.onnx is not an ONNX file, or it is cut off; export the bundle again")

@@ -1,0 +1,121 @@
+"""What a field of a contract may be: numbers that some robot could have, and words from a list.
+
+Every bound is far outside what robots are. Within them a wrong number may still be wrong; beyond them it is surely no
+robot's, and a computer that took it would wait, overflow, or move something with all its force.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from stiction.formats.plain import is_integer, is_number, is_text
+
+Rule = tuple[Callable[[Any], bool], str]
+"""Whether a value is allowed, and what is expected in words."""
+
+LONGEST = 4096
+"""Characters of a text."""
+
+
+def _between(low: float, high: float, unit: str = "") -> Rule:
+    """Return the rule of a number from `low` to `high`."""
+    return lambda value: is_number(value) and low <= value <= high, f"a number from {low:g} to {high:g}{unit}"
+
+
+def _integer(low: int, high: int) -> Rule:
+    """Return the rule of an integer from `low` to `high`."""
+    return lambda value: is_integer(value) and low <= value <= high, f"an integer from {low} to {high}"
+
+
+def one_of(*values: Any) -> Rule:
+    """Return the rule of a field that takes some values alone."""
+    words = " or ".join("null" if value is None else repr(value) for value in values)
+    return lambda value: value in values and not isinstance(value, bool), words
+
+
+def is_name(value: Any) -> bool:
+    """Return whether a value is a text that can be printed, of a length that a name has."""
+    return is_text(value) and len(value) <= 128 and value.isprintable()
+
+
+def _is_range(value: Any) -> bool:
+    """Return whether a value is the two ends of a range of friction."""
+    return isinstance(value, tuple) and len(value) == 2 and all(map(SHARE[0], value)) and value[0] <= value[1]
+
+
+def _is_file(value: Any) -> bool:
+    """Return whether a value names a file, or is None."""
+    named = isinstance(value, Mapping) and set(value) == {"name", "sha256"} and is_name(value["name"])
+    return value is None or (named and isinstance(value["sha256"], str)
+                             and re.fullmatch("[0-9a-f]{64}", value["sha256"]) is not None)  # fmt: skip
+
+
+ANGLE = _between(-1000.0, 1000.0, " rad")
+SHARE = _between(0.0, 10.0)
+"""Friction over a torque limit, or a coefficient: a joint that has as much as its motor is stuck."""
+
+SPEED_RATIO = (_between(1.0, 10.0), _between(1e-4, 100.0, " rad/s"))
+"""Friction at rest over friction in motion, and the speed of Stribeck's law."""
+
+TEXT: Rule = (
+    lambda value: is_text(value) and len(value) <= LONGEST and all(c.isprintable() or c == "\n" for c in value),
+    f"a text of 1 to {LONGEST} printable characters",
+)
+NAME: Rule = is_name, "a printable text of 1 to 128 characters"
+FILE: Rule = _is_file, "null, or an object with 'name' and 'sha256', 64 hexadecimal digits"
+
+TERRAINS = ("flat", "slopes", "rough", "stairs", "mixed")
+"""Grounds that there are to train on."""
+
+METHODS = {
+    "none": "conventional domain randomisation, without dry friction in the joints",
+    "direct": "dry friction in the joints, drawn closely around its nominal value",
+    "compensation": "dry friction in the joints, drawn closely around its nominal value, which is added to the command",
+    "finetune": "without dry friction at first, then all of it at once, drawn closely around its nominal value",
+    "iterative": "without dry friction at first, then more of it in equal steps, drawn closely around each",
+    "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
+}
+"""Training method with friction -> what it means, in words for people."""
+
+SCHEMA_VERSION = 2
+"""Version of contract.json. Version 1 is read as well; any other is refused."""
+
+RULES: dict[str, Rule] = {
+    "schema_version": one_of(SCHEMA_VERSION),
+    "robot": NAME,
+    "terrain": one_of(*TERRAINS),
+    "method": one_of(*METHODS),
+    **dict.fromkeys(("revision", "command"), TEXT),
+    "seed": _integer(0, 2**63 - 1),
+    "phases": one_of(1, 2, None),
+    # From 2 kHz to 5 Hz; a physics step under 10 µs would take days for a minute of walking.
+    "control_period": _between(5e-4, 0.2, " s"),
+    "decimation": _integer(1, 200),
+    "physics_timestep": _between(1e-5, 0.05, " s"),
+    "action_clip": _between(1e-3, 1000.0),
+    "compensation_width": _between(1e-4, 3.2, " rad"),
+    "friction_level": SHARE,
+    "friction_range": (_is_range, "two numbers, 0 <= low <= high <= 10"),
+    "action_offset": one_of("standing"),
+    "quaternion_order": one_of("wxyz"),
+    **dict.fromkeys(("joints_file", "actuator", "known_friction_file"), FILE),
+}
+"""Field -> what it may be, of those that do not depend on the number of joints."""
+
+PER_JOINT: dict[str, Rule] = {
+    **dict.fromkeys(("standing", "lower", "upper"), ANGLE),
+    "kp": _between(1e-3, 1e5, " N m/rad"),
+    "kd": _between(0.0, 1e4, " N m s/rad"),
+    "torque_limit": _between(1e-3, 1e4, " N m"),
+    "armature": _between(1e-9, 100.0, " kg m²"),
+    "damping": _between(0.0, 1e3, " N m s/rad"),
+    "friction": _between(0.0, 1e4),
+    "compensation": _between(0.0, 3.2, " rad"),
+    "action_scale": _between(1e-6, 10.0, " rad"),
+}
+"""Field with one number per joint, in the order of `joint_names` -> what each may be."""
+
+TERM_RULES: dict[str, Rule] = {"scale": _between(1e-6, 1e6), "clip": _between(1e-6, 1e6)}
+"""Field of an observation's term -> what it may be."""

@@ -1,0 +1,220 @@
+"""Golden vectors: a recorded rollout of one robot, what it measured, and what policy and joint controllers answered.
+
+They are recorded by `export` with the policy as training computes it, in torch; `verify` and robots replay them with
+NumPy and onnxruntime. They also hold the SHA-256 of the bundle's other files, so that a contract or a card edited
+afterwards no longer fits.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from stiction.core.errors import BundleError, LogError
+from stiction.formats.contract import Contract
+from stiction.formats.tables import parse_npz
+from stiction.joints.pd import PDGains, pd_torque
+
+MIN_STEPS, MAX_STEPS = 500, 20_000
+"""Steps that golden vectors must have, ten seconds at 50 Hz, and may have."""
+
+MAX_BYTES = 64 * 2**20
+"""Largest size of the golden vectors unpacked [B]: a small archive may not fill the memory."""
+
+LARGEST = {
+    "command": 100.0,
+    "angular_velocity": 1e3,
+    "joint_position": 1e3,
+    "joint_velocity": 1e4,
+    "target": 1e3,
+    "torque": 1e5,
+}
+"""Largest number of a recording, in its SI unit: beyond what any robot does."""
+
+DIFFERENT = 0.9
+"""Least share of rows that differ from all others: a row that is repeated proves nothing new."""
+
+TIME_ERROR = 1e-6
+"""Largest difference of a recorded time from a whole number of control periods [s]."""
+
+LIMIT_SLACK = 0.1
+"""How far behind a joint's limit an angle counts as at it [rad]: stops give way, and sensors have noise."""
+
+OUTSIDE = {"joint_position": 0.05, "target": 0.5}
+"""Largest share of a joint's recorded angles, and of its targets, behind its limits: a stop holds the one, while a
+policy may ask for more to push with; ours do so in under 1 % of the steps."""
+
+TORQUE_ERROR = 1e-6
+"""Largest difference of a recorded torque from that of the contract's gains, as a fraction of the torque limit."""
+
+EXERCISED = 1e-3
+"""Least root mean square of kp (target - position), and of kd velocity, as a fraction of the torque limit, for the
+gains to show in the torque."""
+
+
+@dataclass(frozen=True)
+class Golden:
+    """A recorded rollout of one robot, T steps. Angles [rad], velocities [rad/s]."""
+
+    joint_names: np.ndarray
+    """Names of the joints, text, shape (J,)."""
+    time: np.ndarray
+    """Time since the start of the recording [s], shape (T,)."""
+    reset: np.ndarray
+    """True where the history starts anew before this step, bool, shape (T,)."""
+    command: np.ndarray
+    """Commanded velocity: forward, sideways [m/s], turn [rad/s], shape (T, 3)."""
+    quaternion: np.ndarray
+    """Measured orientation of the base, w x y z, shape (T, 4)."""
+    angular_velocity: np.ndarray
+    """Measured angular velocity in the base frame [rad/s], shape (T, 3)."""
+    joint_position: np.ndarray
+    """Measured joint angles [rad], shape (T, J)."""
+    joint_velocity: np.ndarray
+    """Measured joint velocities [rad/s], shape (T, J)."""
+    observation: np.ndarray
+    """Input of the network, float32, shape (T, observation size)."""
+    action: np.ndarray
+    """Output of the network after clipping, float32, shape (T, J)."""
+    target: np.ndarray
+    """Joint targets [rad], shape (T, J)."""
+    torque: np.ndarray | None = None
+    """What the joint controllers ask of the motors at these targets and measurements [N m], see `controller_torque`,
+    computed with the robot's gains and limits, not the contract's, shape (T, J). None: the recording is older."""
+
+    def __len__(self) -> int:
+        """Return the number of steps."""
+        return len(self.time)
+
+
+def controller_torque(
+    target: np.ndarray, position: np.ndarray, velocity: np.ndarray, kp: np.ndarray, kd: np.ndarray, limit: np.ndarray
+) -> np.ndarray:
+    """Return the torques that joint controllers ask of their motors [N m], see `pd_torque`, shape (T, J)."""
+    gains = [PDGains(*map(float, each)) for each in zip(kp, kd, limit, strict=True)]
+    joints = [pd_torque(gain, target[:, j], position[:, j], velocity[:, j]) for j, gain in enumerate(gains)]
+    return np.stack(joints, axis=-1)
+
+
+BOUND = "sha256:"
+"""Prefix of the arrays that hold the SHA-256 of the bundle's other files."""
+
+
+def write_golden(golden: Golden, digests: Mapping[str, str]) -> bytes:
+    """Return the bytes of golden.npz; `digests` maps the bundle's other files to their SHA-256 in hexadecimal."""
+    arrays = {field.name: getattr(golden, field.name) for field in fields(Golden)}
+    arrays = {name: array for name, array in arrays.items() if array is not None}
+    arrays |= {BOUND + name: np.array(digest) for name, digest in digests.items()}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    return buffer.getvalue()
+
+
+def read_golden(data: bytes, contract: Contract) -> tuple[Golden, dict[str, str]]:
+    """Parse golden.npz and check it against the contract; return it and the digests that it binds.
+
+    Raises:
+        BundleError: not an NPZ, too large unpacked, an array missing, unknown, of the wrong shape or type, not finite
+            or out of all range; too few or too many steps; fewer than two resets, or none at the first step; times that
+            are not the control period's; rows that repeat; angles beyond the contract's limits; torques of other gains.
+
+    """
+    try:
+        arrays = parse_npz("golden.npz", data, MAX_BYTES)
+    except LogError as error:
+        raise BundleError(f"{error}; export the bundle again") from error
+    digests = {name.removeprefix(BOUND): str(arrays.pop(name)) for name in list(arrays) if name.startswith(BOUND)}
+    expected = {field.name for field in fields(Golden)}
+    if odd := sorted((arrays.keys() ^ expected) - ({"torque"} - arrays.keys())):
+        raise BundleError(f"golden.npz: the array {odd[0]!r} is missing or unknown; export the bundle again")
+    golden = Golden(**arrays)
+    _check_arrays(golden, contract)
+    _check_recording(golden, contract)
+    _check_torque(golden, contract)
+    return golden, digests
+
+
+def _check_arrays(golden: Golden, contract: Contract) -> None:
+    """Check names, shapes, types and values."""
+    names, given = contract.joint_names, golden.joint_names
+    if given.dtype.kind != "U" or given.shape != (len(names),) or tuple(given.tolist()) != names:
+        raise BundleError(f"golden.npz is for the joints {str(given.tolist())[:200]}, the contract has {names}")
+    steps, joints = golden.time.shape[0] if golden.time.ndim else 0, len(names)
+    widths = {"command": 3, "quaternion": 4, "angular_velocity": 3, "observation": contract.observation.size}
+    widths |= dict.fromkeys(("joint_position", "joint_velocity", "action", "target"), joints)
+    widths |= {} if golden.torque is None else {"torque": joints}
+    shapes = {"time": (steps,), "reset": (steps,), **{name: (steps, width) for name, width in widths.items()}}
+    for name, shape in shapes.items():
+        array = getattr(golden, name)
+        kinds = "b" if name == "reset" else "f"
+        if array.shape != shape or array.dtype.kind not in kinds:
+            raise BundleError(f"golden.npz: {name!r} is {array.dtype} {array.shape}; expected {shape}, kind {kinds!r}")
+        if not np.isfinite(array).all():
+            raise BundleError(f"golden.npz: {name!r} contains numbers that are not finite")
+        if steps and np.abs(array).max() > LARGEST.get(name, np.inf):
+            raise BundleError(f"golden.npz: {name!r} is up to {np.abs(array).max():.3g}; no robot has over "
+                              f"{LARGEST[name]:g}")  # fmt: skip
+    if not MIN_STEPS <= steps <= MAX_STEPS:
+        raise BundleError(f"golden.npz has {steps} steps; at least {MIN_STEPS} and at most {MAX_STEPS} are expected")
+
+
+def _check_recording(golden: Golden, contract: Contract) -> None:
+    """Check that the recording is one of a robot with this period and these limits, and no row repeated."""
+    if not golden.reset[0] or golden.reset.sum() < 2:
+        raise BundleError("golden.npz must start with a reset and contain at least one more")
+    late = np.abs(golden.time - contract.control_period * np.arange(len(golden))).max()
+    if late > TIME_ERROR:
+        raise BundleError(
+            f"golden.npz: the recorded times are up to {late:.3g} s off the contract's period of "
+            f"{contract.control_period:g} s; they do not belong together"
+        )
+    if np.abs(np.linalg.norm(golden.quaternion, axis=1) - 1.0).max() > 1e-3:
+        raise BundleError("golden.npz: a 'quaternion' is not of unit length")
+    for name in ("observation", "joint_position", "joint_velocity"):
+        rows = getattr(golden, name)
+        different = len(np.unique(rows, axis=0)) / len(rows)
+        if different < DIFFERENT:
+            raise BundleError(
+                f"golden.npz: only {different:.0%} of the rows of {name!r} differ; at least {DIFFERENT:.0%} are "
+                "expected of a robot that moves"
+            )
+        if name != "observation" and (still := np.ptp(rows, axis=0) == 0.0).any():
+            joint = contract.joint_names[int(np.argmax(still))]
+            raise BundleError(f"golden.npz: {name!r} of {joint!r} never changes; expected a recording of a robot")
+    low, high = contract.array("lower") - LIMIT_SLACK, contract.array("upper") + LIMIT_SLACK
+    for name, most in OUTSIDE.items():
+        angles = getattr(golden, name)
+        outside = ((angles < low) | (angles > high)).mean(axis=0)
+        if outside.max() > most:
+            worst = int(np.argmax(outside))
+            raise BundleError(
+                f"golden.npz: {outside[worst]:.0%} of {name!r} of {contract.joint_names[worst]!r} are beyond the "
+                f"contract's limits, {contract.lower[worst]:g} to {contract.upper[worst]:g} rad; at most "
+                f"{most:.0%} may be"
+            )
+
+
+def _check_torque(golden: Golden, contract: Contract) -> None:
+    """Check that the contract's gains and limits give the recorded torques, and that these would show other gains."""
+    if golden.torque is None:
+        return
+    kp, kd, limit = (contract.array(name) for name in ("kp", "kd", "torque_limit"))
+    expected = controller_torque(golden.target, golden.joint_position, golden.joint_velocity, kp, kd, limit)
+    error = np.abs(golden.torque - expected).max(axis=0) / limit
+    if error.max() > TORQUE_ERROR:
+        worst = int(np.argmax(error))
+        raise BundleError(
+            f"golden.npz: the torques of {contract.joint_names[worst]!r} are not those of the contract's kp "
+            f"{kp[worst]:g}, kd {kd[worst]:g} and limit {limit[worst]:g} N m; they do not belong together"
+        )
+    for name, part, gain in (
+        ("kp", kp * (golden.target - golden.joint_position), kp),
+        ("kd", kd * golden.joint_velocity, kd),
+    ):
+        silent = (np.sqrt((part**2).mean(axis=0)) < EXERCISED * limit) & (gain > 0)
+        if silent.any():
+            joint = contract.joint_names[int(np.argmax(silent))]
+            raise BundleError(f"golden.npz: the torques of {joint!r} show nothing of its {name}; expected a walk")

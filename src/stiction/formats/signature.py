@@ -1,0 +1,135 @@
+"""Ed25519 signatures of bundles: who made one. Keys are PEM files as OpenSSL writes them.
+
+What is signed is SHA256SUMS, byte for byte, which lists every other file; the signature is the 64 bytes themselves. So
+OpenSSL checks it too: `openssl pkeyutl -verify -pubin -inkey maker.pub -rawin -in SHA256SUMS -sigfile SHA256SUMS.sig`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stiction.core.errors import FileError
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+
+MOST_BYTES = 2**14
+"""Size of the largest key file that is read."""
+
+
+def make_key(path: Path) -> Path:
+    """Write a new private key to `path`, for its owner's eyes, and its public key beside it; return that one's path.
+
+    Raises `FileError` where one of the two exists, or cannot be written.
+    """
+    from cryptography.hazmat.primitives import serialization as form
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+    public, key = path.with_suffix(".pub"), Ed25519PrivateKey.generate()
+    private_text = key.private_bytes(form.Encoding.PEM, form.PrivateFormat.PKCS8, form.NoEncryption())
+    public_text = key.public_key().public_bytes(form.Encoding.PEM, form.PublicFormat.SubjectPublicKeyInfo)
+    if public == path or public.exists():
+        raise FileError(f"{public} exists already, or is the private key's own name; choose another, such as maker.pem")
+    for file, text, mode in ((path, private_text, 0o600), (public, public_text, 0o644)):
+        try:
+            with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as opened:
+                opened.write(text)
+        except OSError as error:
+            raise FileError(f"{file} cannot be written: {error.strerror or error}; choose another name") from error
+    return public
+
+
+def sign(message: bytes, path: Path, passphrase: Callable[[], str]) -> tuple[bytes, str]:
+    """Return the signature of a message, 64 bytes, by the private key in a PEM file, and that key's fingerprint.
+
+    passphrase: called where the key is encrypted. Raises `FileError` where the file holds no such key.
+    """
+    key = _private_key(path, passphrase)
+    return key.sign(message), fingerprint(key.public_key())
+
+
+def check_signature(message: bytes, signature: bytes | None, path: Path) -> str:
+    """Return the fingerprint of the public key in a PEM file, which made the signature of a message.
+
+    Raises `FileError`: the file holds no such key, or there is no signature, or another key made it, or of another
+    message.
+    """
+    from cryptography.exceptions import InvalidSignature
+
+    key = _public_key(path)
+    if signature is None:
+        raise FileError(f"the bundle has no signature, and {path} was named to check it; get a signed one, or see who "
+                        "published its digest: --expect-digest")  # fmt: skip
+    try:
+        key.verify(signature, message)
+    except InvalidSignature as error:
+        raise FileError(
+            f"the bundle's signature is not by the key {path} ({fingerprint(key)}), or the bundle was altered; do not "
+            "use it"
+        ) from error
+    return fingerprint(key)
+
+
+def fingerprint(key: Ed25519PublicKey) -> str:
+    """Return the first half of the SHA-256 of a public key, in hexadecimal: what people compare."""
+    from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
+
+    return hashlib.sha256(key.public_bytes(Encoding.Raw, PublicFormat.Raw)).hexdigest()[:32]
+
+
+def _private_key(path: Path, passphrase: Callable[[], str]) -> Ed25519PrivateKey:
+    """Read a private key."""
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+    from cryptography.hazmat.primitives.serialization import load_pem_private_key
+
+    content = _content(path)
+    try:
+        secret = passphrase().encode() if b"ENCRYPTED" in content else None
+        key: Any = load_pem_private_key(content, secret)
+    except Exception as error:  # ValueError, TypeError, UnsupportedAlgorithm, by what is wrong
+        raise FileError(f"{path}: {_line(error)}; expected a private Ed25519 key, PEM: {MADE}") from error
+    if not isinstance(key, Ed25519PrivateKey):
+        raise FileError(f"{path} holds another kind of key; expected a private Ed25519 key, PEM: {MADE}")
+    return key
+
+
+def _public_key(path: Path) -> Ed25519PublicKey:
+    """Read a public key."""
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+    from cryptography.hazmat.primitives.serialization import load_pem_public_key
+
+    content = _content(path)
+    if b"PRIVATE KEY" in content:
+        raise FileError(f"{path} is a private key, its owner's secret; name the public one, {path.with_suffix('.pub')}")
+    try:
+        key: Any = load_pem_public_key(content)
+    except Exception as error:  # as above
+        raise FileError(f"{path}: {_line(error)}; expected a public Ed25519 key, PEM: {MADE}") from error
+    if not isinstance(key, Ed25519PublicKey):
+        raise FileError(f"{path} holds another kind of key; expected a public Ed25519 key, PEM: {MADE}")
+    return key
+
+
+MADE = "stiction sign --new-key maker.pem makes maker.pem and maker.pub"
+"""How keys are made, for messages."""
+
+
+def _content(path: Path) -> bytes:
+    """Return a key file."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise FileError(f"cannot read the key {path}: {error.strerror or error}; {MADE}") from error
+    if len(content) > MOST_BYTES:
+        raise FileError(f"{path}: over {MOST_BYTES} bytes; expected a key, PEM: {MADE}")
+    return content
+
+
+def _line(error: Exception) -> str:
+    """Return the beginning of what a library says of a key."""
+    return " ".join(str(error).split())[:80] or type(error).__name__
