@@ -11,6 +11,10 @@ WORKERS ?= 2
 VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
+# What writes the lock and the bill of materials.
+TOOLS := .venv-tools
+# Prints torch's version.
+TORCH := sed -n 's/^\(torch==[^ ]*\).*/\1/p' requirements.lock
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
 
 # One thread policy (core/provenance.py): the libraries' own pools have one thread, the simulator and torch are
@@ -27,7 +31,7 @@ export STICTION_DATA := $(abspath ../shared/data)
 endif
 endif
 
-.PHONY: help demo test check format bench lock clean
+.PHONY: help demo test check format bench lock sbom clean
 
 help:
 	@echo "make demo    run the whole line on small real input; prints where the report is (ARGS=\"--train\" trains its own)"
@@ -35,7 +39,8 @@ help:
 	@echo "make check   lint, formatting, types and the walls of the house"
 	@echo "make bench   measure the throughput ratios on this machine"
 	@echo "make format  format the code"
-	@echo "make lock    write requirements.lock from what .venv holds"
+	@echo "make lock    write requirements.lock from what .venv holds, with hashes"
+	@echo "make sbom    write sbom.cdx.json, the bill of materials of requirements.lock"
 	@echo "make clean   remove .venv and caches"
 
 demo: $(READY)
@@ -59,23 +64,47 @@ format: $(READY)
 	$(BIN)/ruff format src tests scripts
 
 # A build of torch for one kind of machine is named like 2.13.0+cpu; the lock holds for all, but for packages that some
-# machines have no wheel of, as in pyproject.toml.
-lock: $(READY)
+# machines have no wheel of, as in pyproject.toml. The index knows the hashes of all its files; those of files that are
+# elsewhere, as torch's CPU builds, stay from the lock of before while the version is the same.
+lock: $(READY) $(TOOLS)/.ready
 	$(PIP) freeze --all --exclude-editable --exclude pip | sed -e 's/+.*//' \
 		-e "s/^dartpy==.*/&; sys_platform == 'linux'/" \
-		-e "s/^sapien==.*/&; sys_platform != 'linux' or platform_machine == 'x86_64'/" > requirements.lock
+		-e "s/^sapien==.*/&; platform_machine == 'x86_64' or sys_platform != 'linux'/" > $(VENV)/versions.txt
+	cp requirements.lock $(VENV)/hashed.txt
+	$(TOOLS)/bin/uv pip compile --quiet --generate-hashes --no-deps --no-header --no-annotate --no-strip-markers \
+		--universal --python-version 3.11 $(VENV)/versions.txt --output-file $(VENV)/hashed.txt
+	$(BIN)/python scripts/lock.py $(VENV)/hashed.txt requirements.lock
 	@touch $(READY)
 
-clean:
-	rm -rf $(VENV) build .pytest_cache .mypy_cache .ruff_cache .hypothesis src/stiction.egg-info
+# The bill of materials of what the lock installs, as CycloneDX.
+sbom: $(TOOLS)/.ready
+	$(TOOLS)/bin/cyclonedx-py requirements requirements.lock --pyproject pyproject.toml --output-reproducible \
+		--output-file sbom.cdx.json
 
-# torch comes first: a looser requirement of another package would choose the newest torch, with several GB of CUDA.
+$(TOOLS)/.ready: tools.lock
+	$(PYTHON) -m venv $(TOOLS)
+	$(TOOLS)/bin/python -m pip --disable-pip-version-check --quiet install --require-hashes -r tools.lock
+	@touch $@
+
+clean:
+	rm -rf $(VENV) $(TOOLS) build .pytest_cache .mypy_cache .ruff_cache .hypothesis src/stiction.egg-info
+
+# torch comes first, of the build that the index offers: by itself pip would choose the one whose hash the index tells,
+# with several GB of CUDA. Its hash must be in the lock, unless TORCH_FLAGS names another index. All else is checked by
+# pip against the lock, which is complete. Last comes what torch's CUDA build needs beside it, which the lock does not
+# have; of a CPU build nothing is left to do.
 $(READY): requirements.lock pyproject.toml
 	@$(PYTHON) -c "import sys; sys.exit(sys.version_info < (3, 11) and '$(PYTHON) is Python ' + sys.version.split()[0] \
 		+ '; stiction needs 3.11 or newer: make PYTHON=python3.12')"
 	@echo "installing into $(VENV) (some 2.6 GB; only the first time, or when requirements.lock changes)"
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) install $(TORCH_FLAGS) "$$(grep '^torch==' requirements.lock)"
-	$(PIP) install -r requirements.lock
+	rm -rf $(VENV)/torch
+	$(PIP) download --no-deps $(TORCH_FLAGS) --dest $(VENV)/torch "$$($(TORCH))"
+	@grep -qFe "$$($(subst --quiet,,$(PIP)) hash $(VENV)/torch/*.whl | tail -1)" requirements.lock || test -n "$(TORCH_FLAGS)" || \
+		{ echo "torch's file is none that requirements.lock knows; name its index with TORCH_FLAGS to take it"; exit 1; }
+	$(PIP) install --no-deps $(VENV)/torch/*.whl
+	rm -rf $(VENV)/torch
+	$(PIP) install --no-deps --require-hashes -r requirements.lock
+	$(PIP) install $(TORCH_FLAGS) "$$($(TORCH))"
 	$(PIP) install --no-deps --no-build-isolation -e .
 	@touch $@

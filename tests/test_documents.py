@@ -21,11 +21,12 @@ COMMANDS = re.findall(r"^stiction (\w+)(.*)$", (CHECKOUT / "README.md").read_tex
 
 
 def locked() -> dict[str, Requirement]:
-    """Return name -> line of the lock file, each a plain name==version, or one with a marker behind it."""
-    lines = (CHECKOUT / "requirements.lock").read_text().splitlines()
-    wrong = [line for line in lines if not re.fullmatch(r"[A-Za-z0-9._-]+==[0-9][0-9a-z.]*(; .+)?", line)]
-    assert not wrong, f"not name==version: {wrong}"
-    requirements = map(Requirement, lines)
+    """Return name -> requirement of the lock file: each name==version, a marker perhaps, hashes on further lines."""
+    entries = (CHECKOUT / "requirements.lock").read_text().replace(" \\\n    --hash=", " --hash=").splitlines()
+    one = r"([A-Za-z0-9._-]+==[0-9][0-9a-z.]*(; [^-]+?)?)( --hash=sha256:[0-9a-f]{64})+"
+    wrong = [line[:80] for line in entries if not re.fullmatch(one, line)]
+    assert not wrong, f"not name==version with hashes: {wrong}"
+    requirements = [Requirement(line.partition(" --hash=")[0]) for line in entries]
     return {requirement.name.lower().replace("_", "-"): requirement for requirement in requirements}
 
 

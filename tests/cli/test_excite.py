@@ -108,7 +108,7 @@ def test_any_robots_joint_is_found_by_name_and_by_kind(joint: str) -> None:
         ("--robot go2 --joint shank", "unknown joint 'shank'; known: hip, thigh, calf, FR_hip_joint, FR_thigh_joint"),
         ("--robot spot --joint shank", "unknown robot 'spot'"),
         ("--joint a,b", "--joint 'a,b'"),
-        ("--duration 6 --rate 200 --out taken/sub", "cannot write to taken/sub"),
+        ("--duration 6 --rate 200 --out taken/sub", "taken/sub cannot be made"),
     ],
 )
 def test_what_a_user_can_mend_is_one_line_and_status_1(

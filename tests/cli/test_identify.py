@@ -96,7 +96,7 @@ def test_a_result_never_replaces_a_log_or_its_sidecar(
         (["swing.csv", "--columns", "position"], "ROLE=NAME"),
         (["swing.csv", "--torque-scale", "-1"], "must be positive"),
         (["swing.csv", "--kp", "-3"], "kp -3.0"),
-        (["swing.csv", "--out", "swing.csv/sub"], "cannot write to"),
+        (["swing.csv", "--out", "swing.csv/sub"], "cannot be made"),
         (["half.csv"], "the header names 4 columns"),
         (["."], "is a directory"),
         (["swing.csv", "--torque-scale", "1e6"], "beyond the torque limit 45"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,17 @@ from typing import Any
 import pytest
 
 from stiction.core import cache
-from stiction.core.cache import Ledger, cached, entry_file, has_entry, key_of, publish, publish_entry, read_entry
+from stiction.core.cache import (
+    Ledger,
+    cached,
+    entry_file,
+    has_entry,
+    key_of,
+    publish,
+    publish_entry,
+    read_entry,
+    sealed,
+)
 from stiction.core.errors import FileError
 
 CODE = "core/cache.py"
@@ -144,7 +154,55 @@ def test_a_ledger_goes_on_behind_a_line_that_was_cut_off(tmp_path: Path) -> None
     ledger.extend([{"key": "b", "worth": 4}])
     again = Ledger(path)
     assert [again.get(key) for key in "abc"] == [{"key": key, "worth": n} for key, n in (("a", 1), ("b", 4), ("c", 3))]
-    assert len(path.read_text().splitlines()) == 4 and json.loads(path.read_text().splitlines()[-1])["key"] == "b"
+    assert len(path.read_text().splitlines()) == 3 and json.loads(path.read_text().splitlines()[-1])["key"] == "b"
+
+
+def altered(line: str) -> str:
+    """The line with another number in it."""
+    return line.replace('"worth": 2', '"worth": 9')
+
+
+def contradicted(line: str) -> str:
+    """The line, and one of the same key that another program wrote properly."""
+    return line + "\n" + json.dumps(sealed({"key": "b", "worth": 9}))
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (altered, "line 2 damaged, altered"),
+        (lambda line: line[:20] + line[21:], "line 2 damaged"),
+        (lambda line: line[: len(line) // 2], "line 2 damaged"),
+        (lambda line: json.dumps({"key": "b", "worth": 2}), "without a digest"),
+        (contradicted, "line 3 damaged, altered, contradicted"),
+        (lambda line: "[" * 100_000, "line 2 damaged"),
+    ],
+)
+def test_a_line_that_was_altered_does_not_count(change: Callable[[str], str], what: str, tmp_path: Path) -> None:
+    """A number that somebody changed would be a result; what is not whole, or said twice, is found and made anew."""
+    path = tmp_path / "walks.jsonl"
+    Ledger(path).extend([{"key": key, "worth": worth} for worth, key in enumerate("abc", start=1)])
+    lines = path.read_text().splitlines()
+    lines[1] = change(lines[1])
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.warns(UserWarning, match=what):
+        ledger = Ledger(path)
+    assert [ledger.get(key) is None for key in "abc"] == [False, True, False]
+
+
+def test_the_same_line_twice_is_one(tmp_path: Path) -> None:
+    """An entry that was written twice says nothing else."""
+    path = tmp_path / "walks.jsonl"
+    Ledger(path).extend([{"key": "a", "worth": 1}, {"key": "a", "worth": 1}])
+    assert Ledger(path).get("a") == {"key": "a", "worth": 1}
+
+
+def test_an_entry_that_was_altered_is_made_again(tmp_path: Path) -> None:
+    """A forged part of a study would stand in its table."""
+    made(tmp_path, 1.0)
+    file = entry_file(tmp_path, "part", key_of(1, CODE), ".json")
+    file.write_text(file.read_text().replace("1.0", "7.0"))
+    assert made(tmp_path, 2.0) == {"value": 2.0}
 
 
 def test_a_ledger_that_is_none_is_said_in_one_line(tmp_path: Path) -> None:

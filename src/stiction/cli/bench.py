@@ -68,14 +68,13 @@ def main(arguments: list[str]) -> int:
         return _measure_ground(options)
     from dataclasses import asdict, replace
 
-    from rich.console import Console
-
     from stiction.core.provenance import Origin
     from stiction.evaluate.throughput import bench_cfg, measure_parts, measure_training, parts_summary
     from stiction.formats.actuator import read_actuator
+    from stiction.report.terminal import Terminal
     from stiction.rma.config import preset
 
-    note, origin = Console(stderr=True, quiet=options.json), Origin.now()
+    note, origin = Terminal(stderr=True, quiet=options.json), Origin.now()
     note.print("task against bare simulator ...")
     base = replace(preset("two-phase", options.device), num_envs=options.num_envs)
     cfg = bench_cfg(base, options.method, options.friction_level)
@@ -159,8 +158,9 @@ def _identification() -> float:
 
 def _show(summary: dict) -> None:
     """Print the figures as a table."""
-    from rich.console import Console
     from rich.table import Table
+
+    from stiction.report.terminal import Terminal
 
     table = Table("what", "median", "min to max")
     for name, spread in summary["spread"].items():
@@ -177,7 +177,7 @@ def _show(summary: dict) -> None:
     else:
         table.add_row("policy step, ms", f"{step['p50']:.3f}", f"p99 {step['p99']:.3f}, max {step['max']:.3f}")
     table.add_row("identification, s", f"{summary['identification_seconds']:.2f}", "example log, one joint")
-    console = Console()
+    console = Terminal()
     console.print(table)
     if summary["parts"] is not None:
         console.print(_parts_table(summary["parts"]))

@@ -66,12 +66,24 @@ class DemoCfg:
 def main(arguments: list[str]) -> None:
     """Run the demo and print where its page is."""
     cfg = tyro.cli(DemoCfg, args=arguments, prog="stiction demo", description=DESCRIPTION)
-    from stiction.core.records import make_folder
-    from stiction.deploy.check import check_bundle
+    from stiction.core.lock import output_folder
     from stiction.formats.results import summary_text
 
+    with output_folder(cfg.out):
+        page, summary, warnings = _run(cfg, arguments)
+    for text in warnings:
+        _say(f"note: {text}")
+    if cfg.json:
+        print(summary_text(summary), end="")
+    else:
+        print(f"open this page: {page.resolve()}")
+
+
+def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list[str]]:
+    """Run the whole line; return the page, the summary and what was left out."""
+    from stiction.deploy.check import check_bundle
+
     start = time.perf_counter()
-    make_folder(cfg.out)
     warnings: list[str] = []
     checks = [check_bundle(path) for path in cfg.bundles]
     joints = [_identify_example(cfg.out), *_identify_record(cfg.out, warnings)]
@@ -81,12 +93,7 @@ def main(arguments: list[str]) -> None:
         checks = [check_bundle(path) for path in bundles]
     page, summary = _evaluate(cfg, arguments, joints, bundles, checks, warnings)
     summary |= {"report": str(page), "warnings": warnings, "total_seconds": time.perf_counter() - start}
-    for text in warnings:
-        _say(f"note: {text}")
-    if cfg.json:
-        print(summary_text(summary), end="")
-    else:
-        print(f"open this page: {page.resolve()}")
+    return page, summary, warnings
 
 
 def _say(text: str) -> None:

@@ -46,15 +46,15 @@ def main(arguments: list[str]) -> int:
                 print(f"{name}: {text}")
         return 0
 
-    from rich.console import Console
     from rich.table import Table
 
     from stiction.locomotion.audit import check_randomization
+    from stiction.report.terminal import Terminal
     from stiction.robots.catalog import find_robot
 
     spec = find_robot(options.task.robot)
     task = replace(options.task, rewards=options.task.rewards.for_robot(spec))
-    note = Console(stderr=True, quiet=options.json)
+    note = Terminal(stderr=True, quiet=options.json)
     rows = check_randomization(task, spec, lambda what: note.print(f"measuring: {what}"))
     failed = [row for row in rows if not row.ok]
     if options.json:
@@ -67,7 +67,7 @@ def main(arguments: list[str]) -> int:
             table.add_row(
                 row.parameter, row.quantity, f"{row.share:.3f}", row.verdict, style="" if row.ok else "bold red"
             )
-        Console().print(table)
+        Terminal().print(table)
     if failed:
         names = ", ".join(sorted({row.parameter for row in failed}))
         print(f"stiction doctor: {len(failed)} of {len(rows)} checks failed: {names}", file=sys.stderr)

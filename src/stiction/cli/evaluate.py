@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import shlex
 import sys
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from stiction.core.lock import output_folder
 from stiction.locomotion.friction import law_choice, law_help
 from stiction.report.terminal import RobotSeeds, jobs_of
 
@@ -92,14 +94,15 @@ def main(arguments: list[str]) -> int:
     cfg = tyro.cli(EvaluateCfg, args=arguments, prog="stiction evaluate", description=DESCRIPTION)
     command = shlex.join(["stiction", "evaluate", *arguments])
     if cfg.judge_again:
-        judge_again(cfg, command)
+        with output_folder(cfg.out):
+            judge_again(cfg, command)
         return 0
     if not cfg.bundles:
         print("stiction evaluate: no bundle given; `stiction evaluate --help` shows the usage", file=sys.stderr)
         return 2
     jobs = jobs_of(cfg.jobs)
     from stiction.core.provenance import num_threads
-    from stiction.core.records import make_folder, part_of
+    from stiction.core.records import part_of
     from stiction.deploy.check import check_bundle
     from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.evaluate.grid import GridCfg
@@ -114,16 +117,14 @@ def main(arguments: list[str]) -> int:
         left_out = "mujoco has no joint controller to feed friction forward; +forward walks in the other engines alone"
         print(f"stiction evaluate: {left_out}", file=sys.stderr)
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
-    make_folder(cfg.out)
-    if cfg.log is not None:
-        make_folder(cfg.log, "--log")
-    bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
-    with work_progress() as progress:
-        rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
-        if record is not None and cfg.log is not None:
-            summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
-    print_warnings("evaluate", summary["warnings"])
-    write_and_print(cfg, rows, {"command": command} | summary)
+    with output_folder(cfg.out), nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"):
+        bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
+        with work_progress() as progress:
+            rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
+            if record is not None and cfg.log is not None:
+                summary["logs"] = log_all(bundles, base, record, cfg.log, cfg.robot, num_threads(), progress)
+        print_warnings("evaluate", summary["warnings"])
+        write_and_print(cfg, rows, {"command": command} | summary)
     return 0
 
 

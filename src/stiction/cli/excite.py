@@ -8,10 +8,10 @@ from pathlib import Path
 
 import tyro
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
+from stiction.core.lock import output_folder
 from stiction.core.records import header, part_of, texts
 from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits, write_signals
 from stiction.formats.log import write_log
@@ -49,24 +49,24 @@ def main(arguments: list[str]) -> int:
     setup = given.filled(robot_joint(config.robot, config.joint) if config.robot else None)
     from stiction.identify.excite.plan import design_excitation
     from stiction.report.excitation import write_excitation_page
-    from stiction.report.terminal import work_progress
+    from stiction.report.terminal import Terminal, work_progress
 
     command = shlex.join(["stiction", "excite", *arguments])
     with work_progress() as progress:
         designed = design_excitation(setup, config.joint, command, progress)
     text = object_text(designed.record.to_dict())
     try:
-        config.out.mkdir(parents=True, exist_ok=True)
-        write_log(config.out / "trajectory.csv", designed.trajectory)
-        write_signals(config.out / "design.npz", designed.signals)
-        (config.out / "design.json").write_text(text, encoding="utf-8")
-        write_excitation_page(config.out)
+        with output_folder(config.out):
+            write_log(config.out / "trajectory.csv", designed.trajectory)
+            write_signals(config.out / "design.npz", designed.signals)
+            (config.out / "design.json").write_text(text, encoding="utf-8")
+            write_excitation_page(config.out)
     except OSError as error:
         raise FileError(f"cannot write to {config.out}: {error.strerror or error}; choose another --out") from error
     if config.json:
         print(text, end="")
     else:
-        show(Console(), designed.record, config.out)
+        show(Terminal(), designed.record, config.out)
     return 0
 
 
@@ -91,13 +91,13 @@ def show(console: Console, design: ExcitationDesign, out: Path) -> None:
     """Print how to run the log, what it will tell and what to type next, for a person."""
     table = Table(*header(Predicted), title=design.joint)
     for row in design.predicted:
-        table.add_row(*map(escape, texts(row)))
+        table.add_row(*texts(row))
     console.print(table)
     lines = [design.advice, *run_lines(design, out)]
     lines += [f"warning: {text}" for text in design.warnings]
     lines += [f"page: {out / 'report.html'}", f"then: {design.next_command}"]
     for line in lines:
-        console.print(line, highlight=False, markup=False, soft_wrap=True)
+        console.print(line, highlight=False, soft_wrap=True)
 
 
 def run_lines(design: ExcitationDesign, out: Path) -> list[str]:

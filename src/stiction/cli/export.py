@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 import tyro
 
 from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.lock import replaced_folder
 
 DESCRIPTION = """Export a trained student as a policy bundle, or a policy bundle as a Webots project, not run in Webots.
 
@@ -89,7 +90,8 @@ def _to_bundle(cfg: ExportCfg) -> None:
 
     if cfg.joint_map and cfg.joints is None:
         raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
-    check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say, cfg.robot)
+    with replaced_folder(out):
+        check = export_run(cfg.source, out, cfg.wear, cfg.joints, cfg.joint_map, say, cfg.robot)
     if cfg.maker_targets is not None:
         from stiction.deploy.vendor import write_maker_targets
 
@@ -107,7 +109,9 @@ def _to_webots(cfg: ExportCfg) -> None:
 
     source = _bundle(cfg.source)
     given = {name: getattr(cfg, name) for name in ("friction_level", "step_height") if getattr(cfg, name) is not None}
-    project = export_webots(source, cfg.out or Path(f"webots-{_bundle_name(source)}"), WebotsCfg(**given), cfg.robot)
+    out = cfg.out or Path(f"webots-{_bundle_name(source)}")
+    with replaced_folder(out):
+        project = export_webots(source, out, WebotsCfg(**given), cfg.robot)
     if cfg.json:
         print(json.dumps(project.summary(), indent=2))
     else:

@@ -12,12 +12,14 @@ from rich.console import Console
 from rich.table import Table
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError
+from stiction.core.lock import output_folder
 from stiction.core.records import part_of
 from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile, write_fit
 from stiction.formats.plain import object_text
 from stiction.formats.walk import is_walk
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.walking.setup import WalkSetup
+from stiction.report.terminal import Terminal
 
 DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals; say if it matters, and
 write joints.json, fit.npz, training.json and report.html.
@@ -124,7 +126,7 @@ def _identify_walk(arguments: list[str]) -> int:
     from stiction.robots.catalog import find_robot
 
     _keep_inputs(options.log, options.out)
-    with Console(stderr=True).status("reading, fitting"):
+    with Terminal(stderr=True).status("reading, fitting"):
         walk = read_walk(options.log)
         if options.robot is None and not walk.header.robot.isidentifier():
             raise RobotError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
@@ -151,11 +153,11 @@ def _write_results(
     from stiction.identify.proposal import write_proposal
 
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        joints.write(folder / "joints.json")
-        write_proposal(folder, joints)
-        write_signals(folder / "fit.npz")
-        write_page(folder)
+        with output_folder(folder):
+            joints.write(folder / "joints.json")
+            write_proposal(folder, joints)
+            write_signals(folder / "fit.npz")
+            write_page(folder)
     except OSError as error:
         raise FileError(f"cannot write to {folder}: {error.strerror or error}; choose another --out") from error
 
@@ -167,9 +169,9 @@ def _print_results(
     if options.json:
         print(object_text(joints.to_dict()), end="")
         return
-    terminal = Console()
-    show(terminal if terminal.is_terminal else Console(width=PLAIN_WIDTH), joints)
-    Console(stderr=True).print(f"page: {options.out / 'report.html'}", highlight=False, soft_wrap=True)
+    terminal = Terminal()
+    show(terminal if terminal.is_terminal else Terminal(width=PLAIN_WIDTH), joints)
+    Terminal(stderr=True).print(f"page: {options.out / 'report.html'}", highlight=False, soft_wrap=True)
 
 
 def show(console: Console, joints: JointsFile) -> None:
@@ -270,4 +272,4 @@ def _show_walk(console: Console, joints: JointsFile) -> None:
         table.add_row(*row)
     console.print(table)
     for text in grouped_warnings(joints):
-        console.print(f"warning: {text}", highlight=False, markup=False, soft_wrap=True)
+        console.print(f"warning: {text}", highlight=False, soft_wrap=True)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import importlib
-import os
 import sys
+import warnings
 
 from stiction import __version__
+from stiction.cli.process import DEBUG, begin, failed, stopped
 from stiction.core.errors import StictionError, unknown_name
 from stiction.core.gemm import open_fast_gemm
 from stiction.core.provenance import limit_library_threads
@@ -34,7 +35,10 @@ ELSEWHERE = {"replicate": "stiction.studies.replication.study"}
 """Verbs that are studies."""
 
 USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
-EPILOG = "\n`stiction VERB --help` lists the options of a verb. `stiction --version` prints the version.\n"
+EPILOG = """
+`stiction VERB --help` lists the options of a verb. `stiction --version` prints the version. `--debug`, with any verb,
+prints the traceback of an error before its line.
+"""
 
 
 def overview() -> str:
@@ -44,6 +48,7 @@ def overview() -> str:
 
 def main(arguments: list[str]) -> int:
     """Run one verb; return the exit status (0 done, 1 a failure the user can act on, 2 wrong usage)."""
+    debug, arguments = DEBUG in arguments, [word for word in arguments if word != DEBUG]
     if not arguments:
         print(overview(), end="", file=sys.stderr)
         return 2
@@ -60,40 +65,30 @@ def main(arguments: list[str]) -> int:
     limit_library_threads()
     open_fast_gemm()
     try:
-        module = ELSEWHERE.get(verb, f"stiction.cli.{verb.replace('-', '_')}")
-        status = importlib.import_module(module).main(rest)
+        with warnings.catch_warnings():
+            # Python's own form is two lines, the second one of our source code.
+            warnings.showwarning = lambda message, *_, **__: print(
+                f"stiction {verb}: warning: {' '.join(str(message).split())}", file=sys.stderr
+            )
+            module = ELSEWHERE.get(verb, f"stiction.cli.{verb.replace('-', '_')}")
+            status = importlib.import_module(module).main(rest)
         return int(status or 0)
-    except StictionError as error:
-        print(f"stiction {verb}: {' '.join(str(error).split())}", file=sys.stderr)
-        return 1
-    except ModuleNotFoundError as error:
-        extra = EXTRAS.get((error.name or "").split(".")[0])
-        if extra is None:
-            raise
-        print(
-            f"stiction {verb}: the package {error.name!r} is not installed; this verb needs the extra {extra!r}: "
-            f'pip install "stiction[{extra}]"',
-            file=sys.stderr,
-        )
-        return 1
-    except KeyboardInterrupt:
-        print(f"stiction {verb}: interrupted", file=sys.stderr)
-        return 130
-
-
-EXTRAS = {"mujoco": "sim", "PIL": "sim", "yaml": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
-EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tensorboard": "train"}
-EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu", "cryptography": "sign"}
-"""Package -> the extra that installs it."""
+    except KeyboardInterrupt as stop:
+        said, status = stopped(stop)
+        print(f"stiction {verb}: {said}", file=sys.stderr)
+        return status
+    except Exception as error:
+        return failed(error, verb, debug)
 
 
 def entry() -> None:
     """Console-script entry point."""
+    begin()
     try:
         status = main(sys.argv[1:])
         sys.stdout.flush()
-    except BrokenPipeError:
-        # The reader (`| head`) has seen enough. Python would complain once more while it closes standard output.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        status = 0
+    except StictionError as error:
+        status = failed(error, "", False)
+    except KeyboardInterrupt as stop:
+        status = stopped(stop)[1]
     sys.exit(status)

@@ -13,6 +13,8 @@ from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.text import Text
 
+from stiction.core.errors import escaped
+from stiction.report.terminal import Terminal
 from stiction.rma.config import TrainCfg
 
 RECENT = 20
@@ -125,13 +127,13 @@ class Display:
 
     def say(self, text: str) -> None:
         """Print a line; on a terminal, above the live display."""
-        self.console.print(text, soft_wrap=True, highlight=False, markup=False)
+        self.console.print(escaped(text), soft_wrap=True, highlight=False, markup=False)
 
 
 @contextmanager
 def training_progress(cfg: TrainCfg) -> Iterator[Display]:
     """Show a training run on standard error while it lasts."""
-    console = Console(stderr=True)
+    console = Terminal(stderr=True)
     display = Display(cfg, console)
     if not console.is_terminal:
         yield display

@@ -11,6 +11,7 @@ import tyro
 from tyro.conf import Positional, subcommand
 
 from stiction.core.errors import RobotError
+from stiction.core.lock import output_folder
 
 
 @dataclass(frozen=True)
@@ -88,20 +89,23 @@ def _check(cfg: CheckCfg) -> int:
         content = {"robot": derived.robot.name, "ok": not bad, "notes": derived.notes}
         print(json.dumps(content | {"findings": [asdict(finding) for finding in findings]}, indent=2))
         return int(bool(bad))
-    from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
+
+    from stiction.report.terminal import Terminal
 
     table = Table(
         "check", "", "found", "what mends it", title=f"{derived.robot.name} ({cfg.robot})", title_justify="left"
     )
-    colors = {"good": "[green]good[/]", "note": "[yellow]note[/]", "bad": "[bold red]bad[/]"}
+    styles = {"good": "green", "note": "yellow", "bad": "bold red"}
+    states = {state: Text(state, style) for state, style in styles.items()}
     for finding in findings:
         table.add_row(
-            finding.check, colors[finding.state], finding.text, finding.mend if finding.state != "good" else ""
+            finding.check, states[finding.state], finding.text, finding.mend if finding.state != "good" else ""
         )
     for note in derived.notes:
-        table.add_row("file", colors["note"], note, "")
-    console = Console()
+        table.add_row("file", states["note"], note, "")
+    console = Terminal()
     console.print(table)
     if bad:
         names = ", ".join(dict.fromkeys(finding.check for finding in bad))
@@ -126,10 +130,10 @@ def _show(cfg: ShowCfg) -> None:
     from stiction.robots.mjcf import build
     from stiction.robots.picture import draw
 
-    cfg.out.mkdir(parents=True, exist_ok=True)
-    (cfg.out / "robot.xml").write_text(build(robot).to_xml(), encoding="utf-8")
-    (cfg.out / "robot.yaml").write_text(complete_text(robot, "robot.xml"), encoding="utf-8")
-    draw(robot, cfg.out / "robot.png")
+    with output_folder(cfg.out):
+        (cfg.out / "robot.xml").write_text(build(robot).to_xml(), encoding="utf-8")
+        (cfg.out / "robot.yaml").write_text(complete_text(robot, "robot.xml"), encoding="utf-8")
+        draw(robot, cfg.out / "robot.png")
     if not cfg.json:
         print(f"written: {cfg.out}/robot.png, robot.yaml (complete), robot.xml (what is simulated)")
 
@@ -137,10 +141,11 @@ def _show(cfg: ShowCfg) -> None:
 def _print(derived: Any) -> None:
     """Print a robot's joints, and the origins that are not the same for all of them."""
     from rich.box import SIMPLE
-    from rich.console import Console
     from rich.table import Table
 
-    robot, console = derived.robot, Console()
+    from stiction.report.terminal import Terminal
+
+    robot, console = derived.robot, Terminal()
     console.width = max(console.width, 112)
     title = f"{robot.name}: {robot.mass:.4g} kg, stands {robot.standing_height:.3g} m high"
     table = Table(title=title, title_justify="left", box=SIMPLE)
@@ -188,13 +193,14 @@ def _list(cfg: ListCfg) -> None:
         ]
         print(json.dumps({"robots": rows, "policies": policies}, indent=2))
         return
-    from rich.console import Console
     from rich.table import Table
+
+    from stiction.report.terminal import Terminal
 
     table = Table("robot", "mass [kg]", "joints", "feet", title="shipped robots", title_justify="left")
     for robot in robots:
         table.add_row(robot.name, f"{robot.mass:.4g}", str(robot.num_joints), str(len(robot.feet)))
-    console = Console()
+    console = Terminal()
     console.print(table)
     console.print("shipped policies: " + ", ".join(policies))
 

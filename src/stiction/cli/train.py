@@ -99,6 +99,7 @@ def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg
         )
     robot = find_robot(cfg.task.robot)
     cfg.task.randomization.check_robot(robot)
+    cfg.check_memory(robot)
     cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
     find_device(cfg.device, cfg.contacts)
     if cfg.symmetry != "none":
@@ -132,6 +133,7 @@ def _resume(options: Train, arguments: list[str]) -> int:
 def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     """Train, with progress, clips and an ear for signals; return the exit status."""
     from stiction.cli.progress import training_progress
+    from stiction.core.lock import output_folder
     from stiction.evaluate.film import ClipRecorder
     from stiction.report.terminal import stop_requests
     from stiction.rma.phase import Interrupted
@@ -141,6 +143,7 @@ def _run(options: Train, run: RunDirectory, cfg: TrainCfg) -> int:
     if cfg.device != "cpu":
         print("stiction train: in its first run MuJoCo Warp compiles its kernels, for minutes", file=sys.stderr)
     with (
+        output_folder(run.path),
         training_progress(cfg) as display,
         stop_requests(display.say, "this iteration") as asked,
         warnings.catch_warnings(),

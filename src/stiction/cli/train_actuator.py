@@ -39,8 +39,8 @@ def main(arguments: list[str]) -> int:
     import torch
 
     from stiction.core.errors import ConfigurationError, FileError
+    from stiction.core.lock import output_folder
     from stiction.core.provenance import num_threads
-    from stiction.core.records import make_folder
     from stiction.formats.results import summary_text
     from stiction.report.terminal import work_progress
     from stiction.report.training import lead, write_actuator_page
@@ -53,15 +53,16 @@ def main(arguments: list[str]) -> int:
         raise ConfigurationError(
             "no log given; expected files, or folders with the NPZ logs of `stiction evaluate --log`"
         )
-    make_folder(options.out)
-    runs = [read_run(file) for file in files]
-    with work_progress() as progress:
-        trained = train_actuator(runs, options.config, shlex.join(["stiction", "train-actuator", *arguments]), progress)
-    try:
-        write_trained(options.out, trained)
-        page = write_actuator_page(options.out)
-    except OSError as error:
-        raise FileError(f"cannot write to {options.out}: {error.strerror}; choose another --out") from error
+    with output_folder(options.out):
+        runs = [read_run(file) for file in files]
+        command = shlex.join(["stiction", "train-actuator", *arguments])
+        with work_progress() as progress:
+            trained = train_actuator(runs, options.config, command, progress)
+        try:
+            write_trained(options.out, trained)
+            page = write_actuator_page(options.out)
+        except OSError as error:
+            raise FileError(f"cannot write to {options.out}: {error.strerror}; choose another --out") from error
     if options.json:
         print(summary_text(trained.summary), end="")
     else:

@@ -54,11 +54,11 @@ def main(arguments: list[str]) -> None:
 
 def _print(check, expected: bool) -> None:
     """Print what was checked as a table; `expected`: whether its digest was."""
-    from rich.console import Console
     from rich.table import Table
 
     from stiction.deploy.check import TOLERANCE
     from stiction.formats.known_friction import known_friction_text
+    from stiction.report.terminal import Terminal
 
     bundle, contract = check.bundle, check.bundle.contract
     unchecked = "there is one, of whom was not checked: name the maker's public key, --key"
@@ -82,7 +82,7 @@ def _print(check, expected: bool) -> None:
     table = Table(title=f"{bundle.name}: every check passed", title_justify="left", show_header=False)
     for name, text in rows.items():
         table.add_row(name, text)
-    console = Console()
+    console = Terminal()
     console.print(table)
     if check.signer is None and not expected:
         console.print(

@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import shutil
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -77,16 +78,16 @@ def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]
     Raises `FileError` where the file cannot be written; and whatever `make` raises.
     """
     file = entry_file(folder, name, key, ".json")
-    found = _read(file)
+    found = opened(_read(file))
     if found is not None:
         return found
-    text = json.dumps(make(), allow_nan=False)
+    text = json.dumps(sealed(make()), allow_nan=False)
     try:
         with publish(file) as partial:
             partial.write_text(text, encoding="utf-8")
     except OSError as error:
         raise FileError(f"{file} cannot be written: {error}; give another --out") from error
-    return dict(json.loads(text))
+    return {name: value for name, value in json.loads(text).items() if name != DIGEST}
 
 
 def read_entry(file: Path, key: str) -> dict[str, Any] | None:
@@ -99,7 +100,7 @@ def _read(file: Path) -> dict[str, Any] | None:
     """Return the JSON object in a file; None where there is none."""
     try:
         found = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None
 
@@ -121,8 +122,34 @@ def publish_entry(folder: Path, key: str, label: str) -> Iterator[Path]:
         (partial / ENTRY).write_text(json.dumps({"label": label, "key": key}) + "\n", encoding="utf-8")
 
 
+DIGEST = "entry_sha256"
+"""Field of an entry that holds its digest."""
+
+
+def sealed(entry: dict[str, Any]) -> dict[str, Any]:
+    """Return an entry with the digest of everything else in it: a number that was changed shows."""
+    # As it will be read: keys are text by then, and sorted as such.
+    plain = json.loads(json.dumps(entry, allow_nan=False))
+    return plain | {DIGEST: hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()}
+
+
+def opened(entry: Any) -> dict[str, Any] | None:
+    """Return an entry without its digest; None where that is another's, or there is none."""
+    if not isinstance(entry, dict) or DIGEST not in entry:
+        return None
+    bare = {name: value for name, value in entry.items() if name != DIGEST}
+    try:
+        return bare if sealed(bare)[DIGEST] == entry[DIGEST] else None
+    except (ValueError, RecursionError):
+        return None
+
+
 class Ledger:
-    """Many small entries in one growing file, a line of JSON each."""
+    """Many small entries in one growing file, a line of JSON each, with its digest.
+
+    A line that a kill cut off is dropped. One that was altered, or contradicts another of the same key, does not count;
+    a warning names it.
+    """
 
     def __init__(self, path: Path) -> None:
         """Read every whole line of the file, if there is one. Raises `FileError` where it cannot be read."""
@@ -132,13 +159,30 @@ class Ledger:
             text = path.read_text(encoding="utf-8") if path.exists() else ""
         except (OSError, UnicodeDecodeError) as error:
             raise FileError(f"{path} cannot be read: {error}; move it away, or give another --out") from error
-        self._torn = bool(text) and not text.endswith("\n")
-        for line in text.splitlines():
+        whole = text[: text.rfind("\n") + 1]
+        self._end = len(whole.encode())
+        twice, wrong = set(), []
+        # Not `splitlines`, which splits at characters that JSON has within a line.
+        for number, line in enumerate(whole.split("\n")[:-1], start=1):
             try:
-                entry = json.loads(line)
-                self._entries[entry["key"]] = entry
-            except (ValueError, TypeError, KeyError):
-                continue
+                entry = opened(json.loads(line))
+            except (ValueError, RecursionError):
+                entry = None
+            if entry is None or not isinstance(entry.get("key"), str):
+                wrong.append(number)
+            elif self._entries.setdefault(entry["key"], entry) != entry:
+                twice.add(entry["key"])
+                wrong.append(number)
+        for key in twice:
+            del self._entries[key]
+        if wrong:
+            more = f" and {len(wrong) - MOST_LINES} more" if len(wrong) > MOST_LINES else ""
+            lines = f"line{'s' * (len(wrong) > 1)} {', '.join(map(str, wrong[:MOST_LINES]))}{more}"
+            warnings.warn(
+                f"{path}: {lines} damaged, altered, contradicted, or without a digest as of an older version; what "
+                "they say does not count and is made anew",
+                stacklevel=2,
+            )
 
     def get(self, key: str) -> dict[str, Any] | None:
         """Return the entry of a key; None where there is none."""
@@ -146,13 +190,19 @@ class Ledger:
 
     def extend(self, entries: Sequence[dict[str, Any]]) -> None:
         """Add entries, each with its `key`, and sync. Raises `FileError` where the file cannot be written."""
-        lines = [json.dumps(entry, allow_nan=False) + "\n" for entry in entries]
-        self._entries |= {entry["key"]: entry for entry in entries}
+        content = "".join(json.dumps(sealed(entry), allow_nan=False) + "\n" for entry in entries).encode()
         try:
-            with self._path.open("a", encoding="utf-8") as file:
-                file.write("\n" * self._torn + "".join(lines))
+            with self._path.open("ab") as file:
+                # A line that was cut off, by a kill or a full disk, goes.
+                file.truncate(self._end)
+                file.write(content)
                 file.flush()
                 os.fsync(file.fileno())
-            self._torn = False
         except OSError as error:
             raise FileError(f"{self._path} cannot be written: {error}; give another --out") from error
+        self._end += len(content)
+        self._entries |= {entry["key"]: entry for entry in entries}
+
+
+MOST_LINES = 5
+"""Lines of a ledger that a warning names."""

@@ -2,8 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterable
 from difflib import get_close_matches
+
+UNSAFE = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff\ud800-\udfff]")
+"""Characters that steer a terminal, hide, turn the direction of the text, or are none at all."""
+
+
+def escaped(text: str) -> str:
+    """Return a text whose `UNSAFE` characters are written out, as JSON does: what a file says must not do anything."""
+    return UNSAFE.sub(lambda found: json.dumps(found[0])[1:-1], text)
 
 
 class StictionError(Exception):

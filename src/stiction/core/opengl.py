@@ -11,6 +11,7 @@ from pathlib import Path
 
 from stiction.core.errors import EngineError
 from stiction.core.isolation import isolated_environment, python_module
+from stiction.core.lifeline import tied
 
 
 def opengl_environment() -> dict[str, str]:
@@ -27,13 +28,14 @@ def render(
 ) -> Path:
     """Run a module that draws a file, and return the file's path.
 
-    module: run as `python -P -m` with these words; timeout: longest that it may take [s]; error: raised where it takes
-    longer, fails, or leaves no file, with what it said last; what: it draws, such as `clip`.
+    module: run as `python -P -m` with these words, which calls `follow_parent`; timeout: longest that it may take [s];
+    error: raised where it takes longer, fails, or leaves no file, with what it said last; what: it draws, such as
+    `clip`.
     """
     try:
         done = subprocess.run(
             python_module(module, words),
-            env=opengl_environment(),
+            **tied(opengl_environment()),
             capture_output=True,
             text=True,
             timeout=timeout,

@@ -3,30 +3,42 @@
 from __future__ import annotations
 
 import multiprocessing
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
+from stiction.core import lifeline
 from stiction.core.errors import StictionError
 from stiction.core.isolation import isolate_workers
+from stiction.core.memory import check_memory
 
 Result = TypeVar("Result")
+
+PROCESS = 150e6
+"""Memory that a process at work takes at least: Python with numerical libraries and a simulator [B]."""
 
 
 def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: int) -> Iterator[tuple[int, Result]]:
     """Call `work` with the arguments of each task, and yield a task's number and result as it ends.
 
     jobs: processes at once; with one, or a single task, this process does it. Raises `StictionError` where a process
-    was killed, and whatever `work` raises; what was not begun by then is not done.
+    was killed, and whatever `work` raises; what was not begun by then is not done. The processes end with this one,
+    whatever ends it, and at once where this process is interrupted or wants no more results.
     """
     if jobs == 1 or len(tasks) < 2:
         for number, task in enumerate(tasks):
             yield number, work(*task)
         return
+    processes = min(jobs, len(tasks))
+    check_memory(processes * PROCESS, f"work in {processes} processes", "ask for fewer --jobs, or STICTION_THREADS")
     isolate_workers()
     # Forked children would share the simulator's threads with this process.
-    pool = ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=multiprocessing.get_context("spawn"))
+    context = multiprocessing.get_context("spawn")
+    reader, writer = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(reader,))
     try:
         waiting = {pool.submit(work, *task): number for number, task in enumerate(tasks)}
         for future in as_completed(waiting):
@@ -36,5 +48,25 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
             "a process at work was killed, perhaps for want of memory; what is done is kept: run the same command "
             "again, with fewer --jobs"
         ) from error
+    except Exception:
+        raise
+    except BaseException:
+        # Interrupted, or closed by who wants no more: nobody waits for the tasks in work.
+        writer.close()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
+        reader.close()
+        writer.close()
+
+
+_HELD: list[Connection] = []
+"""The end of the parent's pipe in a worker: it must stay open."""
+
+
+def _begin(reader: Connection) -> None:
+    """Make a worker follow its parent. Ctrl-C and a closed terminal reach all processes; the parent answers them."""
+    _HELD.append(reader)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    lifeline.watch(reader.fileno())

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 THREADS_VARIABLE = "STICTION_THREADS"
 """Environment variable that overrides the number of worker threads."""
 
+MOST_THREADS = 1024
+"""Most threads, and most processes: more than the largest machine has cores, and few enough that they can start."""
+
 LIBRARY_POOLS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 """Environment variables that size the thread pools of numerical libraries; they are read when a library loads."""
 
@@ -44,8 +47,8 @@ def _sequence(seed: int, name: str) -> np.random.SeedSequence:
     """Return the seed sequence of one named stream, which depends on the seed and its own name alone."""
     import numpy as np
 
-    if seed < 0:
-        raise ConfigurationError(f"the seed is {seed}; expected an integer of at least 0")
+    if not 0 <= seed < 2**63:
+        raise ConfigurationError(f"the seed is {seed if seed < 0 else 'huge'}; expected an integer from 0 to 2^63 - 1")
     words = np.frombuffer(hashlib.sha256(name.encode()).digest(), dtype="<u4")
     return np.random.SeedSequence(seed, spawn_key=tuple(int(word) for word in words))
 
@@ -80,9 +83,10 @@ def num_threads() -> int:
     if not text:
         # macOS has no affinity: all cores there.
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if not re.fullmatch(r"[0-9]+", text) or int(text) < 1:
+    if not re.fullmatch(r"[0-9]{1,9}", text) or not 1 <= int(text) <= MOST_THREADS:
         raise ConfigurationError(
-            f"{THREADS_VARIABLE} is {text!r}; expected a positive integer, or unset it to use every core"
+            f"{THREADS_VARIABLE} is {text[:20]!r}; expected a positive integer of at most {MOST_THREADS}, or unset it "
+            "to use every core"
         )
     return int(text)
 

@@ -11,9 +11,10 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import Any, TypeVar, get_args, get_type_hints
+from types import UnionType
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
-from stiction.core.errors import FileError
+from stiction.core.errors import ConfigurationError, FileError, StictionError
 
 Row = TypeVar("Row")
 
@@ -125,31 +126,79 @@ def to_plain(config: Any) -> Any:
     return dataclasses.asdict(config)
 
 
-def from_plain(kind: type[T], data: Any, where: str = "config") -> T:
+LARGEST = 1e300
+"""Size from which a number of a file counts as none; an integer has its bound where it is used."""
+
+
+def from_plain(kind: type[T], data: Any, where: str = "config", error: type[StictionError] = FileError) -> T:
     """Build the dataclass `kind` from what `to_plain` returned; a missing field has its default.
 
-    Raises `StictionError` naming the field that is missing or unknown.
+    Every value has the type of its field, and numbers are finite. Raises `error` naming the one that is not, or the
+    field that is missing or unknown.
     """
     if not isinstance(data, dict):
-        raise FileError(f"{where}: expected the fields of {kind.__name__}, got {type(data).__name__}")
+        raise error(f"{where} is {_short(data)}; expected the fields of {kind.__name__}")
     hints = get_type_hints(kind)
-    fields = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    known = {field.name: field for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
     none = dataclasses.MISSING
-    needed = {name for name, field in fields.items() if field.default is none and field.default_factory is none}
-    wrong = sorted((needed - data.keys()) | (data.keys() - fields.keys()))
-    if wrong:
-        raise FileError(
-            f"{where}: fields {', '.join(wrong)} are missing or unknown; was it written by another version?"
-        )
-    values = {}
-    for name, value in data.items():
-        nested = hints[name]
-        if dataclasses.is_dataclass(nested):
-            value = from_plain(nested, value, f"{where}.{name}")  # type: ignore[arg-type]
-        elif isinstance(value, list):
-            value = _tuples(value)
-        values[name] = value
-    return kind(**values)
+    for name in data:
+        if name not in known:
+            raise error(f"{where}: {kind.__name__} has no field {name!r}; was it written by another version?")
+    for name, field in known.items():
+        if name not in data and field.default is none and field.default_factory is none:
+            raise error(f"{where}: {name} of {kind.__name__} is missing; was it written by another version?")
+    return kind(**{name: _typed(hints[name], value, f"{where}: {name}", error) for name, value in data.items()})
+
+
+def _typed(kind: Any, value: Any, where: str, error: type[StictionError]) -> Any:
+    """Return a value of JSON as the type of a field; raise `error` naming where it is another."""
+    origin, inner = get_origin(kind), get_args(kind)
+    if dataclasses.is_dataclass(kind):
+        return from_plain(kind, value, where, error)  # type: ignore[arg-type]
+    if origin in (Union, UnionType):
+        if value is None and type(None) in inner:
+            return None
+        return _typed(next(item for item in inner if item is not type(None)), value, where, error)
+    if origin is tuple:
+        if not isinstance(value, list) or (inner[-1] is not Ellipsis and len(value) != len(inner)):
+            wanted = "a list" if inner[-1] is Ellipsis else f"a list of {len(inner)}"
+            raise error(f"{where} is {_short(value)}; expected {wanted}")
+        kinds = [inner[0]] * len(value) if inner[-1] is Ellipsis else inner
+        parts = enumerate(zip(kinds, value, strict=True))
+        return tuple(_typed(item, entry, f"{where}[{number}]", error) for number, (item, entry) in parts)
+    if origin is Literal:
+        if not isinstance(value, str) or value not in inner:
+            raise error(f"{where} is {_short(value)!r}; expected {', '.join(map(str, inner))}")
+        return value
+    if kind is float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < LARGEST:
+            raise error(f"{where} is {_short(value)}; expected a finite number")
+        return float(value)
+    if isinstance(value, bool) != (kind is bool) or not isinstance(value, kind):
+        raise error(f"{where} is {_short(value)!r}; expected {kind.__name__}")
+    return value
+
+
+def _short(value: Any) -> str:
+    """Return the begin of a value as text, for messages."""
+    # An integer of thousands of digits has no text.
+    return "a huge integer" if isinstance(value, int) and abs(value) >= LARGEST else str(value)[:60]
+
+
+MOST = 1e12
+"""Size from which a setting is a mistake: there is no length, time, gain or count like that."""
+
+
+def check_numbers(config: Any, name: str = "") -> None:
+    """Raise `StictionError` naming the number of a (nested) dataclass that is not finite, or beyond `MOST`."""
+    if dataclasses.is_dataclass(config):
+        for field in fields(config):
+            check_numbers(getattr(config, field.name), f"{name}.{field.name}".lstrip("."))
+    elif isinstance(config, tuple | list):
+        for part in config:
+            check_numbers(part, name)
+    elif isinstance(config, int | float) and not isinstance(config, bool) and not abs(config) < MOST:
+        raise ConfigurationError(f"{name} is {_short(config)}; expected a number, smaller than {MOST:g}")
 
 
 def part_of(kind: type[T], config: Any, **others: Any) -> T:
@@ -157,11 +206,6 @@ def part_of(kind: type[T], config: Any, **others: Any) -> T:
     given = {field.name for field in dataclasses.fields(config)}
     names = [field.name for field in dataclasses.fields(kind) if field.name in given]  # type: ignore[arg-type]
     return kind(**{name: getattr(config, name) for name in names} | others)
-
-
-def _tuples(value: Any) -> Any:
-    """Return lists within lists as tuples within tuples."""
-    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
 
 
 def make_folder(out: Path, option: str = "--out") -> None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from stiction.core.cache import has_entry
 from stiction.core.errors import ConfigurationError, FileError, PolicyError, unknown_name
+from stiction.core.lock import output_folder
 from stiction.core.parallel import spread
 from stiction.deploy.check import robot_of
 from stiction.evaluate.grid import GridCfg, Walk, plan_forward
@@ -68,14 +69,17 @@ def identify_on_benches(
         progress: called with `BENCH_WORK` and the share that is done.
 
     Raises:
-        StictionError: a file cannot be written.
+        StictionError: a file cannot be written, or another process writes the folder.
 
     """
     missing = {bench.label: bench for bench in benches if not all_identified([bench], out)}
-    workers = max(1, jobs // max(1, len(missing)))
+    if not missing:
+        return
+    workers = max(1, jobs // len(missing))
     tasks = [(bench, out / label, workers) for label, bench in missing.items()]
-    for count, _ in enumerate(spread(identify_on_bench, tasks, jobs), 1):
-        progress(BENCH_WORK, count / len(missing))
+    with output_folder(out):
+        for count, _ in enumerate(spread(identify_on_bench, tasks, jobs), 1):
+            progress(BENCH_WORK, count / len(missing))
 
 
 def informed(

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import EngineError
+from stiction.core.lifeline import follow_parent
 from stiction.core.opengl import render
 from stiction.core.provenance import seed_streams
 from stiction.deploy.check import check_bundle, robot_of
@@ -159,4 +160,5 @@ def _render(path: str, level: str, command: str, out: str, seconds: str, law: st
 
 # At the end of the module: as a program it runs from top to bottom.
 if __name__ == "__main__":
+    follow_parent()
     _render(*sys.argv[1:])

@@ -84,6 +84,11 @@ class EvaluationCfg:
         labels = [command.label for command in self.parsed_commands]
         if len(set(self.friction_levels)) < len(self.friction_levels) or len(set(labels)) < len(labels):
             raise ConfigurationError("a friction level or a command was given twice; give each once")
+        if self.episodes * self.seconds > MAX_ROBOT_SECONDS:
+            raise ConfigurationError(
+                f"{self.episodes} episodes of {self.seconds:g} s are more than {MAX_ROBOT_SECONDS:g} robot-seconds, "
+                "whose recording fills the memory; ask for fewer or shorter ones"
+            )
         if not (self.episodes >= 1 and self.settle >= 0.0 and self.settle + 1.0 <= self.seconds <= 3600.0):
             raise ConfigurationError(
                 f"{self.episodes} episodes of {self.seconds} s, {self.settle} s of it to settle; "

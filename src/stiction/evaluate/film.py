@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from stiction.core.cache import publish
 from stiction.core.isolation import python_module
+from stiction.core.lifeline import follow_parent, tied
 from stiction.core.opengl import opengl_environment
 from stiction.evaluate.clip import film
 
@@ -36,6 +37,9 @@ SECONDS = 4.0
 
 PRIORITY = 10
 """Nice value of the process that films."""
+
+COPY = ".filming-"
+"""Begin of the name of a folder with the copy of a checkpoint, in that of the clips."""
 
 TIMEOUT = 600.0
 """Longest that a clip may take beside a training on all cores [s]."""
@@ -69,6 +73,9 @@ class ClipRecorder:
         self._filming: tuple[_Shot, subprocess.Popen, float] | None = None
         self._waiting: _Shot | None = None
         self._lost = False
+        # What a training that was killed left.
+        for left in (run / "clips").glob(f"{COPY}*"):
+            shutil.rmtree(left, ignore_errors=True)
 
     def __call__(self, phase: str, iteration: int, checkpoint: Path) -> None:
         """Film a checkpoint, now or once the clip before is done; a newer one takes the place of one that waits."""
@@ -76,10 +83,11 @@ class ClipRecorder:
             return
         if self._waiting is not None:
             self._waiting.discard()
-        copy = Path(tempfile.mkdtemp(prefix="stiction-clip-")) / checkpoint.name
-        self._waiting = _Shot(self.run / "clips" / f"{phase}_{iteration:06d}.webp", copy)
+        clips = self.run / "clips"
         try:
-            self._waiting.out.parent.mkdir(exist_ok=True)
+            clips.mkdir(exist_ok=True)
+            copy = Path(tempfile.mkdtemp(prefix=COPY, dir=clips)) / checkpoint.name
+            self._waiting = _Shot(clips / f"{phase}_{iteration:06d}.webp", copy)
             for suffix in (".safetensors", ".json"):
                 shutil.copy(checkpoint.with_suffix(suffix), copy.with_suffix(suffix))
         except OSError as error:
@@ -126,7 +134,7 @@ class ClipRecorder:
         with shot.log.open("wb") as log:
             process = subprocess.Popen(
                 python_module("stiction.evaluate.film", (self.run, shot.checkpoint, shot.out)),
-                env=opengl_environment() | {"STICTION_THREADS": "1", "OMP_NUM_THREADS": "1"},
+                **tied(opengl_environment() | {"STICTION_THREADS": "1", "OMP_NUM_THREADS": "1"}),
                 stdout=subprocess.DEVNULL,
                 stderr=log,
                 start_new_session=True,  # Ctrl-C is for the training
@@ -199,5 +207,6 @@ def _render(run: Path, checkpoint: Path, out: Path) -> None:
 
 
 if __name__ == "__main__":
+    follow_parent()
     os.nice(PRIORITY)
     _render(*map(Path, sys.argv[1:]))

@@ -18,6 +18,9 @@ from stiction.virtual.cases import CELLS, FIRST_REPORTED, Case, Level, factorial
 BATCH = "mujoco"
 """The simulator of the training, all its robots at once; the default of `stiction evaluate`."""
 
+MOST_WALKS = 200_000
+"""Most walks of one policy in a grid: more would take days."""
+
 ALONE = {spec.alone: name for name, spec in ENGINES.items()}
 """Name of a shipped engine with one robot in it, as in results.csv -> its name in the registry of engines."""
 
@@ -96,6 +99,14 @@ class GridCfg:
             if len(set(given)) < len(given) or not (given or name in ("robot_levels", "forward")):
                 raise ConfigurationError(f"{name.replace('_', ' ')} {list(given)}: expected at least one, each once")
         parse_levels(self.levels_of_robots)
+        robots = max(1, len(self.robots)) * len(self.engines)
+        levels = max(len(self.base.friction_levels), len(self.robot_levels))
+        walks = robots * levels * len(self.terrains) * len(self.base.commands) * self.base.episodes
+        if walks > MOST_WALKS:
+            raise ConfigurationError(
+                f"a grid of some {walks} walks a policy; expected at most {MOST_WALKS}, days of computing: ask for "
+                "fewer episodes, robots, levels, grounds, commands or engines"
+            )
         for terrain in self.terrains:
             self.on(terrain)
         alone = [simulator.label for simulator in self.simulators if not simulator.is_batch]

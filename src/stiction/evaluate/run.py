@@ -12,7 +12,9 @@ import numpy as np
 
 from stiction.core.cache import Ledger, key_of
 from stiction.core.errors import EngineError
+from stiction.core.lock import output_folder
 from stiction.core.parallel import spread
+from stiction.core.records import from_plain
 from stiction.core.rotation import yaw
 from stiction.deploy.check import robot_of
 from stiction.engines import catalog
@@ -55,10 +57,7 @@ class WalkLedger(Ledger):
     def find(self, walk: Walk) -> Metrics | None:
         """Return the metrics of a walk; None where it was not done."""
         entry = self.get(self.key(walk))
-        if entry is None:
-            return None
-        share = entry["metrics"]["group_share"]
-        return Metrics(**entry["metrics"] | {"group_share": None if share is None else tuple(share)})
+        return None if entry is None else from_plain(Metrics, entry.get("metrics"), f"{LEDGER}, {entry['key']}")
 
     def add(self, walks: tuple[Walk, ...], metrics: list[Metrics]) -> None:
         """Add walks; they are on the disk when this returns. Raises `FileError` where the file cannot be written."""
@@ -167,7 +166,7 @@ def walk_grid(
 
     Raises:
         StictionError: a bundle does not fit its robot, an engine is not installed, friction cannot be fed forward, or a
-            process was killed. What was walked by then is in the ledger.
+            process was killed. What was walked by then is in the ledger. Or another process writes the folder.
 
     """
     for bundle in bundles:
@@ -175,24 +174,25 @@ def walk_grid(
         for simulator in cfg.simulators:
             if not simulator.is_batch and (why := what_is_missing(simulator.spec.name, spec)):
                 raise EngineError(why)
-    ledger = WalkLedger(out / LEDGER, cfg, {bundle.name: bundle.digest for bundle in bundles}, robot)
-    walks = plan([bundle.name for bundle in bundles], cfg)
-    walks += forwarded(bundles, cfg, out / BENCHES, jobs, robot, progress)
-    walks = informed(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
-    done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
-    total, finished = Counter(walk.simulator.label for walk in walks), Counter[str]()
+    with output_folder(out):
+        ledger = WalkLedger(out / LEDGER, cfg, {bundle.name: bundle.digest for bundle in bundles}, robot)
+        walks = plan([bundle.name for bundle in bundles], cfg)
+        walks += forwarded(bundles, cfg, out / BENCHES, jobs, robot, progress)
+        walks = informed(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
+        done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
+        total, finished = Counter(walk.simulator.label for walk in walks), Counter[str]()
 
-    def report(new: Iterable[Walk]) -> None:
-        count = Counter(walk.simulator.label for walk in new)
-        finished.update(count)
-        for name in count:
-            progress(name, finished[name] / total[name])
+        def report(new: Iterable[Walk]) -> None:
+            count = Counter(walk.simulator.label for walk in new)
+            finished.update(count)
+            for name in count:
+                progress(name, finished[name] / total[name])
 
-    report(done)
-    new = [unit for unit in units(walks, cfg) if any(walk not in done for walk in unit.walks)]
-    by_name = {bundle.name: bundle for bundle in bundles}
-    for number, metrics in spread(walk_unit, [(by_name[unit.policy], unit, cfg, robot) for unit in new], jobs):
-        ledger.add(new[number].walks, metrics)
-        report(walk for walk in new[number].walks if walk not in done)
-        done |= dict(zip(new[number].walks, metrics, strict=True))
+        report(done)
+        new = [unit for unit in units(walks, cfg) if any(walk not in done for walk in unit.walks)]
+        by_name = {bundle.name: bundle for bundle in bundles}
+        for number, metrics in spread(walk_unit, [(by_name[unit.policy], unit, cfg, robot) for unit in new], jobs):
+            ledger.add(new[number].walks, metrics)
+            report(walk for walk in new[number].walks if walk not in done)
+            done |= dict(zip(new[number].walks, metrics, strict=True))
     return {walk: done[walk] for walk in walks}

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from stiction.core.errors import ConfigurationError
+from stiction.core.errors import UNSAFE, ConfigurationError
 from stiction.core.provenance import Origin
 from stiction.evaluate.benches import not_forwarded, not_identified
 from stiction.evaluate.grid import GridCfg
@@ -55,8 +55,18 @@ def evaluate_all(
     return rows, summary
 
 
+LONGEST_NAME = 120
+"""Characters in the name of a bundle: files of walks are called after it."""
+
+
 def check_names(names: Sequence[str], kind: str = "bundles") -> None:
-    """Raise `StictionError` where two of a kind have the same name."""
+    """Raise `StictionError` where two of a kind have the same name, or one has a name that figures cannot show."""
+    for name in names:
+        if "$" in name or UNSAFE.search(name) or len(name) > LONGEST_NAME:
+            raise ConfigurationError(
+                f"{kind} called {name[:LONGEST_NAME]!r}: expected at most {LONGEST_NAME} characters, without $ and "
+                "control characters; rename the directory"
+            )
     if twice := sorted({name for name in names if names.count(name) > 1}):
         raise ConfigurationError(
             f"two {kind} are called {twice[0]!r}; rename one directory, results tell them apart by name"

@@ -8,7 +8,6 @@ ones.
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from mujoco.batch import Batch
 
 from stiction.core.provenance import num_threads, stream_seed
 from stiction.core.rotation import UPRIGHT
+from stiction.core.scratch import scratch
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import read_bundle
@@ -124,8 +124,8 @@ def measure_training(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = 
     one training iteration. `actuator`: gives the torque in the task; the bare simulator has none.
     """
     torch.set_num_threads(num_threads())
-    with tempfile.TemporaryDirectory() as folder:
-        runner = _teacher_runner(cfg, Path(folder), actuator)
+    with scratch() as folder:
+        runner = _teacher_runner(cfg, folder, actuator)
         env, steps = runner.env, cfg.teacher.steps * cfg.num_envs
         seconds: dict[str, list[float]] = {"bare": [], "rollout": [], "iteration": []}
         runner.iterate()
@@ -311,9 +311,9 @@ def measure_parts(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = Non
     cfg: the training; its physics is replaced. actuator: gives the joints' torque in place of the PD law.
     """
     torch.set_num_threads(num_threads())
-    with tempfile.TemporaryDirectory() as folder:
+    with scratch() as folder:
         runners = {
-            name: watched_runner(replace(cfg, task=replace(cfg.task, physics=option)), Path(folder), actuator)
+            name: watched_runner(replace(cfg, task=replace(cfg.task, physics=option)), folder, actuator)
             for name, option in PHYSICS.items()
         }
         found: dict[str, dict[str, list[float]]] = {name: {} for name in runners}

@@ -12,7 +12,7 @@ from typing import Any, get_args, get_type_hints
 
 from stiction.core.errors import FileError
 from stiction.core.records import column
-from stiction.formats.plain import read_object, take_version
+from stiction.formats.plain import is_integer, is_number, read_object, take_version
 
 SCHEMA_VERSION = 1
 """Version of summary.json."""
@@ -150,14 +150,30 @@ def summary_text(summary: dict[str, Any]) -> str:
 def read_metrics(path: Path) -> list[dict[str, Any]]:
     """Return the figures of every iteration, in order; empty without the file.
 
-    A run that is killed may leave its last line cut off: what follows the last whole line does not count.
+    A run that is killed may leave its last line cut off: what follows the last whole line does not count. Raises
+    `StictionError` where the file cannot be read.
     """
-    if not path.exists():
+    rows: list[dict[str, Any]] = []
+    try:
+        with path.open("rb") as file:
+            for line in file:
+                if not _is_row(row := json.loads(line)):
+                    break
+                rows.append(row)
+    except FileNotFoundError:
         return []
-    rows = []
-    for line in path.read_text(encoding="utf-8").splitlines():
-        try:
-            rows.append(json.loads(line))
-        except ValueError:
-            break
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror}") from error
+    except (ValueError, RecursionError):
+        pass
     return rows
+
+
+def _is_row(row: Any) -> bool:
+    """Say whether something is one iteration's figures."""
+    return (
+        isinstance(row, dict)
+        and row.get("phase") in ("teacher", "student")
+        and is_integer(row.get("iteration"))
+        and all(isinstance(value, float) or is_number(value, 1e300) for name, value in row.items() if name != "phase")
+    )

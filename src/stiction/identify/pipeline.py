@@ -6,15 +6,13 @@ Of each joint: check, filter, regress, choose a law, simulate, compare, judge.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError, LogError, StictionError
-from stiction.core.isolation import isolate_workers
+from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
 from stiction.formats.joints import FitSignals, JointRecord
 from stiction.formats.log import UNNAMED, Log
@@ -339,18 +337,9 @@ def identify_log(
 
 def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Identification | StictionError]]:
     """Yield each joint's name with its identification or its refusal, as they are finished."""
-    if workers == 1:
-        for name, job in jobs.items():
-            yield name, _attempt(*job)
-        return
-    isolate_workers()
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting: dict[Future, str] = {pool.submit(_attempt, *job): name for name, job in jobs.items()}
-        try:
-            for future in as_completed(waiting):
-                yield waiting[future], future.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+    names = list(jobs)
+    for number, outcome in spread(_attempt, list(jobs.values()), workers):
+        yield names[number], outcome
 
 
 def _single_joint(log: Log, name: str) -> Log:

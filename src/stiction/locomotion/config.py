@@ -20,6 +20,15 @@ from stiction.robots.physics import CONTACT_TIME, PhysicsCfg
 LONGEST_HISTORY = 200
 """Most frames in o_H: 4 s at 50 Hz. The rollout storage holds every robot's history at every step."""
 
+SHORTEST_STEP, MOST_STEPS = 1e-5, 1000
+"""Shortest physics step [s], and most of them in a control period: what is beyond simulates seconds in days."""
+
+LONGEST_EPISODE = 3600.0
+"""[s]. A training of the field has 20 s."""
+
+MOST_CLIP = 1000.0
+"""Largest bound of an action; scaled, it is far beyond any joint."""
+
 SLOWEST = 20.0
 """Longest time constant of slow means [s]: an episode."""
 
@@ -31,7 +40,7 @@ def check_spans(owner: object, lowest: dict[str, float]) -> None:
     """
     for name, least in lowest.items():
         low, high = getattr(owner, name)
-        if not least <= low <= high:
+        if not least <= low <= high < float("inf"):
             raise ConfigurationError(
                 f"{name} is the range [{low}, {high}]; expected a lower and an upper end, from {least} on"
             )
@@ -80,7 +89,7 @@ class RandomizationCfg:
         positive = dict.fromkeys(("armature", "stiffness", "motor_strength", "contact_time"), 1e-3)
         free = dict.fromkeys(("payload", "center_of_mass", "encoder_offset"), float("-inf"))
         check_spans(self, positive | dict.fromkeys(NOT_NEGATIVE, 0.0) | free)
-        if self.push_interval < 0 or self.push_velocity < 0:
+        if not (self.push_interval >= 0 and self.push_velocity >= 0):
             raise ConfigurationError(
                 f"push every {self.push_interval} s with {self.push_velocity} m/s: expected at least 0"
             )
@@ -141,7 +150,7 @@ class CommandCfg:
     def __post_init__(self) -> None:
         """Refuse ranges, shares and times that make no commands."""
         check_spans(self, dict.fromkeys(("forward", "sideways", "turn"), float("-inf")))
-        if not 0 <= self.standing_share <= 1 or self.interval <= 0:
+        if not (0 <= self.standing_share <= 1 and self.interval > 0):
             raise ConfigurationError(
                 f"standing share {self.standing_share}, new commands every {self.interval} s: "
                 "expected a share in [0, 1] and a positive time"
@@ -196,11 +205,15 @@ class TaskCfg:
                 "known_friction with the method 'none': there is no friction in training of which a policy could be "
                 "told; use another --method"
             )
-        if not 0 < self.timestep <= 0.02 or self.decimation < 1 or self.episode < self.control_period:
+        fine = SHORTEST_STEP <= self.timestep <= 0.02 and 1 <= self.decimation <= MOST_STEPS
+        if not (fine and self.control_period <= self.episode <= LONGEST_EPISODE):
             raise ConfigurationError(
                 f"physics step {self.timestep} s, decimation {self.decimation}, episode {self.episode} s: "
-                "expected a step in (0, 0.02], a decimation of at least 1, an episode of a control period or more"
+                f"expected a step in [{SHORTEST_STEP:g}, 0.02], a decimation of 1 to {MOST_STEPS}, an episode of a "
+                f"control period or more and at most {LONGEST_EPISODE:g} s"
             )
+        if not 0 < self.action_clip <= MOST_CLIP:
+            raise ConfigurationError(f"action_clip is {self.action_clip}; expected more than 0, at most {MOST_CLIP:g}")
         longest = DELAY_SAMPLES * self.timestep
         if self.randomization.action_delay[1] > longest:
             raise ConfigurationError(

@@ -7,19 +7,32 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
-from stiction.core.errors import ConfigurationError
-from stiction.core.provenance import num_threads
+from stiction.core.errors import ConfigurationError, escaped
+from stiction.core.provenance import MOST_THREADS, num_threads
 from stiction.core.records import header, texts
 from stiction.formats.following import row_pace
 from stiction.formats.results import ResultRow
 from stiction.joints.friction import level_text
+
+
+class Terminal(Console):
+    """A console to which a name from a file is a name: no markup, no emoji, and nothing that steers the terminal."""
+
+    def __init__(self, **settings: Any) -> None:
+        """Take the settings of `rich`'s console."""
+        super().__init__(markup=False, emoji=False, **settings)
+
+    def render_str(self, text: str, **how: Any) -> Text:
+        """Return a text as it is shown, in a cell too."""
+        return super().render_str(escaped(text), **how)
 
 
 @contextmanager
@@ -28,14 +41,14 @@ def work_progress() -> Iterator[Callable[[str, float], None]]:
 
     Where standard error is not a terminal, a finished piece is a line.
     """
-    console = Console(stderr=True)
-    columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+    console = Terminal(stderr=True)
+    columns = TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn()
     tasks: dict[str, TaskID] = {}
     with Progress(*columns, console=console, disable=not console.is_terminal) as bars:
 
         def report(name: str, share: float) -> None:
             if name not in tasks:
-                tasks[name] = bars.add_task(name, total=1.0)
+                tasks[name] = bars.add_task(escaped(name), total=1.0)
             bars.update(tasks[name], completed=share)
             if share >= 1.0 and not console.is_terminal:
                 console.print(f"{name}: done", soft_wrap=True, highlight=False)
@@ -55,9 +68,9 @@ COLUMNS = ("friction", "command", "speed ratio", "pace", "error", "falls", "jitt
 
 def print_rows(rows: Sequence[ResultRow]) -> None:
     """Print the main columns of results on standard output, a heading and a table for each policy."""
-    console, lines = Console(), [result_cells(row) for row in rows]
+    console, lines = Terminal(), [result_cells(row) for row in rows]
     for policy in dict.fromkeys(row.policy for row in rows):
-        console.print(policy, style="bold", soft_wrap=True, highlight=False, markup=False)
+        console.print(policy, style="bold", soft_wrap=True, highlight=False)
         table = Table(collapse_padding=True)
         named = {"engine": [row.engine for row in rows], "ground": [row.terrain for row in rows]}
         where = [name for name, values in named.items() if len(set(values)) > 1]
@@ -95,7 +108,7 @@ class StopRequest:
 
     @property
     def status(self) -> int:
-        """Exit status of a program that a signal ended: 130 for Ctrl-C, 143 for SIGTERM."""
+        """Exit status of a program that a signal ended: 130 for Ctrl-C, 143 for SIGTERM, 129 for SIGHUP."""
         return 128 + self.signal
 
     def receive(self, number: int, _: FrameType | None) -> None:
@@ -108,9 +121,12 @@ class StopRequest:
 
 @contextmanager
 def stop_requests(say: Callable[[str], None], what: str) -> Iterator[StopRequest]:
-    """Take Ctrl-C and SIGTERM as a request while the work lasts."""
+    """Take Ctrl-C, SIGTERM and a closed terminal (SIGHUP) as a request while the work lasts."""
     request = StopRequest(say, what)
-    before = {number: signal.signal(number, request.receive) for number in (signal.SIGINT, signal.SIGTERM)}
+    asking = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    # nohup has SIGHUP ignored.
+    numbers = [number for number in asking if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, request.receive) for number in numbers}
     try:
         yield request
     finally:
@@ -121,10 +137,10 @@ def stop_requests(say: Callable[[str], None], what: str) -> Iterator[StopRequest
 def jobs_of(asked: int | None) -> int:
     """Return how many tasks are done at once; by default as many as there are cores (STICTION_THREADS).
 
-    Raises `StictionError` where less than one is asked for.
+    Raises `StictionError` where less than one is asked for, or more than can start.
     """
-    if asked is not None and asked < 1:
-        raise ConfigurationError(f"--jobs {asked}: expected at least 1")
+    if asked is not None and not 1 <= asked <= MOST_THREADS:
+        raise ConfigurationError(f"--jobs {asked}: expected at least 1, and at most {MOST_THREADS}")
     return asked or num_threads()
 
 

@@ -8,9 +8,36 @@ from typing import Annotated, Literal, get_args
 from tyro.conf import arg
 
 from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.core.memory import check_memory
+from stiction.core.records import check_numbers
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
+from stiction.robots.model import Robot
 from stiction.robots.physics import EXACT, FAST
 from stiction.sim.protocol import DeviceName
+
+MOST_COUNTS = {
+    "num_envs": 131_072,
+    "iterations": 1_000_000,
+    "checkpoint_every": 1_000_000,
+    "steps": 1000,
+    "epochs": 100,
+    "contacts": 1000,
+    "alternate": 1_000_000,
+}
+"""Most of what is counted; of all else, widths of layers among it, 10,000. A training of the field has 4096 robots, 24
+steps, 5 passes and some thousand iterations: what is far above that is a mistake, and would take all memory or time."""
+
+LAYERS = ("actor", "critic", "privileged", "history", "estimator", "terrain")
+NETWORK_SIZES = ("history_frame", "estimator_frame", "terrain_latent", "latent")
+"""Fields of `NetworkCfg`: lists of layers, and single sizes."""
+
+MOST_LAYERS = 10
+"""Most hidden layers of a network."""
+
+TORCH, SIMULATED, COPIES, BESIDE = 350e6, 50e3, 4, 500
+"""Memory of a training: of Python with torch [B], of a simulated robot [B]; of a sample of the rollout, copies of its
+history, in the rollout and in the update, and numbers beside it, single precision. From the peaks of one iteration with
+Saturn Lite: 376 MB (16 robots, 24 steps, 11 frames), 422 (512, 4, 11), 548 (512, 24, 11), 1011 (512, 24, 51)."""
 
 STD_RANGE = (0.05, 2.0)
 """Bounds of the actions' standard deviation."""
@@ -209,24 +236,33 @@ class TrainCfg:
             raise ConfigurationError(
                 f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"
             )
-        self._check_numbers()
+        check_numbers(self)
+        self._check_counts()
+        self._check_rates()
         self._check_phases()
         if self.stop.terrain_level is not None and self.task.terrain.kind == "flat":
             raise ConfigurationError("stop.terrain_level is set, but flat ground has no terrain levels; leave it out")
 
-    def _check_numbers(self) -> None:
-        """Refuse counts and rates out of range, and rollouts too short to be split."""
+    def _check_counts(self) -> None:
+        """Refuse counts out of range, and rollouts too short to be split."""
         phases: dict[str, TeacherCfg | StudentCfg] = {"teacher": self.teacher, "student": self.student}
         names = ("iterations", "steps", "epochs", "mini_batches")
         counts = {name: getattr(self, name) for name in ("num_envs", "checkpoint_every", "contacts")}
         counts |= {f"{phase}.{name}": getattr(cfg, name) for phase, cfg in phases.items() for name in names}
         counts |= {
-            f"teacher.{name}": getattr(self.teacher, name) for name in ("adaptation_batches", "adaptation_passes")
+            f"teacher.{name}": getattr(self.teacher, name)
+            for name in ("adaptation_batches", "adaptation_passes", "alternate")
         }
+        counts |= {f"network.{name}": getattr(self.network, name) for name in NETWORK_SIZES}
+        for name in LAYERS:
+            layers = getattr(self.network, name)
+            if len(layers) > MOST_LAYERS:
+                raise ConfigurationError(f"network.{name} has {len(layers)} layers; expected at most {MOST_LAYERS}")
+            counts |= {f"network.{name}[{number}]": size for number, size in enumerate(layers)}
         for name, count in counts.items():
-            least = 0 if name == "student.iterations" else 1
-            if count < least:
-                raise ConfigurationError(f"{name} is {count}; expected at least {least}")
+            least, most = 0 if name == "student.iterations" else 1, MOST_COUNTS.get(name.rpartition(".")[2], 10_000)
+            if not least <= count <= most:
+                raise ConfigurationError(f"{name} is {count}; expected at least {least}, and at most {most}")
         if self.video_every < 0:
             raise ConfigurationError(
                 f"video_every is {self.video_every}; expected a number of iterations, or 0 for none"
@@ -237,11 +273,25 @@ class TrainCfg:
                 raise ConfigurationError(
                     f"{phase}: {samples} samples a rollout for {cfg.mini_batches} mini-batches; use more robots"
                 )
-        rates = (self.teacher.learning_rate, self.teacher.adaptation_learning_rate, self.student.learning_rate)
-        if min(rates) <= 0 or self.seed < 0:
+
+    def _check_rates(self) -> None:
+        """Refuse rates, weights and shares out of range."""
+        teacher, student = self.teacher, self.student
+        rates = (teacher.learning_rate, teacher.adaptation_learning_rate, student.learning_rate)
+        if not (min(rates) > 0 and max(rates) <= 1 and self.seed >= 0):
             raise ConfigurationError(
-                f"learning rates {rates}, seed {self.seed}: expected positive rates and a seed of at least 0"
+                f"learning rates {rates}, seed {self.seed}: expected positive rates of at most 1 and a seed of at "
+                "least 0"
             )
+        shares = {name: getattr(teacher, name) for name in ("desired_kl", "gamma", "gae_lambda")}
+        weights = {f"teacher.{name}": getattr(teacher, name) for name in ("entropy",)}
+        weights |= {f"student.{name}": getattr(student, name) for name in ("adaptation_weight", "estimator_weight")}
+        for name, share in shares.items():
+            if not 0 < share <= 1:
+                raise ConfigurationError(f"teacher.{name} is {share}; expected more than 0 and at most 1")
+        for name, weight in weights.items():
+            if weight < 0:
+                raise ConfigurationError(f"{name} is {weight}; expected at least 0")
 
     def _check_phases(self) -> None:
         """Refuse settings of the phases that contradict each other."""
@@ -295,6 +345,19 @@ class TrainCfg:
                 f"--teacher.student-share {teacher.student_share:g} has no effect with --teacher.latent "
                 f"{teacher.latent}; leave it out, or say --teacher.latent groups"
             )
+
+    def check_memory(self, robot: Robot) -> None:
+        """Raise `StictionError` where the training needs more memory than there is. Of a GPU its own library knows."""
+        if self.device == "cuda":
+            return
+        samples = self.num_envs * max(self.teacher.steps, self.student.steps)
+        frames = self.task.history * self.task.layout(robot).frame_size
+        needed = TORCH + self.num_envs * SIMULATED + samples * 4 * (COPIES * frames + BESIDE)
+        check_memory(
+            needed,
+            f"a rollout of {self.num_envs} robots over {samples // self.num_envs} steps",
+            "use fewer --num-envs, fewer steps, or a shorter history",
+        )
 
     @property
     def env_steps(self) -> int:

@@ -23,7 +23,7 @@ from stiction.rma.figures import Board, RolloutFigures, adaptation_figures, fric
 from stiction.rma.health import EarlyStop, Health
 from stiction.rma.ppo import AdaptationPPO
 from stiction.rma.quick import quicken
-from stiction.rma.run import RunDirectory, keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
+from stiction.rma.run import BROKEN, RunDirectory, keep_newest, latest_checkpoint, load_checkpoint, save_checkpoint
 from stiction.rma.symmetry import make_symmetric
 
 Progress = Callable[[str, int, int, dict[str, float]], None]
@@ -208,6 +208,7 @@ class PhaseRunner(OnPolicyRunner):
             tree["random_cuda"] = torch.cuda.get_rng_state()
         self.run.flush()
         self.board.flush()
+        tree["run"] = self.run.origin()
         save_checkpoint(self._file(), tree)
         keep_newest(self.run.checkpoints, self.phase)
 
@@ -216,8 +217,10 @@ class PhaseRunner(OnPolicyRunner):
         tree = load_checkpoint(path)
         try:
             self._restore(path, tree)
-        except (KeyError, ValueError, RuntimeError) as error:  # a part that is missing, of another shape, another net
-            cause, first = str(error).strip().splitlines()[0], self.run.header()["revision"].partition("+")[0]
+        # A part that is missing, of another shape, of another net.
+        except (*BROKEN, IndexError, RuntimeError) as error:
+            cause = (str(error).strip() or "nothing more").splitlines()[0]
+            first = self.run.header()["revision"].partition("+")[0]
             raise TrainingError(
                 f"checkpoint {path} cannot be restored by this version ({type(error).__name__}: {cause}); "
                 f"finish the run with revision {first}, which began it, or train again"

@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import shlex
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,21 +16,35 @@ from typing import Any
 import numpy as np
 import torch
 from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import load, save
 
 from stiction.core.cache import publish
 from stiction.core.errors import FileError, TrainingError
+from stiction.core.lock import output_folder
 from stiction.core.provenance import git_revision, machine
 from stiction.core.records import from_plain, to_plain
 from stiction.formats.actuator import FILE, actuator_file, read_actuator
+from stiction.formats.plain import is_integer, is_number, read_object
 from stiction.formats.results import read_metrics
 from stiction.joints.net import ActuatorNet
 from stiction.rma.config import TrainCfg
 from stiction.robots.catalog import find_robot, is_shipped, robot_in_file
 from stiction.robots.record import write_robot
 
+MADE = "that of a folder that `stiction train` made"
+"""What config.json is, for messages."""
+
+HEADER: dict[str, Any] = {"config": dict, "revision": str, "identified": dict | None}
+"""What config.json must have, and of which type."""
+
 ROBOT = "robot.json"
 """A run's copy of a robot that does not come with the package."""
+
+LARGEST_CHECKPOINT = 2**30
+"""Bytes of a checkpoint's tensors that are read; those of the largest preset have some 4 MB."""
+
+BROKEN = (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError, SafetensorError)
+"""What a damaged checkpoint raises where it is read."""
 
 _TENSOR = "__tensor__"
 
@@ -77,32 +92,52 @@ def save_checkpoint(path: Path, tree: dict[str, Any]) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     # A header from an earlier try would vouch for tensors that are not its own.
     path.with_suffix(".json").unlink(missing_ok=True)
+    content = save(tensors)
     with publish(path) as partial:
-        try:
-            save_file(tensors, partial)
-        except SafetensorError as error:
-            raise OSError(f"{partial}: {error}") from error
-    write_json(path.with_suffix(".json"), {"tensors": len(tensors), "tree": rest})
+        partial.write_bytes(content)
+    write_json(path.with_suffix(".json"), {"tensors": len(tensors), "sha256": _digest(content, rest), "tree": rest})
+
+
+def _digest(tensors: bytes, rest: Any) -> str:
+    """Return the SHA-256 of a checkpoint: of the file of its tensors, and of the rest as JSON."""
+    return hashlib.sha256(hashlib.sha256(tensors).digest() + json.dumps(rest).encode()).hexdigest()
 
 
 def load_checkpoint(path: Path) -> dict[str, Any]:
-    """Read what `save_checkpoint` wrote. Raises `StictionError` where a file is missing, cut off or altered."""
+    """Read what `save_checkpoint` wrote. Raises `StictionError` where a file is missing, cut off or altered.
+
+    Checkpoints of before there were digests are read with a warning: a flipped bit in one of them does not show.
+    """
     try:
-        header = json.loads(path.with_suffix(".json").read_text())
-        # A copy each: in the file they lie unaligned, and the linear algebra rounds by how its numbers lie in memory.
-        tensors = {name: tensor.clone() for name, tensor in load_file(path).items()}
-        if len(tensors) != header["tensors"]:
-            raise TrainingError(
-                f"checkpoint {path}: {len(tensors)} tensors, expected {header['tensors']}; it is incomplete"
+        header = read_object(path.with_suffix(".json"), "that of a checkpoint")
+        if path.stat().st_size > LARGEST_CHECKPOINT:
+            raise ValueError(f"{path.stat().st_size} bytes; expected at most {LARGEST_CHECKPOINT}")
+        content = path.read_bytes()
+        if header["tensors"] != (count := _count(content)):
+            raise TrainingError(f"checkpoint {path}: {count} tensors, expected {header['tensors']}; it is incomplete")
+        if "sha256" not in header:
+            warnings.warn(
+                f"{path} was written before checkpoints had digests: damage in it would not show", stacklevel=2
             )
-        tree = _join(header["tree"], tensors)
-    except (OSError, ValueError, KeyError, TypeError, SafetensorError) as error:
+        elif header["sha256"] != _digest(content, header["tree"]):
+            raise ValueError("it is not what its digest says, and was damaged or altered")
+        # A copy each: in the file they lie unaligned, and the linear algebra rounds by how its numbers lie in memory.
+        tree = _join(header["tree"], {name: tensor.clone() for name, tensor in load(content).items()})
+    except (*BROKEN, FileError) as error:
         raise TrainingError(
             f"checkpoint {path} cannot be read: {error}; remove it to go on from the one before it, or train again"
         ) from error
     if not isinstance(tree, dict):
         raise TrainingError(f"checkpoint {path}: holds no named parts; it was not written by this program")
     return tree
+
+
+def _count(content: bytes) -> int:
+    """Return the tensors that a file of them declares. Raises `ValueError` where it is none."""
+    length = int.from_bytes(content[:8], "little")
+    if not 2 <= length <= len(content) - 8:
+        raise ValueError("it is cut off")
+    return len(json.loads(content[8 : 8 + length]).keys() - {"__metadata__"})
 
 
 def latest_checkpoint(folder: Path, phase: str) -> Path | None:
@@ -129,6 +164,12 @@ def _sha256(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
+REPORTED, STOPPED = ("walk/tracking_error", "walk/tripod_share"), ("iteration", "walk/tracking_error")
+"""Numbers that summary.json has of a phase, and of one that reached its target."""
+
+HOLDS_ONE = "{} holds a run already; resume it with --resume, or name another folder with --out"
+
+
 class RunDirectory:
     """The files of one training run."""
 
@@ -145,26 +186,28 @@ class RunDirectory:
         Raises `StictionError` where a run is there already, or the net cannot be read or does not fit the task.
         """
         if (path / "config.json").exists():
-            raise TrainingError(
-                f"{path} holds a run already; resume it with --resume, or name another folder with --out"
-            )
-        run = cls(path)
-        robot = find_robot(cfg.task.robot)
+            raise TrainingError(HOLDS_ONE.format(path))
+        run, robot = cls(path), find_robot(cfg.task.robot)
         header = {"command": command, "revision": git_revision(), "seed": cfg.seed, "identified": identified}
         if cfg.actuator is not None:
             cfg.task.check_net(read_actuator(Path(cfg.actuator)), robot)
             file = actuator_file(Path(cfg.actuator))
             name = file.resolve().parent.name if file.name == FILE else file.name
             header["actuator"] = {"name": name, "sha256": _sha256(file)}
-        try:
-            run.checkpoints.mkdir(parents=True, exist_ok=True)
-            if cfg.actuator is not None:
-                (path / FILE).write_bytes(file.read_bytes())
-            if not is_shipped(cfg.task.robot):
-                write_robot(robot, path / ROBOT)
-            write_json(path / "config.json", header | {"config": to_plain(cfg)})
-        except OSError as error:
-            raise FileError(f"the run's folder {path} cannot be made: {error.strerror}; name another --out") from error
+        with output_folder(path):
+            if (path / "config.json").exists():
+                raise TrainingError(HOLDS_ONE.format(path))
+            try:
+                run.checkpoints.mkdir(exist_ok=True)
+                if cfg.actuator is not None:
+                    (path / FILE).write_bytes(file.read_bytes())
+                if not is_shipped(cfg.task.robot):
+                    write_robot(robot, path / ROBOT)
+                write_json(path / "config.json", header | {"config": to_plain(cfg)})
+            except OSError as error:
+                raise FileError(
+                    f"the run's folder {path} cannot be made: {error.strerror}; name another --out"
+                ) from error
         return run
 
     def actuator(self) -> ActuatorNet | None:
@@ -175,6 +218,8 @@ class RunDirectory:
         recorded = self.header().get("actuator")
         if recorded is None:
             return None
+        if not isinstance(recorded, dict) or "sha256" not in recorded:
+            raise FileError(f"{self.path / 'config.json'}: its actuator has no 'sha256'; expected {MADE}")
         net = read_actuator(self.path / FILE)
         if _sha256(self.path / FILE) != recorded["sha256"]:
             raise TrainingError(f"{self.path / FILE} is not the net that the run was started with; put that one back")
@@ -183,12 +228,9 @@ class RunDirectory:
     def header(self) -> dict[str, Any]:
         """Return config.json whole. Raises `StictionError` where it cannot be read."""
         file = self.path / "config.json"
-        try:
-            data = json.loads(file.read_text())
-        except (OSError, ValueError) as error:
-            raise FileError(f"{file} cannot be read: {error}; expected a folder that `stiction train` made") from error
-        if not isinstance(data, dict) or "config" not in data:
-            raise FileError(f"{file}: holds no 'config'; expected a folder that `stiction train` made")
+        data = read_object(file, MADE)
+        if missing := [name for name, kind in HEADER.items() if not isinstance(data.get(name), kind)]:
+            raise FileError(f"{file}: holds no {missing[0]!r}; expected {MADE}")
         return data
 
     def config(self) -> TrainCfg:
@@ -246,14 +288,24 @@ class RunDirectory:
 
     def summary(self) -> dict[str, Any]:
         """Return summary.json; empty where the run is not finished. Raises `StictionError` where it cannot be read."""
-        file = self.path / "summary.json"
-        try:
-            return dict(json.loads(file.read_text())) if self.finished else {}
-        except (OSError, ValueError, TypeError) as error:
-            raise FileError(f"{file} cannot be read: {error}; remove it and finish the run again") from error
+        if not self.finished:
+            return {}
+        file, expected = self.path / "summary.json", "that of a finished run; remove it and finish the run again"
+        found = read_object(file, expected)
+        figures = {"last": REPORTED, "stopped": STOPPED}
+        for name, wanted in figures.items():
+            phases = found.get(name, {})
+            if not isinstance(phases, dict) or not all(
+                isinstance(phase, dict) and all(is_number(phase.get(one), 1e12) for one in wanted)
+                for phase in phases.values()
+            ):
+                raise FileError(f"{file}: {name!r} lacks numbers; expected {expected}")
+        if "teacher" not in found.get("last", {}) or not is_number(found.get("seconds"), 1e12):
+            raise FileError(f"{file}: lacks 'last' or 'seconds'; expected {expected}")
+        return found
 
     def check_finished(self, phase: str) -> None:
-        """Raise `StictionError` unless a phase, `teacher` or `student`, has a checkpoint of its last iteration.
+        """Raise `StictionError` unless a phase, `teacher` or `student`, has a checkpoint of its last iteration, whole.
 
         The last one is the configuration's, or the one in which the phase reached its target. A half-trained policy
         walks badly and looks like a result.
@@ -267,12 +319,14 @@ class RunDirectory:
                 f"{self.path} is not finished, its {phase} stands at iteration {done} of {iterations}; "
                 f"finish it with `stiction train --resume {self.path}`"
             )
+        self.check_checkpoints()
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Turn a full disk, and a folder that is not ours, into one line."""
+        """Be the only writer of the run; turn a full disk, and a folder that is not ours, into one line."""
         try:
-            yield
+            with output_folder(self.path):
+                yield
         except OSError as error:
             raise FileError(
                 f"the run {self.path} cannot be written: {error}; make room or name the right owner, then "
@@ -283,6 +337,66 @@ class RunDirectory:
         """Bring the figures to the disk: those before a checkpoint must not be lost with the machine's power."""
         with self.metrics.open("a") as file:
             os.fsync(file.fileno())
+
+    def origin(self) -> dict[str, Any]:
+        """Return what a checkpoint says of the run that it belongs to: digests of its settings and of its figures."""
+        header = self.header()
+        settings = {name: header.get(name) for name in ("config", "identified", "actuator")}
+        robot = self.path / ROBOT
+        settings["robot"] = _sha256(robot) if robot.is_file() else None
+        figures = self.metrics.read_bytes() if self.metrics.exists() else b""
+        return {
+            "settings": hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest(),
+            "figures": {"bytes": len(figures), "sha256": hashlib.sha256(figures).hexdigest()},
+        }
+
+    def check(self, tree: dict[str, Any], path: Path) -> None:
+        """Raise `StictionError` where a checkpoint is none of this run. Older ones do not say which they are of."""
+        phase, _, number = path.stem.rpartition("_")
+        stopped, iterations = tree.get("stopped"), getattr(self.config(), phase).iterations
+        if not (
+            is_integer(tree.get("iteration"))
+            and number == f"{tree['iteration']:06d}"
+            and tree["iteration"] <= iterations
+            and (stopped is None or isinstance(stopped, dict))
+        ):
+            raise TrainingError(
+                f"checkpoint {path}: it is of another iteration than its name says, or of none of the {iterations}; "
+                "remove it to go on from the one before it"
+            )
+        try:
+            if "run" in tree:
+                self.check_origin(path.name, tree["run"])
+        except BROKEN as error:
+            raise TrainingError(
+                f"checkpoint {path}: cannot be compared with its run ({type(error).__name__}: {error}); remove it to "
+                "go on from the one before it"
+            ) from error
+
+    def check_checkpoints(self) -> None:
+        """Raise `StictionError` where the newest checkpoints are damaged, or none of this run: before it is built."""
+        for phase in ("teacher", "student"):
+            newest = latest_checkpoint(self.checkpoints, phase)
+            if newest is not None:
+                self.check(load_checkpoint(newest), newest)
+
+    def check_origin(self, checkpoint: str, origin: dict[str, Any]) -> None:
+        """Raise `StictionError` where a checkpoint is of other settings, or of other figures up to it.
+
+        Both decide what the run goes on to: the figures when it ends early.
+        """
+        now, figures = self.origin(), origin["figures"]
+        begin = self.metrics.read_bytes()[: figures["bytes"]] if self.metrics.exists() else b""
+        same = {
+            "config.json": now["settings"] == origin["settings"],
+            "metrics.jsonl": hashlib.sha256(begin).hexdigest() == figures["sha256"],
+        }
+        for name, agrees in same.items():
+            if not agrees:
+                raise TrainingError(
+                    f"{self.path / name} is not what it was when {checkpoint} was written; put it back, or train again "
+                    "in another folder"
+                )
 
     def student_digest(self) -> str:
         """Return the SHA-256 of the newest checkpoint of the student. Raises `StictionError` where there is none."""
@@ -322,4 +436,9 @@ class RunDirectory:
 def identified_values(header: dict[str, Any]) -> dict[str, np.ndarray] | None:
     """Return the joints that a run, by its `RunDirectory.header`, took from an identification, None where none."""
     identified = header["identified"]
-    return {name: np.array(value, float) for name, value in identified["values"].items()} if identified else None
+    if not identified:
+        return None
+    try:
+        return {name: np.array(value, float) for name, value in identified["values"].items()}
+    except (KeyError, AttributeError, ValueError, TypeError) as error:
+        raise FileError(f"config.json: its identified joints cannot be read: {error}; expected {MADE}") from error

@@ -21,6 +21,7 @@ from stiction.rma.figures import Board
 from stiction.rma.models import ELEVATION, GROUPS, RMAActor, StudentPolicy
 from stiction.rma.phase import Film, PhaseRunner, Progress
 from stiction.rma.run import RunDirectory, latest_checkpoint, load_checkpoint
+from stiction.robots.catalog import find_robot
 
 QUIET_FROM = 0.75
 """Share of the first phase after which the noise has fallen to `TeacherCfg.final_std`."""
@@ -107,6 +108,8 @@ def train(
     every iteration whether to stop. Raises `StictionError` where training has diverged or the run's folder cannot be
     written, and `Interrupted`, after a checkpoint, where it was asked to stop.
     """
+    cfg.check_memory(find_robot(cfg.task.robot))
+    run.check_checkpoints()
     threads = num_threads()
     torch.set_num_threads(threads)
     torch.manual_seed(stream_seed(cfg.seed, "training"))

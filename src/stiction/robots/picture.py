@@ -6,13 +6,14 @@ Rendering happens in a process of its own, see `core.opengl`.
 from __future__ import annotations
 
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from stiction.core.errors import EngineError
+from stiction.core.lifeline import follow_parent
 from stiction.core.opengl import render
+from stiction.core.scratch import scratch
 from stiction.robots.model import Robot, link_poses
 from stiction.robots.record import read_robot, write_robot
 
@@ -35,8 +36,8 @@ def draw(robot: Robot, out: Path) -> Path:
 
     Raises `PictureError` where there is no OpenGL, or the renderer failed; the message says what it said.
     """
-    with tempfile.TemporaryDirectory() as folder:
-        record = Path(folder) / "robot.json"
+    with scratch() as folder:
+        record = folder / "robot.json"
         write_robot(robot, record)
         return render("stiction.robots.picture", (record, out), out, TIMEOUT, PictureError, "picture")
 
@@ -96,4 +97,5 @@ def _render(robot: Robot, out: Path) -> None:
 
 
 if __name__ == "__main__":
+    follow_parent()
     _render(read_robot(Path(sys.argv[1])), Path(sys.argv[2]))

@@ -26,10 +26,11 @@ import tyro
 
 from stiction.core.cache import cached, key_of
 from stiction.core.errors import FileError
+from stiction.core.lock import output_folder
 from stiction.core.provenance import Origin, num_threads
 from stiction.core.records import make_folder, write_rows
 from stiction.formats.results import ResultRow, summary_text, write_results, write_summary
-from stiction.report.terminal import jobs_of, print_warnings, work_progress
+from stiction.report.terminal import Terminal, jobs_of, print_warnings, work_progress
 
 if TYPE_CHECKING:
     from markupsafe import Markup
@@ -93,18 +94,23 @@ class Work:
         self.threads = num_threads()
         """Threads of a simulator, where there is one process."""
         self.origin = Origin.now()
+        self.bars = ExitStack()
+        """Ends with the progress, when the study has run."""
         self._code, self._stack, self._start = code, stack, time.perf_counter()
 
     def begin(self) -> Path:
-        """Make and return the study's folder: call it when the options are checked, before the work begins."""
-        make_folder(self.out)
+        """Make and return the study's folder: call it when the options are checked, before the work begins.
+
+        Raises `StictionError` where it cannot be written, or another process writes it; it is this one's to the end.
+        """
+        self._stack.enter_context(output_folder(self.out))
         self._start = time.perf_counter()
         return self.out
 
     @cached_property
     def progress(self) -> Callable[[str, float], None]:
         """Shows how far a named piece of work is, as a share of it."""
-        return self._stack.enter_context(work_progress())
+        return self.bars.enter_context(work_progress())
 
     @property
     def seconds(self) -> float:
@@ -219,17 +225,18 @@ class Study(Generic[Chosen]):
         with ExitStack() as stack:
             work = Work(options, verb, command, code, stack)
             try:
-                report = self.run(options, work)
+                with work.bars:
+                    report = self.run(options, work)
             except UsageError as error:
                 work.say(f"{error}; `{program} --help` shows the usage")
                 return 2
             except Stopped as stopped:
                 return stopped.status
-        if isinstance(report, int):
-            return report
-        warnings = [*work.origin.warnings(), *report.warnings]
-        print_warnings(verb, warnings)
-        summary = write_report(work.begin(), report, work.provenance | {"warnings": warnings})
+            if isinstance(report, int):
+                return report
+            warnings = [*work.origin.warnings(), *report.warnings]
+            print_warnings(verb, warnings)
+            summary = write_report(work.begin(), report, work.provenance | {"warnings": warnings})
         if options.json:
             print(summary_text(dict(summary)) if report.json is None else f"{json.dumps(report.json)}\n", end="")
         else:
@@ -307,11 +314,9 @@ WIDE = 140
 
 def _show(report: Report, out: Path) -> None:
     """Print the answer, where the page is, and what to do next."""
-    from rich.console import Console
-
-    console = Console()
+    console = Terminal()
     if not console.is_terminal:
-        console = Console(width=WIDE)
+        console = Terminal(width=WIDE)
     for line in report.answer or (report.lead,):
         (print if isinstance(line, str) else console.print)(line)
     for line in (*((f"report: {out / PAGE}",) if report.title else ()), *report.further):

@@ -1,11 +1,15 @@
 """The runner: trains what is missing, survives what fails, leaves everything resumable. Training itself is made up."""
 
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from processes import is_alive, wait_until
+from stiction.core.lock import output_folder
 from stiction.studies.friction.manifest import PlannedRun
 from stiction.studies.friction.training import ALL, start, stop, train_command, train_missing
 from synthetic import place, run_files, write_run
@@ -27,6 +31,13 @@ def succeed(at: PlannedRun) -> list[str]:
 def sleep(at: PlannedRun) -> list[str]:
     """A training that does not end."""
     return [sys.executable, "-c", "import time; time.sleep(60)"]
+
+
+def locks_first(at: PlannedRun) -> list[str]:
+    """A training that makes sure that nobody else writes its folder, as the real one does."""
+    lock = "import sys; from pathlib import Path; from stiction.core.lock import output_folder\n"
+    lock += "with output_folder(Path(sys.argv[2])):\n" + WRITE.replace("\n", "\n    ")
+    return [sys.executable, "-c", lock, json.dumps(run_files(at)), str(at.path)]
 
 
 def test_only_what_is_missing_is_trained_and_a_failure_stops_nobody(tmp_path: Path) -> None:
@@ -65,7 +76,6 @@ def test_an_interrupt_ends_every_run_and_frees_its_lock(tmp_path: Path) -> None:
     assert train_missing(places, 2, command=command, poll=0.02, asked=lambda: len(running) > 3) == {}
     assert running == [0, 1, 0, 1]
     job = start(places[0], sleep)
-    assert job is not None
     stop([job])
     assert job.process.poll() is not None
 
@@ -73,13 +83,28 @@ def test_an_interrupt_ends_every_run_and_frees_its_lock(tmp_path: Path) -> None:
 def test_a_run_in_training_is_left_alone(tmp_path: Path) -> None:
     """If this failed, two programs started by mistake would train the same run into one folder."""
     at = place(tmp_path)
-    job = start(at, sleep)
-    assert job is not None
-    try:
-        assert train_missing([at], 1, command=succeed, poll=0.02) == {"toy-s0": "another process trains it"}
-    finally:
-        stop([job])
-    assert train_missing([at], 1, command=succeed, poll=0.02) == {}
+    with output_folder(at.path):
+        failed = train_missing([at], 1, command=locks_first, poll=0.02)
+    assert f"is being written by process {os.getpid()} on " in failed["toy-s0"] and at.state() == "missing"
+    assert train_missing([at], 1, command=locks_first, poll=0.02) == {}
+
+
+def test_a_training_ends_with_the_study_that_started_it(tmp_path: Path) -> None:
+    """After kill -9 of a study its trainings would go on unseen, and hold their folders."""
+    script = (
+        "import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1]); from synthetic import place; "
+        "from stiction.studies.friction.training import start; at = place(Path(sys.argv[2])); "
+        "command = [sys.executable, '-c', 'import signal, time; from stiction.core.lifeline import follow_parent; "
+        "follow_parent(signal.SIGTERM); print(1, flush=True); time.sleep(60)']; "
+        "print(start(at, lambda _: command).process.pid, flush=True); import time; time.sleep(60)"
+    )
+    words = [sys.executable, "-c", script, str(Path(__file__).parents[2]), str(tmp_path)]
+    study = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+    assert study.stdout is not None
+    training = int(study.stdout.readline())
+    study.kill()
+    study.wait()
+    wait_until(lambda: not is_alive(training), "the training goes on without its study")
 
 
 def test_commands_begin_and_resume(tmp_path: Path) -> None:

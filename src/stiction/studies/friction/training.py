@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import fcntl
 import signal
 import subprocess
 import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from io import TextIOWrapper
 
 from stiction.core.isolation import isolated_environment, python_module
+from stiction.core.lifeline import tied
 from stiction.core.provenance import THREADS_VARIABLE
 from stiction.report.terminal import stop_requests
 from stiction.studies.friction.manifest import PlannedRun
@@ -45,7 +44,6 @@ class Job:
 
     run: PlannedRun
     process: subprocess.Popen
-    lock: TextIOWrapper
 
     def last_line(self) -> str:
         """Return the last line that the run printed: of one that failed, the reason."""
@@ -53,30 +51,22 @@ class Job:
         return next((line.strip() for line in reversed(lines) if line.strip()), "it printed nothing")
 
 
-def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_command) -> Job | None:
-    """Start the training of a run on one thread, by this very code; None where another process trains it.
+def start(run: PlannedRun, command: Callable[[PlannedRun], list[str]] = train_command) -> Job:
+    """Start the training of a run on one thread, by this very code.
 
-    The lock passes to the run's own process, so that it holds as long as the training goes on, whoever is interrupted.
+    It ends itself where another process writes the run's folder; and, with a checkpoint, where this one is killed.
     """
     run.path.mkdir(parents=True, exist_ok=True)
-    lock = (run.path / ".lock").open("w")
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        lock.close()
-        return None
     with (run.path / LOG).open("a") as log:
         # In a session of its own, so that Ctrl-C reaches it once, from `stop`: a second one would not wait.
         process = subprocess.Popen(
             command(run),
             stdout=log,
             stderr=log,
-            stdin=subprocess.DEVNULL,
-            env=isolated_environment(**{THREADS_VARIABLE: "1"}),
-            pass_fds=[lock.fileno()],
+            **tied(isolated_environment(**{THREADS_VARIABLE: "1"})),
             start_new_session=True,
         )
-    return Job(run, process, lock)
+    return Job(run, process)
 
 
 def train_missing(
@@ -103,16 +93,11 @@ def train_missing(
     try:
         while (waiting or running) and not asked():
             while waiting and len(running) < jobs:
-                run = waiting.pop(0)
-                if job := start(run, command):
-                    running.append(job)
-                else:
-                    failed[run.run.name] = "another process trains it"
+                running.append(start(waiting.pop(0), command))
             time.sleep(poll)
             trained = [job.run for job in running]
             for job in [job for job in running if job.process.poll() is not None]:
                 running.remove(job)
-                job.lock.close()
                 if job.run.state() != "finished":
                     failed[job.run.run.name] = f"{job.last_line()} (see {job.run.path / LOG})"
             shares.report(trained, failed)
@@ -140,7 +125,6 @@ def stop(running: Sequence[Job]) -> None:
         except subprocess.TimeoutExpired:
             job.process.kill()
             job.process.wait()
-        job.lock.close()
 
 
 class Shares:

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from stiction.core.cache import has_entry, key_of, publish_entry
 from stiction.core.errors import FileError, PolicyError
+from stiction.core.lock import replaced_folder
 from stiction.core.parallel import spread
 from stiction.engines.catalog import make_engine
 from stiction.evaluate.code import WALK_CODE
@@ -88,7 +89,7 @@ def make_net(
     if has_entry(folder, walked.key):
         return
     try:
-        with publish_entry(folder, walked.key, walked.label) as net:
+        with replaced_folder(folder, "--runs"), publish_entry(folder, walked.key, walked.label) as net:
             logs = net / "logs"
             logs.mkdir()
             tasks = [(walked, name, episode, logs) for name in BACKWARD for episode in range(RUNS // len(BACKWARD))]

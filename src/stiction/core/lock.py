@@ -1,0 +1,127 @@
+"""One writer a folder: two trainings of one run, or two evaluations into one folder, would mix their results.
+
+The kernel holds the lock (flock) and drops it when the process ends, however it does. Who holds it stands in the file,
+for the one who is refused. Reading needs no lock: a run that goes on can be exported and watched.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shlex
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import datetime
+from pathlib import Path
+
+from stiction.core.errors import FileError
+from stiction.core.records import make_folder
+
+LOCK = ".lock"
+"""The file in a folder that is being written."""
+
+LONGEST = 4096
+"""Bytes that are read of who holds a lock."""
+
+_held: dict[Path, int] = {}
+"""Lock file -> how often this process holds it."""
+
+
+@contextmanager
+def output_folder(out: Path, option: str = "--out") -> Iterator[None]:
+    """Make the directory for results, which `option` names, and be its only writer.
+
+    Raises `StictionError` where it cannot be made or written, or another process writes it.
+    """
+    make_folder(out, option)
+    with _locked(out / LOCK, out, option):
+        yield
+
+
+@contextmanager
+def replaced_folder(out: Path, option: str = "--out") -> Iterator[None]:
+    """Be the only one who replaces a folder as a whole: its lock lies beside it.
+
+    Raises `StictionError` as `output_folder`.
+    """
+    out = out.absolute()
+    make_folder(out.parent, option)
+    with _locked(out.with_name(f".{out.name}{LOCK}"), out, option):
+        yield
+
+
+@contextmanager
+def _locked(file: Path, folder: Path, option: str) -> Iterator[None]:
+    """Hold the lock of a file; within one process as often as wanted."""
+    file = file.parent.resolve() / file.name
+    if file not in _held:
+        number = _take(file, folder, option)
+        _held[file] = 0
+    else:
+        number = None
+    _held[file] += 1
+    try:
+        yield
+    finally:
+        _held[file] -= 1
+        if number is not None:
+            del _held[file]
+            # Whoever waits to open the file must not find it locked and gone: first the name, then the lock.
+            with suppress(OSError):
+                file.unlink()
+            os.close(number)
+
+
+def _take(file: Path, folder: Path, option: str) -> int:
+    """Lock a file and write into it who holds it; return its descriptor."""
+    while True:
+        try:
+            number = os.open(file, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            raise FileError(f"{folder} cannot be written: {error.strerror}; choose another {option}") from error
+        try:
+            fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            there = file.stat()
+            if (there.st_dev, there.st_ino) == (os.fstat(number).st_dev, os.fstat(number).st_ino):
+                with suppress(OSError):  # A full disk: the lock holds without its text.
+                    os.ftruncate(number, 0)
+                    os.pwrite(number, _who().encode(errors="replace"), 0)
+                return number
+        except BlockingIOError as error:
+            holder = _holder(number)
+            os.close(number)
+            raise FileError(
+                f"{folder} is being written by {holder}; wait until it has ended, or choose another {option}"
+            ) from error
+        except FileNotFoundError:
+            pass
+        except OSError as error:
+            os.close(number)
+            raise FileError(
+                f"{folder} cannot be locked: {error.strerror}, and two writers would spoil it; choose an {option} on a "
+                "file system that has locks"
+            ) from error
+        # Its holder has removed it in between.
+        os.close(number)
+
+
+def _who() -> str:
+    """Return what a lock says of this process."""
+    program = Path(sys.argv[0])
+    words = [program.parent.name if program.name == "__main__.py" else program.name, *sys.argv[1:]]
+    since = datetime.now().astimezone().isoformat(timespec="seconds")
+    who = {"pid": os.getpid(), "host": socket.gethostname(), "since": since, "command": shlex.join(words)[:1000]}
+    return json.dumps(who) + "\n"
+
+
+def _holder(number: int) -> str:
+    """Return who holds a lock, in words."""
+    try:
+        who = json.loads(os.pread(number, LONGEST, 0))
+        since, command = str(who["since"])[:40], str(who["command"])[:200]
+        return f"process {int(who['pid'])} on {str(who['host'])[:80]} since {since} (`{command}`)"
+    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+        return "another process"

@@ -1,0 +1,37 @@
+"""Temporary folders of which nothing is left, however the process ends."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+REMOVE = 'read -r _; rm -rf -- "$1"'
+"""Waits for the end of its input, which is that of its parent, and removes a folder."""
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """Yield an empty temporary folder, removed afterwards; by a shell beside this process where it is killed.
+
+    Raises `OSError` where there is no room for one.
+    """
+    folder = Path(tempfile.mkdtemp(prefix="stiction-"))
+    quiet = subprocess.DEVNULL
+    # In a session of its own: Ctrl-C must not reach it before its parent is done with the folder.
+    keeper = subprocess.Popen(
+        ["/bin/sh", "-c", REMOVE, "stiction", str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=quiet,
+        stderr=quiet,
+        start_new_session=True,
+    )
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        with keeper:
+            pass
