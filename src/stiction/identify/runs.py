@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.formats.log import Log
+from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
 from stiction.identify.model import Model
 from stiction.identify.prepare import Prepared, Rows, make_rows, prepare
@@ -63,8 +63,8 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
     name, raw = log.joint(joint)
     setup = setup.with_sidecar(log.setup_of(name))
     setup.check()
-    signals = check_log(log, name, raw, setup.torque_scale)
-    if signals.disturbance is not None:
+    signals = check_log(log, name, _in_si(raw, setup), 1.0 if setup.torque_scale is None else setup.torque_scale)
+    if signals.disturbance is not None and setup.disturbance_scale is not None:
         signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
     torque, unusable = _driving_torque(log.source, signals, setup)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
@@ -72,6 +72,15 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
     check_rows(log.source, rows)
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
+
+
+def _in_si(raw: JointSignals, setup: IdentifySetup) -> JointSignals:
+    """Return signals whose angles, and their rates, are in rad (or m)."""
+    scale = setup.position_scale
+    if scale is None:
+        return raw
+    angles = {name: getattr(raw, name) for name in ("position", "velocity", "target")}
+    return replace(raw, **{name: scale * values for name, values in angles.items() if values is not None})
 
 
 def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:
