@@ -258,6 +258,8 @@ class Log:
     """The sidecar's content."""
     notes: tuple[str, ...] = ()
     """What a reader of the results should know about how the file was read; each one sentence."""
+    start: float = 0.0
+    """What was taken off the time stamps of the file [s]: those of another part of the same log count on from there."""
 
     def joint(self, name: str | None) -> tuple[str, JointSignals]:
         """Return a joint by name, or the only one for None; raise `LogError` naming what there is."""

@@ -47,6 +47,8 @@ class Table:
     """Column -> how many of its cells are empty; they are NaN."""
     names: tuple[str, ...] = ()
     """The joints' names, where the file lists them."""
+    starts: Mapping[str, float] = field(default_factory=dict)
+    """Column of time stamps -> the first one, from which it counts [s]."""
 
 
 def read_bytes(path: Path) -> bytes:
@@ -280,11 +282,12 @@ def read_parquet(path: Path) -> Table:
         kinds = {item.name: item.type for item in schema if _is_number(arrow, _element(arrow, item.type))}
         claim(path.name, _parquet_size(file, kinds, samples), f"{samples} rows would take", LogError)
         columns: Columns = {}
+        starts: dict[str, float] = {}
         faults = {name: f"column {name!r} holds no numbers" for name in schema.names if name not in kinds}
         for name, kind in kinds.items():
             column = file.read(columns=[name], use_threads=False).column(name)
             if kind == _element(arrow, kind):
-                columns[name] = _to_array(arrow, column, kind)
+                columns[name], starts[name] = _to_array(arrow, column, kind)
             elif (matrix := _to_matrix(column, samples)) is not None:
                 columns |= split_matrix(name, matrix)
             else:
@@ -295,7 +298,7 @@ def read_parquet(path: Path) -> Table:
         raise LogError(f"{path.name}: no column of numbers; the columns are {', '.join(schema.names[:20])}")
     if any(len(values) != samples for values in columns.values()):
         raise LogError(f"{path.name}: the columns are not all {samples} rows long; write the file again")
-    return Table(columns | {name: np.broadcast_to(np.nan, samples) for name in faults}, (), faults)
+    return Table(columns | {name: np.broadcast_to(np.nan, samples) for name in faults}, (), faults, starts=starts)
 
 
 BROKEN_PARQUET = (OSError, ValueError, KeyError, IndexError, TypeError, OverflowError, AttributeError)
@@ -328,15 +331,15 @@ def _is_number(arrow: ModuleType, kind: object) -> bool:
     return types.is_integer(kind) or types.is_floating(kind) or types.is_timestamp(kind) or types.is_duration(kind)
 
 
-def _to_array(arrow: ModuleType, column: Any, kind: Any) -> np.ndarray:
-    """Return a column as doubles, shape (num_samples,); stamps count from the first, which keeps their digits."""
+def _to_array(arrow: ModuleType, column: Any, kind: Any) -> tuple[np.ndarray, float]:
+    """Return a column as doubles, shape (num_samples,), and its start; stamps count from there, to keep digits."""
     if arrow.types.is_timestamp(kind) or arrow.types.is_duration(kind):
         counts = column.cast(arrow.int64())
         first = counts[0].as_py() if len(counts) else 0
         if counts.null_count or first is None:
             raise ValueError("a time stamp is missing")
-        return (counts.to_numpy() - first) * SECONDS[kind.unit]
-    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
+        return (counts.to_numpy() - first) * SECONDS[kind.unit], first * SECONDS[kind.unit]
+    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=float), 0.0
 
 
 def _to_matrix(column: Any, samples: int) -> np.ndarray | None:

@@ -160,6 +160,11 @@ class _Column:
         return ((stamp - first) // MICROSECOND) * 1e-6
 
 
+def _since_1970(stamp: datetime) -> float:
+    """Return the seconds since 1970; a stamp without a zone counts as universal time."""
+    return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
+
+
 def _floats(cells: list[str]) -> np.ndarray:
     """Return cells as numbers; raise `ValueError` where one is none, Python's own 1_000 included."""
     if any("_" in cell for cell in cells):
@@ -248,4 +253,6 @@ class _Collected:
             found[column.name] = np.broadcast_to(np.nan, self.rows) if column.fault else np.concatenate(column.parts)
             column.parts.clear()
         blanks = {column.name: column.blanks for column in self.columns if column.blanks}
-        return Table(found, tuple(notes), {name: f"{self.source}: {fault}" for name, fault in faults.items()}, blanks)
+        said = {name: f"{self.source}: {fault}" for name, fault in faults.items()}
+        starts = {column.name: _since_1970(column.first) for column in self.columns if column.first is not None}
+        return Table(found, tuple(notes), said, blanks, starts=starts)

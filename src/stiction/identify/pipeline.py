@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from typing import Any
@@ -22,9 +23,18 @@ from stiction.identify.choice import choose_in_loop, choose_law
 from stiction.identify.combinations import strength_identified
 from stiction.identify.consistency import Comparison, compare, compare_parts, compare_timing
 from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run
+from stiction.identify.pooling import compare_runs, pooled_rows
 from stiction.identify.prepare import make_rows
 from stiction.identify.record import Evidence, make_record
-from stiction.identify.regression import INVERSE_STRENGTH, Fit, check_fit, fit_rows, predict_torque, rigid_torque
+from stiction.identify.regression import (
+    INVERSE_STRENGTH,
+    Fit,
+    check_fit,
+    check_rows,
+    fit_rows,
+    predict_torque,
+    rigid_torque,
+)
 from stiction.identify.runs import Run, make_run
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.warnings import NAMELESS, find_warnings
@@ -36,7 +46,7 @@ REFUSED = "not identified: "
 """How the warning of a refused joint begins."""
 
 
-_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...]]
+_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...], tuple[Log, ...]]
 """What `_attempt` is called with."""
 
 
@@ -53,29 +63,38 @@ class Identification:
 
 
 def identify_joint(
-    log: Log, joint: str | None = None, setup: IdentifySetup | None = None, repeats: Sequence[Log] = ()
+    log: Log,
+    joint: str | None = None,
+    setup: IdentifySetup | None = None,
+    repeats: Sequence[Log] = (),
+    more: Sequence[Log] = (),
 ) -> Identification:
     """Identify one joint of a log.
 
     joint: its name, or None for the only one; repeats: further logs of the same joint, each with what its sidecar says.
     They show whether the joint says the same again; if a payload hangs on it in some of them, they are fitted together.
+    more: further runs, which are fitted together with the log whatever hangs on them, each with its own sidecar.
     Raises `StictionError` with one line for whatever the logs lack.
     """
     setup = setup or IdentifySetup()
-    run = make_run(log, joint, setup)
+    if more and repeats:
+        raise ConfigurationError("several runs in one fit, and repeats: give either; a repeat is a log to be predicted")
+    run = make_run(log, joint, setup, alone=not more)
+    runs = [run, *(make_run(other, joint, setup.for_repeat(), alone=False) for other in more)]
     others = [make_run(other, joint, setup.for_repeat()) for other in repeats]
     for other in others:
         if np.array_equal(other.signals.position, run.signals.position):
             raise ConfigurationError(
                 f"{other.source} is the same log as {run.source}: a repeat is another log of the joint"
             )
-    base = _symmetric(run, others)
+    base = _symmetric(run, others) if not more else _pooled(runs)
+    pooling = compare_runs(runs, base) if more else None
     rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
     check_fit(run.source, base)
     _check_values(run, base)
     choice = choose_law(rows, base, strength_unknown)
     chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
-    loop = close_loop(run, base, chosen)
+    loop = close_loop(run, base, chosen) if not more else InLoop(reason=SEVERAL)
     simulated = choose_in_loop(run, base, loop) if choice.law == "coulomb" and rows is run.rows else None
     if simulated is not None:
         choice, chosen, loop = (
@@ -87,13 +106,37 @@ def identify_joint(
     if delay is not None:
         return identify_joint(log, joint, replace(setup, delay=delay), repeats)
     unseen = others if rows is run.rows else ()
-    comparisons = _comparisons(run, base, loop, unseen)
-    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, unseen))
+    comparisons = _comparisons(run, base, loop, unseen) if not more else compare_parts(rows, base)
+    evidence = Evidence(
+        run, rows, base, chosen, choice, loop, comparisons, _predictions(chosen, unseen), pooling=pooling
+    )
     record = make_record(evidence)
     warnings = find_warnings(record, run)
     if run.joint == UNNAMED and joint is None and record.axis == "rotary":
         warnings += (NAMELESS,)
+    warnings += pooling.sentences() if pooling else ()
     return Identification(run.joint, replace(record, warnings=warnings), _fit_signals(evidence))
+
+
+SEVERAL = "output error was not done: it is for one run at a time, and several were fitted together"
+
+
+def _pooled(runs: Sequence[Run]) -> Fit:
+    """Fit viscous and Coulomb friction to several runs; refuse two that are the same, and too little of all of them."""
+    first = runs[0]
+    for number, one in enumerate(runs):
+        for other in runs[:number]:
+            if np.array_equal(one.signals.position, other.signals.position):
+                raise ConfigurationError(f"{one.source} is the same log as {other.source}: give each run once")
+    known = first.setup.motor_strength is not None or (first.measured and first.setup.torque_calibrated is not False)
+    if any(one.measured != first.measured or one.setup.fits_gravity != first.setup.fits_gravity for one in runs):
+        raise ConfigurationError(
+            f"{first.source}: runs with and without torque, or gravity, in one fit; give runs of one kind"
+        )
+    rows = pooled_rows(runs)
+    check_rows(f"{first.source} and {len(runs) - 1} more", rows)
+    scaled = not known and any(one.setup.payload for one in runs)
+    return fit_rows(rows, first.model, strength_unknown=scaled)
 
 
 def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
@@ -214,11 +257,13 @@ def identify_log(
     repeats: Sequence[Log] = (),
     done: Done = lambda name: None,
     workers: int | None = None,
+    more: Sequence[Log] = (),
 ) -> tuple[dict[str, Identification], dict[str, JointRecord]]:
     """Identify several joints, every one of the log's by default.
 
     Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
-    both in the order of the log, or of `joints`. `workers`: processes, by default one a core. Raises `StictionError`
+    both in the order of the log, or of `joints`. more: further runs, fitted together with the log. `workers`:
+    processes, by default one a core. Raises `StictionError`
     where a joint is not in the log, or none could be identified.
     """
     names = [log.joint(name)[0] for name in joints] or list(log.joints)
@@ -232,6 +277,7 @@ def identify_log(
             name if named else None,
             setup,
             tuple(_single_joint(one, name) for one in repeats),
+            tuple(_single_joint(one, name) for one in more),
         )
         for name in names
     }
@@ -259,6 +305,10 @@ def _outcomes(jobs: Mapping[str, _Job], workers: int) -> Iterator[tuple[str, Ide
         try:
             for future in as_completed(waiting):
                 yield waiting[future], future.result()
+        except BrokenProcessPool as error:
+            raise StictionError(
+                "a process at work was killed, perhaps for want of memory; cut the log, or raise --memory-limit"
+            ) from error
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
@@ -269,10 +319,10 @@ def _single_joint(log: Log, name: str) -> Log:
 
 
 def _attempt(
-    log: Log, name: str | None, setup: IdentifySetup | None, repeats: Sequence[Log]
+    log: Log, name: str | None, setup: IdentifySetup | None, repeats: Sequence[Log], more: Sequence[Log]
 ) -> Identification | StictionError:
     """Identify one joint; what is wrong with it comes back as a value, for an exception would lose its class."""
     try:
-        return identify_joint(log, name, setup, repeats)
+        return identify_joint(log, name, setup, repeats, more)
     except StictionError as error:
         return error

@@ -22,6 +22,7 @@ from stiction.identify.consistency import Comparison, Drift, disagreement, find_
 from stiction.identify.in_loop import InLoop
 from stiction.identify.model import GRAVITY
 from stiction.identify.output_error import OutputError
+from stiction.identify.pooling import Pooling
 from stiction.identify.prepare import Rows
 from stiction.identify.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit
 from stiction.identify.runs import Run
@@ -95,6 +96,8 @@ class Evidence:
     predictions: tuple[dict[str, Any], ...] = ()
     """How well the chosen law predicts each of the repeats, which it was not fitted to: `source`, the log's name,
     `torque_error` and `simulation_errors`, shares of what was measured [1]."""
+    pooling: Pooling | None = None
+    """What several runs that were fitted together say one by one."""
 
     @property
     def by_simulation(self) -> bool:
@@ -127,7 +130,7 @@ def make_record(evidence: Evidence) -> JointRecord:
     """Put everything into the record; the warnings that it calls for come later."""
     run, base, setup = evidence.run, evidence.base, evidence.run.setup
     strength = find_strength(base, run.measured, setup.torque_calibrated is not False, setup.motor_strength)
-    estimates = widened(evidence.symmetric(), evidence.comparisons)
+    estimates = admitted(evidence, evidence.symmetric())
     middle = float(run.signals.position.min() + run.signals.position.max()) / 2
     parameters, combinations = combine(base, estimates, strength, kd_assumed(run), middle)
     scaled = evidence.loop.scaled
@@ -172,6 +175,12 @@ def make_record(evidence: Evidence) -> JointRecord:
     return replace(record, diagnostics=plain(diagnostics))
 
 
+def admitted(evidence: Evidence, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return estimates whose intervals admit what parts of the log say, and runs that were fitted together."""
+    found = widened(estimates, evidence.comparisons)
+    return evidence.pooling.admitted(found) if evidence.pooling else found
+
+
 def plain(value: Any) -> Any:
     """Return nested dataclasses, dictionaries and sequences as dictionaries and lists, as JSON would read them."""
     if is_dataclass(value) and not isinstance(value, type):
@@ -193,7 +202,7 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     parameters = {}
     stated = evidence.law()
     if fit is evidence.base:
-        stated = widened(stated, evidence.comparisons)
+        stated = admitted(evidence, stated)
     for name, estimate in stated.items():
         identified = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
         if name not in fit.names or name == INVERSE_STRENGTH or not identified:
@@ -272,6 +281,7 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "position_torque": None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base),
         "comparisons": [comparison.to_dict() for comparison in evidence.comparisons],
         "predictions": evidence.predictions,
+        "runs": evidence.pooling and evidence.pooling.to_dict(),
         "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
         "controller_mismatch": loop.mismatch,
         "closed_loop": loop.reason,

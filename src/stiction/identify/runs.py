@@ -58,8 +58,11 @@ class Run:
         return PDGains(self.setup.kp, self.setup.kd, self.setup.torque_limit or float("inf"))
 
 
-def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
-    """Check and prepare one joint of a log. Raises `StictionError` with one line for whatever the log lacks."""
+def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = True) -> Run:
+    """Check and prepare one joint of a log. Raises `StictionError` with one line for whatever the log lacks.
+
+    alone: whether it must tell friction by itself; of several runs in one fit none needs to.
+    """
     name, raw = log.joint(joint)
     setup = setup.with_sidecar(log.setup_of(name))
     setup.check()
@@ -68,9 +71,11 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
         signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
     torque, unusable = _driving_torque(log.source, signals, setup)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
-    check_excitation(log.source, prepared.velocity, signals.step)
+    if alone:
+        check_excitation(log.source, prepared.velocity, signals.step)
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
-    check_rows(log.source, rows)
+    if alone:
+        check_rows(log.source, rows)
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
 
 

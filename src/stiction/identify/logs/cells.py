@@ -27,8 +27,8 @@ MOST_LEFT_OUT = 0.95
 """Share of rows without a position beyond which the file is no log of positions."""
 
 
-def seconds(source: str, time: np.ndarray, name: str, scale: float | None) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Return stamps in seconds, shape (num_samples,), and what was taken for granted.
+def seconds(source: str, time: np.ndarray, name: str, scale: float | None) -> tuple[np.ndarray, float, tuple[str, ...]]:
+    """Return stamps in seconds, shape (num_samples,), when they begin, and what was taken for granted.
 
     name: the column's, which may say its unit; scale: seconds per unit where somebody knows. Where nobody does and the
     stamps cannot be seconds, the unit is found from their size since 1970, or from the step of whole numbers; one by
@@ -37,14 +37,14 @@ def seconds(source: str, time: np.ndarray, name: str, scale: float | None) -> tu
     if scale is not None:
         if not 1e-12 <= scale <= 1e6:
             raise LogError(f"{source}: a time scale of {scale}; expected seconds per unit of the stamps, 1e-3 for ms")
-        return _scaled(time, scale), ()
+        return (*_scaled(time, scale), ())
     step = _step(time)
     named = unit_of_time(name)
     if named is not None and SHORTEST_STEP <= step * named <= LONGEST_STEP:
         word = next((word for word, unit in UNITS.items() if unit == named), "")
-        return _scaled(time, named), (f"the time is in {word}, as its column {name!r} says",) if word else ()
+        return (*_scaled(time, named), (f"the time is in {word}, as its column {name!r} says",) if word else ())
     if not step > LONGEST_STEP:
-        return time, ()
+        return time, 0.0, ()
     known = time[np.isfinite(time)]
     start, whole = float(known[0]), step >= 2 and bool((known == np.rint(known)).all())
     dated = [word for word, unit in UNITS.items() if EPOCH[0] <= start * unit < EPOCH[1]]
@@ -55,21 +55,22 @@ def seconds(source: str, time: np.ndarray, name: str, scale: float | None) -> tu
         or (not dated and whole and USUAL_STEPS[0] <= step * unit <= USUAL_STEPS[1])
     ]
     if len(fitting) != 1:
-        return time, ()
+        return time, 0.0, ()
     unit = UNITS[fitting[0]]
-    return _scaled(time, unit), (
+    said = (
         f"the time stamps were taken to be in {fitting[0]}, one sample every {step * unit:.4g} s; if that is wrong, "
         "say what they are: --time-scale",
     )
+    return (*_scaled(time, unit), said)
 
 
-def _scaled(time: np.ndarray, scale: float) -> np.ndarray:
-    """Return stamps in seconds; large ones from the first, which keeps their digits."""
+def _scaled(time: np.ndarray, scale: float) -> tuple[np.ndarray, float]:
+    """Return stamps in seconds, and what was taken off them: large ones count from the first, which keeps digits."""
     if scale == 1.0:
-        return time
+        return time, 0.0
     finite = time[np.isfinite(time)]
     start = float(finite[0]) if len(finite) and abs(float(finite[0])) > 1e9 else 0.0
-    return (time - start) * scale
+    return (time - start) * scale, start * scale
 
 
 def _step(time: np.ndarray) -> float:

@@ -123,7 +123,7 @@ def _records(data: bytes, crc: int) -> Iterator[Any]:
         place += 9
         if size > len(data) - place:
             raise ValueError(f"cut off: a record of {size} bytes, {len(data) - place} are left")
-        record = kinds.get(kind)
+        record: Any = kinds.get(kind)
         if record is Message:
             yield Message.read(ReadDataStream(io.BytesIO(data[place : place + size])), size)
         elif record is not None:

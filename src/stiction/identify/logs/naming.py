@@ -74,11 +74,15 @@ TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1
 
 GUESSES = {
     "position": ("q", "qm", "qpos", "pos", "angle", "theta", "joint_position", "actual_position", "present_position"),
-    "target": ("qd", "qg", "q_des", "q_d", "q_ref", "ref", "cmd", "command", "setpoint", "goal_position", "des"),
+    "target": ("qg", "q_des", "q_ref", "q_cmd", "ref", "cmd", "command", "setpoint", "target", "goal_position", "des"),
     "torque": ("tau", "torque", "effort", "current", "iq", "load", "tau_est", "present_current", "motor_torque"),
     "velocity": ("dq", "qdot", "vel", "speed", "omega"),
 }
-"""Role -> names that it often has, in lower case: enough for a proposal, never for an answer."""
+"""Role -> names that it often has, in lower case: enough for a proposal, never for an answer. Not qd, which is the
+target to some and the velocity to others."""
+
+CURRENTS = ("current", "iq", "load", "present_current")
+"""Names of torque that is not in N m."""
 
 
 @dataclass(frozen=True)

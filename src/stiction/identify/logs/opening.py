@@ -102,7 +102,7 @@ def _of_directory(path: Path) -> str:
     return f"{path} is a directory; expected a log, a {KINDS} file"
 
 
-def _read(path: Path) -> Table:
+def read_rows(path: Path) -> Table:
     """Read a file whose samples are rows of a table."""
     suffix = suffix_of(path)
     if suffix == ".mat":
@@ -121,7 +121,7 @@ def _read(path: Path) -> Table:
 
 def _from_table(path: Path, columns: Mapping[str, str], joint: str | None, setup: LogSetup) -> Log:
     """Read a log whose samples are rows of a table."""
-    table = _read(path)
+    table = read_rows(path)
     found = find_signals(path.name, table, columns, joint)
     notes = (*table.notes, *found.notes)
     if found.time is None:
@@ -134,10 +134,12 @@ def _from_table(path: Path, columns: Mapping[str, str], joint: str | None, setup
         if not 0 < rate < 1e9:
             raise LogError(f"{path.name}: a rate of {rate} Hz; expected a positive number of samples per second")
         time = np.arange(len(next(iter(table.columns.values())))) / rate
+        start = 0.0
         said: tuple[str, ...] = (f"the log has no time stamps: {rate:g} Hz was declared, and jitter cannot be seen",)
     else:
-        time, said = seconds(path.name, found.time, found.time_name, setup.time_scale)
-    log = Log(path.name, time, _named(path.name, found.joints, table.names), notes=(*notes, *said))
+        time, start, said = seconds(path.name, found.time, found.time_name, setup.time_scale)
+        start += table.starts.get(found.time_name, 0.0)
+    log = Log(path.name, time, _named(path.name, found.joints, table.names), notes=(*notes, *said), start=start)
     blank = {name: table.blanks[name] for name in found.used if name in table.blanks}
     return complete_rows(log) if blank else log
 
@@ -162,10 +164,11 @@ def join_logs(logs: Sequence[Log]) -> Log:
     if len(logs) == 1:
         return first
     for before, after in pairwise(logs):
-        if after.time.min() <= before.time.max():
+        begins, ends = after.start + after.time.min(), before.start + before.time.max()
+        if begins <= ends:
             raise LogError(
-                f"{after.source}: begins at {after.time.min():.6g} s, {before.source} ends at {before.time.max():.6g} "
-                "s: these are several runs, not parts of one log; leave --join out, and give --time-scale to neither"
+                f"{after.source}: begins at {begins:.12g} s, and {before.source} ends at {ends:.12g} s: these are "
+                "several runs, not parts of one log; leave --join out"
             )
         if list(after.joints) != list(first.joints):
             raise LogError(f"{after.source}: has other joints than {first.source}; expected parts of one log")
@@ -181,4 +184,9 @@ def join_logs(logs: Sequence[Log]) -> Log:
         )
     notes = dict.fromkeys(note for log in logs for note in log.notes)
     note = f"{len(logs)} files were read as one log: {', '.join(log.source for log in logs)[:160]}"
-    return replace(first, time=np.concatenate([log.time for log in logs]), joints=joints, notes=(note, *notes))
+    return replace(
+        first,
+        time=np.concatenate([log.start - first.start + log.time for log in logs]),
+        joints=joints,
+        notes=(note, *notes),
+    )

@@ -107,7 +107,8 @@ def read_ros(path: Path, topics: Mapping[str, str]) -> Log:
     else:
         stamps, joints, said = _with_targets(path.name, states, joints, command, series[command])
         notes += said
-    return Log(path.name, (stamps - stamps.min()) * 1e-9, joints, notes=tuple(notes))
+    first = int(stamps.min())
+    return Log(path.name, (stamps - first) * 1e-9, joints, notes=tuple(notes), start=first * 1e-9)
 
 
 def _with_targets(
