@@ -32,6 +32,9 @@ LONGEST_LINE = 2**17
 MOST_COLUMNS = 4096
 """More than any robot logs."""
 
+MARKS = ",;\t|"
+"""What separates cells, apart from blanks."""
+
 HEAD = 40
 """Lines from which it is found how a file is written."""
 
@@ -55,13 +58,13 @@ def read_csv(path: Path) -> Table:
         head += lines
         if len(head) >= HEAD or last:
             break
+    if any(len(line.split()) > MOST_COLUMNS or max(map(line.count, MARKS)) > MOST_COLUMNS for line in head[:HEAD]):
+        raise LogError(f"{path.name}: a line of over {MOST_COLUMNS} columns; expected a row of a table")
     dialect = find_dialect(head[:HEAD] or [last])
     if dialect is None and not last.strip():
         raise LogError(f"{path.name}: the file is empty; expected a header that names the columns, and rows of numbers")
     if dialect is None or not head:
         raise LogError(f"{path.name}: no samples after the header")
-    if len(dialect.names) > MOST_COLUMNS:
-        raise LogError(f"{path.name}: {len(dialect.names)} columns; expected at most {MOST_COLUMNS}")
     collected = _Collected(path.name, dialect, [_Column(name) for name in dialect.names])
     collected.take(head[dialect.first :], dialect.first + 1)
     number = len(head)
@@ -184,10 +187,13 @@ class _Collected:
 
     def take(self, lines: list[str], number: int) -> None:
         """Add lines, the first of which is line `number` of the file."""
-        numbers = [number + index for index, line in enumerate(lines) if line.strip() and not is_comment(line)]
+        numbers = [place for place, line in enumerate(lines, number) if line and not line.isspace()]
         if len(numbers) != len(lines):
-            self.remarks += sum(map(is_comment, lines))
-            lines = [lines[index - number] for index in numbers]
+            lines = [lines[place - number] for place in numbers]
+        if remarks := {place for place, line in enumerate(lines) if is_comment(line)}:
+            self.remarks += len(remarks)
+            numbers = [line for place, line in enumerate(numbers) if place not in remarks]
+            lines = [line for place, line in enumerate(lines) if place not in remarks]
         if not lines:
             return
         if self.dialect.decimal_comma:
