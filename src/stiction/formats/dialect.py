@@ -21,6 +21,9 @@ EMPTY = frozenset({"", "null", "none", "na", "n/a"})
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*")
 """1,5 where others write 1.5."""
 
+WORDS = re.compile(r'"([^"]*)"|(\S+)')
+"""Words between blanks, in quotes or not."""
+
 INDEX = 3
 """Rows whose first cell must count on by one before it is taken for an index without a name."""
 
@@ -48,7 +51,7 @@ class Dialect:
 def split_lines(lines: list[str], separator: str) -> list[list[str]]:
     """Return the cells of each line, without blanks around them; a line's number is the row's."""
     if separator == "":
-        return [line.split() for line in lines]
+        return [[a or b for a, b in WORDS.findall(line)] if '"' in line else line.split() for line in lines]
     if not any('"' in line for line in lines):
         return [[cell.strip() for cell in line.split(separator)] for line in lines]
     rows = []
@@ -101,7 +104,7 @@ def find_dialect(lines: list[str]) -> Dialect | None:
     notes = [f"{start} lines before the header are no table and were left out"] if start else []
     rows, kept = rows[start:], kept[start:]
     comma = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for row in rows[1:] or rows for cell in row)
-    if all(is_number(cell, comma) or cell == "" for cell in rows[0]) and any(rows[0]):
+    if _is_sample(rows, comma):
         names, begin = _names_of_comments(lines[: kept[0]], width), kept[0]
         if not names:
             names = [str(index) for index in range(width)]
@@ -144,6 +147,15 @@ def _start(rows: list[list[str]], width: int, comma: bool) -> int:
         if len(row) == width - 1 and len(after) == width and any(is_number(cell, comma) for cell in after):
             return index
     return 0
+
+
+def _is_sample(rows: list[list[str]], comma: bool) -> bool:
+    """Return whether the first row is one of numbers, like the second, and names nothing."""
+    kinds = [[bool(is_number(cell, comma) or parse_stamp(cell)) for cell in row] for row in rows[:2]]
+    if not any(kinds[0]) or len({len(row) for row in rows[:2]}) > 1:
+        return False
+    empty = [any(row[index].lower() in EMPTY for row in rows[:2]) for index in range(len(rows[0]))]
+    return all(kind == kinds[-1][index] or empty[index] for index, kind in enumerate(kinds[0]))
 
 
 def _padded(rows: list[list[str]], width: int) -> list[str]:

@@ -137,8 +137,8 @@ def complete_rows(log: Log) -> Log:
         )
     joints = {name: JointSignals(**signals) for name, signals in filled.items()}
     note = f"{int((~there).sum())} of {len(there)} rows have empty cells and are left out"
-    if interpolated:
-        note += f"; {', '.join(sorted(interpolated))} stand in other rows: a target is held, the rest interpolated"
+    for role in sorted(interpolated):
+        note += f"; the {role} stands in other rows: {'held' if role in HELD else 'interpolated'} between them"
     return _take(replace(log, joints=joints), there, (note,))
 
 
