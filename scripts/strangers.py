@@ -570,7 +570,7 @@ def outcome(folder: Path, stranger: Stranger) -> dict[str, str]:
     values, right = [], list(joints) == list(stranger.joints)
     for name in stranger.joints:
         record = joints.get(name)
-        found = record and (record.coulomb_friction or record.combinations.get("coulomb_friction/k"))
+        found = record and (record.coulomb_friction or record.combinations.get("f/k"))
         if not found:
             return _row(stranger, "", "", f"{name} was not identified", False)
         low, high = found.interval95

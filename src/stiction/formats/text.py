@@ -20,7 +20,7 @@ import numpy as np
 
 from stiction.core.errors import LogError
 from stiction.core.memory import check_ratio, claim
-from stiction.formats.dialect import EMPTY, Dialect, find_dialect, is_comment, parse_stamp
+from stiction.formats.dialect import EMPTY, Dialect, find_dialect, is_comment, is_number, parse_stamp
 from stiction.formats.tables import Table
 
 BLOCK = 2**19
@@ -140,17 +140,14 @@ class _Column:
         self.blanks += int(blank.sum())
         values = np.full(len(cells), np.nan)
         for index in np.flatnonzero(~blank):
-            cell = cells[index]
+            if self.first is None and all(np.isnan(part).all() for part in (*self.parts, values[:index])):
+                self.first = None if is_number(cells[index]) else parse_stamp(cells[index])
             try:
-                values[index] = _floats([cell])[0] if self.first is None else self._since(cell)
+                values[index] = _floats([cells[index]])[0] if self.first is None else self._since(cells[index])
             except ValueError:
-                if self.first is None and all(np.isnan(part).all() for part in (*self.parts, values[:index])):
-                    self.first = parse_stamp(cell)
-                if self.first is None or parse_stamp(cell) is None:
-                    self.fault = f"line {lines[index]}: {cell[:40]!r} in column {self.name!r} is not a number"
-                    self.parts.clear()
-                    return
-                values[index] = self._since(cell)
+                self.fault = f"line {lines[index]}: {cells[index][:40]!r} in column {self.name!r} is not a number"
+                self.parts.clear()
+                return
         self.parts.append(values)
 
     def _since(self, cell: str) -> float:

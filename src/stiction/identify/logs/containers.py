@@ -68,7 +68,8 @@ def read_packets(path: Path) -> Iterator[Packet]:
         raise LogError(f'{path.name}: MCAP needs mcap and mcap-ros2-support: pip install "stiction[logs]"') from error
     try:
         with path.open("rb") as file:
-            yield from _mcap(path.name, file, path.stat().st_size)
+            size = path.stat().st_size
+            yield from _mcap(path.name, _Bounded(file, size), size)
     except (McapError, zstandard.ZstdError, *BROKEN_FILE) as error:
         what = str(error)[:100] or type(error).__name__
         raise LogError(
@@ -76,6 +77,19 @@ def read_packets(path: Path) -> Iterator[Packet]:
         ) from error
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from error
+
+
+class _Bounded:
+    """A file of which no more is asked at a time than it has left: a buffer is allocated before it is filled."""
+
+    def __init__(self, file: Any, size: int) -> None:
+        self.file, self.left = file, size
+
+    def read(self, size: int = -1) -> bytes:
+        """Return at most `size` bytes."""
+        data: bytes = self.file.read(self.left if size < 0 else min(size, self.left))
+        self.left -= len(data)
+        return data
 
 
 def _mcap(source: str, file: Any, size: int) -> Iterator[Packet]:
