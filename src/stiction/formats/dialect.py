@@ -162,11 +162,11 @@ def _padded(rows: list[list[str]], width: int) -> list[str]:
     """Return the header's names, with those of columns that have none: an index in front, or an empty end."""
     names, body = rows[0], [row for row in rows[1:] if len(row) == width]
     if len(names) == width - 1 and len(body) >= INDEX:
+        if all(row[-1] == "" for row in body):
+            return [*names, ""]
         first = [row[0].strip('"') for row in body]
         if all(cell.isdigit() for cell in first) and all(int(b) - int(a) == 1 for a, b in pairwise(first)):
             return ["", *names]
-        if all(row[-1] == "" for row in body):
-            return [*names, ""]
     return names
 
 

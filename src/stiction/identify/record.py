@@ -281,7 +281,6 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "position_torque": None if run.setup.fits_gravity or run.setup.payload else position_torque(rows, base),
         "comparisons": [comparison.to_dict() for comparison in evidence.comparisons],
         "predictions": evidence.predictions,
-        "runs": evidence.pooling and evidence.pooling.to_dict(),
         "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
         "controller_mismatch": loop.mismatch,
         "closed_loop": loop.reason,
@@ -289,4 +288,5 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "output_error_law": _simulated(loop.chosen),
         "disagreement": _disagreement(evidence) if alone else None,
         "instrumental_variable": loop.instrumental and loop.instrumental.estimates(),
+        **({"runs": evidence.pooling.to_dict()} if evidence.pooling else {}),
     }

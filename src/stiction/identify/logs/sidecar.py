@@ -29,8 +29,9 @@ EACH = ("kp", "kd", "torque_limit", "gravity", "hanging_angle", "velocity_delay"
 EXPLAINED = 0.99
 """Share of the torque's variance from which on it is the controller's own, and its gains are known."""
 
-AT_LIMIT, SHARE_AT_LIMIT = 0.995, 0.005
-"""Share of the largest torque that counts as the largest, and share of samples there from which on it is a limit."""
+AT_LIMIT, SHARE_AT_LIMIT = 1 - 1e-6, 0.005
+"""Share of the largest torque that counts as the largest, for a sine stays near its peak too; and share of samples
+there from which on it is a limit."""
 
 
 def write_proposal(
