@@ -6,6 +6,7 @@ many refused, the slowest [s], how much the memory grew [B], and what must not h
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
 import random
@@ -52,6 +53,11 @@ KINDS: dict[str, Callable[[Path], Path]] = {
     "pt": logfiles.pace,
     "mat": logfiles.matlab,
     "sidecar": lambda folder: logfiles.canonical(folder, ".csv").with_suffix(".json"),
+    "tabs": logfiles.tabs,
+    "packed-inside": logfiles.packed,
+    "records": logfiles.records,
+    "lists": logfiles.lists,
+    "database": logfiles.database,
     "npz-inside": lambda folder: logfiles.canonical(folder, ".npz"),
     "pt-inside": logfiles.pace,
     "parquet-plain": plain_parquet,
@@ -171,11 +177,13 @@ def complete(log: Log, path: Path) -> str | None:
     if not log.joints or shapes != {log.time.shape} or log.time.ndim != 1:
         return f"shapes {shapes} for {log.time.shape} stamps"
     promised = logfiles.SAMPLES
-    if path.suffix == ".csv":
-        text = path.read_bytes().decode("utf-8-sig")
-        lines = re.split(r"\r\n|\r|\n", text[: text.rindex("\n")])[1:]
-        promised = sum(1 for line in lines if line.strip())
-    told = path.suffix == ".mcap" and any("left out" in note for note in log.notes)
+    if path.suffix in (".csv", ".tsv", ".jsonl", ".gz"):
+        content = path.read_bytes()
+        text = (gzip.decompress(content) if path.suffix == ".gz" else content).decode("utf-8-sig", "replace")
+        lines = re.split(r"\r\n|\r|\n", text)
+        ended = lines[1:-1] if path.suffix != ".jsonl" else text.split("\n")
+        promised = sum(1 for line in ended if line.strip())
+    told = any("left out" in note for note in log.notes)
     if len(log.time) != promised and not told:
         return f"{len(log.time)} samples, {promised} were promised"
     return None
@@ -201,7 +209,7 @@ def attack(folder: Path, kind: str, count: int, seed: int) -> dict[str, object]:
     """Damage a valid input `count` times; return the statistics."""
     valid = KINDS[kind](folder)
     data, others = valid.read_bytes(), [path for path in folder.iterdir() if path != valid]
-    bad = folder / f"bad{valid.suffix}"
+    bad = folder / f"bad{''.join(valid.suffixes)}"
     log = bad
     if kind == "sidecar":
         log = bad.with_suffix(".csv")
@@ -213,7 +221,10 @@ def attack(folder: Path, kind: str, count: int, seed: int) -> dict[str, object]:
     for number in range(count):
         rng = random.Random(f"{kind} {seed} {number}")
         members = INSIDE.get(kind)
-        bad.write_bytes(damaged_inside(data, members, rng) if members else damaged(data, rng))
+        if kind == "packed-inside":
+            bad.write_bytes(gzip.compress(damaged(gzip.decompress(data), rng), mtime=0))
+        else:
+            bad.write_bytes(damaged_inside(data, members, rng) if members else damaged(data, rng))
         before = time.perf_counter()
         verdict, fault = judge(log)
         slowest = max(slowest, time.perf_counter() - before)

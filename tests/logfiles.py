@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import json
+import sqlite3
 import struct
 import zipfile
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from mcap_ros2.writer import Writer as RosWriter
 from scipy.io import savemat
 
 from stiction.formats.log import JointSignals, Log, LogSetup, write_log
+from stiction.identify.logs.containers import read_packets
 from stiction.identify.logs.ros import DEFINITIONS
 
 SAMPLES = 24
@@ -95,8 +99,8 @@ def mcap(path: Path, sent: list[Sent], compression: CompressionType = Compressio
     return path
 
 
-def ros(folder: Path, compression: CompressionType = CompressionType.ZSTD, crcs: bool = True) -> Path:
-    """Write states and commands of two joints; the command comes in another order, 1 ms before each state."""
+def joint_messages() -> list[Sent]:
+    """Return states and commands of two joints; the command comes in another order, 1 ms before each state."""
     sent: list[Sent] = []
     start = 1_700_000_000 * 10**9
     kind = "sensor_msgs/msg/JointState"
@@ -106,7 +110,87 @@ def ros(folder: Path, compression: CompressionType = CompressionType.ZSTD, crcs:
         effort = (20 * (TARGET - POSITION)[index]).tolist()
         sent.append(("/joint_command", kind, now - 10**6, command))
         sent.append(("/joint_states", kind, now, state(now, ["a", "b"], POSITION[index].tolist(), effort)))
-    return mcap(folder / "run.mcap", sent, compression, crcs)
+    return sent
+
+
+def ros(folder: Path, compression: CompressionType = CompressionType.ZSTD, crcs: bool = True) -> Path:
+    """Write them as an MCAP file."""
+    return mcap(folder / "run.mcap", joint_messages(), compression, crcs)
+
+
+def bag(path: Path, sent: list[Sent], definitions: dict[str, str] = DEFINITIONS) -> Path:
+    """Write messages as a rosbag2 database; they are encoded by the library that reads MCAP."""
+    packed = path.with_suffix(".mcap")
+    with packed.open("wb") as file:
+        writer = RosWriter(file)
+        schemas = {kind: writer.register_msgdef(kind, definitions[kind]) for kind in {kind for _, kind, _, _ in sent}}
+        for topic, kind, received, fields in sent:
+            writer.write_message(topic, schemas[kind], fields, log_time=received, publish_time=received)
+        writer.finish()
+    path.unlink(missing_ok=True)
+    base = sqlite3.connect(path)
+    base.execute("CREATE TABLE topics (id INTEGER PRIMARY KEY, name TEXT, type TEXT, serialization_format TEXT)")
+    base.execute("CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)")
+    base.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
+    topics: dict[str, int] = {}
+    for packet in read_packets(packed):
+        name = packet.topic.name
+        if name not in topics:
+            topics[name] = len(topics) + 1
+            base.execute("INSERT INTO topics VALUES (?, ?, ?, ?)", (topics[name], name, packet.topic.schema, "cdr"))
+        row = (topics[name], packet.received, packet.data)
+        base.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", row)
+    base.commit()
+    base.close()
+    packed.unlink()
+    return path
+
+
+def database(folder: Path) -> Path:
+    """Write the states and commands of `ros` as a rosbag2 database."""
+    return bag(folder / "run.db3", joint_messages())
+
+
+def tabs(folder: Path) -> Path:
+    """Write tabs, ISO 8601, a column of words and one of empty cells."""
+    begin = datetime(2026, 1, 2, tzinfo=UTC)
+    rows = ["stamp\tposition\tmode\tempty\ttorque"]
+    for time, position, target in zip(TIME, POSITION[:, 0], TARGET[:, 0], strict=True):
+        stamp = (begin + timedelta(seconds=float(time))).isoformat()
+        rows.append(f"{stamp}\t{position:.9g}\trun\t\t{20 * (target - position):.9g}")
+    path = folder / "log.tsv"
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def packed(folder: Path) -> Path:
+    """Write the canonical CSV, packed."""
+    path = folder / "log.csv.gz"
+    path.write_bytes(gzip.compress(canonical(folder, ".csv").read_bytes(), mtime=0))
+    (folder / "log.csv").unlink()
+    return path
+
+
+def records(folder: Path) -> Path:
+    """Write a record a line."""
+    path = folder / "log.jsonl"
+    lines = [
+        json.dumps({"time": float(time), "position": dict(zip("ab", map(float, row), strict=True)), "mode": "run"})
+        for time, row in zip(TIME, POSITION, strict=True)
+    ]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def lists(folder: Path) -> Path:
+    """Write Parquet with a list a row."""
+    import pyarrow as arrow
+    from pyarrow import parquet
+
+    path = folder / "log.parquet"
+    columns = {"timestamp": TIME, "observation.state": POSITION.tolist(), "action": TARGET.tolist()}
+    parquet.write_table(arrow.table(columns), path, write_page_checksum=True)
+    return path
 
 
 def bomb_npz(folder: Path, size: int = 2**31) -> Path:

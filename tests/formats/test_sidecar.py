@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from stiction.core.errors import LogError
 from stiction.formats.log import LogSetup, read_setup, setup_from_dict
+from stiction.identify.setup import IdentifySetup
 
 WHOLE = {
     "kp": 20,
@@ -67,3 +69,40 @@ def test_a_sidecar_of_megabytes_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.json").write_text(" " * (2**20 + 1))
     with pytest.raises(LogError, match="over 1048576 bytes"):
         read_setup(tmp_path / "x.csv")
+
+
+def test_every_flag_of_a_joint_has_its_field(tmp_path: Path) -> None:
+    """An arm in amperes is one run, not six: what can be said on the command line can be said of each joint."""
+    flags = {item.name for item in fields(IdentifySetup)}
+    assert flags <= {item.name for item in fields(LogSetup)}
+    own = {
+        **{"torque_scale": -0.12, "disturbance_scale": 35.1, "position_scale": 0.0174533, "velocity_delay": 0.001},
+        **{"hanging_angle": 0.3, "gravity": True, "cutoff": 20.0, "unknowns": ["delay"], "torque_source": "motor_side"},
+    }
+    setup = setup_from_dict({"torque_scale": 2.0, "gravity": False, "joints": {"wrist": own}}, "x.json")
+    assert setup_from_dict(setup.to_dict(), "x.json") == setup
+    wrist = IdentifySetup().with_sidecar(setup.of_joint("wrist"))
+    for name, value in own.items():
+        assert getattr(wrist, name) == (tuple(value) if isinstance(value, list) else value)
+    elbow = IdentifySetup(cutoff=5.0).with_sidecar(setup.of_joint("elbow"))
+    assert (elbow.torque_scale, elbow.gravity, elbow.cutoff, elbow.unknowns) == (2.0, False, 5.0, ())
+    assert IdentifySetup(torque_scale=1.0).with_sidecar(setup.of_joint("wrist")).torque_scale == 1.0
+
+
+def test_what_holds_for_the_file_is_said_once(tmp_path: Path) -> None:
+    """Columns, the unit of time and the part to use; no joint has its own."""
+    data = {"columns": {"position": "q_{joint}"}, "time_scale": 1e-3, "from": 1.0, "to": 2.5, "rate": 100.0}
+    setup = setup_from_dict(data, "x.json")
+    assert (setup.begin, setup.end, dict(setup.columns)) == (1.0, 2.5, data["columns"])
+    assert setup.to_dict() == data
+    for wrong, said in (
+        ({"joints": {"a": {"from": 1.0}}}, "joint 'a': expected an object"),
+        ({"begin": 1.0}, r"begin \(write from\)|expected an object"),
+        ({"columns": ["q"]}, "expected an object: role -> column"),
+        ({"columns": {"position": 3}}, "expected an object: role -> column"),
+        ({"unknowns": ["dealy"]}, "did you mean 'delay'"),
+        ({"gravity": 1}, "gravity is '1'; expected true or false"),
+        ({"names": [f"j{i}" for i in range(300)]}, "names has 300 entries; expected at most 256"),
+    ):
+        with pytest.raises(LogError, match=said):
+            setup_from_dict(wrong, "x.json")

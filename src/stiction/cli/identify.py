@@ -13,8 +13,10 @@ from rich.table import Table
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError
 from stiction.core.lock import output_folder
+from stiction.core.memory import DEFAULT_LIMIT, limit_memory
 from stiction.core.records import part_of
 from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile, write_fit
+from stiction.formats.log import Log, sidecar_of
 from stiction.formats.plain import object_text
 from stiction.formats.walk import is_walk
 from stiction.identify.setup import IdentifySetup
@@ -24,11 +26,12 @@ from stiction.report.terminal import Terminal
 DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals; say if it matters, and
 write joints.json, fit.npz, training.json and report.html.
 
-The log is CSV, NPZ or Parquet with columns time, position.<joint>, target.<joint>, torque.<joint>, the wide CSV of
-actuator-net scripts, MCAP with JointState messages, PACE's .pt, MATLAB 5, or anything tabular with a column mapping.
+The log is a table of text, NPZ, Parquet or JSON with columns time, position.<joint>, target.<joint>, torque.<joint>, or
+others with a column mapping; the wide CSV of actuator-net scripts, LeRobot's, Unitree's and PlotJuggler's columns; a
+bag of ROS 2 (.mcap, .db3); PACE's .pt; MATLAB 5. Several logs are runs of the same joints and are fitted together.
 With torque: inertia and friction in SI units. With positions and targets alone: what of them can be known, in units of
 the motor's strength. Gains, torque limit and so on come from flags or from LOG.json beside the log, where each joint
-may have its own. A walking log (stiction evaluate --log) has options of its own,
+may have its own; --init writes one to fill in. A walking log (stiction evaluate --log) has options of its own,
 --robot, --mass-known and more: `stiction identify WALK.npz --help` lists them."""
 
 WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log (of evaluate --log, or of deploy):
@@ -46,8 +49,13 @@ RESULTS = ("joints.json", "fit.npz", "training.json", "report.html")
 class IdentifyConfig(IdentifySetup):
     """Options of the verb."""
 
-    log: Annotated[Path, tyro.conf.Positional]
-    """The log: .csv, .npz, .parquet, .mcap, .pt or .mat."""
+    log: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """The log: .csv, .tsv, .txt (.gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .pt or .mat; or several runs of the
+    same joints, which are fitted together."""
+    join: bool = False
+    """The logs are the parts of one log, in their order, not runs."""
+    init: bool = False
+    """Write the sidecar to fill in, with what can be guessed from the log, and identify nothing."""
     joint: tuple[str, ...] = ()
     """Joints to identify, every one of the log's by default; the name to give the joint of a log without names."""
     names: tuple[str, ...] = ()
@@ -55,7 +63,13 @@ class IdentifyConfig(IdentifySetup):
     columns: tuple[str, ...] = ()
     """ROLE=NAME pairs for logs with other column names; roles: time, position, velocity, target, torque, disturbance
     (torque from outside), feedforward (torque that the controller adds, and that a torque column has in it already);
-    position=q_{joint} for several joints; state=TOPIC command=TOPIC for MCAP."""
+    position=q_{joint} or position=1,2,3 for several joints; state=TOPIC command=TOPIC for bags."""
+    time_scale: float | None = None
+    """Seconds per unit of the time stamps, 1e-3 for milliseconds; by default found from them, and said."""
+    begin: Annotated[float | None, tyro.conf.arg(name="from")] = None
+    """Where to begin in the log, from its first stamp [s]."""
+    end: Annotated[float | None, tyro.conf.arg(name="to")] = None
+    """Where to end in the log, from its first stamp [s]."""
     rate: float | None = None
     """Samples per second of a log without time stamps [Hz]."""
     sidecar: Path | None = None
@@ -68,6 +82,8 @@ class IdentifyConfig(IdentifySetup):
     """Folder for joints.json, fit.npz, training.json and report.html."""
     json: bool = False
     """Print the machine-readable summary, and nothing else, on standard output."""
+    memory_limit: float = DEFAULT_LIMIT / 2**30
+    """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,6 +98,8 @@ class WalkOptions(WalkSetup):
     """Folder for joints.json, fit.npz, training.json and report.html."""
     json: bool = False
     """Print the machine-readable summary, and nothing else, on standard output."""
+    memory_limit: float = DEFAULT_LIMIT / 2**30
+    """Memory that reading and fitting may take beyond the program's own [GiB]; a table may take a quarter of it."""
 
 
 def main(arguments: list[str]) -> int:
@@ -89,18 +107,31 @@ def main(arguments: list[str]) -> int:
     if any(text.endswith(".npz") and is_walk(Path(text)) for text in arguments):
         return _identify_walk(arguments)
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
-    from stiction.identify.logs import open_log, parse_columns
+    with limit_memory(memory_of(config.memory_limit)):
+        return _identify_joints(config)
+
+
+def _identify_joints(config: IdentifyConfig) -> int:
+    """Identify the joints of one log or of several; return the exit status."""
+    from stiction.identify.logs import join_logs, parse_columns
+    from stiction.identify.logs.sidecar import write_proposal
     from stiction.identify.pipeline import identify_log
     from stiction.report.identification import write_identification_page
     from stiction.report.terminal import work_progress
 
-    for log in (config.log, *config.repeat):
+    if not config.log:
+        raise ConfigurationError("no log: expected `stiction identify LOG`, or several runs, LOG LOG LOG")
+    if config.init:
+        name = config.joint[0] if len(config.joint) == 1 else None
+        columns = parse_columns(config.columns)
+        print(write_proposal(config.log[0], columns, name, config.names, config.rate, config.time_scale))
+        return 0
+    for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
     setup = part_of(IdentifySetup, config)
-    columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
-    more = columns | parse_columns(config.repeat_columns)
-    logs = [open_log(config.log, columns, name, config.names, config.rate, config.sidecar)]
-    logs += [open_log(path, more, name, config.names, config.rate) for path in config.repeat]
+    runs = [_open(config, path) for path in config.log]
+    logs = [join_logs(runs)] if config.join else runs[:1]
+    logs += [_open(config, path, repeat=True) for path in config.repeat]
     with work_progress() as progress:
         several = len(config.joint or logs[0].joints) > 1
         found, refused = identify_log(
@@ -109,12 +140,33 @@ def main(arguments: list[str]) -> int:
             config.joint,
             logs[1:],
             lambda joint: progress(f"identifying {joint}", 1.0) if several else None,
+            more=() if config.join else runs[1:],
         )
     joints = JointsFile({name: result.record for name, result in found.items()} | refused)
     fits = {name: result.fit for name, result in found.items()}
     _write_results(config.out, joints, lambda path: write_fit(path, fits), write_identification_page)
     _print_results(config, joints, show)
     return 0
+
+
+def _open(config: IdentifyConfig, path: Path, repeat: bool = False) -> Log:
+    """Open one of the logs; a repeat is whole, and has a sidecar of its own."""
+    from stiction.identify.logs import open_log, parse_columns
+
+    columns, name = parse_columns(config.columns), config.joint[0] if len(config.joint) == 1 else None
+    if repeat:
+        columns |= parse_columns(config.repeat_columns)
+        return open_log(path, columns, name, config.names, config.rate, None, config.time_scale)
+    return open_log(
+        path, columns, name, config.names, config.rate, config.sidecar, config.time_scale, config.begin, config.end
+    )
+
+
+def memory_of(limit: float) -> int:
+    """Return a limit in bytes; raise `ConfigurationError` for one that nothing fits into, or that is no number."""
+    if not 0.125 <= limit <= 1e6:
+        raise ConfigurationError(f"memory limit {limit} GiB: expected at least 0.125")
+    return round(limit * 2**30)
 
 
 def _identify_walk(arguments: list[str]) -> int:
@@ -126,7 +178,7 @@ def _identify_walk(arguments: list[str]) -> int:
     from stiction.robots.catalog import find_robot
 
     _keep_inputs(options.log, options.out)
-    with Terminal(stderr=True).status("reading, fitting"):
+    with limit_memory(memory_of(options.memory_limit)), Terminal(stderr=True).status("reading, fitting"):
         walk = read_walk(options.log)
         if options.robot is None and not walk.header.robot.isidentifier():
             raise RobotError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
@@ -138,7 +190,7 @@ def _identify_walk(arguments: list[str]) -> int:
 
 def _keep_inputs(log: Path, out: Path) -> None:
     """Refuse a folder in which a result would overwrite the log, or be taken for its sidecar by the next run."""
-    inputs = (log.resolve(), log.resolve().with_suffix(".json"))
+    inputs = (log.resolve(), sidecar_of(log.resolve()))
     for name in RESULTS:
         if (out / name).resolve() in inputs:
             raise ConfigurationError(

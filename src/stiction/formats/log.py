@@ -19,7 +19,8 @@ import numpy as np
 from stiction.core.errors import LogError, unknown_name
 from stiction.core.names import kind_of
 from stiction.formats.plain import is_number, read_object
-from stiction.formats.tables import Columns, read_csv, read_npz, read_parquet, write_csv, write_npz, write_parquet
+from stiction.formats.tables import Columns, Table, read_npz, read_parquet, write_csv, write_npz, write_parquet
+from stiction.formats.text import read_csv
 from stiction.joints.net import TORQUE_SOURCES
 
 TEST_CONDITIONS = ("bare_motor", "in_air", "loaded")
@@ -28,8 +29,17 @@ AXES = ("rotary", "linear")
 CHOICES = {"torque_source": TORQUE_SOURCES, "test_condition": TEST_CONDITIONS, "axis": AXES}
 """Field -> the words that it may be."""
 
-WHOLE_LOG = ("rate", "names", "joints")
+WHOLE_LOG = ("rate", "names", "joints", "columns", "time_scale", "begin", "end")
 """Fields that hold for the whole log: no joint has its own."""
+
+WRITTEN = {"from": "begin", "to": "end"}
+"""Name in the file, and on the command line -> field, where Python keeps the name for itself."""
+
+UNKNOWNS = ("delay", "encoder_bias")
+"""What output error may be asked to find besides."""
+
+MOST_JOINTS = 256
+"""No robot has more; nor has a sidecar more names."""
 
 LARGEST_SIDECAR = 2**20
 """Nobody writes more by hand [B]."""
@@ -66,8 +76,33 @@ class LogSetup:
     """Distance of its centre of mass from the joint's axis [m]."""
     payload_angle: float | None = None
     """Angle of the joint at which the load hangs straight down [rad]."""
+    torque_scale: float | None = None
+    """N m (or N) per unit of the torque column."""
+    disturbance_scale: float | None = None
+    """N m (or N) per unit of the disturbance column."""
+    position_scale: float | None = None
+    """rad (or m) per unit of position, target and velocity: 0.0174533 for degrees, one over the gear ratio for a
+    motor's angle."""
+    velocity_delay: float | None = None
+    """How late the velocity is that the controller uses [s]."""
+    hanging_angle: float | None = None
+    """Angle of the joint at which the link hangs straight down [rad]."""
+    gravity: bool | None = None
+    """Whether gravity on the link is fitted."""
+    cutoff: float | None = None
+    """Corner of the filter [Hz]."""
+    unknowns: tuple[str, ...] = ()
+    """What output error is to find besides: `delay`, `encoder_bias`."""
     rate: float | None = None
     """Samples per second of a log without a time column [Hz]."""
+    time_scale: float | None = None
+    """Seconds per unit of the time stamps."""
+    begin: float | None = None
+    """Where to begin, from the first stamp [s]; `from` in the file."""
+    end: float | None = None
+    """Where to end, from the first stamp [s]; `to` in the file."""
+    columns: Mapping[str, str] = field(default_factory=dict)
+    """Role -> column, columns or pattern, or topic; as --columns has it."""
     names: tuple[str, ...] = ()
     """Names of the joints of a log that only numbers them, in its order."""
     joints: Mapping[str, LogSetup] = field(default_factory=dict)
@@ -79,16 +114,17 @@ class LogSetup:
         for name in dict.fromkeys((kind_of(joint), joint)):
             if name in self.joints:
                 own = {item.name: getattr(self.joints[name], item.name) for item in fields(LogSetup)}
-                merged = replace(
-                    merged, **{key: own[key] for key in own if key not in WHOLE_LOG and own[key] is not None}
-                )
+                said = {key: own[key] for key in own if key not in WHOLE_LOG and own[key] not in (None, ())}
+                merged = replace(merged, **said)
         return merged
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain data for JSON, without the fields that say nothing."""
         data = {key: value for key, value in asdict(self).items() if value is not None and value != () and value != {}}
-        if self.names:
-            data["names"] = list(self.names)
+        data |= {written: data.pop(name) for written, name in WRITTEN.items() if name in data}
+        for name in ("names", "unknowns"):
+            if name in data:
+                data[name] = list(data[name])
         if self.joints:
             data["joints"] = {name: setup.to_dict() for name, setup in self.joints.items()}
         return data
@@ -96,7 +132,7 @@ class LogSetup:
 
 def read_setup(path: Path) -> LogSetup:
     """Read the sidecar of a log, `LOG.json` beside `LOG.csv`; an absent one is an empty setup."""
-    sidecar = path.with_suffix(".json")
+    sidecar = sidecar_of(path)
     return read_sidecar(sidecar) if sidecar.is_file() else LogSetup()
 
 
@@ -118,14 +154,20 @@ def setup_from_dict(data: Any, source: str) -> LogSetup:
 
 def _build(data: Any, source: str, allowed: tuple[str, ...]) -> LogSetup:
     """Build a setup, or the part of one joint, of which only the fields `allowed` may be given."""
+    if isinstance(data, dict):
+        data = {WRITTEN.get(name, name): value for name, value in data.items() if name not in WRITTEN.values()} | {
+            f"{name} (write {written})": data[name] for written, name in WRITTEN.items() if name in data
+        }
     if not isinstance(data, dict) or set(data) - set(allowed):
-        raise LogError(
-            f"{source}: expected an object with some of the fields {', '.join(allowed)}, got {str(data)[:80]}"
-        )
+        named = {field: written for written, field in WRITTEN.items()}
+        known = ", ".join(named.get(name, name) for name in allowed)
+        raise LogError(f"{source}: expected an object with some of the fields {known}, got {str(data)[:80]}")
     values = {name: value for name, value in data.items() if value is not None}
     for name, value in values.items():
-        if name == "names":
-            values[name] = _names(value, source)
+        if name in ("names", "unknowns"):
+            values[name] = _names(name, value, source)
+        elif name == "columns":
+            values[name] = _columns(value, source)
         elif name == "joints":
             values[name] = _joints(value, source, tuple(item for item in allowed if item not in WHOLE_LOG))
         else:
@@ -139,26 +181,44 @@ def _check_field(name: str, value: Any, source: str) -> None:
     if words is not None:
         if value not in words:
             raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected one of {', '.join(words)}")
-    elif name == "torque_calibrated":
+    elif name in ("torque_calibrated", "gravity"):
         if not isinstance(value, bool):
             raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected true or false")
     elif not is_number(value, LARGEST_NUMBER):
         raise LogError(f"{source}: {name} is {str(value)[:80]!r}; expected a number of a physical size")
 
 
-def _names(value: Any, source: str) -> tuple[str, ...]:
-    """Return the names of joints, each different."""
+def _names(field: str, value: Any, source: str) -> tuple[str, ...]:
+    """Return the names of joints, or of unknowns, each different."""
     if not isinstance(value, list) or not all(isinstance(name, str) and name for name in value):
-        raise LogError(f"{source}: names is {str(value)[:80]}; expected a list of joint names")
+        raise LogError(
+            f"{source}: {field} is {str(value)[:80]}; expected a list of {'joint ' * (field == 'names')}names"
+        )
+    if len(value) > MOST_JOINTS:
+        raise LogError(f"{source}: {field} has {len(value)} entries; expected at most {MOST_JOINTS}")
     if len(set(value)) != len(value):
-        raise LogError(f"{source}: names has {max(value, key=value.count)!r} twice; expected different names")
+        raise LogError(f"{source}: {field} has {max(value, key=value.count)!r} twice; expected different names")
+    if field == "unknowns" and (odd := sorted(set(value) - set(UNKNOWNS))):
+        raise LogError(f"{source}: {unknown_name('unknown', odd[0], UNKNOWNS)}")
     return tuple(value)
+
+
+def _columns(value: Any, source: str) -> dict[str, str]:
+    """Return a mapping of columns."""
+    plain = isinstance(value, dict) and all(isinstance(name, str) and name for name in value.values())
+    if not plain or len(value) > 2 * len(SIGNALS):
+        raise LogError(
+            f"{source}: columns is {str(value)[:80]}; expected an object: role -> column, as --columns has it"
+        )
+    return dict(value)
 
 
 def _joints(value: Any, source: str, allowed: tuple[str, ...]) -> dict[str, LogSetup]:
     """Return the setups of single joints or kinds."""
     if not isinstance(value, dict):
         raise LogError(f"{source}: joints is {str(value)[:80]}; expected an object: joint name or kind -> its fields")
+    if len(value) > MOST_JOINTS:
+        raise LogError(f"{source}: joints has {len(value)} entries; expected at most {MOST_JOINTS}")
     return {name: _build(entry, f"{source}: joint {name!r}", allowed) for name, entry in value.items()}
 
 
@@ -201,6 +261,8 @@ class Log:
     """The sidecar's content."""
     notes: tuple[str, ...] = ()
     """What a reader of the results should know about how the file was read; each one sentence."""
+    start: float = 0.0
+    """What was taken off the time stamps of the file [s]: those of another part of the same log count on from there."""
 
     def joint(self, name: str | None) -> tuple[str, JointSignals]:
         """Return a joint by name, or the only one for None; raise `LogError` naming what there is."""
@@ -217,15 +279,35 @@ class Log:
         return self.setup.of_joint(joint)
 
 
-def read_table(path: Path) -> tuple[Columns, tuple[str, ...]]:
-    """Read the named columns of a CSV, NPZ or Parquet file, and notes on how that went. Raises `LogError`."""
-    suffix = path.suffix.lower()
-    if suffix == ".csv":
+TEXT = (".csv", ".tsv", ".txt", ".dat", ".log", ".csv.gz", ".tsv.gz", ".txt.gz")
+"""How the names of tables of text end."""
+
+
+def suffix_of(path: Path) -> str:
+    """Return how a file's name ends, in lower case, with what comes before .gz."""
+    name = path.name.lower()
+    packed = name.endswith(".gz")
+    suffix = Path(name.removesuffix(".gz")).suffix
+    return suffix + ".gz" if packed else suffix
+
+
+def sidecar_of(path: Path) -> Path:
+    """Return where the sidecar of a log lies: `swing.json` for `swing.csv`, `swing.csv.gz`, and `swing.sidecar.json`
+    for `swing.json`.
+    """
+    stem = Path(path.name.removesuffix(".gz")).stem
+    return path.with_name(f"{stem}.sidecar.json" if suffix_of(path).startswith(".json") else f"{stem}.json")
+
+
+def read_table(path: Path) -> Table:
+    """Read the columns of a file of text, NPZ or Parquet, and what must be known of them. Raises `LogError`."""
+    suffix = suffix_of(path)
+    if suffix in TEXT:
         return read_csv(path)
     if suffix == ".npz":
-        return read_npz(path), ()
+        return read_npz(path)
     if suffix == ".parquet":
-        return read_parquet(path), ()
+        return read_parquet(path)
     raise LogError(f"{path.name}: unknown kind of table {path.suffix!r}; expected .csv, .npz or .parquet")
 
 

@@ -1,11 +1,10 @@
-"""Arrays of numbers with names, as CSV, NPZ or Parquet: read whole or not at all, and nothing that executes code.
+"""Arrays of numbers with names, as NPZ or Parquet: read whole or not at all, and nothing that executes code.
 
-A matrix in an NPZ file, shape (num_samples, num_joints), becomes the columns `name_0`, `name_1`, ...
+A matrix, shape (num_samples, num_joints), becomes the columns `name_0`, `name_1`, ... Text is read in `text`.
 """
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import math
@@ -13,7 +12,9 @@ import tokenize
 import warnings
 import zipfile
 import zlib
-from dataclasses import fields
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from types import ModuleType
 from typing import Any, TypeVar
@@ -22,120 +23,85 @@ import numpy as np
 
 from stiction.core.cache import publish
 from stiction.core.errors import FileError, LogError
+from stiction.core.memory import allowance, claim
 from stiction.formats.plain import parse_object, take_version
 
 Columns = dict[str, np.ndarray]
 """Column name -> values, shape (num_samples,)."""
 
-LARGEST_TABLE = 2**29
-"""Bytes that a file, or what it inflates to, may have: a day of one joint at 100 Hz, an hour of twelve at 1 kHz."""
-
 WIDEST_MATRIX = 256
 """More columns than this are no joints."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A file as columns, with what must be known before one of them is believed."""
+
+    columns: Columns
+    """Name -> numbers; one with a fault is there too, as NaN."""
+    notes: tuple[str, ...] = ()
+    """What a reader of the results should know about how the file was read; each one sentence."""
+    faults: Mapping[str, str] = field(default_factory=dict)
+    """Column -> why it cannot be a signal, a sentence for whoever asks for it."""
+    blanks: Mapping[str, int] = field(default_factory=dict)
+    """Column -> how many of its cells are empty; they are NaN."""
+    names: tuple[str, ...] = ()
+    """The joints' names, where the file lists them."""
+    starts: Mapping[str, float] = field(default_factory=dict)
+    """Column of time stamps -> the first one, from which it counts [s]."""
 
 
 def read_bytes(path: Path) -> bytes:
     """Read a file of a bounded size; raise `LogError` where that cannot be done."""
     try:
-        size = path.stat().st_size
-        if size > LARGEST_TABLE:
-            raise LogError(f"{path.name}: {size} bytes; at most {LARGEST_TABLE} are read: cut the log into parts")
+        claim(path.name, path.stat().st_size, "the file has", LogError)
         return path.read_bytes()
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from error
 
 
-def read_csv(path: Path) -> tuple[Columns, tuple[str, ...]]:
-    """Read a comma-separated file whose first line names the columns and whose every cell is a number.
+def read_npz(path: Path) -> Table:
+    """Read an NPZ table: arrays of samples, or of samples by joints, transposed where they lie that way.
 
-    A last line without an end may have been cut in the middle of a number, and nothing in it would show it. It is left
-    out, and the notes, the second thing returned, say so; where it is short of cells, the file was cut, and is refused.
+    The samples are as many as the array `time` has, or as most arrays have; arrays of other lengths have a fault, so do
+    those of more dimensions; single numbers and text are left out. Raises `LogError`.
     """
-    content = read_bytes(path)
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise LogError(f"{path.name}: not a text file (byte {error.start} is not UTF-8); expected CSV") from error
-    if not text.strip():
-        raise LogError(f"{path.name}: the file is empty; expected a header that names the columns, and rows of numbers")
-    first, _, body = text.partition("\n")
-    names = _header(path, first)
-    body, notes = _whole_lines(path, body, names)
-    if not body.strip():
-        raise LogError(f"{path.name}: no samples after the header")
-    try:
-        values = np.loadtxt(io.StringIO(body), delimiter=",", comments=None, ndmin=2, dtype=float)
-    except ValueError as error:
-        raise LogError(f"{path.name}: {_first_fault(body, names) or str(error)[:160]}") from error
-    if values.shape[1] != len(names):
-        raise LogError(f"{path.name}: {_first_fault(body, names)}")
-    return dict(zip(names, values.T.copy(), strict=True)), notes
+    arrays = read_npz_arrays(path)
+    signals = {name: array for name, array in arrays.items() if array.dtype.kind in "fiub" and array.size > 1}
+    claim(path.name, sum(8 * array.size for array in signals.values()), "its arrays would take", LogError)
+    return table_of(path.name, signals)
 
 
-def _header(path: Path, first: str) -> list[str]:
-    """Return the columns' names."""
-    try:
-        names = [name.strip() for name in next(csv.reader([first.rstrip("\r")], strict=True), [])]
-    except csv.Error as error:
-        raise LogError(
-            f"{path.name}: the header cannot be read ({error}); expected names separated by commas"
-        ) from error
-    if not all(names) or not names or len(set(names)) != len(names):
-        raise LogError(f"{path.name}: the header is {first[:80]!r}; expected one different name a column")
-    if len(names) == 1 and (mark := next((mark for mark in ";\t" if mark in first), "")):
-        raise LogError(f"{path.name}: the columns are separated by {mark!r}; expected commas, and decimal points")
-    return names
-
-
-def _whole_lines(path: Path, body: str, names: list[str]) -> tuple[str, tuple[str, ...]]:
-    """Return the lines that have an end, and a note on the one that has none."""
-    whole, _, last = body.rpartition("\n")
-    if not last.strip():
-        return body, ()
-    number = whole.count("\n") + (3 if whole else 2)
-    if last.count(",") + 1 != len(names):
-        raise LogError(
-            f"{path.name}: line {number}, the last, has {last.count(',') + 1} values and no end, the header names "
-            f"{len(names)} columns: the file was cut off; get it again, or take that line out"
-        )
-    return whole + "\n" if whole else "", (
-        f"line {number}, the last, has no line end and may be cut off in a number: it is left out",
-    )
-
-
-def _first_fault(body: str, names: list[str]) -> str:
-    """Return what is wrong with the first line that is not one number a column; the file's first line is the header."""
-    for number, line in enumerate(body.split("\n"), 2):
-        cells = line.split(",")
-        if not line.strip():
-            continue
-        if len(cells) != len(names):
-            return f"line {number} has {len(cells)} values, the header names {len(names)} columns"
-        for name, cell in zip(names, cells, strict=True):
-            try:
-                float(cell)
-            except ValueError:
-                return f"line {number}: {cell.strip()[:40]!r} in column {name!r} is not a number"
-    return ""
-
-
-def read_npz(path: Path) -> Columns:
-    """Read an NPZ table: its arrays must be of one length; matrices become columns, single numbers and text are left
-    out.
-    """
+def table_of(source: str, arrays: Mapping[str, np.ndarray]) -> Table:
+    """Return arrays of one number of samples as columns; the others have a fault. Raises `LogError` without samples."""
+    samples = _count_samples(arrays)
     columns: Columns = {}
-    for name, array in read_npz_arrays(path).items():
-        if array.dtype.kind not in "fiu" or array.ndim == 0:
+    faults: dict[str, str] = {}
+    notes = []
+    for name, array in arrays.items():
+        fits = [axis for axis, size in enumerate(array.shape) if size == samples and array.ndim <= 2]
+        if not fits or array.size // samples > WIDEST_MATRIX:
+            faults[name] = f"array {name!r} has shape {array.shape}; expected {samples} samples, or samples by joints"
+            columns[name] = np.broadcast_to(np.nan, samples)
             continue
-        if array.ndim > 2 or (array.ndim == 2 and not 1 <= array.shape[1] <= WIDEST_MATRIX):
-            raise LogError(
-                f"{path.name}: array {name!r} has shape {array.shape}; expected samples, or samples by joints"
-            )
-        columns |= split_matrix(name, array)
-    lengths = sorted({len(array) for array in columns.values()})
-    if len(lengths) != 1:
-        raise LogError(f"{path.name}: arrays of lengths {lengths}; expected one length for all")
-    return columns
+        if fits[0] == 1:
+            array = array.T
+            if array.shape[1] > 1:
+                notes.append(f"the array {name!r} was joints by samples, and was turned")
+        columns |= split_matrix(name, array[:, 0] if array.ndim == 2 and array.shape[1] == 1 else array)
+    if len(faults) == len(arrays):
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in list(arrays.items())[:8])
+        raise LogError(f"{source}: no arrays of samples, or of samples by joints; found {shapes or 'none of numbers'}")
+    return Table(columns, tuple(notes), faults)
+
+
+def _count_samples(arrays: Mapping[str, np.ndarray]) -> int:
+    """Return the number of samples: that of the time, or of most vectors, or of the longest side of a matrix."""
+    for name in ("time", "timestamps", "timestamp", "t"):
+        if name in arrays and max(arrays[name].shape) == arrays[name].size:
+            return int(arrays[name].size)
+    sizes = Counter(max(array.shape) for array in arrays.values() if 1 <= array.ndim <= 2)
+    return max(sizes, key=lambda size: (sizes[size], size), default=0)
 
 
 def split_matrix(name: str, array: np.ndarray) -> Columns:
@@ -153,7 +119,7 @@ def read_npz_arrays(path: Path) -> Columns:
     return parse_npz(path.name, read_bytes(path))
 
 
-def parse_npz(source: str, content: bytes, most: int = LARGEST_TABLE) -> Columns:
+def parse_npz(source: str, content: bytes, most: int | None = None) -> Columns:
     """Return the arrays of an NPZ file of that content, as `read_npz_arrays` does.
 
     source: the file's name, for messages; most: bytes that it may inflate to.
@@ -171,7 +137,7 @@ def parse_npz(source: str, content: bytes, most: int = LARGEST_TABLE) -> Columns
     return arrays
 
 
-def read_archive(source: str, content: bytes, most: int = LARGEST_TABLE) -> dict[str, bytes]:
+def read_archive(source: str, content: bytes, most: int | None = None) -> dict[str, bytes]:
     """Return the members of a ZIP archive, name -> bytes; refuse one that would inflate to more than `most` bytes.
 
     source: the file's name, for messages.
@@ -179,7 +145,7 @@ def read_archive(source: str, content: bytes, most: int = LARGEST_TABLE) -> dict
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             entries = archive.infolist()
-            total = sum(entry.file_size for entry in entries)
+            total, most = sum(entry.file_size for entry in entries), allowance() if most is None else most
             if total > most:
                 raise LogError(f"{source}: would inflate to {total} bytes; at most {most} are read")
             names = [entry.filename for entry in entries]
@@ -300,36 +266,63 @@ def _load(path: Path) -> tuple[ModuleType, ModuleType]:
     return pyarrow, parquet
 
 
-def read_parquet(path: Path) -> Columns:
-    """Read the columns of numbers and of time stamps (then in seconds from the first); a null becomes NaN.
+def read_parquet(path: Path) -> Table:
+    """Read the columns of numbers, of lists of numbers, and of time stamps (then in seconds from the first).
 
-    Columns of text and of lists are left out. Raises `LogError`.
+    A null becomes NaN. A list column becomes `name_0`, `name_1`, ...; where its lists are not all as long, and where it
+    holds anything else, it has a fault. Raises `LogError`.
     """
     arrow, parquet = _load(path)
     content = read_bytes(path)
     try:
         file = parquet.ParquetFile(io.BytesIO(content), page_checksum_verification=True)
-        samples, width = file.metadata.num_rows, file.metadata.num_columns
-        declared = sum(file.metadata.row_group(index).total_byte_size for index in range(file.metadata.num_row_groups))
-        if max(samples * max(width, 1) * 8, declared) > LARGEST_TABLE:
-            raise LogError(f"{path.name}: {samples} rows of {width} columns; at most {LARGEST_TABLE} bytes are read")
-        schema = file.schema_arrow
-        kinds = {item.name: item.type for item in schema if _is_number(arrow, item.type)}
+        samples, schema = file.metadata.num_rows, file.schema_arrow
         if len(set(schema.names)) != len(schema.names):
             raise LogError(f"{path.name}: a column's name comes twice; expected different names")
-        table = file.read(columns=list(kinds), use_threads=False)
-        columns = {name: _to_array(arrow, table.column(name), kinds[name]) for name in kinds}
+        kinds = {item.name: item.type for item in schema if _is_number(arrow, _element(arrow, item.type))}
+        claim(path.name, _parquet_size(file, kinds, samples), f"{samples} rows would take", LogError)
+        columns: Columns = {}
+        starts: dict[str, float] = {}
+        faults = {name: f"column {name!r} holds no numbers" for name in schema.names if name not in kinds}
+        for name, kind in kinds.items():
+            column = file.read(columns=[name], use_threads=False).column(name)
+            if kind == _element(arrow, kind):
+                columns[name], starts[name] = _to_array(arrow, column, kind)
+            elif (matrix := _to_matrix(column, samples)) is not None:
+                columns |= split_matrix(name, matrix)
+            else:
+                faults[name] = f"the lists in column {name!r} are not all of one length, up to {WIDEST_MATRIX}"
     except (arrow.ArrowException, *BROKEN_PARQUET) as error:
         raise LogError(f"{path.name}: not a readable Parquet file ({str(error).splitlines()[0][:120]})") from error
     if not columns:
         raise LogError(f"{path.name}: no column of numbers; the columns are {', '.join(schema.names[:20])}")
     if any(len(values) != samples for values in columns.values()):
         raise LogError(f"{path.name}: the columns are not all {samples} rows long; write the file again")
-    return columns
+    return Table(columns | {name: np.broadcast_to(np.nan, samples) for name in faults}, (), faults, starts=starts)
 
 
-BROKEN_PARQUET = (OSError, ValueError, KeyError, IndexError, TypeError, MemoryError, OverflowError, AttributeError)
+BROKEN_PARQUET = (OSError, ValueError, KeyError, IndexError, TypeError, OverflowError, AttributeError)
 """What pyarrow lets through for damaged files besides its own exceptions."""
+
+
+def _parquet_size(file: Any, kinds: Mapping[str, object], samples: int) -> int:
+    """Return the larger of what the wanted columns say they inflate to and what they take as doubles [B]."""
+    numbers = declared = 0
+    for group in range(file.metadata.num_row_groups):
+        row_group = file.metadata.row_group(group)
+        for index in range(row_group.num_columns):
+            leaf = row_group.column(index)
+            if leaf.path_in_schema.split(".list.")[0] in kinds or leaf.path_in_schema in kinds:
+                numbers += leaf.num_values
+                declared += leaf.total_uncompressed_size
+    return max(8 * numbers, 8 * samples * len(kinds), declared)
+
+
+def _element(arrow: ModuleType, kind: Any) -> Any:
+    """Return the type of a list's elements, or the type itself where it is no list."""
+    types = arrow.types
+    lists = types.is_list(kind) or types.is_large_list(kind) or types.is_fixed_size_list(kind)
+    return kind.value_type if lists else kind
 
 
 def _is_number(arrow: ModuleType, kind: object) -> bool:
@@ -338,15 +331,32 @@ def _is_number(arrow: ModuleType, kind: object) -> bool:
     return types.is_integer(kind) or types.is_floating(kind) or types.is_timestamp(kind) or types.is_duration(kind)
 
 
-def _to_array(arrow: ModuleType, column: object, kind: object) -> np.ndarray:
-    """Return a column as doubles, shape (num_samples,); stamps count from the first, which keeps their digits."""
+def _to_array(arrow: ModuleType, column: Any, kind: Any) -> tuple[np.ndarray, float]:
+    """Return a column as doubles, shape (num_samples,), and its start; stamps count from there, to keep digits."""
     if arrow.types.is_timestamp(kind) or arrow.types.is_duration(kind):
-        counts = column.cast(arrow.int64())  # type: ignore[attr-defined]
+        counts = column.cast(arrow.int64())
         first = counts[0].as_py() if len(counts) else 0
         if counts.null_count or first is None:
             raise ValueError("a time stamp is missing")
-        return (counts.to_numpy() - first) * SECONDS[kind.unit]  # type: ignore[attr-defined]
-    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)  # type: ignore[attr-defined]
+        return (counts.to_numpy() - first) * SECONDS[kind.unit], first * SECONDS[kind.unit]
+    return np.asarray(column.to_numpy(zero_copy_only=False), dtype=float), 0.0
+
+
+def _to_matrix(column: Any, samples: int) -> np.ndarray | None:
+    """Return a column of lists as a matrix, shape (num_samples, length); None where they are not all of one length."""
+    parts = []
+    for chunk in column.chunks:
+        values = np.asarray(chunk.flatten().to_numpy(zero_copy_only=False), dtype=float)
+        lengths = chunk.value_lengths()
+        if lengths.null_count or chunk.null_count or not len(chunk) or len(values) % len(chunk):
+            return None
+        width = len(values) // len(chunk)
+        if not 1 <= width <= WIDEST_MATRIX or (np.asarray(lengths) != width).any():
+            return None
+        parts.append(values.reshape(len(chunk), width))
+    if not parts or len({part.shape[1] for part in parts}) != 1:
+        return None
+    return np.concatenate(parts)
 
 
 def write_parquet(path: Path, table: Columns) -> None:

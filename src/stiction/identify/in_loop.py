@@ -164,7 +164,7 @@ def simulate_fit(
         model,
         {name: start.get(name, 0.0) + extra.get(name, 0.0) for name in model.names},
         run.prepared.velocity,
-        velocity_delay=setup.velocity_delay,
+        velocity_delay=setup.velocity_delay or 0.0,
         delay=setup.delay or 0.0,
         unknown=tuple(LOOP_UNKNOWNS[name] for name in setup.unknowns if _shows(run, name)),
         known={name: value + extra.get(name, 0.0) for name, value in known.items()},
@@ -201,7 +201,7 @@ def fit_strength(run: Run, base: Fit) -> OutputError:
         Model("coulomb", bool(weight)),
         start | weight,
         run.prepared.velocity,
-        velocity_delay=run.setup.velocity_delay,
+        velocity_delay=run.setup.velocity_delay or 0.0,
         delay=run.setup.delay or 0.0,
         unknown=("motor_strength",),
         known=weight,
@@ -261,7 +261,7 @@ def respond(run: Run, model: Model, values: dict[str, float]) -> Response:
         "start_velocity": float(run.prepared.velocity[0]),
         "delay": run.setup.delay or 0.0,
     }
-    loop = ClosedLoop(_signals(run), controller(run), model, begin, run.setup.velocity_delay)
+    loop = ClosedLoop(_signals(run), controller(run), model, begin, run.setup.velocity_delay or 0.0)
     whole = {name: values.get(name, 0.0) + extra.get(name, 0.0) for name in model.names}
     return loop.run(nearest_joint(whole), run.signals.position)
 

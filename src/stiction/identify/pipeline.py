@@ -30,6 +30,7 @@ from stiction.identify.consistency import REPEAT, Comparison, compare, compare_p
 from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predict_run
 from stiction.identify.model import GRAVITY, Model
 from stiction.identify.objections import NEGATIVE_FRICTION, find_objections
+from stiction.identify.pooling import compare_runs, pooled_rows
 from stiction.identify.prepare import make_rows
 from stiction.identify.record import Evidence, make_record, plain
 from stiction.identify.regression import (
@@ -37,6 +38,7 @@ from stiction.identify.regression import (
     MAX_INFLATION,
     Fit,
     check_fit,
+    check_rows,
     fit_rows,
     predict_torque,
     rigid_torque,
@@ -53,7 +55,7 @@ REFUSED = "not identified: "
 """How the warning of a refused joint begins."""
 
 
-_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...], tuple[str, ...]]
+_Job = tuple[Log, str | None, IdentifySetup | None, tuple[Log, ...], tuple[Log, ...], tuple[str, ...]]
 """What `_attempt` is called with."""
 
 
@@ -74,20 +76,24 @@ def identify_joint(
     joint: str | None = None,
     setup: IdentifySetup | None = None,
     repeats: Sequence[Log] = (),
+    more: Sequence[Log] = (),
     moving: tuple[str, ...] | None = None,
 ) -> Identification:
     """Identify one joint of a log.
 
     joint: its name, or None for the only one; repeats: further logs of the same joint, each with what its sidecar says.
     They show whether the joint says the same again; if a payload hangs on it in some of them, they are fitted together.
+    more: further runs, which are fitted together with the log whatever hangs on them, each with its own sidecar;
     moving: joints that moved at the same time, by default those of the log that did. Raises `StictionError` with one
     line for whatever the logs lack.
     """
     setup = setup or IdentifySetup()
+    if more and repeats:
+        raise ConfigurationError("several runs in one fit, and repeats: give either; a repeat is a log to be predicted")
     if moving is None:
         moving = moving_beside(log, log.joint(joint)[0])
     try:
-        return _identify(log, joint, setup, repeats, moving)
+        return _identify(log, joint, setup, repeats, more, moving)
     except PoorMotion as error:
         if moving:
             raise error.because(coupled_text(moving)) from error
@@ -95,21 +101,29 @@ def identify_joint(
 
 
 def _identify(
-    log: Log, joint: str | None, setup: IdentifySetup, repeats: Sequence[Log], moving: tuple[str, ...]
+    log: Log,
+    joint: str | None,
+    setup: IdentifySetup,
+    repeats: Sequence[Log],
+    more: Sequence[Log],
+    moving: tuple[str, ...],
 ) -> Identification:
     """Identify one joint; arguments as of `identify_joint`."""
-    run = make_run(log, joint, setup)
+    run = make_run(log, joint, setup, alone=not more)
     gravity = choose_gravity(run)
     if gravity is not None:
         run = replace(run, setup=replace(run.setup, gravity=gravity.chosen))
     others, unusable = _repeats(run, joint, setup, repeats)
-    base = _symmetric(run, others)
+    shared = replace(setup.for_repeat(), gravity=run.setup.gravity)
+    runs = [run, *(make_run(other, joint, shared, alone=False) for other in more)]
+    base = _pooled(runs) if more else _symmetric(run, others)
+    pooling = compare_runs(runs, base) if more else None
     rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
     check_fit(run.where, base)
     _check_values(run, base)
     choice = choose_law(rows, base, strength_unknown)
     chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
-    loop = close_loop(run, base, chosen)
+    loop = close_loop(run, base, chosen) if not more else InLoop(reason=SEVERAL)
     simulated = choose_in_loop(run, base, loop) if choice.law == "coulomb" and rows is run.rows else None
     if simulated is not None:
         choice, chosen, loop = (
@@ -121,11 +135,11 @@ def _identify(
         choice, chosen, loop = choice.without_richer(base, negative), base, replace(loop, chosen=None)
     delay = _found_delay(run, loop)
     if delay is not None:
-        return _identify(log, joint, replace(setup, delay=delay), repeats, moving)
+        return _identify(log, joint, replace(setup, delay=delay), repeats, more, moving)
     unseen = others if rows is run.rows else ()
-    comparisons = _comparisons(run, base, loop, unseen)
+    comparisons = compare_parts(rows, base) if more else _comparisons(run, base, loop, unseen)
     predictions = (*_predictions(chosen, unseen), *unusable)
-    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions)
+    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling)
     record = make_record(evidence)
     record = replace(record, objections=find_objections(evidence, record, moving))
     if any(one.reason == NEGATIVE_FRICTION for one in record.objections):
@@ -136,6 +150,7 @@ def _identify(
     warnings = (*(one.seen for one in record.objections), *find_warnings(record, run))
     if run.joint == UNNAMED and joint is None and record.axis == "rotary":
         warnings += (NAMELESS,)
+    warnings += pooling.sentences() if pooling else ()
     return Identification(run.joint, replace(record, warnings=warnings), _fit_signals(evidence))
 
 
@@ -160,6 +175,27 @@ def _repeats(
             )
         found.append(other)
     return found, unusable
+
+
+SEVERAL = "output error was not done: it is for one run at a time, and several were fitted together"
+
+
+def _pooled(runs: Sequence[Run]) -> Fit:
+    """Fit viscous and Coulomb friction to several runs; refuse two that are the same, and too little of all of them."""
+    first = runs[0]
+    for number, one in enumerate(runs):
+        for other in runs[:number]:
+            if np.array_equal(one.signals.position, other.signals.position):
+                raise ConfigurationError(f"{one.source} is the same log as {other.source}: give each run once")
+    known = first.setup.motor_strength is not None or (first.measured and first.setup.torque_calibrated is not False)
+    if any(one.measured != first.measured or one.setup.fits_gravity != first.setup.fits_gravity for one in runs):
+        raise ConfigurationError(
+            f"{first.source}: runs with and without torque, or gravity, in one fit; give runs of one kind"
+        )
+    rows = pooled_rows(runs)
+    check_rows(f"{first.source} and {len(runs) - 1} more", rows, first.prepared)
+    scaled = not known and any(one.setup.payload for one in runs)
+    return fit_rows(rows, first.model, strength_unknown=scaled)
 
 
 def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
@@ -301,11 +337,13 @@ def identify_log(
     repeats: Sequence[Log] = (),
     done: Done = lambda name: None,
     workers: int | None = None,
+    more: Sequence[Log] = (),
 ) -> tuple[dict[str, Identification], dict[str, JointRecord]]:
     """Identify several joints, every one of the log's by default.
 
     Returns the joints that were identified, and for those that were refused an empty record whose warning says why,
-    both in the order of the log, or of `joints`. `workers`: processes, by default one a core. Raises `StictionError`
+    both in the order of the log, or of `joints`. more: further runs, fitted together with the log. `workers`:
+    processes, by default one a core. Raises `StictionError`
     where a joint is not in the log, or none could be identified.
     """
     names = [log.joint(name)[0] for name in joints] or list(log.joints)
@@ -319,6 +357,7 @@ def identify_log(
             name if named else None,
             setup,
             tuple(_single_joint(one, name) for one in repeats),
+            tuple(_single_joint(one, name) for one in more),
             moving_beside(log, name),
         )
         for name in names
@@ -348,10 +387,15 @@ def _single_joint(log: Log, name: str) -> Log:
 
 
 def _attempt(
-    log: Log, name: str | None, setup: IdentifySetup | None, repeats: Sequence[Log], moving: tuple[str, ...]
+    log: Log,
+    name: str | None,
+    setup: IdentifySetup | None,
+    repeats: Sequence[Log],
+    more: Sequence[Log],
+    moving: tuple[str, ...],
 ) -> Identification | StictionError:
     """Identify one joint; what is wrong with it comes back as a value, for an exception would lose its class."""
     try:
-        return identify_joint(log, name, setup, repeats, moving)
+        return identify_joint(log, name, setup, repeats, more, moving)
     except StictionError as error:
         return error

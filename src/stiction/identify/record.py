@@ -22,6 +22,7 @@ from stiction.identify.consistency import REPEAT, Comparison, Drift, disagreemen
 from stiction.identify.in_loop import InLoop
 from stiction.identify.model import GRAVITY
 from stiction.identify.output_error import OutputError
+from stiction.identify.pooling import Pooling
 from stiction.identify.prepare import Rows
 from stiction.identify.regression import INVERSE_STRENGTH, MAX_INFLATION, Fit
 from stiction.identify.runs import Run
@@ -107,6 +108,8 @@ class Evidence:
     predictions: tuple[dict[str, Any], ...] = ()
     """How well the chosen law predicts each of the repeats, which it was not fitted to: `source`, the log's name,
     `torque_error` and `simulation_errors`, shares of what was measured [1]."""
+    pooling: Pooling | None = None
+    """What several runs that were fitted together say one by one."""
 
     @property
     def admitted(self) -> tuple[Comparison, ...]:
@@ -185,7 +188,7 @@ def make_record(evidence: Evidence) -> JointRecord:
     """Put everything into the record; objections, verdict and warnings come later."""
     run, base, setup = evidence.run, evidence.base, evidence.run.setup
     strength = find_strength(base, run.measured, setup.torque_calibrated is not False, setup.motor_strength)
-    estimates = admitting(widened(evidence.symmetric(), evidence.admitted), evidence.law())
+    estimates = admitting(all_admitting(evidence, evidence.symmetric()), evidence.law())
     middle = float(run.signals.position.min() + run.signals.position.max()) / 2
     parameters, combinations = combine(base, estimates, strength, kd_assumed(run), middle)
     scaled = evidence.loop.scaled
@@ -231,6 +234,12 @@ def make_record(evidence: Evidence) -> JointRecord:
     return replace(record, diagnostics=plain(_diagnostics(evidence, strength)))
 
 
+def all_admitting(evidence: Evidence, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
+    """Return estimates whose intervals admit what parts of the log say, and runs that were fitted together."""
+    found = widened(estimates, evidence.admitted)
+    return evidence.pooling.admitted(found) if evidence.pooling else found
+
+
 def plain(value: Any) -> Any:
     """Return nested dataclasses, dictionaries and sequences as dictionaries and lists, as JSON would read them."""
     if is_dataclass(value) and not isinstance(value, type):
@@ -252,7 +261,7 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     parameters = {}
     stated = evidence.law()
     if fit is evidence.base:
-        stated = widened(stated, evidence.admitted)
+        stated = all_admitting(evidence, stated)
     for name, estimate in stated.items():
         identified = evidence.loop.chosen is not None or fit.inflation.get(name, np.inf) < MAX_INFLATION
         if name not in fit.names or name == INVERSE_STRENGTH or not identified:
@@ -342,4 +351,5 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "output_error_law": _simulated(loop.chosen),
         "disagreement": _disagreement(evidence) if alone else None,
         "instrumental_variable": loop.instrumental and loop.instrumental.estimates(),
+        **({"runs": evidence.pooling.to_dict()} if evidence.pooling else {}),
     }

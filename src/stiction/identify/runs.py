@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.formats.log import Log
+from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
 from stiction.identify.model import Model
 from stiction.identify.prepare import Prepared, Rows, make_rows, prepare
@@ -74,22 +74,27 @@ class Run:
         return PDGains(self.setup.kp, self.setup.kd, self.setup.torque_limit or float("inf"))
 
 
-def make_run(log: Log, joint: str | None, setup: IdentifySetup) -> Run:
-    """Check and prepare one joint of a log. Raises `StictionError` with one line for whatever the log lacks."""
+def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = True) -> Run:
+    """Check and prepare one joint of a log. Raises `StictionError` with one line for whatever the log lacks.
+
+    alone: whether it must tell friction by itself; of several runs in one fit none needs to.
+    """
     name, raw = log.joint(joint)
     setup = setup.with_sidecar(log.setup_of(name))
     setup.check()
-    signals = check_log(log, name, raw, setup.torque_scale)
-    if signals.disturbance is not None:
+    signals = check_log(log, name, _in_si(raw, setup), 1.0 if setup.torque_scale is None else setup.torque_scale)
+    if signals.disturbance is not None and setup.disturbance_scale is not None:
         signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
     if signals.feedforward is not None:
         signals = _with_feedforward(signals, setup)
     torque, unusable = _driving_torque(f"{log.source}: joint {name!r}", signals, setup)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
     where = f"{log.source}: joint {name!r}"
-    check_excitation(where, prepared.velocity, signals.step)
+    if alone:
+        check_excitation(where, prepared.velocity, signals.step)
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
-    check_rows(where, rows, prepared)
+    if alone:
+        check_rows(where, rows, prepared)
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
 
 
@@ -100,11 +105,21 @@ def _with_feedforward(signals: Uniform, setup: IdentifySetup) -> Uniform:
     included, feedforward is a target that is u/kp ahead. Logged torque has it already. Without kp or a target nothing
     is simulated, and it has no effect.
     """
-    scale = setup.torque_scale if setup.feedforward_scale is None else setup.feedforward_scale
+    scales = (setup.feedforward_scale, setup.torque_scale, 1.0)
+    scale = next(one for one in scales if one is not None)
     added = scale * np.asarray(signals.feedforward)
     if signals.target is None or setup.kp is None:
         return replace(signals, feedforward=added)
     return replace(signals, feedforward=added, target=signals.target + added / setup.kp)
+
+
+def _in_si(raw: JointSignals, setup: IdentifySetup) -> JointSignals:
+    """Return signals whose angles, and their rates, are in rad (or m)."""
+    scale = setup.position_scale
+    if scale is None:
+        return raw
+    angles = {name: getattr(raw, name) for name in ("position", "velocity", "target")}
+    return replace(raw, **{name: scale * values for name, values in angles.items() if values is not None})
 
 
 def _driving_torque(source: str, signals: Uniform, setup: IdentifySetup) -> tuple[np.ndarray, np.ndarray]:

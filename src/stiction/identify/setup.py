@@ -51,16 +51,20 @@ class IdentifySetup:
     """What hung on the motor."""
     axis: Literal["rotary", "linear"] | None = None
     """Linear: read kg, N and m."""
-    torque_scale: float = 1.0
-    """N m (or N) per unit of the torque column: a torque constant, or -1 where the sign is the other way round."""
-    disturbance_scale: float = 1.0
-    """N m (or N) per unit of the disturbance column; negative where it counts against the position."""
+    torque_scale: float | None = None
+    """N m (or N) per unit of the torque column: a torque constant, or -1 where the sign is the other way round; 1 if
+    not given."""
+    disturbance_scale: float | None = None
+    """N m (or N) per unit of the disturbance column; negative where it counts against the position; 1 if not given."""
     feedforward_scale: float | None = None
     """N m (or N) per unit of the feedforward column; that of the torque column if not given, for both are the
     controller's."""
-    velocity_delay: float = 0.0
+    position_scale: float | None = None
+    """rad (or m) per unit of position, target and velocity; 1 if not given. 0.0174533 for degrees, one over the gear
+    ratio for the angle of a motor."""
+    velocity_delay: float | None = None
     """How late the velocity is that the controller uses [s]: half a sample for a difference over one sample, plus its
-    filter. It matters to output error alone."""
+    filter; 0 if not given. It matters to output error alone."""
     delay: float | None = None
     """How late the whole controller is, from sensors and target to torque [s]; 0 if not given."""
     motor_strength: float | None = None
@@ -89,7 +93,7 @@ class IdentifySetup:
     def with_sidecar(self, sidecar: LogSetup) -> IdentifySetup:
         """Return the setup with what is None filled from the log's sidecar."""
         shared = {item.name for item in fields(LogSetup)} & {item.name for item in fields(self)}
-        return replace(self, **{name: getattr(sidecar, name) for name in shared if getattr(self, name) is None})
+        return replace(self, **{name: getattr(sidecar, name) for name in shared if getattr(self, name) in (None, ())})
 
     def for_repeat(self) -> IdentifySetup:
         """Return the setup for another log of the same joint: what hung on it is for that log's sidecar to say."""
@@ -116,9 +120,8 @@ class IdentifySetup:
             value, less = getattr(self, name), "" if name in positive else ", or 0"
             if value is not None and not (isfinite(value) and (value > 0 or (value == 0 and less))):
                 raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected a positive number{less}")
-        for name in ("torque_scale", "disturbance_scale", "feedforward_scale"):
-            value = getattr(self, name)
-            if value is not None and not 1e-9 <= abs(value) <= 1e9:
+        for name in ("torque_scale", "disturbance_scale", "feedforward_scale", "position_scale"):
+            if getattr(self, name) is not None and not 1e-9 <= abs(getattr(self, name)) <= 1e9:
                 raise ConfigurationError(
                     f"{name.replace('_', ' ')} {getattr(self, name)}: expected a size between 1e-9 and 1e9"
                 )

@@ -176,7 +176,7 @@ def _middle_step(source: str, stamps: np.ndarray) -> float:
     if not SHORTEST_STEP <= step <= LONGEST_STEP:
         raise LogError(
             f"{source}: one sample every {step:.3g} s; expected {SHORTEST_STEP:g} s to {LONGEST_STEP:g} s: are the "
-            "stamps in seconds?"
+            "stamps in seconds? --time-scale 1e-3 where they are ms; where they count samples, 1 over the rate"
         )
     return step
 

@@ -31,7 +31,7 @@ def test_matrices_are_joints_whatever_their_numbers(tmp_path: Path, dtype: str) 
     """Samples by joints or joints by samples: the longer side is time."""
     values = np.arange(24).reshape(12, 2).astype(dtype)
     savemat(tmp_path / "x.mat", {"t": np.arange(12.0), "q": values, "p": values.T})
-    columns = read_mat(tmp_path / "x.mat")
+    columns = read_mat(tmp_path / "x.mat").columns
     assert sorted(columns) == ["p_0", "p_1", "q_0", "q_1", "t"]
     np.testing.assert_array_equal(columns["q_1"], np.arange(1, 24, 2))
     np.testing.assert_array_equal(columns["p_1"], columns["q_1"])
@@ -49,7 +49,7 @@ def test_known_names_need_no_mapping(tmp_path: Path) -> None:
         (lambda data: data[:126] + b"XX" + data[128:], "no byte order"),
         (lambda data: data[:-3], "cut off: an element of"),
         (lambda data: data + data[128:], "comes twice"),
-        (lambda data: data[:128], "no numeric vectors"),
+        (lambda data: data[:128], "no arrays of samples"),
         (lambda data: data + b"\x0f\0\0\0\xff\0\0\0garbage", "cut off"),
         (lambda data: data.replace(np.arange(50.0).tobytes(), bytes(400)[:-8], 1), "cut off|numbers of"),
         (lambda data: data.replace(b"\x32\0\0\0", b"\x31\0\0\0", 1), "numbers of float64 in 400 bytes"),
@@ -66,7 +66,7 @@ def test_damage_is_refused(tmp_path: Path, change: object, said: str) -> None:
 
 def test_a_variable_that_inflates_too_far_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """No more is inflated than a log may have."""
-    monkeypatch.setattr("stiction.identify.logs.matlab.LARGEST_TABLE", 2**16)
+    monkeypatch.setattr("stiction.core.memory.SHARES", 2**15)
     data = zlib.compress(bytes(2**17))
     (tmp_path / "x.mat").write_bytes(
         b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\x01IM" + b"\x0f\0\0\0" + len(data).to_bytes(4, "little") + data

@@ -70,7 +70,8 @@ def test_missing_and_unknown_files_are_named(tmp_path: Path) -> None:
         open_log(tmp_path)
     (tmp_path / "x.pkl").write_bytes(b"\x80\x04.")
     with pytest.raises(
-        LogError, match=r"unknown kind of log '.pkl'; expected .csv, .npz, .parquet, .mcap, .pt or .mat"
+        LogError,
+        match=r"unknown kind of log '.pkl'; expected .csv .*, .mcap, .db3, .pt or .mat. A pickle, .*never opened",
     ):
         open_log(tmp_path / "x.pkl")
     with pytest.raises(LogError, match="names a topic of an MCAP file"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -131,3 +132,78 @@ def test_columns_are_not_topics(tmp_path: Path) -> None:
     """A mapping meant for another kind of file must not be ignored."""
     with pytest.raises(LogError, match="position= maps a column; an MCAP file has topics"):
         open_log(logfiles.ros(tmp_path), {"position": "q"})
+
+
+def test_a_database_is_read_like_a_bag(tmp_path: Path) -> None:
+    """rosbag2's older form holds the same messages; every one must be there, and only tables are asked."""
+    log = open_log(logfiles.database(tmp_path))
+    np.testing.assert_allclose(log.time, logfiles.TIME, atol=1e-9)
+    for index, signals in enumerate(log.joints.values()):
+        np.testing.assert_array_equal(signals.position, logfiles.POSITION[:, index])
+        np.testing.assert_array_equal(signals.target, logfiles.TARGET[:, index])
+    base = sqlite3.connect(tmp_path / "run.db3")
+    base.execute("DELETE FROM messages WHERE id = 7")
+    base.commit()
+    base.close()
+    with pytest.raises(LogError, match="message 7 is missing"):
+        open_log(tmp_path / "run.db3")
+    (tmp_path / "x.db3").write_bytes(b"hello")
+    with pytest.raises(LogError, match="not a rosbag2 database"):
+        open_log(tmp_path / "x.db3")
+
+
+GO_HEAD = "uint8[2] head\nuint8 level_flag\nuint8 frame_reserve\nuint32[2] sn\nuint32[2] version\nuint16 bandwidth\n"
+IMU = "float32[4] quaternion\nfloat32[3] gyroscope\nfloat32[3] accelerometer\nfloat32[3] rpy\n"
+LINE = "=" * 80
+UNITREE = {
+    "unitree_go/msg/LowState": GO_HEAD
+    + f"unitree_go/IMUState imu_state\nunitree_go/MotorState[20] motor_state\nuint32 tick\n{LINE}\n"
+    f"MSG: unitree_go/IMUState\n{IMU}int8 temperature\n{LINE}\nMSG: unitree_go/MotorState\n"
+    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 ddq\nfloat32 tau_est\nfloat32 q_raw\nfloat32 dq_raw\n"
+    "float32 ddq_raw\nint8 temperature\nuint32 lost\nuint32[2] reserve\n",
+    "unitree_go/msg/LowCmd": GO_HEAD
+    + f"unitree_go/MotorCmd[20] motor_cmd\nuint32 crc\n{LINE}\nMSG: unitree_go/MotorCmd\n"
+    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32[3] reserve\n",
+    "unitree_hg/msg/LowState": "uint32[2] version\nuint8 mode_pr\nuint8 mode_machine\nuint32 tick\n"
+    f"unitree_hg/IMUState imu_state\nunitree_hg/MotorState[35] motor_state\nuint32 crc\n{LINE}\n"
+    f"MSG: unitree_hg/IMUState\n{IMU}int16 temperature\n{LINE}\nMSG: unitree_hg/MotorState\n"
+    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 ddq\nfloat32 tau_est\nint16[2] temperature\nfloat32 vol\n"
+    "uint32[2] sensor\nuint32 motorstate\nuint32[4] reserve\n",
+    "unitree_hg/msg/LowCmd": "uint8 mode_pr\nuint8 mode_machine\nunitree_hg/MotorCmd[35] motor_cmd\nuint32 crc\n"
+    f"{LINE}\nMSG: unitree_hg/MotorCmd\n"
+    "uint8 mode\nfloat32 q\nfloat32 dq\nfloat32 tau\nfloat32 kp\nfloat32 kd\nuint32 reserve\n",
+}
+"""Type -> its definition in the maker's files, up to what follows the motors."""
+
+
+@pytest.mark.parametrize(("family", "motors"), [("unitree_go", 20), ("unitree_hg", 35)])
+def test_unitree_s_layouts_are_those_of_its_definitions(tmp_path: Path, family: str, motors: int) -> None:
+    """Encoded by another program from the definitions: every motor's number must be where it is looked for."""
+
+    def motor(**known: float) -> dict[str, Any]:
+        shapes: dict[str, Any] = {"temperature": [1, 2] if motors == 35 else 1, "sensor": [3, 4]}
+        shapes["reserve"] = [5] * (4 if motors == 35 else 2)
+        names = ("mode", "ddq", "q_raw", "dq_raw", "ddq_raw", "lost", "vol", "motorstate", "dq", "tau")
+        return dict.fromkeys(names, 9) | shapes | known
+
+    head = {"head": [1, 2], "level_flag": 3, "frame_reserve": 4, "sn": [5, 6], "version": [7, 8], "bandwidth": 9}
+    head |= {"mode_pr": 1, "mode_machine": 2, "tick": 10, "crc": 11}
+    imu = {name: [0.5] * size for name, size in (("quaternion", 4), ("gyroscope", 3), ("accelerometer", 3), ("rpy", 3))}
+    sent = []
+    for index in range(4):
+        states = [motor(q=i + index, dq=100 + i, tau_est=200 + i) for i in range(3)]
+        idle = [motor(q=0.0, dq=0.0, tau_est=0.0)] * (motors - 3)
+        asked = [motor(q=300 + i, kp=20.0, kd=1.5) for i in range(motors)]
+        for one in asked:
+            one["reserve"] = [1, 2, 3] if motors == 20 else 1
+        now = START + 2 * index * MS
+        sent.append(("/lowcmd", f"{family}/msg/LowCmd", now - 1, head | {"motor_cmd": asked}))
+        state = head | {"imu_state": imu | {"temperature": 30}, "motor_state": states + idle}
+        sent.append(("/lowstate", f"{family}/msg/LowState", now, state))
+    log = open_log(logfiles.bag(tmp_path / "go2.db3", sent, UNITREE))
+    assert list(log.joints) == ["joint_0", "joint_1", "joint_2"]
+    for number, signals in enumerate(log.joints.values()):
+        np.testing.assert_array_equal(signals.position, number + np.arange(4))
+        assert set(signals.velocity) == {100 + number} and set(signals.torque) == {200 + number}  # type: ignore[arg-type]
+        assert set(signals.target) == {300 + number}  # type: ignore[arg-type]
+    assert "the commands carry the gains kp 20, 20, 20; kd 1.5, 1.5, 1.5" in log.notes[-1]

@@ -1,5 +1,6 @@
 """Logs as people have them: any kind of file, through one door, `open_log`."""
 
-from stiction.identify.logs.opening import open_log, parse_columns
+from stiction.identify.logs.naming import parse_columns
+from stiction.identify.logs.opening import join_logs, open_log
 
-__all__ = ["open_log", "parse_columns"]
+__all__ = ["join_logs", "open_log", "parse_columns"]

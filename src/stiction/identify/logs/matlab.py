@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.formats.tables import LARGEST_TABLE, WIDEST_MATRIX, Columns, read_bytes, split_matrix
+from stiction.core.memory import allowance, claim
+from stiction.formats.tables import Table, read_bytes, table_of
 
 COMPRESSED, MATRIX = 15, 14
 """Types of elements that hold others."""
@@ -32,34 +33,23 @@ ORDERS = {b"IM": "<", b"MI": ">"}
 """Mark in the header -> byte order."""
 
 
-def read_mat(path: Path) -> Columns:
+def read_mat(path: Path) -> Table:
     """Read the numeric vectors of a MAT v5 file, and its matrices, shape (num_samples, num_joints), as `name_0`, ...
 
-    The longest length is that of the samples: what is shorter is left out. Raises `LogError`.
+    What has another number of samples has a fault. Raises `LogError`.
     """
     content = read_bytes(path)
+    if content.startswith(b"\x89HDF") or content[512:516] == b"\x89HDF":
+        raise LogError(f"{path.name}: MATLAB 7.3, which is HDF5; in MATLAB save it again with -v7, or as CSV")
     if not content.startswith(b"MATLAB 5.0 MAT-file"):
         raise LogError(f"{path.name}: not a MATLAB 5.0 file; in MATLAB save it again with -v7 or -v6, or as CSV")
     try:
         variables = _variables(content)
     except (ValueError, zlib.error) as error:
         raise LogError(f"{path.name}: damaged MATLAB file ({str(error)[:120]})") from error
-    arrays = {name: _upright(array) for name, array in variables.items() if array.size > 1}
-    longest = max((len(values) for values in arrays.values()), default=0)
-    columns: Columns = {}
-    for name, array in arrays.items():
-        if len(array) == longest and (array.ndim == 1 or array.shape[1] <= WIDEST_MATRIX):
-            columns |= split_matrix(name, array)
-    if not columns:
-        raise LogError(f"{path.name}: no numeric vectors in this file")
-    return columns
-
-
-def _upright(array: np.ndarray) -> np.ndarray:
-    """Return a row or column vector as a vector, and a matrix with its longer side as samples."""
-    if min(array.shape) == 1:
-        return array.ravel()
-    return array if array.shape[0] >= array.shape[1] else array.T
+    arrays = {name: array.ravel() if 1 in array.shape else array for name, array in variables.items() if array.size > 1}
+    claim(path.name, sum(8 * array.size for array in arrays.values()), "its matrices would take", LogError)
+    return table_of(path.name, arrays)
 
 
 def _variables(content: bytes) -> dict[str, np.ndarray]:
@@ -68,7 +58,7 @@ def _variables(content: bytes) -> dict[str, np.ndarray]:
     if order is None:
         raise ValueError("no byte order in the header")
     found: dict[str, np.ndarray] = {}
-    left = LARGEST_TABLE
+    left = allowance()
     for kind, body in _elements(content[128:], order, padded=False):
         if kind == COMPRESSED:
             inner = _inflated(body, left)
@@ -134,7 +124,7 @@ def _inflated(data: bytes, limit: int) -> bytes:
     inflater = zlib.decompressobj()
     inflated = inflater.decompress(data, limit + 1)
     if len(inflated) > limit:
-        raise ValueError(f"inflates to more than {LARGEST_TABLE} bytes")
+        raise ValueError(f"inflates to more than {allowance()} bytes")
     if not inflater.eof:
         raise ValueError("cut off: the end of a compressed variable is missing")
     return inflated

@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import math
 import pickletools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.formats.tables import WIDEST_MATRIX, Columns, read_archive, read_bytes, split_matrix
+from stiction.core.memory import claim
+from stiction.formats.tables import WIDEST_MATRIX, Table, read_archive, read_bytes, table_of
 
 STORAGES = {
     "FloatStorage": "f4",
@@ -204,10 +205,10 @@ _BROKEN_INDEX = (ValueError, KeyError, IndexError, TypeError, OverflowError, Mem
 """What a damaged index raises; `NotPlainError` and `UnicodeDecodeError` are of the first kind."""
 
 
-def read_pace(path: Path) -> tuple[Columns, tuple[str, ...]]:
+def read_pace(path: Path) -> Table:
     """Return the tensors as columns, `dof_pos_0` and so on, and the joints' names where the file lists them.
 
-    What is neither a vector nor a matrix of as many rows as the longest is left out. Raises `LogError`.
+    What is neither a vector nor a matrix of as many samples as the time has a fault. Raises `LogError`.
     """
     content = read_bytes(path)
     if not content.startswith(b"PK"):
@@ -227,26 +228,16 @@ def read_pace(path: Path) -> tuple[Columns, tuple[str, ...]]:
         tensors = {
             name: value for name, value in entries.items() if isinstance(value, Tensor) and isinstance(name, str)
         }
+        taken = sum(8 * math.prod(tensor.shape) for tensor in tensors.values())
+        claim(path.name, taken, "its tensors would take", LogError)
         arrays = {name: _numbers(tensor, members, folder, order) for name, tensor in tensors.items()}
     except _BROKEN_INDEX as error:
         raise LogError(
             f"{path.name}: {str(error)[:120]}: only a dictionary of tensors is read, as "
             "torch.save({'time': ..., 'dof_pos': ..., 'des_dof_pos': ...}, file) writes it; nothing was executed"
         ) from error
-    return _columns(path.name, arrays), _listed_names(path.name, entries)
-
-
-def _columns(source: str, arrays: dict[str, np.ndarray]) -> Columns:
-    """Return what has as many rows as the longest as columns."""
-    signals = {name: array for name, array in arrays.items() if array.ndim in (1, 2)}
-    longest = max((len(array) for array in signals.values()), default=0)
-    columns: Columns = {}
-    for name, array in signals.items():
-        if len(array) == longest and (array.ndim == 1 or array.shape[1] <= WIDEST_MATRIX):
-            columns |= split_matrix(name, array)
-    if not columns or not longest:
-        raise LogError(f"{source}: no tensor of samples, or of samples by joints; found {', '.join(arrays) or 'none'}")
-    return columns
+    table = table_of(path.name, {name: array for name, array in arrays.items() if array.size > 1})
+    return replace(table, names=_listed_names(path.name, entries))
 
 
 def _numbers(tensor: Tensor, members: dict[str, bytes], folder: str, order: str) -> np.ndarray:

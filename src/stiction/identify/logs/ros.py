@@ -1,32 +1,41 @@
-"""MCAP files of ROS 2: joint states and the commands that the joints were given, brought onto the states' stamps.
+"""Bags of ROS 2: joint states and the commands that the joints were given, brought onto the states' stamps.
 
-Needs `pip install "stiction[logs]"`. A state is a `sensor_msgs/msg/JointState`; a command is one too, or a
-`std_msgs/msg/Float64MultiArray`, or a `trajectory_msgs/msg/JointTrajectory` of one point. The definitions of these are
-ROS's own and known here: those in the file are not parsed. Every checksum is compared, and every declared size is
-checked before anything is inflated.
+Needs `pip install "stiction[logs]"`. A state is a `sensor_msgs/msg/JointState` or Unitree's `LowState`; a command is a
+joint state too, or a `std_msgs/msg/Float64MultiArray`, a `trajectory_msgs/msg/JointTrajectory` of one point, or
+Unitree's `LowCmd`. The definitions of these are known here: those in the file are not parsed. Messages are decoded as
+they come, and of each no more is kept than its numbers.
 """
 
 from __future__ import annotations
 
-import io
 import struct
-import zlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from array import array
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import LogError
+from stiction.core.memory import claim
 from stiction.formats.log import JointSignals, Log
-from stiction.formats.tables import LARGEST_TABLE, read_bytes
+from stiction.formats.tables import WIDEST_MATRIX
+from stiction.identify.logs.containers import LARGEST_MESSAGE, Packet, Topic, read_packets
+from stiction.identify.logs.naming import COMMAND_WORDS
+from stiction.identify.logs.unitree import LAYOUTS, decode_motors
 
-STATE = "sensor_msgs/msg/JointState"
-COMMANDS = (STATE, "std_msgs/msg/Float64MultiArray", "trajectory_msgs/msg/JointTrajectory")
+STATE, ARRAY, TRAJECTORY = (
+    "sensor_msgs/msg/JointState",
+    "std_msgs/msg/Float64MultiArray",
+    "trajectory_msgs/msg/JointTrajectory",
+)
 
-COMMAND_WORDS = ("command", "cmd", "target", "desired", "reference", "setpoint")
-"""What a topic of joint states has in its name if it is the command."""
+STATES = (STATE, *(kind for kind in LAYOUTS if kind.endswith("State")))
+"""Types that say where the joints are."""
+
+COMMANDS = (STATE, ARRAY, TRAJECTORY, *(kind for kind in LAYOUTS if kind.endswith("Cmd")))
+"""Types that say what they were asked for; a joint state by its topic's name."""
 
 HEADER = """
 ================================================================================
@@ -53,40 +62,6 @@ DEFINITIONS = {
 
 
 @dataclass(frozen=True)
-class Topic:
-    """A topic of the file."""
-
-    name: str
-    """`/joint_states`."""
-    schema: str
-    """Type of its messages."""
-
-
-@dataclass(frozen=True)
-class Message:
-    """A decoded message."""
-
-    received: int
-    """When it was received [ns]."""
-    content: Any
-    """Its fields as attributes."""
-
-
-@dataclass(frozen=True)
-class Packet:
-    """A message that is not decoded yet."""
-
-    topic: Topic
-    """Where it was sent."""
-    encoding: str
-    """How; only `cdr` is read."""
-    received: int
-    """When it was received [ns]."""
-    data: bytes
-    """Its bytes."""
-
-
-@dataclass(frozen=True)
 class Series:
     """The messages of one topic as arrays, in the order of the file."""
 
@@ -103,7 +78,7 @@ class Series:
 
 
 def read_ros(path: Path, topics: Mapping[str, str]) -> Log:
-    """Read the joints of an MCAP file.
+    """Read the joints of an MCAP file or a rosbag2 database.
 
     topics: `state` and `command` -> topic; what is not named is chosen if there is only one candidate. The log's time
     is that of the states' headers, or of their receipt where the headers have none, in seconds from the first; the
@@ -112,10 +87,11 @@ def read_ros(path: Path, topics: Mapping[str, str]) -> Log:
     wrong = sorted(set(topics) - {"state", "command"})
     if wrong:
         raise LogError(f"{path.name}: {wrong[0]}= maps a column; an MCAP file has topics: state=TOPIC command=TOPIC")
-    packets = read_packets(path)
-    found = list(dict.fromkeys(packet.topic for packet in packets))
+    found = list(dict.fromkeys(packet.topic for packet in read_packets(path)))
     state, command = choose_topics(path.name, found, topics)
-    states = state_series(f"{path.name}: {state.name}", decode(path.name, packets, state))
+    wanted = [state] if command is None else [state, command]
+    series = read_series(path.name, (packet for packet in read_packets(path) if packet.topic in wanted), wanted)
+    states = state_series(series[state])
     notes = list(states.notes)
     joints = {
         name: JointSignals(
@@ -129,19 +105,20 @@ def read_ros(path: Path, topics: Mapping[str, str]) -> Log:
     if command is None:
         notes.append("the file has no command: what the joints were asked for is not known")
     else:
-        stamps, joints, said = _with_targets(path.name, states, joints, command, decode(path.name, packets, command))
+        stamps, joints, said = _with_targets(path.name, states, joints, command, series[command])
         notes += said
-    return Log(path.name, (stamps - stamps.min()) * 1e-9, joints, notes=tuple(notes))
+    first = int(stamps.min())
+    return Log(path.name, (stamps - first) * 1e-9, joints, notes=tuple(notes), start=first * 1e-9)
 
 
 def _with_targets(
-    source: str, states: Series, joints: dict[str, JointSignals], command: Topic, messages: list[Message]
+    source: str, states: Series, joints: dict[str, JointSignals], command: Topic, collected: Collected
 ) -> tuple[np.ndarray, dict[str, JointSignals], list[str]]:
     """Return stamps [ns], joints and notes with the command held onto the states' stamps.
 
     States before the first command are left out: nobody knows what the joint was asked for then.
     """
-    commands = command_series(f"{source}: {command.name}", command.schema, messages, states.names)
+    commands = command_series(collected, states.names)
     notes = list(commands.notes)
     if commands.by_receipt != states.by_receipt:
         notes.append(
@@ -172,12 +149,14 @@ def choose_topics(source: str, found: list[Topic], asked: Mapping[str, str]) -> 
     listing = ", ".join(f"{topic.name} ({topic.schema})" for topic in found[:20]) or "none"
     by_name = {topic.name: topic for topic in found}
     for role, name in asked.items():
-        allowed = (STATE,) if role == "state" else COMMANDS
+        allowed = STATES if role == "state" else COMMANDS
         if name not in by_name or by_name[name].schema not in allowed:
             raise LogError(f"{source}: {role}={name}: expected a topic of {' or '.join(allowed)}; there are {listing}")
     named = {role: by_name[name] for role, name in asked.items()}
-    states = [topic for topic in found if topic.schema == STATE and topic.name not in asked.values()]
-    orders = [topic for topic in states if any(word in topic.name.lower() for word in COMMAND_WORDS)]
+    states = [topic for topic in found if topic.schema in STATES and topic.name not in asked.values()]
+    orders = [
+        topic for topic in states if topic.schema == STATE and any(word in topic.name.lower() for word in COMMAND_WORDS)
+    ]
     others = [topic for topic in found if topic.schema in COMMANDS[1:] and topic.name not in asked.values()]
     candidates = {
         "state": [topic for topic in states if topic not in orders] or states,
@@ -189,196 +168,223 @@ def choose_topics(source: str, found: list[Topic], asked: Mapping[str, str]) -> 
         if role not in named and candidates[role]:
             named[role] = candidates[role][0]
     if "state" not in named:
-        raise LogError(f"{source}: no topic of {STATE}; there are {listing}")
+        raise LogError(f"{source}: no topic of {' or '.join(STATES)}; there are {listing}")
     command = named.get("command")
     return named["state"], None if command == named["state"] else command
 
 
-def decode(source: str, packets: list[Packet], topic: Topic) -> list[Message]:
-    """Return the messages of one topic in the order of the file. Raises `LogError`."""
-    from mcap.exceptions import McapError
-    from mcap.records import Schema
-    from mcap_ros2.decoder import DecoderFactory
+@dataclass
+class Collected:
+    """The numbers of one topic as they come; what does not fit is remembered until it is known whether it matters."""
 
-    schema = Schema(id=1, name=topic.schema, encoding="ros2msg", data=DEFINITIONS[topic.schema].encode())
-    decoder = DecoderFactory().decoder_for("cdr", schema)
-    if decoder is None:
-        raise LogError(f"{source}: {topic.schema} cannot be decoded; is mcap-ros2-support up to date?")
-    messages = []
+    source: str
+    """File and topic, for messages."""
+    schema: str
+    """Type of the messages."""
+    names: tuple[str, ...] = ()
+    """The joints of the first message; none where the type names none."""
+    received: array = field(default_factory=lambda: array("q"))
+    """When each was received [ns]."""
+    stamps: array = field(default_factory=lambda: array("q"))
+    """Stamps of the headers, 0 where there is none [ns]."""
+    values: dict[str, array] = field(default_factory=dict)
+    """Field -> numbers, message by message."""
+    filled: set[str] = field(default_factory=set)
+    """Fields that are not empty in some message."""
+    wrong: dict[str, str] = field(default_factory=dict)
+    """Field -> the first message in which it is not one number a joint, and how many there are."""
+
+    @property
+    def topic(self) -> str:
+        """The topic alone."""
+        return self.source.rpartition(" ")[2]
+
+    def take(self, received: int, stamp: int, names: Sequence[str], values: Mapping[str, Sequence[float]]) -> None:
+        """Add a message; raise `LogError` where it names other joints than the first."""
+        if not self.received and self.schema != ARRAY:
+            if not names or len(set(names)) != len(names) or not all(names) or len(names) > WIDEST_MATRIX:
+                raise LogError(
+                    f"{self.source}: the first message names the joints {list(names)[:6]}; expected one different name "
+                    "each"
+                )
+            self.names = tuple(names)
+        order = None
+        if self.names and tuple(names) != self.names:
+            index = {name: place for place, name in enumerate(names)}
+            if len(names) != len(self.names) or index.keys() != set(self.names):
+                raise LogError(
+                    f"{self.source}: a message names other joints than the first; expected one publisher on this topic"
+                )
+            order = [index[name] for name in self.names]
+        self.received.append(received)
+        self.stamps.append(stamp)
+        for name, numbers in values.items():
+            kept = self.values.setdefault(name, array("d"))
+            if len(numbers):
+                self.filled.add(name)
+            width = len(self.names) or len(kept) // max(1, len(self.received) - 1)
+            if len(numbers) != width and (self.names or len(self.received) > 1):
+                said = f"{name} of message {len(self.received)} has {len(numbers)} values for {width} joints"
+                self.wrong.setdefault(name, said)
+            else:
+                kept.extend(numbers if order is None else [numbers[place] for place in order])
+        taken = 16 * len(self.received) + sum(8 * len(kept) for kept in self.values.values())
+        claim(self.source, taken, f"{len(self.received)} messages or more take", LogError)
+
+    def matrix(self, name: str) -> np.ndarray | None:
+        """Return a field, shape (num_messages, num_joints), None where it is empty; raise `LogError` for a part."""
+        if name not in self.filled:
+            return None
+        if name in self.wrong:
+            raise LogError(f"{self.source}: {self.wrong[name]}")
+        return np.array(self.values[name]).reshape(len(self.received), -1)
+
+    def clock(self) -> tuple[np.ndarray, bool]:
+        """Return the headers' stamps [ns], or the times of receipt where some header has none; and which it was."""
+        stamps = np.array(self.stamps, dtype=np.int64)
+        return (stamps, False) if stamps.all() else (np.array(self.received, dtype=np.int64), True)
+
+
+Content = tuple[int, "Sequence[str]", "dict[str, Sequence[float]]"]
+"""Stamp [ns], names of joints, field -> numbers."""
+
+
+def read_series(source: str, packets: Iterator[Packet], topics: list[Topic]) -> dict[Topic, Collected]:
+    """Return the numbers of each topic. Raises `LogError`."""
+    found = {topic: Collected(f"{source}: {topic.name}", topic.schema) for topic in topics}
+    decoders = {topic: _decoder(source, topic) for topic in topics}
     for packet in packets:
-        if packet.topic != topic:
-            continue
+        topic = packet.topic
         if packet.encoding != "cdr":
             raise LogError(f"{source}: {topic.name} is encoded as {packet.encoding[:40]!r}; expected cdr")
+        if len(packet.data) > LARGEST_MESSAGE:
+            raise LogError(
+                f"{source}: a message on {topic.name} has {len(packet.data)} bytes; expected at most {LARGEST_MESSAGE}"
+            )
         try:
-            messages.append(Message(packet.received, decoder(packet.data)))
-        except (McapError, *BROKEN_MESSAGE) as error:
+            stamp, names, values = decoders[topic](packet.data)
+            found[topic].take(packet.received, stamp, names, values)
+        except BROKEN_MESSAGE as error:
             raise LogError(f"{source}: a message on {topic.name} is damaged ({str(error)[:80]})") from error
-    return messages
+    return found
 
 
-BROKEN_MESSAGE = (struct.error, ValueError, IndexError, KeyError, OverflowError, MemoryError, RuntimeError, TypeError)
+BROKEN_MESSAGE = (struct.error, ValueError, IndexError, KeyError, OverflowError, RuntimeError, TypeError)
 """What the decoder lets through for damaged messages; `UnicodeDecodeError` is of the second kind."""
 
-BROKEN_FILE = (struct.error, ValueError, KeyError, OverflowError, MemoryError, RuntimeError, zlib.error, TypeError)
-"""What mcap, zstandard and lz4 let through for damaged files besides their own exceptions."""
 
-
-def read_packets(path: Path) -> list[Packet]:
-    """Return every message, in the order of the file; raise `LogError` for a damaged or incomplete file, and without
-    the libraries.
-    """
+def _decoder(source: str, topic: Topic) -> Callable[[bytes], Content]:
+    """Return what turns a message of a topic into its stamp, names and numbers."""
+    if topic.schema in LAYOUTS:
+        names = [f"joint_{index}" for index in range(LAYOUTS[topic.schema].motors)]
+        return lambda data: (0, names, dict(decode_motors(topic.schema, data)))
     try:
-        import zstandard
         from mcap.exceptions import McapError
+        from mcap.records import Schema
+        from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
-        raise LogError(f'{path.name}: MCAP needs mcap and mcap-ros2-support: pip install "stiction[logs]"') from error
-    content = read_bytes(path)
-    try:
-        return list(_walk(content))
-    except (McapError, zstandard.ZstdError, *BROKEN_FILE) as error:
-        what = str(error)[:100] or type(error).__name__
-        raise LogError(
-            f"{path.name}: not a whole MCAP file ({what}); `mcap recover` may save what there is of it"
-        ) from error
+        raise LogError(f'{source}: bags need mcap and mcap-ros2-support: pip install "stiction[logs]"') from error
+    schema = Schema(id=1, name=topic.schema, encoding="ros2msg", data=DEFINITIONS[topic.schema].encode())
+    decode = DecoderFactory().decoder_for("cdr", schema)
+    if decode is None:
+        raise LogError(f"{source}: {topic.schema} cannot be decoded; is mcap-ros2-support up to date?")
+    take = {STATE: _of_state, ARRAY: _of_array, TRAJECTORY: _of_trajectory}[topic.schema]
+
+    def decoded(data: bytes) -> Content:
+        try:
+            return take(f"{source}: {topic.name}", decode(data))
+        except McapError as error:
+            raise ValueError(str(error)) from error
+
+    return decoded
 
 
-def _walk(content: bytes) -> Iterator[Packet]:
-    """Yield the messages; compare checksums, and at the end their number with what the file says of itself."""
-    from mcap.records import Channel, Chunk, Message, Schema, Statistics
-    from mcap.stream_reader import StreamReader, breakup_chunk
-
-    reader = StreamReader(io.BytesIO(content), emit_chunks=True, validate_crcs=True, record_size_limit=len(content))
-    schemas: dict[int, str] = {0: ""}
-    channels: dict[int, Any] = {}
-    counted, declared, inflated = 0, None, 0
-    for record in reader.records:
-        records = [record]
-        if isinstance(record, Chunk):
-            inflated += record.uncompressed_size
-            if inflated > LARGEST_TABLE:
-                raise ValueError(f"would inflate to {inflated} bytes; at most {LARGEST_TABLE} are read")
-            records = breakup_chunk(replace(record, compression="", data=_inflate(record)), validate_crc=True)
-        for item in records:
-            if isinstance(item, Schema):
-                schemas[item.id] = item.name
-            elif isinstance(item, Channel):
-                channels[item.id] = item
-            elif isinstance(item, Statistics):
-                declared = item.message_count
-            elif isinstance(item, Message):
-                counted += 1
-                channel = channels[item.channel_id]
-                topic = Topic(channel.topic, schemas[channel.schema_id])
-                yield Packet(topic, channel.message_encoding, item.log_time, item.data)
-    if declared is not None and declared != counted:
-        raise ValueError(f"{counted} messages; the file says that it has {declared}")
+def _nanoseconds(stamp: Any) -> int:
+    """Return a time or a duration of ROS [ns]."""
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
 
 
-def _inflate(chunk: Any) -> bytes:
-    """Return a chunk's records, no more bytes than it declares; raise `ValueError` if there are fewer or more."""
-    import lz4.frame
-    import zstandard
-
-    size = chunk.uncompressed_size
-    if chunk.compression == "zstd":
-        data = zstandard.ZstdDecompressor().stream_reader(chunk.data).read(size + 1)
-    elif chunk.compression == "lz4":
-        data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
-    elif chunk.compression == "":
-        data = chunk.data
-    else:
-        raise ValueError(f"compression {chunk.compression[:20]!r} is not known")
-    if len(data) != size:
-        raise ValueError(f"a chunk inflates to {len(data)} bytes or more; {size} were declared")
-    return data
+def _of_state(source: str, message: Any) -> Content:
+    """Take a `JointState` apart."""
+    values = {name: getattr(message, name) for name in ("position", "velocity", "effort")}
+    return _nanoseconds(message.header.stamp), message.name, values
 
 
-def state_series(source: str, messages: list[Message]) -> Series:
-    """Return position, velocity and effort of `JointState` messages; raise `LogError` where they do not fit together.
-
-    source: file and topic, for messages.
-    """
-    if not messages:
-        raise LogError(f"{source}: no messages")
-    names, columns = _joint_order(source, [message.content.name for message in messages])
-    values = {}
-    for field in ("position", "velocity", "effort"):
-        rows = [getattr(message.content, field) for message in messages]
-        if any(rows):
-            values[field] = _stack(source, field, rows, columns)
-    if "position" not in values:
-        raise LogError(f"{source}: the messages have no positions")
-    stamps, by_receipt = _stamps(messages)
-    note = f"{source.rpartition(' ')[2]}: the headers have no stamps; the times of receipt are used, jitter included"
-    return Series(stamps, by_receipt, names, values, (note,) if by_receipt else ())
+def _of_array(source: str, message: Any) -> Content:
+    """Take a `Float64MultiArray` apart."""
+    return 0, (), {"position": message.data}
 
 
-def command_series(source: str, schema: str, messages: list[Message], joints: tuple[str, ...]) -> Series:
-    """Return the positions asked for.
-
-    schema: the messages' type. joints: the states' joints, in whose order a `Float64MultiArray` must be. Raises
-    `LogError`.
-    """
-    if schema == STATE:
-        return state_series(source, messages)
-    if not messages:
-        raise LogError(f"{source}: no messages")
-    topic = source.rpartition(" ")[2]
-    if schema == COMMANDS[1]:
-        rows = [message.content.data for message in messages]
-        order = [list(range(len(joints)))] * len(rows)
-        note = (
-            f"{topic}: the commands name no joints; they are taken in the states' order, {', '.join(joints[:3])}, ..."
-        )
-        receipt = np.array([message.received for message in messages], dtype=np.int64)
-        return Series(receipt, True, joints, {"position": _stack(source, "data", rows, order)}, (note,))
-    points = [message.content.points for message in messages]
-    if any(len(point) != 1 for point in points):
+def _of_trajectory(source: str, message: Any) -> Content:
+    """Take a `JointTrajectory` apart."""
+    if len(message.points) != 1:
         raise LogError(
             f"{source}: trajectories of several points: what the controller made of them is not in this topic; log the "
             "positions that it asked for"
         )
-    names, columns = _joint_order(source, [message.content.joint_names for message in messages])
-    values = _stack(source, "positions", [point[0].positions for point in points], columns)
-    stamps, by_receipt = _stamps(messages)
-    after = [point[0].time_from_start for point in points]
-    delay = np.array([wait.sec * 10**9 + wait.nanosec for wait in after], dtype=np.int64)
-    return Series(stamps + delay, by_receipt, names, {"position": values})
+    (point,) = message.points
+    delay = [1e-9 * _nanoseconds(point.time_from_start)] * len(message.joint_names)
+    return _nanoseconds(message.header.stamp), message.joint_names, {"position": point.positions, "delay": delay}
 
 
-def _joint_order(source: str, listed: list[Any]) -> tuple[tuple[str, ...], list[list[int]]]:
-    """Return the joints of the first message, and where each of them stands in every message."""
-    names = tuple(listed[0])
-    if not names or len(set(names)) != len(names) or not all(names):
-        raise LogError(
-            f"{source}: the first message names the joints {list(names)[:6]}; expected one different name each"
+def state_series(collected: Collected) -> Series:
+    """Return position, velocity and effort without idle motors; raise `LogError` where they do not fit together."""
+    if not collected.received:
+        raise LogError(f"{collected.source}: no messages")
+    values = {name: collected.matrix(name) for name in ("position", "velocity", "effort")}
+    known = {name: array for name, array in values.items() if array is not None}
+    if "position" not in known:
+        raise LogError(f"{collected.source}: the messages have no positions")
+    names = collected.names
+    stamps, by_receipt = collected.clock()
+    notes = []
+    if collected.schema in LAYOUTS:
+        moving = np.any([array.any(axis=0) for array in known.values()], axis=0)
+        if not moving.any():
+            raise LogError(f"{collected.source}: every motor says zero in every message")
+        known = {name: array[:, moving] for name, array in known.items()}
+        names = tuple(name for name, moves in zip(names, moving, strict=True) if moves)
+    if by_receipt:
+        notes.append(f"{collected.topic}: the headers have no stamps; the times of receipt are used, jitter included")
+    return Series(stamps, by_receipt, names, known, tuple(notes))
+
+
+def command_series(collected: Collected, joints: tuple[str, ...]) -> Series:
+    """Return the positions asked for.
+
+    joints: the states' joints, in whose order a `Float64MultiArray` must be. Raises `LogError`.
+    """
+    if collected.schema == STATE:
+        return state_series(collected)
+    if not collected.received:
+        raise LogError(f"{collected.source}: no messages")
+    if collected.schema == ARRAY:
+        values = collected.matrix("position")
+        if values is None or values.shape[1] != len(joints):
+            size = 0 if values is None else values.shape[1]
+            raise LogError(f"{collected.source}: data of message 1 has {size} values for {len(joints)} joints")
+        note = (
+            f"{collected.topic}: the commands name no joints; they are taken in the states' order, "
+            f"{', '.join(joints[:3])}, ..."
         )
-    columns = []
-    for own in listed:
-        index = {name: place for place, name in enumerate(own)}
-        if len(own) != len(names) or index.keys() != set(names):
-            raise LogError(
-                f"{source}: a message names other joints than the first; expected one publisher on this topic"
-            )
-        columns.append([index[name] for name in names])
-    return names, columns
+        receipt = np.array(collected.received, dtype=np.int64)
+        return Series(receipt, True, joints, {"position": values}, (note,))
+    position = collected.matrix("position")
+    if position is None:
+        raise LogError(f"{collected.source}: the messages have no positions")
+    stamps, by_receipt = collected.clock()
+    delay = collected.matrix("delay")
+    if delay is not None:  # the point of a trajectory counts from its stamp plus its delay
+        stamps = stamps + np.rint(1e9 * delay[:, 0]).astype(np.int64)
+    return Series(stamps, by_receipt, collected.names, {"position": position}, _gains(collected, joints))
 
 
-def _stack(source: str, field: str, rows: list[Any], columns: list[list[int]]) -> np.ndarray:
-    """Return a field as a matrix, its columns in the order of the first message's joints."""
-    wrong = next((index for index, row in enumerate(rows) if len(row) != len(columns[index])), None)
-    if wrong is not None:
-        raise LogError(
-            f"{source}: {field} of message {wrong + 1} has {len(rows[wrong])} values for {len(columns[wrong])} joints"
-        )
-    return np.take_along_axis(np.array(rows, dtype=float), np.array(columns), axis=1)
-
-
-def _stamps(messages: list[Message]) -> tuple[np.ndarray, bool]:
-    """Return the headers' stamps [ns], or the times of receipt where some header has none; and which it was."""
-    headers = [message.content.header.stamp for message in messages]
-    stamps = np.array([stamp.sec * 10**9 + stamp.nanosec for stamp in headers], dtype=np.int64)
-    if stamps.all():
-        return stamps, False
-    return np.array([message.received for message in messages], dtype=np.int64), True
+def _gains(collected: Collected, joints: tuple[str, ...]) -> tuple[str, ...]:
+    """Say which gains were sent with the commands, if they were sent and did not change."""
+    sent = {name: collected.matrix(name) for name in ("kp", "kd") if name in collected.values}
+    used = [index for index, name in enumerate(collected.names) if name in joints]
+    found = {name: array[:, used] for name, array in sent.items() if array is not None and used}
+    if len(found) < 2 or any(np.ptp(array, axis=0).any() for array in found.values()):
+        return ()
+    words = "; ".join(f"{name} {', '.join(f'{value:.4g}' for value in array[0])}" for name, array in found.items())
+    return (f"{collected.topic}: the commands carry the gains {words}: say so in the sidecar, or by --kp and --kd",)

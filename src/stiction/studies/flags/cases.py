@@ -156,7 +156,7 @@ def loaded(given: Given) -> Given:
 
 def other_sign(given: Given) -> Given:
     """Take the torque with the sign the other way round."""
-    return given.flags(torque_scale=-given.setup.torque_scale)
+    return given.flags(torque_scale=-(given.setup.torque_scale or 1.0))
 
 
 def other_target_sign(given: Given) -> Given:
@@ -166,7 +166,7 @@ def other_target_sign(given: Given) -> Given:
 
 def scale(factor: float) -> Callable[[Given], Given]:
     """Return the mistake of a torque column in other units."""
-    return lambda given: given.flags(torque_scale=factor * given.setup.torque_scale)
+    return lambda given: given.flags(torque_scale=factor * (given.setup.torque_scale or 1.0))
 
 
 def degrees(given: Given) -> Given:
@@ -241,7 +241,7 @@ def contact(size: float, angle: float = 0.6) -> Callable[[Given], Given]:
         pressed = size * np.clip((position - begin) / (high - begin), 0.0, None)
         changes: dict[str, np.ndarray | None] = {}
         if given.signals.torque is not None:
-            changes["torque"] = given.signals.torque + pressed / given.setup.torque_scale
+            changes["torque"] = given.signals.torque + pressed / (given.setup.torque_scale or 1.0)
         assert given.setup.kp is not None
         changes["target"] = _target(given) + pressed / given.setup.kp
         return given.changed(**changes)

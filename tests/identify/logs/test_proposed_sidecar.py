@@ -1,0 +1,81 @@
+"""`stiction identify --init`: a sidecar that can be read as it is, with guesses that say what they rest on."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import logfiles
+from stiction.cli.main import main
+from stiction.core.errors import FileError, LogError
+from stiction.formats.log import read_setup, write_log
+from stiction.identify.example import example_log
+from stiction.identify.logs import open_log
+from stiction.identify.logs.sidecar import propose, write_proposal
+
+COUNT = 400
+
+
+def table(folder: Path, names: str, *columns: np.ndarray) -> Path:
+    """Write a CSV."""
+    path = folder / "log.csv"
+    np.savetxt(path, np.column_stack(columns), delimiter=",", header=names, comments="", fmt="%.9g")
+    return path
+
+
+def test_what_is_guessed_can_be_read_and_is_said(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Columns by their names, gains by the torque, a limit by where the torque stops."""
+    time = 0.002 * np.arange(COUNT)
+    position = np.sin(9 * time)
+    target, velocity = position + 0.2 * np.cos(5 * time), 9 * np.cos(9 * time)
+    torque = np.clip(20 * (target - position) - 0.5 * velocity, -5.0, 5.0)
+    path = table(tmp_path, "stamp,q,q_des,tau,dq", time, position, target, torque, velocity)
+    assert main(["identify", str(path), "--init"]) == 0
+    said = capsys.readouterr().out
+    data = json.loads((tmp_path / "log.json").read_text())
+    assert data["columns"] == {"time": "stamp", "position": "q", "target": "q_des", "torque": "tau", "velocity": "dq"}
+    assert data["torque_limit"] == 5.0 and "torque_limit of joint" in said
+    assert data["kp"] is None and data["test_condition"] is None
+    log = open_log(path)
+    assert list(log.joints) == ["joint"] and log.setup.torque_limit == 5.0 and log.setup.kp is None
+    with pytest.raises(FileError, match="is there already"):
+        write_proposal(path, {})
+
+
+def test_gains_are_seen_where_the_torque_is_the_controller_s(tmp_path: Path) -> None:
+    """And nowhere else: a sensor's torque is not kp (target - position) - kd velocity."""
+    log = example_log()
+    write_log(tmp_path / "swing.csv", log)
+    (tmp_path / "swing.json").unlink()
+    data, said = propose(tmp_path / "swing.csv", {})
+    assert data["kp"] == pytest.approx(20, rel=0.05) and data["kd"] == pytest.approx(0.5, rel=0.3)
+    assert any(line.startswith("kp, kd of shank") for line in said)
+    noise = np.random.default_rng(0).standard_normal(COUNT)
+    wave = np.sin(np.arange(COUNT) / 20)
+    data, _ = propose(
+        table(tmp_path, "time,position,target,torque", 0.002 * np.arange(COUNT), wave, wave + 1, noise), {}
+    )
+    assert data["kp"] is None and data["kd"] is None
+
+
+def test_currents_degrees_and_numbered_joints(tmp_path: Path) -> None:
+    """A current is not calibrated, hundreds are degrees, joint_0 wants a name."""
+    wave = 90 * np.sin(np.arange(COUNT) / 20)
+    path = table(tmp_path, "time,pos1,pos2,current1,current2", 0.002 * np.arange(COUNT), wave, wave, wave, wave)
+    data, said = propose(path, {})
+    assert data["torque_calibrated"] is False and data["position_scale"] == 0.0174533
+    assert data["names"] == ["joint_1", "joint_2"] and data["columns"]["position"] == "pos{joint}"
+    assert set(data["joints"]) == {"joint_1", "joint_2"} and len(said) == 4, said
+    path.with_suffix(".json").write_text(json.dumps(data))
+    assert read_setup(path).of_joint("joint_2").position_scale == 0.0174533
+
+
+def test_what_has_no_position_has_no_sidecar(tmp_path: Path) -> None:
+    """The refusal is that of the reader; a bag without states too."""
+    with pytest.raises(LogError, match="no column position"):
+        propose(table(tmp_path, "a,b", np.arange(9.0), np.arange(9.0)), {})
+    with pytest.raises(LogError, match="no topic of"):
+        propose(logfiles.mcap(tmp_path / "x.mcap", []), {})
