@@ -300,6 +300,8 @@ def cases(folder: Path) -> list[Case]:
         ("volts for newtons", "EMPS", drive, scale(1 / EMPS_VOLT), ""),
         ("torque twice as large", "leg", leg, scale(2.0), ""),
         ("torque a third too large", "motor", motor, scale(4 / 3), ""),
+        ("torque a fifth too large", "motor", motor, scale(1.2), "to less than a quarter a late loop does the same"),
+        ("torque a fifth too large", "leg", leg, scale(1.2), "to less than a quarter a late loop does the same"),
         ("torque twice as large, no gains", "motor", motor, no_gains(2.0), "without gains, limit or known load"),
         ("degrees", "motor", motor, degrees, ""),
         ("degrees", "leg", leg, degrees, ""),

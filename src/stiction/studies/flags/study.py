@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 
 DESCRIPTION = (
     "Make ten kinds of mistakes that people make on three records each, measured ones (STICTION_DATA) and simulated "
-    "joints "
-    "of known friction, and count which of them end with a friction that is stated, wrong, and not objected to."
+    "joints of known friction, and count which of them end with a friction that is stated, wrong, and not objected to."
 )
 
 TOLERANCE = 0.1
@@ -92,9 +91,8 @@ def lead(rows: Sequence[Outcome]) -> str:
     right, hidden = len(rows) - len(caught) - len(wrong), sum(bool(row.invisible) for row in wrong)
     refused = sum(row.caught == "refused" for row in caught)
     return (
-        f"{len(rows)} cases: {len(caught)} caught ({refused} refused, {len(caught) - refused} not valid), {right} "
-        "stated and "
-        f"right all the same, {len(wrong)} stated and wrong, {hidden} of these by a mistake that nothing in the log "
+        f"{len(rows)} cases: {len(caught)} caught ({refused} refused, {len(caught) - refused} not valid), {right} stated "
+        f"and right all the same, {len(wrong)} stated and wrong, {hidden} of these by a mistake that nothing in the log "
         "can show."
     )
 
