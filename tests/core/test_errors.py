@@ -22,7 +22,7 @@ from stiction.core.errors import (
     TrainingError,
     unknown_name,
 )
-from stiction.identify.logs.opening import parse_columns
+from stiction.identify.logs.naming import parse_columns
 from stiction.joints.friction import Law
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.terrain import TerrainCfg

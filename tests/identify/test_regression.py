@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -190,9 +191,10 @@ def test_a_payload_that_the_links_own_weight_hides_is_refused() -> None:
 def test_too_few_rows_are_refused() -> None:
     """One less than the least says so, with the number; the least passes."""
     rows = replace(equation_rows(COMMON), slowest=0.25)
-    check_rows("log.csv", rows.take(np.arange(FEWEST_ROWS)))
-    with pytest.raises(LogError, match=rf"log\.csv: excitation too poor: {FEWEST_ROWS - 1} samples.*faster than 0.25"):
-        check_rows("log.csv", rows.take(np.arange(FEWEST_ROWS - 1)))
+    log = SimpleNamespace(left_over="of 900 in the log 120 are independent")
+    check_rows("log.csv", rows.take(np.arange(FEWEST_ROWS)), log)
+    with pytest.raises(LogError, match=rf"log\.csv: .*{FEWEST_ROWS - 1} samples are left.*of 900 in the log 120"):
+        check_rows("log.csv", rows.take(np.arange(FEWEST_ROWS - 1)), log)
 
 
 def test_intervals_hold_the_truth_in_white_noise() -> None:

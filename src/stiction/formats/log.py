@@ -80,6 +80,8 @@ class LogSetup:
     """N m (or N) per unit of the torque column."""
     disturbance_scale: float | None = None
     """N m (or N) per unit of the disturbance column."""
+    feedforward_scale: float | None = None
+    """N m (or N) per unit of the feedforward column."""
     position_scale: float | None = None
     """rad (or m) per unit of position, target and velocity: 0.0174533 for degrees, one over the gear ratio for a
     motor's angle."""

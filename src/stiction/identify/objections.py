@@ -81,8 +81,7 @@ def no_friction_shown(friction: Estimate, unit: str) -> tuple[Objection, ...]:
         Objection(
             FRICTION_REACHES_ZERO,
             f"the interval of coulomb_friction reaches zero ({low:.4g} to {high:.4g} {unit}): the log does not show "
-            "that "
-            "there is any",
+            "that there is any",
             f"log for longer, with slow stretches and many reversals; {EXCITE}",
         ),
     )
@@ -117,18 +116,15 @@ def _controller(evidence: Evidence) -> list[Objection]:
     spring, damper = scales
     seen = (
         f"the logged torque is {spring:.3g} times kp (target − position) less {damper:.3g} times kd velocity, and is "
-        "off "
-        f"by {evidence.loop.mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, or "
-        "the "
-        "gains are not as declared"
+        f"off by {evidence.loop.mismatch:.0%}: torque, angles or stamps are in another unit, belong to another joint, "
+        "or the gains are not as declared"
     )
     degrees = abs(spring * 180 / np.pi - 1) < SERIOUS and abs(damper * 180 / np.pi - 1) < SERIOUS
     remedy = (
         "the angles look like degrees: convert them to rad"
         if degrees
         else "check --torque-scale, --kp, --kd, the rate, and that all columns are this joint's; torque that the "
-        "controller "
-        "adds goes into a feedforward column; where the gains are not known leave --kp and --kd out"
+        "controller adds goes into a feedforward column; where the gains are not known leave --kp and --kd out"
     )
     return [Objection("controller", seen, remedy)]
 
@@ -179,8 +175,7 @@ def _position(record: JointRecord) -> list[Objection]:
             f"the torque follows the position too ({follows['slope']:.3g} per unit): gravity, a spring, a cable or a "
             "stop, "
             f"which the model lacks; with it {worst} would change by {follows['changes'][worst]:+.0%}, which the "
-            "interval "
-            "does not cover",
+            "interval does not cover",
             "--gravity True fits it; or turn the joint's axis upright, or take the load off",
         )
     ]
@@ -234,8 +229,7 @@ def _rest(record: JointRecord) -> list[Objection]:
             "gravity, a load, contact, other joints in motion, or noise; intervals cover noise, not a model that lacks "
             "something",
             "--gravity True if a link hangs on the joint; else log this joint alone, free of contact, and check that "
-            "the "
-            "torque column is its own",
+            "the torque column is its own",
         )
     ]
 

@@ -288,8 +288,7 @@ def judge(record: JointRecord, sources: Mapping[str, Source] | None = None, legs
     if rotary and condition != "loaded":
         details.append(
             f"This is a lower bound for a {'leg that carries the robot' if legs else 'joint that carries a load'}: "
-            "friction "
-            "grows with load, and only a log under a known load can tell by how much."
+            "friction grows with load, and only a log under a known load can tell by how much."
         )
     if level is not None and not beyond and legs:
         details.append(_proposal(level, condition, advice))

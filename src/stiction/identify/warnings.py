@@ -76,8 +76,7 @@ def _missing(record: JointRecord, run: Run) -> list[str]:
     if run.signals.feedforward is not None and (run.signals.target is None or record.kp is None):
         found.append(
             "the feedforward has no effect: it belongs to the controller, which is not simulated without target, --kp "
-            "and "
-            "--kd; a logged torque has it in it already"
+            "and --kd; a logged torque has it in it already"
         )
     if record.diagnostics["closed_loop"]:
         found.append(record.diagnostics["closed_loop"])
@@ -150,8 +149,7 @@ def _fit(record: JointRecord) -> list[str]:
             low, high = own["interval95"]
             found.append(
                 f"{name} is {own['value']:.4g} ({low:.4g} to {high:.4g}) under the law that was chosen, and otherwise "
-                "under "
-                "viscous and Coulomb friction alone: the stated interval is widened until it admits both"
+                "under viscous and Coulomb friction alone: the stated interval is widened until it admits both"
             )
     found += _position_torque(record.diagnostics["position_torque"])
     if record.diagnostics["blocks"] == FEWEST_BLOCKS:

@@ -51,9 +51,9 @@ class Outcome:
     caught: str = field(metadata=column("caught by"))
     """`refused`, or the reasons of the objections; empty where the friction is stated."""
     said: str = field(metadata=column("in words"))
-    """The refusal, or the first objection, or the first line of the verdict."""
-    invisible: str = field(metadata=column("nothing shows it"))
-    """Why nothing in the log can show the mistake; empty where something can."""
+    """The refusal, or the first objection, or the first line of the verdict and the first warning."""
+    invisible: str = field(metadata=column("why it does not show"))
+    """Why the mistake does not show; empty where it does."""
 
     @property
     def wrong(self) -> bool:
@@ -80,7 +80,8 @@ def outcome(case: Case) -> Outcome:
         return Outcome(case.mistake, case.record, given.friction, *nothing, "refused", str(error), case.invisible)
     friction = record.coulomb_friction or record.combinations["f/k"]
     reasons = ", ".join(dict.fromkeys(one.reason for one in record.objections))
-    said = record.objections[0].seen if record.objections else record.diagnostics["verdict"]["lines"][0]
+    stated = " ".join((record.diagnostics["verdict"]["lines"][0], *record.warnings[:1]))
+    said = record.objections[0].seen if record.objections else stated
     numbers = (friction.value, *friction.interval95)
     return Outcome(case.mistake, case.record, given.friction, *numbers, reasons, said, case.invisible)
 
@@ -91,9 +92,9 @@ def lead(rows: Sequence[Outcome]) -> str:
     right, hidden = len(rows) - len(caught) - len(wrong), sum(bool(row.invisible) for row in wrong)
     refused = sum(row.caught == "refused" for row in caught)
     return (
-        f"{len(rows)} cases: {len(caught)} caught ({refused} refused, {len(caught) - refused} not valid), {right} stated "
-        f"and right all the same, {len(wrong)} stated and wrong, {hidden} of these by a mistake that nothing in the log "
-        "can show."
+        f"{len(rows)} cases: {len(caught)} caught ({refused} refused, {len(caught) - refused} not valid), "
+        f"{right} stated and right all the same, {len(wrong)} stated and wrong, {hidden} of these by a mistake that is "
+        "known not to show."
     )
 
 
