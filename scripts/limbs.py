@@ -3,8 +3,8 @@
     python scripts/limbs.py results/identification/limbs.csv --logs 70
 
 Three robots (the Go2's four legs hanging, an arm of six and one of seven joints, both of `tests/identify/limb/`), each
-with dry friction, viscous friction, rotors and offsets drawn anew for each log, and links that weigh what the model says
-(`right`), 10 % more or less, each by itself (`scattered`), or all of them 10 % more (`heavy`). One row per robot,
+with dry friction, viscous friction, rotors and offsets drawn anew for each log, and links that weigh what the model
+says (`right`), 10 % more or less, each by itself (`scattered`), or all of them 10 % more (`heavy`). One row per robot,
 condition and joint is written as soon as the robot is done; a robot and condition that the table has is not made again.
 """
 
@@ -30,10 +30,10 @@ FIRST_SEED = 1000
 
 QUANTITIES = ("coulomb_friction", "viscous_friction", "armature", "offset")
 
-COLUMNS = ("robot", "masses", "joint", "logs", "identified", *(f"covered_{name}" for name in QUANTITIES)) + (
-    "error_coulomb_friction",
-    "halfwidth_coulomb_friction",
-    "bias_coulomb_friction",
+COLUMNS = (
+    *("robot", "masses", "joint", "logs", "identified"),
+    *(f"covered_{name}" for name in QUANTITIES),
+    *("error_coulomb_friction", "halfwidth_coulomb_friction", "bias_coulomb_friction"),
 )
 """`identified`: logs in which friction was not refused; `covered_...`: share of them whose interval holds the truth;
 `error_...`: median |estimate / truth - 1|; `halfwidth_...`: median half-width over the truth; `bias_...`: mean error in

@@ -123,7 +123,7 @@ def low_pass(values: np.ndarray, cutoff: float, step: float) -> np.ndarray:
 
 @lru_cache(maxsize=256)
 def _butterworth(corner: float) -> np.ndarray:
-    """Return the filter's sections for a corner over half the sampling rate; designing it takes longer than filtering."""
+    """Return the filter's sections for a corner over half the sampling rate, kept: to design them takes long."""
     return butter(ORDER, corner, output="sos")
 
 

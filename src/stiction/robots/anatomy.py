@@ -92,7 +92,11 @@ def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
         place = anchor if number < 0 or parent < 0 else anchor - anchors[parent]
         parts.append(
             _part(model, data, bodies, (middle + turn @ anchor, turn))
-            | {"parent": parent, "origin": as_vector(place), "axis": as_vector(axes[number] if number >= 0 else (0, 0, 1))}
+            | {
+                "parent": parent,
+                "origin": as_vector(place),
+                "axis": as_vector(axes[number] if number >= 0 else (0, 0, 1)),
+            }
         )
     return Anatomy(
         Part(**parts[0]),

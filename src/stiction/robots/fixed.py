@@ -67,7 +67,9 @@ def mechanism_of(
     weightless = [number for number, link in enumerate(links) if _carried_mass(links, number) <= 0]
     if weightless:
         raise RobotError(f"{name}: nothing behind the joint {names[weightless[0]]!r} has a mass; give it an inertia")
-    limits = [said.of_joint(text, "torque_limit") or torque_limit(model, joint)[0] for text, joint in zip(names, driven)]
+    limits = [
+        said.of_joint(text, "torque_limit") or torque_limit(model, joint)[0] for text, joint in zip(names, driven)
+    ]
     armature = [said.of_joint(text, "armature") for text in names]
     return Mechanism(
         name=said.name or name,

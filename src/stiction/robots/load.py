@@ -15,7 +15,6 @@ from stiction.robots.model import Robot
 from stiction.robots.record import read_robot
 from stiction.robots.source import compile_source, read_source
 
-
 __all__ = ["as_robot", "load_mechanism", "load_robot"]
 
 

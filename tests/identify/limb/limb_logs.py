@@ -38,9 +38,7 @@ class Limb:
 
 
 ARM6 = Limb("arm6", str(HERE / "arm6.xml"), (0.0, -0.6, 0.9, 0.3, 0.4, 0.0), (0.7, 0.5, 0.5, 0.8, 0.8, 0.9))
-ARM7 = Limb(
-    "arm7", str(HERE / "arm7.xml"), (0.0, -0.3, 0.0, -1.5, 0.2, 1.8, 0.3), (0.6, 0.5, 0.6, 0.5, 0.8, 0.7, 0.9)
-)
+ARM7 = Limb("arm7", str(HERE / "arm7.xml"), (0.0, -0.3, 0.0, -1.5, 0.2, 1.8, 0.3), (0.6, 0.5, 0.6, 0.5, 0.8, 0.7, 0.9))
 GO2 = Limb("go2", "go2", (0.0, 0.9, -1.7) * 4, (0.4, 0.6, 0.5) * 4)
 LIMBS = (GO2, ARM6, ARM7)
 
@@ -151,7 +149,9 @@ def limb_logs(
     speed = noise * 0.005 * np.stack([_correlated(rng, shape, 5.0) for rng in rngs])
     batch = Batch(model, len(seeds), 1)
     batch.expand("dof_frictionloss")[:] = [truth.coulomb_friction for truth in truths]
-    batch.expand("dof_damping").reshape(len(seeds), len(names), -1)[:, :, 0] = [truth.viscous_friction for truth in truths]
+    batch.expand("dof_damping").reshape(len(seeds), len(names), -1)[:, :, 0] = [
+        truth.viscous_friction for truth in truths
+    ]
     batch.expand("dof_armature")[:] = [truth.armature for truth in truths]
     mass, inertia = batch.expand("body_mass"), batch.expand("body_inertia")
     for row, rng in enumerate(rngs):

@@ -56,7 +56,7 @@ def corrected_torques(
     velocity: np.ndarray,
     acceleration: np.ndarray,
 ) -> np.ndarray:
-    """Return what the links ask of the joints if they err by `errors`, (J, MODES); the rest and shape: `link_torques`."""
+    """Return what the links ask of the joints if they err by `errors`, (J, MODES); the rest: `link_torques`."""
     motions = _motions(mechanism, position, velocity, acceleration)
     total = np.zeros_like(position)
     for number, link in enumerate(mechanism.links):
@@ -110,7 +110,9 @@ class _Motion:
     """Acceleration of the origin less gravity [m/s²], (T, 3)."""
 
 
-def _motions(mechanism: Mechanism, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> list[_Motion]:
+def _motions(
+    mechanism: Mechanism, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+) -> list[_Motion]:
     """Return the motion of every link."""
     count = len(position)
     still = np.zeros((count, 3))

@@ -9,13 +9,17 @@ import numpy as np
 from stiction.core.errors import LogError
 from stiction.formats.joints import FitSignals, JointRecord, JointsFile
 from stiction.formats.log import Log
-from stiction.identify.limb.record import found_torques, joint_record, joint_signals
+from stiction.identify.limb.record import found_torques, joint_record, joint_signals, model_doubts
 from stiction.identify.limb.regression import LimbFit, fit_limb, limb_rows
 from stiction.identify.limb.setup import LimbSetup, check_declared
 from stiction.identify.limb.signals import limb_run
 from stiction.identify.pipeline import REFUSED
 from stiction.identify.setup import IdentifySetup
 from stiction.robots.mechanism import Mechanism
+
+FREED = 10.0
+"""Factor on the declared errors of the links under which the log says by itself what they are: where it contradicts the
+declaration, the tighter fit would take the contradiction for noise."""
 
 
 @dataclass(frozen=True)
@@ -46,13 +50,15 @@ def identify_limb(
     names, prior, rows = limb_rows(limb, setup)
     try:
         fit = fit_limb(names, prior, rows)
+        free = fit_limb(names, np.where(fit.of_links, FREED * prior, prior), rows)
     except np.linalg.LinAlgError as error:
         raise LogError(
             f"{log.source}: excitation too poor: what the joints do cannot be told apart; move each at two frequencies "
             "of its own, in both directions"
         ) from error
     torques = found_torques(limb, fit)
-    records = {one.joint.run.joint: joint_record(limb, fit, one) for one in rows}
+    doubts = model_doubts(fit, free)
+    records = {one.joint.run.joint: joint_record(limb, fit, one, doubts) for one in rows}
     refused = {name: JointRecord(warnings=(REFUSED + text,)) for name, text in limb.refused.items()}
     everyone = records | refused
     return LimbIdentification(

@@ -51,8 +51,8 @@ def own_fit(fit: LimbFit, rows: JointRows) -> Fit:
     return fit_rows(replace(run.rows, torque=left), Model())
 
 
-def joint_record(limb: LimbRun, fit: LimbFit, rows: JointRows) -> JointRecord:
-    """Return one joint's record with its warnings."""
+def joint_record(limb: LimbRun, fit: LimbFit, rows: JointRows, doubts: tuple[str, ...] = ()) -> JointRecord:
+    """Return one joint's record with its warnings; doubts: about the model, which all joints share."""
     run = rows.joint.run
     own, inflation = own_fit(fit, rows), fit.inflation(rows)
     comparisons = compare_parts(own.rows, own)
@@ -75,7 +75,7 @@ def joint_record(limb: LimbRun, fit: LimbFit, rows: JointRows) -> JointRecord:
     )
     diagnostics = _diagnostics(limb, fit, rows, own, comparisons) | {"inflation": inflation}
     record = replace(record, diagnostics=plain(diagnostics | {"verdict": judge(record).to_dict()}))
-    return replace(record, warnings=(*find_warnings(record, run), *_limb_warnings(limb, fit, rows, record)))
+    return replace(record, warnings=(*doubts, *find_warnings(record, run), *_limb_warnings(limb, record)))
 
 
 def _diagnostics(
@@ -84,7 +84,11 @@ def _diagnostics(
     """Return the numbers behind the fit."""
     run = rows.joint.run
     residual = fit.residual(rows)
-    behind = [name for number, name in enumerate(limb.mechanism.joint_names) if rows.joint.number in limb.mechanism.chain(number)]
+    behind = [
+        name
+        for number, name in enumerate(limb.mechanism.joint_names)
+        if rows.joint.number in limb.mechanism.chain(number)
+    ]
     strength = Strength(exact(run.setup.motor_strength or 1.0), "measured" if run.measured else "declared")
     return {
         "method": METHOD,
@@ -115,8 +119,8 @@ def _diagnostics(
     }
 
 
-def _limb_warnings(limb: LimbRun, fit: LimbFit, rows: JointRows, record: JointRecord) -> list[str]:
-    """Return what only a limb calls for: what was held, what cannot be told, and a model that is not the log's."""
+def _limb_warnings(limb: LimbRun, record: JointRecord) -> list[str]:
+    """Return what only a limb calls for: what was held, and what cannot be told."""
     found = []
     if limb.held:
         names = limb.mechanism.joint_names
@@ -128,16 +132,25 @@ def _limb_warnings(limb: LimbRun, fit: LimbFit, rows: JointRows, record: JointRe
         found.append("the rotor's inertia cannot be told from the links': move faster")
     elif record.combinations[ARMATURE].interval95[0] <= 0:
         found.append("the interval of the rotor's inertia reaches zero: the log does not show it; move faster")
-    far = [name for name in fit.link_names if abs(fit.values[fit.index[name]]) > FAR * fit.prior[fit.index[name]]]
-    if far:
-        worst = max(far, key=lambda name: abs(fit.values[fit.index[name]]))
-        mode, _, link = worst.partition(".")
-        found.append(
-            f"the model is not the log's within the declared error: {mode.replace('_', ' ')} of the link that {link} "
-            f"moves would be off by {fit.values[fit.index[worst]]:+.0%}; are signs and zeros of the joints, the "
-            "direction up (--up) and the load the model's? Mend that, or declare a larger --model-error"
-        )
     return found
+
+
+def model_doubts(fit: LimbFit, free: LimbFit) -> tuple[str, ...]:
+    """Say which link is not the log's within the declared error, the worst one.
+
+    free: a fit that was allowed larger errors.
+    """
+    size = np.where(fit.of_links, free.values / fit.prior, 0.0)
+    certain = np.abs(free.values) > FAR * np.sqrt(np.diag(free.covariance))
+    worst = int(np.argmax(np.abs(size) * certain))
+    if not (certain[worst] and abs(size[worst]) > FAR):
+        return ()
+    mode, _, link = fit.names[worst].partition(".")
+    return (
+        f"the model is not the log's within the declared error ({fit.prior[worst]:.3g}): {mode.replace('_', ' ')} of the "
+        f"link that {link} moves would be off by {free.values[worst]:+.0%}; are signs and zeros of the joints, the "
+        "direction up (--up) and the load the model's? Mend that, or declare a larger --model-error",
+    )
 
 
 def joint_signals(limb: LimbRun, fit: LimbFit, torques: np.ndarray, rows: JointRows) -> FitSignals:

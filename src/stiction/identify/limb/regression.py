@@ -84,6 +84,11 @@ class LimbFit:
         """Names of the errors of links, `mass.JOINT` of the link that the joint moves."""
         return tuple(name for name in self.names if name.partition(".")[0] in MODES)
 
+    @property
+    def of_links(self) -> np.ndarray:
+        """Which parameters are errors of links, bool, (P,)."""
+        return np.isin(self.names, self.link_names)
+
     def residual(self, rows: JointRows) -> np.ndarray:
         """Return what is left of one joint's torque [N m], (R,)."""
         return rows.torque - rows.regressor @ self.values
@@ -104,20 +109,15 @@ class LimbFit:
         return found
 
     def inflation(self, rows: JointRows) -> dict[str, float]:
-        """Return how many times longer each of a joint's own columns is than what the others leave of it.
+        """Return how many times longer each of a joint's own columns is than what its other own ones leave of it.
 
-        Beside the joint's own stand what the other parameters do to its torque, within what is known of them.
+        Errors of the links, which a prior bounds, cannot hide a parameter: its interval admits them.
         """
-        number = self.rows.index(rows)
         own = [self.index[f"{name}.{rows.joint.run.joint}"] for name in OWN]
-        known = np.isfinite(self.prior)
-        errors = np.zeros((int(known.sum()), len(self.names)))
-        errors[np.arange(len(errors)), np.flatnonzero(known)] = self.sizes[number] / self.prior[known]
-        columns = np.concatenate([rows.regressor, errors])[:, [*own, *np.flatnonzero(known)]]
-        scaled = columns / np.linalg.norm(columns, axis=0).clip(1e-300)
+        scaled = rows.regressor[:, own] / np.linalg.norm(rows.regressor[:, own], axis=0).clip(1e-300)
         _, sizes, directions = np.linalg.svd(np.linalg.qr(scaled, mode="r"))
         lengths = np.linalg.norm(directions / sizes.clip(1e-12)[:, None], axis=0)
-        return dict(zip(OWN, lengths[: len(OWN)].tolist()))
+        return dict(zip(OWN, lengths.tolist()))
 
 
 def limb_rows(run: LimbRun, setup: LimbSetup) -> tuple[tuple[str, ...], np.ndarray, tuple[JointRows, ...]]:

@@ -1,8 +1,8 @@
 """From a log and a mechanism to filtered signals of all its joints, through one filter, on one grid.
 
-All equations hold a joint's acceleration beside its neighbours', so all signals pass through the same filter. Its corner
-is the median of what the joints would have alone: the lowest would leave quick joints few samples between reversals,
-for the sake of the rotor's inertia of slow ones, whose intervals admit what noise takes from it.
+All equations hold a joint's acceleration beside its neighbours', so all signals pass through the same filter. Its
+corner is the median of what the joints would have alone: the lowest would leave quick joints few samples between
+reversals, for the sake of the rotor's inertia of slow ones, whose intervals admit what noise takes from it.
 """
 
 from __future__ import annotations
@@ -157,7 +157,9 @@ def _angles(log: Log, mechanism: Mechanism, numbers: dict[str, int]) -> np.ndarr
     return angles
 
 
-def _check_joint(log: Log, recorded: str, declared: IdentifySetup) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
+def _check_joint(
+    log: Log, recorded: str, declared: IdentifySetup
+) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
     """Return setup, signals, driving torque in N m and samples to leave out of one joint; raise `LogError`."""
     setup = declared.with_sidecar(log.setup_of(recorded))
     setup.check()
@@ -169,8 +171,8 @@ def _check_joint(log: Log, recorded: str, declared: IdentifySetup) -> tuple[Iden
         )
     if signals.torque is not None and setup.torque_calibrated is False and setup.motor_strength is None:
         raise LogError(
-            f"{log.source}: joint {recorded!r}: the torque column has no known unit, and the links weigh newton metres: "
-            "give --torque-scale"
+            f"{log.source}: joint {recorded!r}: the torque column has no known unit, and the links weigh newton "
+            "metres: give --torque-scale"
         )
     if signals.disturbance is not None:
         signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
