@@ -1,4 +1,4 @@
-"""A limb from its log: numbers worked out by hand come back, a wrong model is found and admitted, refusals name joints."""
+"""A limb from its log: numbers worked out by hand come back, a wrong model is found, refusals name their joint."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def pendulum_log() -> Log:
 
 
 def planar_log(lower_mass: float = 0.8) -> Log:
-    """Return a log of the two links by the textbook's equations; lower_mass: of a lower link that is not the model's."""
+    """Return a log of the two links by the textbook's equations; lower_mass: of the lower link, 0.8 in the model."""
     (q1, v1, a1), (q2, v2, a2) = sines(0.3), sines(1.7, 1.31)
     m1, l1, m2, l2, spin = 1.5, 0.4, lower_mass, 0.3, 0.01 * lower_mass / 0.8
     cos, h = np.cos(q2), m2 * l1 * l2 * np.sin(q2)
@@ -176,7 +176,8 @@ def test_without_torque_the_motors_strength_must_be_declared() -> None:
     record = identify_limb(asked, pendulum(), IdentifySetup(kp=40.0, kd=2.0, motor_strength=1.0)).joints.joints["hinge"]
     assert record.coulomb_friction is not None
     assert record.coulomb_friction.value == pytest.approx(FRICTION[0], rel=0.02)
-    assert record.torque_source is None and any("rests on the motor strength" in text for text in record.warnings)
+    assert record.torque_source is None and ARMATURE not in record.combinations
+    assert any("rests on the motor strength" in text for text in record.warnings)
 
 
 @pytest.mark.parametrize(
@@ -198,7 +199,7 @@ def test_what_has_no_meaning_for_a_limb_is_refused(declared: IdentifySetup, setu
 
 
 def test_the_rotor_reaches_simulators_and_training() -> None:
-    """`armature` among the combinations is a rotor's inertia: convert writes it, train takes it, nothing is subtracted."""
+    """`armature` among the combinations is a rotor's inertia: convert and train take it, and subtract nothing."""
     found = identify_limb(planar_log(), planar()).joints
     rotor = found.joints["b"].combinations[ARMATURE].value
     assert joint_physics("b", found.joints["b"]).armature == rotor

@@ -58,7 +58,8 @@ def joint_record(limb: LimbRun, fit: LimbFit, rows: JointRows, doubts: tuple[str
     comparisons = compare_parts(own.rows, own)
     stated = widened(dict(zip(SINGLE, fit.own(rows).values())), comparisons)
     found = {name: stated[name] if inflation[one] < MAX_INFLATION else None for name, one in zip(SINGLE, OWN)}
-    coulomb, armature = found["coulomb_friction"], found["inertia"]
+    # Without a sensor the encoder's noise is in the torque and in the acceleration: the rotor would be their product.
+    coulomb, armature = found["coulomb_friction"], found["inertia"] if run.measured else None
     limit = run.setup.torque_limit or limb.mechanism.torque_limit[rows.joint.number]
     record = JointRecord(
         viscous_friction=found["viscous_friction"],
@@ -128,7 +129,12 @@ def _limb_warnings(limb: LimbRun, record: JointRecord) -> list[str]:
         found.append(f"not in the log, and taken to be held: {angles}")
     if record.coulomb_friction is None:
         found.append("dry friction cannot be told from the joint's other torques: use two frequencies, both directions")
-    if ARMATURE not in record.combinations:
+    if record.torque_source is None:
+        found.append(
+            "the rotor's inertia is not told: the torque was made from the position, whose noise is then on both sides "
+            "of the equation; log the motor's torque"
+        )
+    elif ARMATURE not in record.combinations:
         found.append("the rotor's inertia cannot be told from the links': move faster")
     elif record.combinations[ARMATURE].interval95[0] <= 0:
         found.append("the interval of the rotor's inertia reaches zero: the log does not show it; move faster")
@@ -147,9 +153,10 @@ def model_doubts(fit: LimbFit, free: LimbFit) -> tuple[str, ...]:
         return ()
     mode, _, link = fit.names[worst].partition(".")
     return (
-        f"the model is not the log's within the declared error ({fit.prior[worst]:.3g}): {mode.replace('_', ' ')} of the "
-        f"link that {link} moves would be off by {free.values[worst]:+.0%}; are signs and zeros of the joints, the "
-        "direction up (--up) and the load the model's? Mend that, or declare a larger --model-error",
+        f"the model is not the log's within the declared error ({fit.prior[worst]:.3g}): {mode.replace('_', ' ')} of "
+        f"the link that {link} moves would be off by {free.values[worst]:+.0%}; are signs and zeros of the joints, the "
+        "direction up (--up) and the load the model's, or does friction depend on the angle? Mend the model, or "
+        "declare a larger --model-error",
     )
 
 
