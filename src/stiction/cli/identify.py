@@ -32,9 +32,10 @@ others with a column mapping; the wide CSV of actuator-net scripts, LeRobot's, U
 bag of ROS 2 (.mcap, .db3); PACE's .pt; MATLAB 5. Several logs are runs of the same joints and are fitted together.
 With torque: inertia and friction in SI units. With positions and targets alone: what of them can be known, in units of
 the motor's strength. Gains, torque limit and so on come from flags or from LOG.json beside the log, where each joint
-may have its own; --init writes one to fill in. With --robot and a log in which all joints of a leg or an arm move, its
-base held, they are found together, what each does to the others taken off by the robot's model. A walking log (stiction
-evaluate --log) has options of its own, --robot, --mass-known and more: `stiction identify WALK.npz --help` lists them."""
+may have its own; --init writes one to fill in. With --robot and a log in which all joints of a leg or an arm move,
+its base held, they are found together, what each does to the others taken off by the robot's model. A walking log
+(stiction evaluate --log) has options of its own, --robot, --mass-known and more: `stiction identify WALK.npz --help`
+lists them."""
 
 WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log (of evaluate --log, or of deploy):
 unloaded friction from legs in swing, and what load adds to it from the body in stance, where the robot's masses are
@@ -174,7 +175,9 @@ def _identify_limb(config: IdentifyConfig, robot: str) -> int:
     several = len(config.log) > 1 and not config.join
     for given, what in ((config.joint, "--joint"), (config.repeat, "--repeat"), (several, "several runs")):
         if given:
-            raise ConfigurationError(f"{what} with --robot: expected one log, for all its joints at once; leave that out")
+            raise ConfigurationError(
+                f"{what} with --robot: expected one log, for all its joints at once; leave that out"
+            )
     log = join_logs([_open(config, path) for path in config.log]) if config.join else _open(config, config.log[0])
     setup = part_of(LimbSetup, config)
     with Terminal(stderr=True).status("fitting all joints at once"):

@@ -91,9 +91,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
 
 
-def driven_signals(
-    log: Log, name: str, setup: IdentifySetup
-) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
+def driven_signals(log: Log, name: str, setup: IdentifySetup) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
     """Return a joint's set-up with its sidecar, its checked signals, what drove it, and the samples where nobody knows.
 
     Torque in N m, or the torque column's unit, and a mask, shape (num_samples,) each. Raises `StictionError`.

@@ -9,7 +9,7 @@ import numpy as np
 from stiction.core.errors import LogError
 from stiction.formats.joints import FitSignals, JointRecord, JointsFile
 from stiction.formats.log import Log
-from stiction.identify.limb.record import found_torques, joint_record, joint_signals, model_doubts
+from stiction.identify.limb.record import found_torques, joint_record, joint_signals
 from stiction.identify.limb.regression import LimbFit, fit_limb, limb_rows
 from stiction.identify.limb.setup import LimbSetup, check_declared
 from stiction.identify.limb.signals import limb_run
@@ -57,8 +57,7 @@ def identify_limb(
             "of its own, in both directions"
         ) from error
     torques = found_torques(limb, fit)
-    doubts = model_doubts(fit, free)
-    records = {one.joint.run.joint: joint_record(limb, fit, one, doubts) for one in rows}
+    records = {one.joint.run.joint: joint_record(limb, fit, free, one) for one in rows}
     refused = {name: JointRecord(warnings=(REFUSED + text,)) for name, text in limb.refused.items()}
     everyone = records | refused
     return LimbIdentification(

@@ -16,12 +16,13 @@ from stiction.formats.joints import ARMATURE, FitSignals, JointRecord
 from stiction.identify.combinations import Strength, exact
 from stiction.identify.consistency import Comparison, compare_parts, find_drift, whiteness, widened
 from stiction.identify.limb.dynamics import MODES, corrected_torques
+from stiction.identify.limb.objections import limb_objections
 from stiction.identify.limb.regression import LATENESS, OWN, JointRows, LimbFit
 from stiction.identify.limb.signals import LimbRun
 from stiction.identify.model import Model
 from stiction.identify.record import plain
 from stiction.identify.regression import MAX_INFLATION, Fit, fit_rows
-from stiction.identify.verdict import judge
+from stiction.identify.verdict import is_leg, judge
 from stiction.identify.warnings import find_warnings
 from stiction.joints.friction import dead_band, friction_ratio
 
@@ -51,8 +52,9 @@ def own_fit(fit: LimbFit, rows: JointRows) -> Fit:
     return fit_rows(replace(run.rows, torque=left), Model())
 
 
-def joint_record(limb: LimbRun, fit: LimbFit, rows: JointRows, doubts: tuple[str, ...] = ()) -> JointRecord:
-    """Return one joint's record with its warnings; doubts: about the model, which all joints share."""
+def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, rows: JointRows) -> JointRecord:
+    """Return one joint's record with its warnings; free: a fit that was allowed larger errors of the links."""
+    doubts = model_doubts(fit, free)
     run = rows.joint.run
     own, inflation = own_fit(fit, rows), fit.inflation(rows)
     comparisons = compare_parts(own.rows, own)
@@ -75,8 +77,31 @@ def joint_record(limb: LimbRun, fit: LimbFit, rows: JointRows, doubts: tuple[str
         torque_limit=limit,
     )
     diagnostics = _diagnostics(limb, fit, rows, own, comparisons) | {"inflation": inflation}
-    record = replace(record, diagnostics=plain(diagnostics | {"verdict": judge(record).to_dict()}))
-    return replace(record, warnings=(*doubts, *find_warnings(record, run), *_limb_warnings(limb, record)))
+    record = replace(record, diagnostics=plain(diagnostics), friction_law=_law(record, diagnostics, own))
+    record = replace(record, objections=limb_objections(record, fit, free, rows))
+    verdict = judge(record, legs=is_leg(run.joint)).to_dict()
+    record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
+    said = (*(one.seen for one in record.objections), *doubts, *find_warnings(record, run))
+    return replace(record, warnings=(*said, *_limb_warnings(limb, record)))
+
+
+def _law(record: JointRecord, diagnostics: dict[str, Any], own: Fit) -> dict[str, Any]:
+    """Return the law, which is Coulomb's: no other is tried."""
+    known = {name: getattr(record, name) for name in OWN[1:]} | {"inertia": record.combinations.get(ARMATURE)}
+    return {
+        "law": "coulomb",
+        "parameters": {name: value.to_dict() for name, value in known.items() if value is not None},
+        "over_strength": False,
+        "drawn": {
+            "viscous_friction": own.by_name["viscous_friction"],
+            "symmetric": own.by_name["coulomb_friction"],
+        },
+        "middle": 0.0,
+        "text": "Viscous and Coulomb friction: the only law that is fitted to a whole limb.",
+        "candidates": [],
+        "method": METHOD,
+        "relative_torque_error": diagnostics["relative_torque_error"],
+    }
 
 
 def _diagnostics(
@@ -107,6 +132,10 @@ def _diagnostics(
         "whiteness": whiteness(residual),
         "blocks": fit.blocks,
         "position_torque": None,
+        "predictions": [],
+        "contradicted": [],
+        "inertia_known": True,
+        "gravity": None,
         "comparisons": [comparison.to_dict() for comparison in comparisons],
         "drift": find_drift(own.rows, own),
         "closed_loop": ALONE,

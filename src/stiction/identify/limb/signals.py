@@ -7,17 +7,17 @@ reversals, for the sake of the rotor's inertia of slow ones, whose intervals adm
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from stiction.core.errors import LogError, unknown_name
 from stiction.formats.joint_map import parse_joint_map
 from stiction.formats.log import Log
-from stiction.identify.checks import LARGEST_VALUE, Uniform, check_excitation, check_log
+from stiction.identify.checks import LARGEST_VALUE, Uniform, check_excitation
 from stiction.identify.prepare import choose_cutoff, derivatives, low_pass, make_rows, position_noise, prepare
-from stiction.identify.regression import FEWEST_ROWS
-from stiction.identify.runs import Run, driving_torque
+from stiction.identify.regression import check_rows
+from stiction.identify.runs import Run, driven_signals, in_si
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.timing import even_grid, resample
 from stiction.robots.mechanism import Mechanism
@@ -93,7 +93,7 @@ def match_joints(log: Log, mechanism: Mechanism, pairs: tuple[str, ...]) -> dict
 def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tuple[str, ...] = ()) -> LimbRun:
     """Check and filter all joints of a log. Raises `StictionError` where none can be identified."""
     numbers = match_joints(log, mechanism, pairs)
-    angles = _angles(log, mechanism, numbers)
+    angles = _angles(log, mechanism, numbers, declared)
     checked: dict[str, tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]] = {}
     refused: dict[str, str] = {}
     for recorded in numbers:
@@ -111,16 +111,12 @@ def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tup
         prepared = prepare(signals, torque, corner, unusable)
         try:
             check_excitation(f"{log.source}: joint {recorded!r}", prepared.velocity, step)
-            if len(prepared.used) < FEWEST_ROWS:
-                raise LogError(
-                    f"{log.source}: joint {recorded!r}: {len(prepared.used)} samples are clear of its reversals and "
-                    f"faster than {prepared.threshold:.3g} rad/s; expected at least {FEWEST_ROWS}"
-                )
+            rows = make_rows([prepared], [None])
+            check_rows(f"{log.source}: joint {recorded!r}", rows, prepared)
         except LogError as error:
             refused[recorded] = str(error)
             continue
         number = numbers[recorded]
-        rows = make_rows([prepared], [None])
         name = mechanism.joint_names[number]
         notes = log.notes + mechanism.notes
         runs.append(JointRun(number, Run(log.source, name, setup, signals, torque, prepared, rows, notes)))
@@ -140,7 +136,7 @@ def limb_run(log: Log, mechanism: Mechanism, declared: IdentifySetup, pairs: tup
     )
 
 
-def _angles(log: Log, mechanism: Mechanism, numbers: dict[str, int]) -> np.ndarray:
+def _angles(log: Log, mechanism: Mechanism, numbers: dict[str, int], declared: IdentifySetup) -> np.ndarray:
     """Return the angles of all joints on the even grid, those without a log at rest, shape (T, J)."""
     for name, values in (("time", log.time), *((name, log.joints[name].position) for name in numbers)):
         if values is None or not np.all(np.abs(values) <= (1e20 if name == "time" else LARGEST_VALUE)):
@@ -151,7 +147,7 @@ def _angles(log: Log, mechanism: Mechanism, numbers: dict[str, int]) -> np.ndarr
     grid, _ = even_grid(log.source, log.time)
     angles = np.tile(np.array(mechanism.rest), (len(grid.times), 1))
     for recorded, number in numbers.items():
-        position = log.joints[recorded].position
+        position = in_si(log.joints[recorded], declared.with_sidecar(log.setup_of(recorded))).position
         assert position is not None
         angles[:, number] = resample(grid, position)
     return angles
@@ -161,9 +157,7 @@ def _check_joint(
     log: Log, recorded: str, declared: IdentifySetup
 ) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
     """Return setup, signals, driving torque in N m and samples to leave out of one joint; raise `LogError`."""
-    setup = declared.with_sidecar(log.setup_of(recorded))
-    setup.check()
-    signals = check_log(log, recorded, log.joints[recorded], setup.torque_scale)
+    setup, signals, torque, unusable = driven_signals(log, recorded, declared)
     if signals.torque is None and setup.motor_strength is None:
         raise LogError(
             f"{log.source}: joint {recorded!r} has no torque, and the links of the robot weigh newton metres: log the "
@@ -174,7 +168,4 @@ def _check_joint(
             f"{log.source}: joint {recorded!r}: the torque column has no known unit, and the links weigh newton "
             "metres: give --torque-scale"
         )
-    if signals.disturbance is not None:
-        signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
-    torque, unusable = driving_torque(log.source, signals, setup)
     return setup, signals, (setup.motor_strength or 1.0) * torque, unusable
