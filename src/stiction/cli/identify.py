@@ -19,6 +19,7 @@ from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile, write_f
 from stiction.formats.log import Log, sidecar_of
 from stiction.formats.plain import object_text
 from stiction.formats.walk import is_walk
+from stiction.identify.limb.setup import LimbSetup
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.walking.setup import WalkSetup
 from stiction.report.terminal import Terminal
@@ -31,8 +32,10 @@ others with a column mapping; the wide CSV of actuator-net scripts, LeRobot's, U
 bag of ROS 2 (.mcap, .db3); PACE's .pt; MATLAB 5. Several logs are runs of the same joints and are fitted together.
 With torque: inertia and friction in SI units. With positions and targets alone: what of them can be known, in units of
 the motor's strength. Gains, torque limit and so on come from flags or from LOG.json beside the log, where each joint
-may have its own; --init writes one to fill in. A walking log (stiction evaluate --log) has options of its own,
---robot, --mass-known and more: `stiction identify WALK.npz --help` lists them."""
+may have its own; --init writes one to fill in. With --robot and a log in which all joints of a leg or an arm move,
+its base held, they are found together, what each does to the others taken off by the robot's model. A walking log
+(stiction evaluate --log) has options of its own, --robot, --mass-known and more: `stiction identify WALK.npz --help`
+lists them."""
 
 WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log (of evaluate --log, or of deploy):
 unloaded friction from legs in swing, and what load adds to it from the body in stance, where the robot's masses are
@@ -41,13 +44,19 @@ declared known. Writes joints.json, fit.npz, training.json and report.html."""
 PLAIN_WIDTH = 120
 """Columns of a table where nobody says how wide the terminal is."""
 
+COUPLED = (
+    "several joints were identified, each as if the others stood still: if they moved at once and are of one leg or "
+    "arm, --robot FILE takes off what each does to the others"
+)
+"""What is said of a log with several joints and no robot."""
+
 RESULTS = ("joints.json", "fit.npz", "training.json", "report.html")
 """What is written into --out."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyConfig(IdentifySetup):
-    """Options of the verb."""
+class IdentifyConfig(IdentifySetup, LimbSetup):
+    """Options of the verb; those of `LimbSetup` count with --robot."""
 
     log: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """The log: .csv, .tsv, .txt (.gz), .npz, .parquet, .json, .jsonl, .mcap, .db3, .pt or .mat; or several runs of the
@@ -74,6 +83,9 @@ class IdentifyConfig(IdentifySetup):
     """Samples per second of a log without time stamps [Hz]."""
     sidecar: Path | None = None
     """A sidecar that does not lie beside the log as LOG.json: gains, limits and so on, for all joints and for each."""
+    robot: str | None = None
+    """The robot whose leg or arm moves in the log, its base held: a MuJoCo or URDF file, a robot.yaml, or the name of a
+    shipped one. All joints are then identified together, with the links' torques from the model."""
     repeat: tuple[Path, ...] = ()
     """Further logs of the same joints: repeats, hot and cold, with and without a payload. Each may have a sidecar."""
     repeat_columns: tuple[str, ...] = ()
@@ -128,6 +140,8 @@ def _identify_joints(config: IdentifyConfig) -> int:
         return 0
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)
+    if config.robot is not None:
+        return _identify_limb(config, config.robot)
     setup = part_of(IdentifySetup, config)
     runs = [_open(config, path) for path in config.log]
     logs = [join_logs(runs)] if config.join else runs[:1]
@@ -146,6 +160,30 @@ def _identify_joints(config: IdentifyConfig) -> int:
     fits = {name: result.fit for name, result in found.items()}
     _write_results(config.out, joints, lambda path: write_fit(path, fits), write_identification_page)
     _print_results(config, joints, show)
+    if len(found) > 1 and setup.test_condition != "bare_motor":
+        Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
+    return 0
+
+
+def _identify_limb(config: IdentifyConfig, robot: str) -> int:
+    """Identify all joints of a leg or an arm at once; return the exit status."""
+    from stiction.identify.limb.pipeline import identify_limb
+    from stiction.identify.logs import join_logs
+    from stiction.report.identification import write_identification_page
+    from stiction.robots.catalog import find_mechanism
+
+    several = len(config.log) > 1 and not config.join
+    for given, what in ((config.joint, "--joint"), (config.repeat, "--repeat"), (several, "several runs")):
+        if given:
+            raise ConfigurationError(
+                f"{what} with --robot: expected one log, for all its joints at once; leave that out"
+            )
+    log = join_logs([_open(config, path) for path in config.log]) if config.join else _open(config, config.log[0])
+    setup = part_of(LimbSetup, config)
+    with Terminal(stderr=True).status("fitting all joints at once"):
+        found = identify_limb(log, find_mechanism(robot), part_of(IdentifySetup, config), setup)
+        _write_results(config.out, found.joints, lambda path: write_fit(path, found.signals), write_identification_page)
+    _print_results(config, found.joints, lambda console, joints: _show_limb(console, joints, setup.model_error))
     return 0
 
 
@@ -310,6 +348,17 @@ def _several(found: dict[str, JointRecord]) -> Table:
             damped = "; viscous includes the controller's kd: (B + k·kd)/k" if record.torque_source is None else ""
             table.caption = f"in units of the motor strength k{damped}"
     return table
+
+
+def _show_limb(console: Console, joints: JointsFile, model_error: float) -> None:
+    """Print what was found in the log of a limb, and what was taken to be known of its links, for a person."""
+    show(console, joints)
+    console.print(
+        f"inertia is the rotor's (armature), behind the links of the model; each link's mass, inertia and centre were "
+        f"admitted to be off by {model_error:.0%}, one standard deviation (--model-error)",
+        highlight=False,
+        soft_wrap=True,
+    )
 
 
 def _show_walk(console: Console, joints: JointsFile) -> None:

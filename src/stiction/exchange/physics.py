@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stiction.core.errors import FileError
-from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord
+from stiction.formats.joints import ARMATURE, LOAD_REGRESSORS, Estimate, JointRecord
 from stiction.identify.reference import CONDITIONS
 
 
@@ -63,9 +63,10 @@ def joint_physics(recorded: str, record: JointRecord, name: str | None = None) -
         notes.append(f"dry friction is left out: {objection.text}")
     friction, damping = _size(coulomb, "dry friction", notes), _size(viscous, "viscous friction", notes)
     armature = _armature(record, notes)
+    inertia = record.inertia if armature is None else armature
     missing = [
         label
-        for label, value in (("dry friction", friction), ("viscous friction", damping), ("inertia", record.inertia))
+        for label, value in (("dry friction", friction), ("viscous friction", damping), ("inertia", inertia))
         if value is None
     ]
     if missing:
@@ -170,7 +171,9 @@ def _size(estimate: Estimate | None, label: str, notes: list[str]) -> float | No
 
 
 def _armature(record: JointRecord, notes: list[str]) -> float | None:
-    """Return the rotor's inertia at the joint, which a bare motor alone shows without the links."""
+    """Return the rotor's inertia at the joint: a whole limb tells it behind the links, a bare motor without them."""
+    if (rotor := record.combinations.get(ARMATURE)) is not None and rotor.interval95[0] > 0:
+        return rotor.value
     if record.inertia is None:
         return None
     value = record.inertia.value

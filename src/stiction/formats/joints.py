@@ -38,6 +38,11 @@ QUANTITIES = (
 """Everything in a record that is an `Estimate` or null."""
 
 
+ARMATURE = "armature"
+"""Name among the combinations of a rotor's inertia at its joint, links apart [kg m²]: what the log of a whole limb
+tells in place of an inertia, which there depends on how the other joints stand."""
+
+
 @dataclass(frozen=True)
 class Estimate:
     """A number with its uncertainty."""

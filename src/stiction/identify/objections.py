@@ -72,6 +72,11 @@ def find_objections(evidence: Evidence, record: JointRecord, moving: Sequence[st
     return (*found, *no_friction_shown(shown, "N m" if record.axis == "rotary" else "N"))
 
 
+def signal_objections(run: Run, record: JointRecord) -> tuple[Objection, ...]:
+    """Return what a joint's signals say against any fit to them: their units, and torque that was cut off."""
+    return (*_units(run, record), *_clipped(run))
+
+
 def no_friction_shown(friction: Estimate, unit: str) -> tuple[Objection, ...]:
     """Object to dry friction [`unit`] whose interval reaches zero."""
     low, high = friction.interval95

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -117,7 +118,13 @@ def prepare(
 
 def low_pass(values: np.ndarray, cutoff: float, step: float) -> np.ndarray:
     """Return `values`, shape (num_samples,), through the Butterworth filter forward and backward: no delay."""
-    return sosfiltfilt(butter(ORDER, 2 * cutoff * step, output="sos"), values)
+    return sosfiltfilt(_butterworth(2 * cutoff * step), values)
+
+
+@lru_cache(maxsize=256)
+def _butterworth(corner: float) -> np.ndarray:
+    """Return the filter's sections for a corner over half the sampling rate, kept: to design them takes long."""
+    return butter(ORDER, corner, output="sos")
 
 
 def derivatives(position: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, np.ndarray]:

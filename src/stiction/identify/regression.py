@@ -71,6 +71,11 @@ class Fit:
         return make_blocks(self.jacobian, self.residual, block, self.instrument)
 
     @cached_property
+    def reach(self) -> np.ndarray:
+        """Half-width of each 95 % interval in standard deviations, shape (P,)."""
+        return bootstrap_reach(self.blocks)
+
+    @cached_property
     def inflation(self) -> dict[str, float]:
         """How many times longer each column is than what the others leave of it; 1 is best, 1e12 a copy of another."""
         scaled = self.jacobian / np.linalg.norm(self.jacobian, axis=0).clip(1e-300)
@@ -105,12 +110,12 @@ class Fit:
         """
         row = np.array([weights.get(name, 0.0) for name in self.names])
         centre = row @ self.values if value is None else value
-        reach = bootstrap_reach(self.blocks)[self.names.index(like)]
+        reach = self.reach[self.names.index(like)]
         return with_intervals(np.array([centre]), np.array([[row @ self.covariance @ row]]), reach)[0]
 
     def scatter(self) -> dict[str, Estimate]:
         """Return each parameter with the deviation and the interval that the residual's scatter alone gives it."""
-        found = with_intervals(self.values, self.covariance, bootstrap_reach(self.blocks))
+        found = with_intervals(self.values, self.covariance, self.reach)
         return dict(zip(self.names, found, strict=True))
 
     def estimates(self) -> dict[str, Estimate]:

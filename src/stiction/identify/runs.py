@@ -79,15 +79,8 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
 
     alone: whether it must tell friction by itself; of several runs in one fit none needs to.
     """
-    name, raw = log.joint(joint)
-    setup = setup.with_sidecar(log.setup_of(name))
-    setup.check()
-    signals = check_log(log, name, _in_si(raw, setup), 1.0 if setup.torque_scale is None else setup.torque_scale)
-    if signals.disturbance is not None and setup.disturbance_scale is not None:
-        signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
-    if signals.feedforward is not None:
-        signals = _with_feedforward(signals, setup)
-    torque, unusable = _driving_torque(f"{log.source}: joint {name!r}", signals, setup)
+    name, _ = log.joint(joint)
+    setup, signals, torque, unusable = driven_signals(log, name, setup)
     prepared = prepare(signals, torque, setup.cutoff, unusable)
     where = f"{log.source}: joint {name!r}"
     if alone:
@@ -96,6 +89,23 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
     if alone:
         check_rows(where, rows, prepared)
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
+
+
+def driven_signals(log: Log, name: str, setup: IdentifySetup) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
+    """Return a joint's set-up with its sidecar, its checked signals, what drove it, and the samples where nobody knows.
+
+    Torque in N m, or the torque column's unit, and a mask, shape (num_samples,) each. Raises `StictionError`.
+    """
+    setup = setup.with_sidecar(log.setup_of(name))
+    setup.check()
+    raw = in_si(log.joints[name], setup)
+    signals = check_log(log, name, raw, 1.0 if setup.torque_scale is None else setup.torque_scale)
+    if signals.disturbance is not None and setup.disturbance_scale is not None:
+        signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
+    if signals.feedforward is not None:
+        signals = _with_feedforward(signals, setup)
+    torque, unusable = _driving_torque(f"{log.source}: joint {name!r}", signals, setup)
+    return setup, signals, torque, unusable
 
 
 def _with_feedforward(signals: Uniform, setup: IdentifySetup) -> Uniform:
@@ -113,7 +123,7 @@ def _with_feedforward(signals: Uniform, setup: IdentifySetup) -> Uniform:
     return replace(signals, feedforward=added, target=signals.target + added / setup.kp)
 
 
-def _in_si(raw: JointSignals, setup: IdentifySetup) -> JointSignals:
+def in_si(raw: JointSignals, setup: IdentifySetup) -> JointSignals:
     """Return signals whose angles, and their rates, are in rad (or m)."""
     scale = setup.position_scale
     if scale is None:

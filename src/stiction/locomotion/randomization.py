@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from stiction.core.errors import ConfigurationError, FileError
-from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord, JointsFile
+from stiction.formats.joints import ARMATURE, LOAD_REGRESSORS, Estimate, JointRecord, JointsFile
 from stiction.joints.friction import find_law, has_coefficient
 from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture, friction_share
@@ -334,6 +334,8 @@ def _friction(key: str | None, record: JointRecord, limit: float, warnings: dict
 
 def _armature(name: str, key: str | None, record: JointRecord, links: float, warnings: dict[str, None]) -> float | None:
     """Return the rotor inertia of joint `name` that its record, `key`, implies, or None where it implies none."""
+    if (rotor := record.combinations.get(ARMATURE)) is not None and rotor.interval95[0] > 0:
+        return rotor.value
     if record.inertia is None:
         return None
     if record.test_condition not in ("bare_motor", "in_air"):

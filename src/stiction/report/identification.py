@@ -9,7 +9,16 @@ from markupsafe import Markup
 
 from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
-from stiction.formats.joints import PARAMETERS, Estimate, FitSignals, JointRecord, JointsFile, load_joints, read_fit
+from stiction.formats.joints import (
+    ARMATURE,
+    PARAMETERS,
+    Estimate,
+    FitSignals,
+    JointRecord,
+    JointsFile,
+    load_joints,
+    read_fit,
+)
 from stiction.identify.consistency import COMPARED, REPEAT
 from stiction.report.joint_figures import against_angle, cloud, friction_of, overview, residuals, signals
 from stiction.report.page import (
@@ -242,7 +251,7 @@ def joint_row(record: JointRecord) -> list[str]:
     """Return one joint among several, in `JOINT_COLUMNS`: what is known over the motor strength k in its place."""
     damping = "(B + k·kd)/k" if record.torque_source is None else "B/k"
     viscous = record.viscous_friction or record.combinations.get(damping)
-    inertia = record.inertia or record.combinations.get("I/k")
+    inertia = record.inertia or record.combinations.get("I/k") or record.combinations.get(ARMATURE)
     friction, _, interval = cells(friction_of(record))
     ratio = "" if record.friction_ratio is None else f"{record.friction_ratio.value:.2%}"
     numbers = ("" if each is None else number(each.value) for each in (viscous, inertia))

@@ -92,7 +92,11 @@ def dissect(model: mujoco.MjModel, base: str | None, origin: str) -> Anatomy:
         place = anchor if number < 0 or parent < 0 else anchor - anchors[parent]
         parts.append(
             _part(model, data, bodies, (middle + turn @ anchor, turn))
-            | {"parent": parent, "origin": _vector(place), "axis": _vector(axes[number] if number >= 0 else (0, 0, 1))}
+            | {
+                "parent": parent,
+                "origin": as_vector(place),
+                "axis": as_vector(axes[number] if number >= 0 else (0, 0, 1)),
+            }
         )
     return Anatomy(
         Part(**parts[0]),
@@ -124,7 +128,7 @@ def _at_zero(model: mujoco.MjModel) -> mujoco.MjData:
     return data
 
 
-def _vector(values: Sequence[float] | np.ndarray) -> Vector:
+def as_vector(values: Sequence[float] | np.ndarray) -> Vector:
     """Return three numbers, those that are nothing but rounding as zero."""
     x, y, z = (0.0 if abs(value) < 1e-12 else float(value) for value in values)
     return x, y, z
@@ -134,7 +138,7 @@ def _part(
     model: mujoco.MjModel, data: mujoco.MjData, bodies: Sequence[int], frame: tuple[np.ndarray, np.ndarray]
 ) -> dict:
     """Return mass and shapes of bodies that are one, in a frame (its place, its orientation) of the world."""
-    whole = merge([_centred(model, data, body, frame) for body in bodies])
+    whole = merge([centred(model, data, body, frame) for body in bodies])
     geoms = [geom for geom in range(model.ngeom) if int(model.geom_bodyid[geom]) in set(bodies)]
     # Some files leave the bits to the program that loads them, and only the names say what is to touch.
     solid = [
@@ -149,7 +153,7 @@ def _part(
         "tip": model.body(bodies[int(np.argmax(depth))]).name,
         "bodies": tuple(bodies),
         "mass": whole.mass,
-        "com": _vector(whole.com),
+        "com": as_vector(whole.com),
         "inertia": whole.inertia,
         "shapes": tuple(shape for shape in shapes.values() if shape is not None),
         "touched": tuple(shapes[geom] for geom in solid if shapes[geom] is not None),
@@ -157,7 +161,7 @@ def _part(
     }
 
 
-def _centred(
+def centred(
     model: mujoco.MjModel, data: mujoco.MjData, body: int, frame: tuple[np.ndarray, np.ndarray]
 ) -> tuple[Body, Place]:
     """Return one body along its principal axes about its centre of mass, and where that is in a frame of the world."""
@@ -187,7 +191,7 @@ _PLAIN: dict[int, ShapeKind] = {
 def _shape(model: mujoco.MjModel, data: mujoco.MjData, geom: int, frame: tuple[np.ndarray, np.ndarray]) -> Shape | None:
     """Return one geometry in a frame of the world; None for planes, height fields and the like."""
     place, turn = frame
-    position = _vector(turn.T @ (data.geom_xpos[geom] - place))
+    position = as_vector(turn.T @ (data.geom_xpos[geom] - place))
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, (turn.T @ data.geom_xmat[geom].reshape(3, 3)).ravel())
     contact: Contact = "ground" if model.geom_contype[geom] or model.geom_conaffinity[geom] else "nothing"
@@ -231,7 +235,7 @@ def hull(points: np.ndarray) -> tuple[Vector, ...]:
                 break
             best.add(int(np.argmax(corners @ direction)))
         corners = corners[sorted(best)]
-    return tuple(_vector(corner) for corner in corners)
+    return tuple(as_vector(corner) for corner in corners)
 
 
 def _ball(count: int = 120) -> np.ndarray:

@@ -9,6 +9,7 @@ from pathlib import Path
 import stiction.robots.shipped as shipped
 from stiction.core.errors import RobotError, unknown_name
 from stiction.core.plugins import find_named
+from stiction.robots.mechanism import Mechanism, on_a_stand
 from stiction.robots.model import Robot
 from stiction.robots.record import read_robot
 
@@ -38,6 +39,19 @@ def find_robot(name: str) -> Robot:
     """
     plain, _, variation = name.partition("@")
     return vary(_find(plain), name, variation) if "@" in name else _find(name)
+
+
+def find_mechanism(name: str) -> Mechanism:
+    """Return what is called `name` with its base held: an arm on its table, or a legged robot on a stand.
+
+    name: as of `find_robot`; a MuJoCo or URDF file, or a `robot.yaml`, need not be of a legged robot. Raises
+    `StictionError` as that does.
+    """
+    if name.endswith(FILES) and not name.endswith(".json"):
+        from stiction.robots.load import load_mechanism
+
+        return load_mechanism(Path(name))
+    return on_a_stand(find_robot(name))
 
 
 def is_shipped(name: str) -> bool:

@@ -10,9 +10,12 @@ import mujoco
 from stiction.core.errors import RobotError
 from stiction.robots.derive import Derived, derive
 from stiction.robots.description import Description, read_description
+from stiction.robots.fixed import load_mechanism
 from stiction.robots.model import Robot
 from stiction.robots.record import read_robot
 from stiction.robots.source import compile_source, read_source
+
+__all__ = ["as_robot", "load_mechanism", "load_robot"]
 
 
 def load_robot(path: Path) -> Derived:

@@ -47,16 +47,21 @@ def read_source(path: Path) -> Source:
     Raises `RobotError` where it cannot be read, a mesh that is needed is missing or cannot be decoded, or the model
     does not weigh what the file says.
     """
+    spec, notes = read_spec(path)
+    return compile_source(spec, path.name, path, notes)
+
+
+def read_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
+    """Return what a MuJoCo (.xml) or URDF (.urdf) file describes, and what had to be mended. Errors: `read_source`."""
     content = _read_text(path)
     try:
         spec = mujoco.MjSpec.from_string(content) if path.suffix == ".urdf" else mujoco.MjSpec.from_file(str(path))
     except (ValueError, RuntimeError) as error:
-        raise RobotError(f"{path}: MuJoCo cannot read it: {_one_line(error)}") from error
+        raise RobotError(f"{path}: MuJoCo cannot read it: {one_line(error)}") from error
     if path.suffix == ".urdf":
         # A link without inertia has none; MuJoCo would weigh its shapes.
         spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
-    notes = _mend_meshes(spec, path)
-    return compile_source(spec, path.name, path, notes)
+    return spec, _mend_meshes(spec, path)
 
 
 def compile_source(spec: mujoco.MjSpec, name: str, path: Path | None = None, notes: tuple[str, ...] = ()) -> Source:
@@ -66,7 +71,7 @@ def compile_source(spec: mujoco.MjSpec, name: str, path: Path | None = None, not
     try:
         model = spec.compile()
     except (ValueError, RuntimeError) as error:
-        raise RobotError(f"{name}: MuJoCo cannot compile it: {_one_line(error)}") from error
+        raise RobotError(f"{name}: MuJoCo cannot compile it: {one_line(error)}") from error
     if path is not None and path.suffix == ".urdf":
         _check_mass(model, path)
     return Source(path.stem if path is not None else spec.modelname, model, name, notes)
@@ -103,7 +108,7 @@ def _without_floating_root(content: bytes) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _one_line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """Return what MuJoCo said, in one line."""
     return " ".join(str(error).removeprefix("Error: ").split())
 

@@ -1,0 +1,43 @@
+"""What makes the fit of a limb's joint invalid: its signals, what is not explained, a model that is not the robot's."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from stiction.formats.joints import JointRecord, Objection
+from stiction.identify.consistency import LARGEST_SIGMAS
+from stiction.identify.limb.regression import JointRows, LimbFit
+from stiction.identify.objections import (
+    LARGEST_REST,
+    NEGATIVE_FRICTION,
+    SERIOUS,
+    no_friction_shown,
+    signal_objections,
+)
+
+MODEL = "check signs and zeros of the joints, the direction up (--up) and the load against the model, and run again"
+"""What to do where the links are not the model's."""
+
+
+def limb_objections(record: JointRecord, fit: LimbFit, free: LimbFit, rows: JointRows) -> tuple[Objection, ...]:
+    """Return what makes the fit invalid, the plainest first; free: a fit that may let the links err more."""
+    found = list(signal_objections(rows.joint.run, record))
+    rest = record.diagnostics["relative_torque_error"]
+    if rest > LARGEST_REST:
+        seen = (
+            f"{rest:.0%} of the torque is not explained by links, rotor and friction, at most {LARGEST_REST:.0%} may be"
+        )
+        found.append(Objection("unexplained_torque", seen, MODEL))
+    name = f"coulomb_friction.{rows.joint.run.joint}"
+    stated, other = fit.estimate(name), free.estimate(name)
+    gap = abs(stated.value - other.value)
+    if gap > max(SERIOUS * abs(stated.value), LARGEST_SIGMAS * float(np.hypot(stated.std, other.std))):
+        seen = (
+            f"coulomb_friction is {stated.value:.4g} with the links within the declared error, and {other.value:.4g} "
+            "where they may err more: the model is not the robot's"
+        )
+        found.append(Objection("model", seen, f"{MODEL}; or declare a larger --model-error"))
+    if stated.interval95[1] < 0:
+        seen = f"coulomb_friction comes out below zero ({stated.value:.4g}), which no joint has"
+        found.append(Objection(NEGATIVE_FRICTION, seen, f"check --torque-scale; {MODEL}"))
+    return (*found, *no_friction_shown(record.coulomb_friction or stated, "N m"))

@@ -1,0 +1,82 @@
+"""Links on a base that stands still, as data: an arm on its table, a robot on a stand with its legs in the air. NumPy.
+
+Frames are those of `model`: at joint angles of zero every link's is parallel to the base's, its origin on the axis of
+its joint. A `Robot` is a mechanism once somebody holds its base; an arm has no feet and no standing height, and is no
+`Robot`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stiction.core.errors import RobotError
+from stiction.robots.model import GRAVITY, Link, Robot
+from stiction.robots.shapes import Vector
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A tree of J links, each moved by one hinge, on a base that does not move."""
+
+    name: str
+    links: tuple[Link, ...]
+    """Parents before those that they carry."""
+    joint_names: tuple[str, ...]
+    """Of the joint that moves each link."""
+    armature: tuple[float, ...]
+    """Rotor inertia that the model states [kg m²], 0 where it states none."""
+    torque_limit: tuple[float | None, ...]
+    """Largest torque of each motor, where the model states it [N m]."""
+    rest: tuple[float, ...]
+    """Angle at which a joint is taken to be held that no log has [rad]."""
+    gravity: Vector = (0.0, 0.0, -GRAVITY)
+    """Acceleration of fall in the base's frame [m/s²]."""
+    rigid: tuple[str, ...] = ()
+    """Joints of the file that are no hinges (a gripper's slides), taken to be rigid at their reference."""
+    notes: tuple[str, ...] = ()
+    """What was left out or taken to be so, a sentence each."""
+
+    def __post_init__(self) -> None:
+        """Refuse joints without names of their own, which no log could be matched with."""
+        if not self.joint_names or len(set(self.joint_names)) != len(self.joint_names) or "" in self.joint_names:
+            raise RobotError(
+                f"robot {self.name!r}: joints {list(self.joint_names)}; expected at least one, each with a name of "
+                "its own"
+            )
+
+    @property
+    def num_joints(self) -> int:
+        """Number of joints, J."""
+        return len(self.links)
+
+    def chain(self, link: int) -> tuple[int, ...]:
+        """Return the numbers of the joints from the base to a link, its own the last."""
+        found = [link]
+        while self.links[found[0]].parent >= 0:
+            found.insert(0, self.links[found[0]].parent)
+        return tuple(found)
+
+    def with_up(self, up: Vector) -> Mechanism:
+        """Return the mechanism with its base turned: `up` is the direction up in the base's frame, of any length.
+
+        Raises `RobotError` where that is no direction.
+        """
+        length = float(np.linalg.norm(up))
+        if not (np.isfinite(length) and length > 0):
+            raise RobotError(f"up {up}: expected the direction up in the base's frame, as in 0 0 1")
+        x, y, z = (-GRAVITY * value / length for value in up)
+        return replace(self, gravity=(x, y, z))
+
+
+def on_a_stand(robot: Robot) -> Mechanism:
+    """Return a robot whose base is held upright; joints that no log has are taken to stand as in its standing pose."""
+    return Mechanism(
+        name=robot.name,
+        links=robot.links,
+        joint_names=robot.joint_names,
+        armature=tuple(robot.joint_values("armature").tolist()),
+        torque_limit=tuple(robot.joint_values("torque_limit").tolist()),
+        rest=tuple(robot.joint_values("default_position").tolist()),
+    )
