@@ -116,8 +116,9 @@ def test_what_a_user_can_mend_is_one_line_and_status_1(
 
 
 def test_wrong_usage_is_status_2(log: Path) -> None:
-    """Unknown options, and no log at all."""
-    for arguments in ([], [str(log), "--nonsense"], [str(log), "--kp", "x"]):
+    """No log at all, and unknown options."""
+    assert main(["identify"]) == 2
+    for arguments in ([str(log), "--nonsense"], [str(log), "--kp", "x"]):
         with pytest.raises(SystemExit) as caught:
             main(["identify", *arguments])
         assert caught.value.code == 2

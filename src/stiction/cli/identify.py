@@ -132,7 +132,8 @@ def _identify_joints(config: IdentifyConfig) -> int:
     from stiction.report.terminal import work_progress
 
     if not config.log:
-        raise ConfigurationError("no log: expected `stiction identify LOG`, or several runs, LOG LOG LOG")
+        print("stiction identify: no log: expected LOG, or several runs, LOG LOG LOG", file=sys.stderr)
+        return 2
     if config.init:
         name = config.joint[0] if len(config.joint) == 1 else None
         columns = parse_columns(config.columns)
