@@ -15,6 +15,7 @@ BY_FILE = {name: path for path, name in NAMES.items()}
 
 READING = {
     *("core/cache.py", "core/errors.py", "core/gemm.py", "core/isolation.py", "core/statistics.py"),
+    *("core/lifeline.py", "core/lock.py", "core/memory.py", "core/scratch.py", "formats/dialect.py", "formats/text.py"),
     *(f"formats/{name}.py" for name in ("actuator", "bundle", "contract_rules", "following", "golden", "joint_map")),
     *(f"formats/{name}.py" for name in ("joints", "log", "plain", "results", "signature", "tables")),
     *("core/plugins.py", "core/records.py", "locomotion/config.py", "locomotion/rewards.py", "joints/net.py"),

@@ -57,8 +57,8 @@ def test_an_interruption_loses_seconds_of_a_batch_not_all_of_it() -> None:
 
 
 def test_single_robots_are_bounded_by_no_memory() -> None:
-    """A thousand episodes of 8000 s at once would be 8 million robot-seconds, one by one they are a long wait."""
-    cfg = GridCfg(EvaluationCfg((0.1,), ("vx=0.5",), episodes=1000, seconds=3600.0), ("mujoco", "physx"))
+    """A hundred hours at three levels at once would be a million robot-seconds, one by one they are a long wait."""
+    cfg = GridCfg(EvaluationCfg((0.1, 0.2, 0.3), ("vx=0.5",), episodes=100, seconds=3600.0), ("mujoco", "physx"))
     assert {len(unit.walks) for unit in units(plan(["a"], cfg), cfg)} == {1}
 
 

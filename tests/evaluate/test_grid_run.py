@@ -135,7 +135,7 @@ def test_a_line_that_was_cut_off_eats_no_walk(
     lines = (walked[1] / LEDGER).read_text().splitlines(keepends=True)
     (tmp_path / LEDGER).write_text("".join(lines[:-1]) + lines[-1][:40])
     assert walk_grid([still], GRID, tmp_path) == walked[0]
-    assert lines[-1][:40] in (tmp_path / LEDGER).read_text().splitlines()
+    assert lines[-1][:40] not in (tmp_path / LEDGER).read_text().splitlines()
     monkeypatch.setattr(run, "walk_unit", lambda *arguments: pytest.fail("walked again"))
     assert walk_grid([still], GRID, tmp_path) == walked[0]
 

@@ -15,7 +15,7 @@ from stiction.core.errors import StictionError
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.film import _render
 from stiction.evaluate.trained import walk_run
-from stiction.rma.run import ROBOT, RunDirectory
+from stiction.rma.run import ROBOT, RunDirectory, load_checkpoint, save_checkpoint
 from stiction.robots.catalog import robot_in_file
 
 WORDS = [
@@ -81,6 +81,9 @@ def sent(finished: Path, folder: Path, unfinished: bool = False, **task: object)
             part = part["rewards"]
         part[name] = value
     (folder / "config.json").write_text(json.dumps(data))
+    # Digests find accidents: whoever sends it has made them anew.
+    for path in (folder / "checkpoints").glob("*.safetensors"):
+        save_checkpoint(path, load_checkpoint(path) | {"run": RunDirectory(folder).origin()})
     return folder
 
 

@@ -30,10 +30,11 @@ SERIOUS = 0.1
 """Relative change of a parameter, by another reading of the same log, from which on there is no answer. Less is lost in
 a level, rounded up to a whole per cent and doubled where the joint was not loaded; from a tenth on it shows."""
 
-LARGEST_SCALE = 0.25
+LARGEST_SCALE = 0.3
 """Relative gap between the torque that the declared gains ask for and the logged one, beyond which one of the two is
-wrong; `closed_loop.LARGEST_MISMATCH` must be exceeded too, for noise alone changes no scale. Delays and
-biases of virtual robots reach a fifth, with friction that is right within 2 %."""
+wrong; `closed_loop.LARGEST_MISMATCH` must be exceeded too, for noise alone changes no scale. Set on two virtual robots
+with delays and biases, whose gaps were 20 and 26 %. Of a joint without friction that moves freely the gap is larger,
+and its log is objected to without need."""
 
 LARGEST_EXCESS = 1.05
 """Logged torque over torque limit that noise of the current sensor still explains."""

@@ -343,10 +343,10 @@ class RunDirectory:
         header = self.header()
         settings = {name: header.get(name) for name in ("config", "identified", "actuator")}
         robot = self.path / ROBOT
-        settings["robot"] = _sha256(robot) if robot.is_file() else None
         figures = self.metrics.read_bytes() if self.metrics.exists() else b""
         return {
             "settings": hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest(),
+            "robot": _sha256(robot) if robot.is_file() else None,
             "figures": {"bytes": len(figures), "sha256": hashlib.sha256(figures).hexdigest()},
         }
 
@@ -389,6 +389,7 @@ class RunDirectory:
         begin = self.metrics.read_bytes()[: figures["bytes"]] if self.metrics.exists() else b""
         same = {
             "config.json": now["settings"] == origin["settings"],
+            ROBOT: origin.get("robot") in (None, now["robot"]),  # none: the user has named it again since
             "metrics.jsonl": hashlib.sha256(begin).hexdigest() == figures["sha256"],
         }
         for name, agrees in same.items():

@@ -99,7 +99,9 @@ def test_a_monitor_of_another_student_does_not_get_into_a_bundle(tmp_path: Path)
     cfg = TrainCfg(student=StudentCfg(iterations=1))
     run = RunDirectory.create(tmp_path / "run", cfg, "stiction train", None)
     save_checkpoint(run.checkpoints / "student_000001.safetensors", {"iteration": 1})
-    (run.path / "summary.json").write_text("{}")
+    (run.path / "summary.json").write_text(
+        '{"last": {"teacher": {"walk/tracking_error": 0.1, "walk/tripod_share": 0.5}}, "seconds": 1.0}'
+    )
     assert len(run.student_digest()) == 64
     from stiction.formats.wear import WearModel
 

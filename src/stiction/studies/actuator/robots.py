@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stiction.core.provenance import seed_streams, stream_seed
+from stiction.deploy.check import robot_of
 from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.walk_logs import RecordCfg, record_walks
 from stiction.formats.bundle import Bundle
@@ -43,8 +44,11 @@ class LoopRobot:
         def times(name: str, factor: float) -> tuple[float, ...]:
             return tuple((factor * contract.array(name)).tolist())
 
+        spec = robot_of(contract)
+        joints = tuple(replace(one, kp=self.strength * one.kp, kd=self.strength * one.kd) for one in spec.joints)
         return replace(
             contract,
+            anatomy=replace(spec, joints=joints),
             kp=times("kp", self.strength),
             kd=times("kd", self.strength),
             damping=times("damping", self.damping),
