@@ -14,8 +14,9 @@ from stiction.deploy.policy import load_policy
 from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS
 from stiction.formats.bundle import listed, write_bundle
 from stiction.formats.contract import Contract, proprioception
-from stiction.formats.golden import Golden, controller_torque
+from stiction.formats.golden import Golden
 from stiction.formats.wear import WearModel
+from stiction.joints.pd import controller_torque
 from stiction.robots.catalog import find_robot
 
 SENSORS = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")

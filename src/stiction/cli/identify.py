@@ -127,7 +127,7 @@ def main(arguments: list[str]) -> int:
 def _identify_joints(config: IdentifyConfig) -> int:
     """Identify the joints of one log or of several; return the exit status."""
     from stiction.identify.logs import join_logs, parse_columns
-    from stiction.identify.logs.sidecar import write_proposal
+    from stiction.identify.logs.sidecar import write_sidecar
     from stiction.identify.pipeline import identify_log
     from stiction.report.identification import write_identification_page
     from stiction.report.terminal import work_progress
@@ -138,7 +138,7 @@ def _identify_joints(config: IdentifyConfig) -> int:
     if config.init:
         name = config.joint[0] if len(config.joint) == 1 else None
         columns = parse_columns(config.columns)
-        print(write_proposal(config.log[0], columns, name, config.names, config.rate, config.time_scale))
+        print(write_sidecar(config.log[0], columns, name, config.names, config.rate, config.time_scale))
         return 0
     for log in (*config.log, *config.repeat):
         _keep_inputs(log, config.out)

@@ -80,15 +80,21 @@ def _sentence(size: int) -> str:
     return f"not enough memory: this takes more than {size / 2**30:.3g} GiB; cut the log, or raise --memory-limit"
 
 
+def address_space() -> int | None:
+    """Return the address space that this process has [B]; None where the system does not say (macOS)."""
+    pages = Path("/proc/self/statm")
+    return int(pages.read_text().split()[0]) * resource.getpagesize() if pages.exists() else None
+
+
 @contextmanager
 def _held(size: int) -> Iterator[None]:
     """Let the address space grow by `size` bytes and no more, where the system can say how large it is."""
-    pages = Path("/proc/self/statm")
-    if not pages.exists():
+    taken = address_space()
+    if taken is None:
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    wanted = int(pages.read_text().split()[0]) * resource.getpagesize() + size
+    wanted = taken + size
     limits = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
     resource.setrlimit(resource.RLIMIT_AS, (min(wanted, *limits) if limits else wanted, hard))
     try:

@@ -10,12 +10,12 @@ import hashlib
 import struct
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 
 from stiction.core.errors import BundleError, PolicyError
 from stiction.core.isolation import isolated_environment, python_module
+from stiction.core.memory import address_space
 
 MEMORY = 384 * 2**20
 """Address space that loading and running may take, beyond what Python and onnxruntime have then [B]."""
@@ -71,9 +71,8 @@ def _limit() -> None:
     import resource
 
     bounds = {resource.RLIMIT_CPU: SECONDS, resource.RLIMIT_CORE: 0}
-    if sys.platform == "linux":
-        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        bounds[resource.RLIMIT_AS] = pages * resource.getpagesize() + MEMORY
+    if (taken := address_space()) is not None:
+        bounds[resource.RLIMIT_AS] = taken + MEMORY
     for kind, most in bounds.items():
         _, hard = resource.getrlimit(kind)
         least = most if hard == resource.RLIM_INFINITY else min(most, hard)

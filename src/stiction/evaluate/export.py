@@ -30,13 +30,13 @@ from stiction.evaluate.rollout import Driver, Rollout, RolloutStep
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.contract_rules import METHODS
-from stiction.formats.golden import Golden, controller_torque
+from stiction.formats.golden import Golden
 from stiction.formats.joint_map import mapped
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import TERM, bench_friction, known_friction_text
 from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.friction import LAWS, has_coefficient, level_text
-from stiction.joints.pd import COMPENSATION_WIDTH, compensated
+from stiction.joints.pd import COMPENSATION_WIDTH, compensated, controller_torque
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.locomotion.randomization import friction_angle, nominal_joints

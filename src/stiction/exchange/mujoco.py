@@ -9,9 +9,10 @@ from __future__ import annotations
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.exchange.physics import Conversion, JointPhysics, check_axis, known, notes_of, number, one_line
 from stiction.exchange.urdf import Edit, Markup, Tag, set_attributes, xml_comment
+from stiction.robots.physics import FRICTION_D0
 
-FRICTION_D0 = 0.999
-"""Impedance of the dry-friction constraint; as `stiction.robots.mjcf` has it, where it is measured."""
+SOLIMP = (FRICTION_D0, FRICTION_D0, 0.001, 0.5, 2)
+"""Impedance of the dry-friction constraint, as `solimpfriction` has it."""
 
 TIMESTEP = 0.002
 """MuJoCo's own default [s], where a model has none."""
@@ -31,7 +32,7 @@ def joint_attributes(joint: JointPhysics, timestep: float) -> dict[str, str]:
     values = known(damping=joint.damping, frictionloss=joint.friction, armature=joint.armature)
     if joint.friction is not None:
         values["solreffriction"] = f"{number(2 * timestep)} 1"
-        values["solimpfriction"] = f"{FRICTION_D0} {FRICTION_D0} 0.001 0.5 2"
+        values["solimpfriction"] = " ".join(map(str, SOLIMP))
     return values
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
 from stiction.core.errors import ConfigurationError, FileError
+from stiction.exchange.mujoco import SOLIMP
 from stiction.exchange.physics import Conversion, number, one_line
 from stiction.formats.plain import is_number
 
@@ -94,8 +95,8 @@ def randomization_term(recipe: Recipe, to: Framework, assumed_load: float | None
 
 
 def _names(span: FrictionRange) -> str:
-    """Return the joints as a list of regular expressions that match nothing else, in Python."""
-    return "[" + ", ".join(repr(re.escape(name)) for name in span.joints) + "]"
+    """Return the joints as regular expressions that match nothing else, a tuple in Python."""
+    return repr(tuple(re.escape(name) for name in span.joints))
 
 
 def _ends(low: float, high: float) -> str:
@@ -126,7 +127,7 @@ def _mjlab(recipe: Recipe) -> tuple[list[str], list[str]]:
         "friction would stay 0",
         "an actuator's own frictionloss replaces the model's when the scene is built, and is replaced by this at reset",
         "MuJoCo's friction is soft: in the model give these joints solreffriction='2*timestep 1' and "
-        "solimpfriction='0.999 0.999 0.001 0.5 2' (`stiction convert joints.json --to mujoco`), or they creep",
+        f"solimpfriction='{' '.join(map(str, SOLIMP))}' (`stiction convert joints.json --to mujoco`), or they creep",
         *_apart(recipe, "mjlab"),
     ]
     lines = [
@@ -142,7 +143,7 @@ def _mjlab(recipe: Recipe) -> tuple[list[str], list[str]]:
             "        func=dr.joint_friction,",
             "        mode='reset',",
             "        params={",
-            f"            'asset_cfg': SceneEntityCfg('robot', joint_names=tuple({_names(span)})),",
+            f"            'asset_cfg': SceneEntityCfg('robot', joint_names={_names(span)}),",
             f"            'ranges': {_ends(span.low, span.high)},",
             "            'operation': 'abs',",
             f"            'shared_random': {recipe.together},",
@@ -307,5 +308,5 @@ def _mujoco(recipe: Recipe) -> tuple[list[str], list[str]]:
         "        dof = model.joint(name).dofadr[0]",
         f"        model.dof_frictionloss[dof] = low + {share} * (high - low)",
         "        model.dof_solref[dof] = [2 * model.opt.timestep, 1]",
-        "        model.dof_solimp[dof] = [0.999, 0.999, 0.001, 0.5, 2]",
+        f"        model.dof_solimp[dof] = {list(SOLIMP)}",
     ]

@@ -16,7 +16,7 @@ import numpy as np
 from stiction.core.errors import BundleError, LogError
 from stiction.formats.contract import Contract
 from stiction.formats.tables import parse_npz
-from stiction.joints.pd import PDGains, pd_torque
+from stiction.joints.pd import controller_torque
 
 MIN_STEPS, MAX_STEPS = 500, 20_000
 """Steps that golden vectors must have, ten seconds at 50 Hz, and may have."""
@@ -88,15 +88,6 @@ class Golden:
     def __len__(self) -> int:
         """Return the number of steps."""
         return len(self.time)
-
-
-def controller_torque(
-    target: np.ndarray, position: np.ndarray, velocity: np.ndarray, kp: np.ndarray, kd: np.ndarray, limit: np.ndarray
-) -> np.ndarray:
-    """Return the torques that joint controllers ask of their motors [N m], see `pd_torque`, shape (T, J)."""
-    gains = [PDGains(*map(float, each)) for each in zip(kp, kd, limit, strict=True)]
-    joints = [pd_torque(gain, target[:, j], position[:, j], velocity[:, j]) for j, gain in enumerate(gains)]
-    return np.stack(joints, axis=-1)
 
 
 BOUND = "sha256:"

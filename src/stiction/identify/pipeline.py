@@ -309,8 +309,6 @@ def _predictions(fit: Fit, others: Sequence[Run]) -> tuple[dict[str, Any], ...]:
 def _fit_signals(evidence: Evidence) -> FitSignals:
     """Collect what the page draws."""
     run, prepared = evidence.run, evidence.run.prepared
-    used = np.zeros(len(prepared.torque))
-    used[prepared.used] = 1.0
     whole = replace(prepared, used=np.arange(len(prepared.torque)))
     everything = make_rows([whole], [run.setup.payload], run.setup.motor_strength or 1.0)
     best = evidence.loop.chosen or evidence.loop.symmetric
@@ -323,7 +321,7 @@ def _fit_signals(evidence: Evidence) -> FitSignals:
         fitted_torque=predict_torque(evidence.base, everything),
         law_torque=predict_torque(evidence.chosen, everything),
         rigid_torque=rigid_torque(evidence.chosen, everything),
-        used=used,
+        used=prepared.mask,
         target=run.logged_target,
         simulated_position=best.simulated.position if best else None,
         simulated_torque=best.simulated.torque if best and run.measured else None,

@@ -59,6 +59,13 @@ class Prepared:
     """Samples in long gaps, and at the torque limit where the torque is the PD law's."""
 
     @property
+    def mask(self) -> np.ndarray:
+        """1 where a sample enters the regression, else 0; shape (num_samples,)."""
+        mask = np.zeros(len(self.torque))
+        mask[self.used] = 1.0
+        return mask
+
+    @property
     def left_over(self) -> str:
         """How many samples of how many are left, and where the others went."""
         slow = int(np.count_nonzero(np.abs(self.velocity) < self.threshold))

@@ -317,6 +317,17 @@ def _disagreement(evidence: Evidence) -> dict[str, dict[str, float]] | None:
     return None if found is None else disagreement(fit, found.estimates)
 
 
+def sampling(run: Run) -> dict[str, Any]:
+    """Return how a run was sampled and filtered, for the diagnostics."""
+    return {
+        "duration": float(run.signals.time[-1]),
+        "sampling_rate": 1 / run.signals.step,
+        "timing": run.signals.timing,
+        "cutoff": run.prepared.cutoff,
+        "speed_threshold": run.prepared.threshold,
+    }
+
+
 def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     """Return the numbers behind the fit."""
     run, base, rows, loop = evidence.run, evidence.base, evidence.rows, evidence.loop
@@ -327,11 +338,7 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "strength": {"source": strength.source, "missing": missing_experiment(strength, run.measured)},
         "samples": len(run.signals.time),
         "samples_used": len(rows),
-        "duration": float(run.signals.time[-1]),
-        "sampling_rate": 1 / run.signals.step,
-        "timing": run.signals.timing,
-        "cutoff": run.prepared.cutoff,
-        "speed_threshold": run.prepared.threshold,
+        **sampling(run),
         "condition_number": base.condition,
         "scaled_condition_number": base.scaled_condition,
         "inflation": base.inflation,

@@ -64,3 +64,13 @@ def pd_torque(gains: PDGains, target: np.ndarray, position: np.ndarray, velocity
     """
     torque = gains.strength * (gains.kp * (target - position) - gains.kd * velocity)
     return np.clip(torque, -gains.torque_limit, gains.torque_limit)
+
+
+def controller_torque(
+    target: np.ndarray, position: np.ndarray, velocity: np.ndarray, kp: np.ndarray, kd: np.ndarray, limit: np.ndarray
+) -> np.ndarray:
+    """Return what the controllers of J joints ask of their motors, nominal and within the limits [N m], shape (T, J).
+
+    target, position, velocity: shape (T, J), units as of `pd_torque`; kp, kd, limit: of each joint, shape (J,).
+    """
+    return np.clip(kp * (target - position) - kd * velocity, -limit, limit)

@@ -120,24 +120,26 @@ class Stand:
             fleet.substep()
         return HELD * fleet.qvel[0, :BASE_DOFS] / (SETTLE * fleet.timestep)
 
-    def sunk(self, **draws: float) -> float:
-        """Return how far the feet have sunk into the ground [m], joints held and the trunk kept from turning."""
+    def settled(self, seconds: float, **draws: float) -> Fleet:
+        """Return a robot that has stood for a while, joints held and the trunk kept from turning."""
         fleet, _ = self.fleet(1, **draws)
         fleet.clamp(np.ones((1, self.spec.num_joints), bool), base=range(3, BASE_DOFS))
-        for _ in range(round(1.0 / fleet.control_period)):
+        for _ in range(round(seconds / fleet.control_period)):
             fleet.step()
+        return fleet
+
+    def sunk(self, **draws: float) -> float:
+        """Return how far the feet have sunk into the ground [m]."""
+        fleet = self.settled(1.0, **draws)
         return float(self.spec.standing_height - fleet.base_position[0, 2])
 
     def slide(self, **draws: float) -> float:
         """Return the deceleration [m/s²] of a robot that slides on its feet over half a second.
 
-        Joints are held, and the trunk is kept from turning: a tall robot would tip over.
+        Free to turn, a tall robot would tip over.
         """
-        fleet, _ = self.fleet(1, **draws)
-        fleet.clamp(np.ones((1, self.spec.num_joints), bool), base=range(3, BASE_DOFS))
+        fleet = self.settled(0.5, **draws)
         half_second = round(0.5 / fleet.control_period)
-        for _ in range(half_second):
-            fleet.step()
         fleet.qvel[:, 0] = start = 3.0
         for _ in range(half_second):
             fleet.step()

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.core.errors import RobotError
-from stiction.robots.model import GRAVITY, Link, Robot
+from stiction.robots.model import GRAVITY, Link, Robot, chain_to
 from stiction.robots.shapes import Vector
 
 
@@ -52,11 +52,8 @@ class Mechanism:
         return len(self.links)
 
     def chain(self, link: int) -> tuple[int, ...]:
-        """Return the numbers of the joints from the base to a link, its own the last."""
-        found = [link]
-        while self.links[found[0]].parent >= 0:
-            found.insert(0, self.links[found[0]].parent)
-        return tuple(found)
+        """Return the numbers of the joints from the base to a link, see `chain_to`."""
+        return chain_to(self.links, link)
 
     def with_up(self, up: Vector) -> Mechanism:
         """Return the mechanism with its base turned: `up` is the direction up in the base's frame, of any length.

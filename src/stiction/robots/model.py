@@ -267,11 +267,8 @@ class Robot:
         return None if self.feet[0].group is None else np.array([foot.group for foot in self.feet])
 
     def chain(self, link: int) -> tuple[int, ...]:
-        """Return the numbers of the joints from the base to a link, its own the last."""
-        found = [link]
-        while self.links[found[0]].parent >= 0:
-            found.insert(0, self.links[found[0]].parent)
-        return tuple(found)
+        """Return the numbers of the joints from the base to a link, see `chain_to`."""
+        return chain_to(self.links, link)
 
     @property
     def dead_band(self) -> float:
@@ -303,6 +300,14 @@ def box_inertia(mass: float, size: Sequence[float]) -> np.ndarray:
 def link_poses(robot: Robot, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return where the frames of all links of a robot are, see `tree_poses`."""
     return tree_poses(robot.links, angles)
+
+
+def chain_to(links: Sequence[Link], link: int) -> tuple[int, ...]:
+    """Return the numbers of the joints from the base to a link, its own the last."""
+    found = [link]
+    while links[found[0]].parent >= 0:
+        found.insert(0, links[found[0]].parent)
+    return tuple(found)
 
 
 def tree_poses(links: Sequence[Link], angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

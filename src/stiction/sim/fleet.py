@@ -310,11 +310,6 @@ class Fleet:
         pairs = ((np.ravel(getattr(used, name)), np.ravel(getattr(fresh, name))) for name in names)
         return max(float(np.max(np.abs(a - b) / np.maximum(np.abs(b), 1e-9), initial=0.0)) for a, b in pairs)
 
-    def foot_position(self, env: int) -> np.ndarray:
-        """Return the positions of one robot's feet in the world [m], shape (legs, 3)."""
-        _, data = self.data(env)
-        return np.array([data.site(name).xpos for name in self.spec.foot_names])
-
     def data(self, env: int) -> tuple[mujoco.MjModel, mujoco.MjData]:
         """Return one robot as a model and data of its own, positions computed, to render or inspect."""
         model, data = self.simulation.materialize(env)

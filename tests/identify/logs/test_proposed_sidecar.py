@@ -14,7 +14,7 @@ from stiction.core.errors import FileError, LogError
 from stiction.formats.log import read_setup, write_log
 from stiction.identify.example import example_log
 from stiction.identify.logs import open_log
-from stiction.identify.logs.sidecar import propose, write_proposal
+from stiction.identify.logs.sidecar import propose, write_sidecar
 
 COUNT = 400
 
@@ -42,7 +42,7 @@ def test_what_is_guessed_can_be_read_and_is_said(tmp_path: Path, capsys: pytest.
     log = open_log(path)
     assert list(log.joints) == ["joint"] and log.setup.torque_limit == 5.0 and log.setup.kp is None
     with pytest.raises(FileError, match="is there already"):
-        write_proposal(path, {})
+        write_sidecar(path, {})
 
 
 def test_gains_are_seen_where_the_torque_is_the_controller_s(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import walks
 from stiction.core.errors import StictionError
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.motion import (
-    controller_torque,
+    asked_torque,
     feet_down,
     forward_difference,
     grow,
@@ -47,9 +47,9 @@ def test_the_controllers_torque_by_hand(log: WalkLog) -> None:
         joint_position=np.repeat([[0.1], [0.0]], 18, axis=1),
         joint_velocity=np.repeat([[0.0], [4.0]], 18, axis=1),
     )
-    np.testing.assert_allclose(controller_torque(short)[0], 10.0)
+    np.testing.assert_allclose(asked_torque(short)[0], 10.0)
     far = replace(short, joint_target=np.full((2, 18), 9.0))
-    np.testing.assert_allclose(controller_torque(far)[0], walks.LIMITS)
+    np.testing.assert_allclose(asked_torque(far)[0], walks.LIMITS)
 
 
 def test_what_is_missing_is_known_to_be_missing(log: WalkLog) -> None:

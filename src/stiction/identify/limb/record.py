@@ -20,7 +20,7 @@ from stiction.identify.limb.objections import limb_objections
 from stiction.identify.limb.regression import LATENESS, OWN, JointRows, LimbFit
 from stiction.identify.limb.signals import LimbRun
 from stiction.identify.model import Model
-from stiction.identify.record import plain
+from stiction.identify.record import plain, sampling
 from stiction.identify.regression import MAX_INFLATION, Fit, fit_rows
 from stiction.identify.verdict import is_leg, judge
 from stiction.identify.warnings import find_warnings
@@ -122,11 +122,7 @@ def _diagnostics(
         "strength": {"source": strength.source, "missing": None},
         "samples": len(run.signals.time),
         "samples_used": len(residual),
-        "duration": float(run.signals.time[-1]),
-        "sampling_rate": 1 / run.signals.step,
-        "timing": run.signals.timing,
-        "cutoff": run.prepared.cutoff,
-        "speed_threshold": run.prepared.threshold,
+        **sampling(run),
         "scaled_condition_number": own.scaled_condition,
         "relative_torque_error": float(np.linalg.norm(residual) / np.linalg.norm(run.rows.torque)),
         "whiteness": whiteness(residual),
@@ -196,8 +192,6 @@ def joint_signals(limb: LimbRun, fit: LimbFit, torques: np.ndarray, rows: JointR
     late = fit.values[fit.index[LATENESS]] * np.gradient(prepared.torque, prepared.step)
     rigid = torques[:, rows.joint.number] + armature * prepared.acceleration + offset - late - prepared.outside
     fitted = rigid + viscous * prepared.velocity + coulomb * prepared.direction
-    used = np.zeros(len(prepared.torque))
-    used[prepared.used] = 1.0
     return FitSignals(
         time=run.signals.time,
         position=run.signals.position,
@@ -207,7 +201,7 @@ def joint_signals(limb: LimbRun, fit: LimbFit, torques: np.ndarray, rows: JointR
         fitted_torque=fitted,
         law_torque=fitted,
         rigid_torque=rigid,
-        used=used,
+        used=prepared.mask,
         target=run.signals.target,
     )
 

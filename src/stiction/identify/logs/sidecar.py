@@ -34,7 +34,7 @@ AT_LIMIT, SHARE_AT_LIMIT = 1 - 1e-6, 0.005
 there from which on it is a limit."""
 
 
-def write_proposal(
+def write_sidecar(
     path: Path,
     columns: Mapping[str, str],
     joint: str | None = None,

@@ -16,6 +16,7 @@ from stiction.core.rotation import up_in_frames
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.body import BaseMotion, JointMotion, foot_positions
 from stiction.identify.walking.setup import WalkSetup
+from stiction.joints.pd import controller_torque
 from stiction.robots.model import GRAVITY, Robot
 
 SHORTEST = 1.0
@@ -93,7 +94,7 @@ def walk_motion(log: WalkLog, spec: Robot) -> WalkMotion:
         period=period,
         base=base,
         joints=JointMotion(log.joint_position, log.joint_velocity, second_difference(log.joint_position, period)),
-        torque=controller_torque(log) if torque is None else torque,
+        torque=asked_torque(log) if torque is None else torque,
         rate=joint_rate(log.joint_position, period),
         upward=up,
         measured_torque=torque is not None,
@@ -122,15 +123,16 @@ def second_difference(values: np.ndarray, period: float) -> np.ndarray:
     return acceleration
 
 
-def controller_torque(log: WalkLog) -> np.ndarray:
+def asked_torque(log: WalkLog) -> np.ndarray:
     """Return kp (target - θ) - kd θ' within the limit [N m], shape (T, J): what the motors were asked for.
 
     The mean over the period that follows each sample: of the law at both ends, under the target of its start.
     """
-    header, limit = log.header, np.array(log.header.torque_limit)
+    header = log.header
+    gains = [np.array(values) for values in (header.kp, header.kd, header.torque_limit)]
     later = [np.concatenate([signal[1:], signal[-1:]]) for signal in (log.joint_position, log.joint_velocity)]
     asked = [
-        np.clip(np.array(header.kp) * (log.joint_target - position) - np.array(header.kd) * velocity, -limit, limit)
+        controller_torque(log.joint_target, position, velocity, *gains)
         for position, velocity in ((log.joint_position, log.joint_velocity), later)
     ]
     return (asked[0] + asked[1]) / 2
