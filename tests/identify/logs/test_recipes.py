@@ -16,7 +16,7 @@ import tyro
 from stiction.cli.identify import IdentifyConfig
 from stiction.cli.main import main
 from stiction.identify.logs import join_logs, open_log, parse_columns
-from stiction.identify.runs import _in_si
+from stiction.identify.runs import in_si
 from stiction.identify.setup import IdentifySetup
 
 ROOT = Path(__file__).parents[3]
@@ -59,7 +59,7 @@ def test_a_recipe_reads_what_was_simulated(tmp_path: Path, stranger: object) -> 
     inside = (rows >= 0) & (rows < 6000)
     assert inside.sum() >= 5999 and np.abs(np.diff(time) - 0.002).max() < 1e-6
     for name, signals in log.joints.items():
-        scaled = _in_si(signals, IdentifySetup(position_scale=config.position_scale))
+        scaled = in_si(signals, IdentifySetup(position_scale=config.position_scale))
         scale = log.setup_of(name).torque_scale or 1.0
         for role, factor, tolerance in (("position", 1.0, 1e-6), ("target", 1.0, 1e-6), ("torque", scale, 1e-6)):
             values = getattr(scaled, role)
