@@ -26,6 +26,7 @@ VERBS = {
     "export": "turn a training run into a policy bundle, or a bundle into a Webots project (not run in Webots)",
     "sign": "put the maker's signature into a policy bundle, or make a key",
     "verify": "check a policy bundle: every file, the contract, and the golden vectors",
+    "deploy": "run a policy bundle on a robot, real or virtual, under a supervisor that fails safe",
     "bench": "measure the throughput ratios on this machine, side by side in one run",
     "doctor": "measure that every randomised parameter really changes the physics",
 }

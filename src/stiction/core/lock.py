@@ -9,9 +9,11 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import re
 import shlex
 import socket
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
@@ -50,6 +52,28 @@ def replaced_folder(out: Path, option: str = "--out") -> Iterator[None]:
     out = out.absolute()
     make_folder(out.parent, option)
     with _locked(out.with_name(f".{out.name}{LOCK}"), out, option):
+        yield
+
+
+@contextmanager
+def one_writer(name: str, what: str) -> Iterator[None]:
+    """Be the only process of this user on this machine that drives something which is no folder, such as a robot.
+
+    name: of what is driven, for a file's name; what: the same for people.
+
+    Raises `StictionError` where another process does.
+    """
+    folder = Path(tempfile.gettempdir()) / f"stiction-{os.getuid()}"
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if folder.is_symlink() or folder.stat().st_uid != os.getuid():
+            raise FileError(
+                f"{folder} is somebody else's; two writers could not see each other: set TMPDIR to your own"
+            )
+    except OSError as error:
+        raise FileError(f"{folder} cannot be made: {error.strerror}; set TMPDIR to a folder that can") from error
+    file = folder / f"{re.sub('[^A-Za-z0-9_.-]', '-', name)[:100]}{LOCK}"
+    with _locked(file, Path(what), "robot, or end that process"):
         yield
 
 

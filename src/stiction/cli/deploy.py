@@ -1,0 +1,168 @@
+"""`stiction deploy BUNDLE --robot TRANSPORT`: run a policy on a robot, under a supervisor that alone can move it."""
+
+from __future__ import annotations
+
+import json
+import sys
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.lock import output_folder
+from stiction.deploy.runtime.limits import LimitsCfg
+from stiction.deploy.runtime.operator import OperatorCfg
+from stiction.deploy.runtime.safety import SafetyCfg
+
+DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
+
+Passive, until robot and policy are there; up to the standing pose, from where the joints are, over --ramp seconds; then
+the policy; then damping. A supervisor judges every reading and clips every target; what it does not like ends the run
+with one damping frame, one line that says which rule, which joint and which value, and exit status 1. Nothing is sent
+without --armed.
+
+--robot virtual starts a virtual robot in a process of its own: friction, motors, delays, gears and sensors are those of
+--robot-seed. Try there, with --fault, what your robot must never do.
+
+Examples:
+  stiction deploy saturn_lite-flat-deception-0.2 --robot virtual --armed --command vx=0.5 --duration 10
+  stiction deploy BUNDLE --robot virtual --armed --fault tilt@3
+  stiction deploy BUNDLE --robot virtual --stand --armed --excitation excite/trajectory.csv
+  stiction identify stiction-deploy/log"""
+
+
+@dataclass(frozen=True)
+class DeployCfg:
+    """Options of the verb."""
+
+    bundle: Annotated[Path, tyro.conf.Positional]
+    """Directory of the bundle, or the name of one that comes with the package."""
+    robot: str = "virtual"
+    """How the robot is reached: virtual."""
+    armed: bool = False
+    """Send commands. Without it everything runs but nothing is sent: look at the report and the log first."""
+    command: str = "stand"
+    """Commanded velocity, vx forward, vy sideways [m/s], wz turn [rad/s]: vx=0.5, or vx=0.3,wz=0.2, or stand."""
+    duration: float | None = None
+    """Seconds of the run after standing up; without it until somebody stops it."""
+    excitation: Path | None = None
+    """Play this trajectory.csv of `stiction excite` in place of the policy, the robot on a stand."""
+    out: Path = Path("stiction-deploy")
+    """Folder of the run: log/, report.json."""
+    report: Path | None = None
+    """File for the report, JSON; by default report.json in --out."""
+    keep_minutes: float = 120.0
+    """Minutes of the log that are kept, the newest; 0: no log."""
+    ramp: float = 2.0
+    """Seconds from the measured pose to the standing pose, at least 2."""
+    silence: float = 0.06
+    """Seconds after the policy's last answer from which on it hangs."""
+    stale: float = 0.03
+    """Age of a state from which on it is stale [s]."""
+    limits: LimitsCfg = field(default_factory=LimitsCfg)
+    """Of what goes out."""
+    safety: SafetyCfg = field(default_factory=SafetyCfg)
+    """Of what the robot may do."""
+    operator: OperatorCfg = field(default_factory=OperatorCfg)
+    """Who may stop or steer the run."""
+    realtime: int | None = None
+    """Real-time priority (SCHED_FIFO, 1 to 99) of supervisor and policy; what it does to an idle loop is printed."""
+    expect_digest: str | None = None
+    """Digest that the bundle must have, as `stiction verify` prints it."""
+    robot_seed: int = 1000
+    """Which virtual robot."""
+    engine: str = "mujoco"
+    """Physics engine of the virtual robot."""
+    friction_level: str = "0.1"
+    """Dry friction of the virtual robot's joints: a fraction of the torque limit, or bench, or bench+0.02."""
+    robot_cell: str = "all"
+    """What of the virtual robot is real: all, nominal, or groups such as friction+delays."""
+    stand: bool = False
+    """Bolt the virtual robot to a stand, its legs in the air."""
+    fault: tuple[str, ...] = ()
+    """Faults of the virtual robot's run, NAME@SECOND after the policy took over: tilt@3. A wrong name lists them."""
+    json: bool = False
+    """Print the report as JSON on standard output, and nothing else."""
+
+
+ROBOTS = ("virtual",)
+"""Transports."""
+
+
+def main(arguments: list[str]) -> int:
+    """Run the verb; return the exit status."""
+    cfg = tyro.cli(DeployCfg, args=arguments, prog="stiction deploy", description=DESCRIPTION)
+    from stiction.core.errors import unknown_name
+    from stiction.deploy.check import check_bundle
+    from stiction.formats.bundle import find_bundle
+
+    if cfg.robot not in ROBOTS:
+        raise ConfigurationError(unknown_name("robot transport", cfg.robot, ROBOTS))
+    folder = find_bundle(cfg.bundle)
+    with output_folder(cfg.out):
+        bundle = check_bundle(folder, cfg.expect_digest).bundle
+        report = _run(cfg, bundle, folder)
+        text = json.dumps(report, indent=2, allow_nan=False) + "\n"
+        (cfg.report or cfg.out / "report.json").write_text(text, encoding="utf-8")
+    if cfg.json:
+        print(text, end="")
+    if report["stop"] is not None:
+        print(f"stiction deploy: {report['end']}", file=sys.stderr)
+        return 1
+    if not cfg.json:
+        _show(cfg, report)
+    return 0
+
+
+def _run(cfg: DeployCfg, bundle: Any, folder: Path) -> dict[str, Any]:
+    """Run on the robot; return the report."""
+    import numpy as np
+
+    from stiction.deploy.runtime.motion import Motion
+    from stiction.deploy.runtime.runtime import RunCfg, run
+    from stiction.deploy.runtime.supervisor import SupervisorCfg
+    from stiction.evaluate.command import parse_command
+
+    settings = SupervisorCfg(
+        armed=cfg.armed,
+        duration=cfg.duration,
+        ramp=cfg.ramp,
+        silence=cfg.silence,
+        stale=cfg.stale,
+        limits=cfg.limits,
+        safety=cfg.safety,
+    )
+    with ExitStack() as stack:
+        operator, injected = cfg.operator, None
+        from stiction.virtual.faults import Faults, parse_fault
+        from stiction.virtual.process import virtual_robot
+        from stiction.virtual.serve import VirtualCfg
+
+        faults = [parse_fault(text) for text in cfg.fault]
+        motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
+        if any(fault.name == "stop-file" for fault in faults) and operator.stop_file is None:
+            operator = replace(operator, stop_file=cfg.out / "stop")
+        virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
+        robot = stack.enter_context(virtual_robot(folder, virtual))
+        if faults:
+            injected = Faults(faults, robot.address, operator.stop_file, bundle.contract.num_joints)
+        say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)
+        if not cfg.armed:
+            say("a dry run: nothing is sent to the robot; --armed moves it")
+        run_cfg = RunCfg(cfg.out, settings, operator, cfg.keep_minutes, cfg.realtime)
+        velocity = np.array(parse_command(cfg.command).velocity)
+        report = run(bundle, folder, robot.link, run_cfg, velocity, motion, injected, say)
+        report |= {"faults": {} if injected is None else injected.times, "virtual": robot.said() if cfg.armed else {}}
+    return report
+
+
+def _show(cfg: DeployCfg, report: dict[str, Any]) -> None:
+    """Print how the run went."""
+    late = report["lateness_ms"]
+    print(f"{report['end']}; lateness p50 {late['p50']:g} ms, p99 {late['p99']:g} ms, {report['lateness_judged']}")
+    print(f"report: {cfg.report or cfg.out / 'report.json'}")
+    if report["log"] is not None:
+        print(f"log: {cfg.out / report['log']}")

@@ -1,0 +1,106 @@
+"""What supervisor, policy and logger say to each other, over pairs of datagram sockets that no other process has."""
+
+from __future__ import annotations
+
+import errno
+import socket
+from collections.abc import Iterable
+from contextlib import suppress
+
+from stiction.deploy.transports.messages import Layout, Message
+from stiction.formats.contract import Contract
+
+SIGHT, TARGETS, ROW, STEP = 16, 17, 18, 19
+"""Kinds of messages: supervisor to policy, policy to supervisor, supervisor to logger twice."""
+
+BUFFER = 2**21
+"""Bytes that may wait in a channel: some seconds of the log."""
+
+SENSORS = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")
+
+IDLE, RUNNING = 0.0, 1.0
+"""What the policy is asked to do: wait, or act."""
+
+
+def sight_layout(joints: int) -> Layout:
+    """Return what the policy is told: sensors, arrival [s], commanded velocity, what to do, an injected fault."""
+    sizes = dict(zip(SENSORS, (4, 3, joints, joints), strict=True))
+    return Layout(SIGHT, sizes | {"velocity": 3, "robot_time": 1, "mode": 1, "fault": 1})
+
+
+TIMES = ("lateness", "read", "step", "send", "latency")
+"""Of one step of the policy [s]: behind its deadline; to read what has come; for observation and network; to send the
+targets, of the step before; and from having read the sensors to having targets."""
+
+
+def targets_layout(contract: Contract) -> Layout:
+    """Return what the policy answers at every deadline: targets, what it saw and did, what it finds of the joints."""
+    joints = contract.num_joints
+    sizes = {"mode": 1, "skipped": 1, "failed": 1, **dict.fromkeys(TIMES, 1), "target": joints, "action": joints}
+    sizes |= {"frame": contract.observation.frame_size, "wear": joints, "wear_low": joints, "wear_high": joints}
+    return Layout(TARGETS, sizes | {"unusual": 1})
+
+
+def row_layout(joints: int, feet: int) -> Layout:
+    """Return what the log has of one reading of the robot."""
+    names = ("position", "velocity", "torque", "target", "requested", "limited_by", "temperature")
+    sizes = {"stage": 1, "robot_time": 1, **dict.fromkeys(names, joints)}
+    sizes |= {"quaternion": 4, "angular_velocity": 3, "acceleration": 3, "foot_contact": feet, "battery": 1}
+    return Layout(ROW, sizes | {"velocity_command": 3})
+
+
+def socket_pair() -> tuple[socket.socket, socket.socket]:
+    """Return two connected ends that never block; each datagram arrives whole or not at all."""
+    ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    for end in ends:
+        end.setblocking(False)
+        with suppress(OSError):  # The system's own limit is enough for all but a slow disk.
+            end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER)
+    return ends
+
+
+class Channel:
+    """One end of a pair, for messages of one kind each way."""
+
+    def __init__(self, end: socket.socket, sends: Layout, receives: Layout | None = None) -> None:
+        """`sends`, `receives`: what goes out and what comes in."""
+        self.end, self._sends, self._receives, self._number = end, sends, receives, 0
+        self.lost = 0
+        """Messages that the other end had no room for."""
+
+    def send(self, time: float, vectors: dict[str, object]) -> bool:
+        """Send a message; return False where nobody is at the other end any more. Never waits."""
+        self._number += 1
+        return self.send_raw(self._sends.pack(self._number, time, vectors))
+
+    def send_raw(self, data: bytes) -> bool:
+        """Send bytes as they are; see `send`."""
+        try:
+            self.end.send(data)
+        except (BlockingIOError, InterruptedError):
+            self.lost += 1
+        except OSError as error:
+            if error.errno == errno.ENOBUFS:
+                self.lost += 1
+            else:
+                return False
+        return True
+
+    def receive(self) -> Iterable[Message]:
+        """Return the messages that have come, oldest first; never waits."""
+        assert self._receives is not None
+        found = []
+        while True:
+            try:
+                data = self.end.recv(self._receives.bytes + 1)
+            except OSError:
+                return found
+            if not data:
+                return found
+            message = self._receives.unpack(data)
+            if message is not None:
+                found.append(message)
+
+    def close(self) -> None:
+        """Close this end."""
+        self.end.close()

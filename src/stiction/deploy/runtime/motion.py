@@ -1,0 +1,62 @@
+"""A designed motion as the source of targets: what `excite` wrote, played on the robot under the same supervisor."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from stiction.core.errors import LogError, unknown_name
+from stiction.formats.contract import Contract
+from stiction.formats.log import by_joint, read_setup, read_table
+
+LONGEST = 1800.0
+"""Longest motion [s]."""
+
+
+class Motion:
+    """Targets over time of some joints; the others stay in the standing pose. `Source` of a run."""
+
+    def __init__(self, path: Path, contract: Contract) -> None:
+        """Read a trajectory, `time` and `target.<joint>`, a joint's name or its kind, and its sidecar's gains.
+
+        Raises `LogError`: no such table, time that does not run, unknown joints, targets that are none or outside of
+        the joint's limits.
+        """
+        table = read_table(path).columns
+        if "time" not in table:
+            raise LogError(f"{path.name}: no column 'time'; expected a trajectory.csv as `stiction excite` writes it")
+        self._time = table["time"] - table["time"][0]
+        if not (np.isfinite(self._time).all() and (np.diff(self._time) > 0).all() and self._time[-1] <= LONGEST):
+            raise LogError(f"{path.name}: its time does not grow, or is longer than {LONGEST:g} s")
+        targets = {name: s.target for name, s in by_joint(table, None).items() if s.target is not None}
+        if not targets:
+            raise LogError(f"{path.name}: no target.JOINT; expected a trajectory.csv as `stiction excite` writes it")
+        setup, standing = read_setup(path), contract.array("standing")
+        self.kp, self.kd = contract.array("kp"), contract.array("kd")
+        self.seconds = float(self._time[-1])
+        self._targets = np.tile(standing, (len(self._time), 1))
+        known = {*contract.joint_names, *contract.kinds}
+        for name, target in targets.items():
+            if name not in known:
+                raise LogError(f"{path.name}: {unknown_name('joint', name, sorted(known))}")
+            for joint, (own, kind) in enumerate(zip(contract.joint_names, contract.kinds, strict=True)):
+                if name not in (own, kind):
+                    continue
+                low, high = contract.lower[joint], contract.upper[joint]
+                if not (np.isfinite(target).all() and low <= target.min() and target.max() <= high):
+                    raise LogError(
+                        f"{path.name}: targets of {name} from {np.min(target):.3g} to {np.max(target):.3g} rad; expected "
+                        f"numbers within its limits, {low:g} to {high:g} rad: design it for this joint"
+                    )
+                gains = setup.of_joint(name)
+                self._targets[:, joint] = target
+                self.kp[joint] = self.kp[joint] if gains.kp is None else gains.kp
+                self.kd[joint] = self.kd[joint] if gains.kd is None else gains.kd
+        self.start = self._targets[0]
+
+    def target(self, elapsed: float) -> np.ndarray:
+        """Return the targets at a time [rad], shape (J,), linear between samples."""
+        place = int(np.clip(np.searchsorted(self._time, elapsed, side="right") - 1, 0, len(self._time) - 2))
+        share = np.clip((elapsed - self._time[place]) / (self._time[place + 1] - self._time[place]), 0.0, 1.0)
+        return self._targets[place] + share * (self._targets[place + 1] - self._targets[place])

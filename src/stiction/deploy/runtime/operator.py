@@ -1,0 +1,190 @@
+"""What a person, or a second machine, says to a run: stop, by four ways, and the velocity that is wanted.
+
+* a key: space, q, or Enter, where standard input is a terminal;
+* a signal: SIGINT (Ctrl-C), SIGTERM, SIGHUP;
+* a file that appears;
+* a second machine that no longer says that it is there.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import sys
+import termios
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+
+KEYS = b" q\r\n"
+"""Keys that stop the robot."""
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+ALIVE = b"alive"
+"""What a second machine sends, some ten times a second."""
+
+AXES = ("vx", "vy", "wz")
+"""Of a velocity command: forward, sideways [m/s], turn [rad/s]."""
+
+LARGEST_COMMAND = 512
+"""Bytes of a velocity command."""
+
+
+@dataclass(frozen=True)
+class OperatorCfg:
+    """Ways in which somebody may stop or steer a run."""
+
+    stop_file: Path | None = None
+    """The run stops when this file appears."""
+    heartbeat: str | None = None
+    """HOST:PORT of this machine at which a second one says `alive` by UDP; the run stops when it no longer does. It
+    listens at that address alone."""
+    heartbeat_timeout: float = 0.5
+    """Time without `alive` after which the run stops [s]."""
+    command_from: str | None = None
+    """HOST:PORT of this machine at which velocity commands come by UDP, JSON such as {"vx": 0.5}, some ten times a
+    second. Without them the robot stands, then stops."""
+
+    def __post_init__(self) -> None:
+        """Refuse times that are none."""
+        if not 0.05 <= self.heartbeat_timeout <= 60:
+            raise ConfigurationError(f"heartbeat_timeout of {self.heartbeat_timeout} s: expected 0.05 to 60 s")
+
+
+class Operator:
+    """Listens to whoever may stop or steer a run; never waits."""
+
+    def __init__(self, cfg: OperatorCfg, now: float) -> None:
+        """Open what the configuration names.
+
+        Raises `ConfigurationError`: an address that is none or cannot be listened at, or a stop file that exists.
+        """
+        self._cfg, self._asked, self._alive = cfg, "", now
+        self._heartbeat = None if cfg.heartbeat is None else _listen(cfg.heartbeat, "--heartbeat")
+        self._commands = None if cfg.command_from is None else _listen(cfg.command_from, "--command-from")
+        self.complaint = ""
+        """What was wrong with the last velocity command that was none; empty: nothing."""
+        self._terminal = sys.stdin.fileno() if sys.stdin is not None and sys.stdin.isatty() else None
+        if cfg.stop_file is not None and cfg.stop_file.exists():
+            raise ConfigurationError(f"{cfg.stop_file} is there already, and would stop the run; remove it first")
+
+    @property
+    def remote(self) -> bool:
+        """Whether velocity commands come from elsewhere."""
+        return self._commands is not None
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Take signals and keys while the run lasts; close everything then."""
+        before: dict[int, Any] = {number: signal.signal(number, self._signal) for number in SIGNALS}
+        modes = None
+        if self._terminal is not None:
+            modes = termios.tcgetattr(self._terminal)
+            tty.setcbreak(self._terminal, termios.TCSANOW)
+        try:
+            yield
+        finally:
+            if self._terminal is not None and modes is not None:
+                termios.tcsetattr(self._terminal, termios.TCSANOW, modes)
+            for number, handler in before.items():
+                signal.signal(number, handler)
+            for port in (self._heartbeat, self._commands):
+                if port is not None:
+                    port.close()
+
+    def files(self) -> list[int]:
+        """Return the files that are readable when somebody says something."""
+        ports = [port.fileno() for port in (self._heartbeat, self._commands) if port is not None]
+        return ports if self._terminal is None else [*ports, self._terminal]
+
+    def stop(self, now: float) -> str:
+        """Return who wants the run to stop, in words; empty: nobody."""
+        if self._asked:
+            return self._asked
+        if self._cfg.stop_file is not None and self._cfg.stop_file.exists():
+            return f"the file {self._cfg.stop_file}"
+        if self._heartbeat is not None:
+            if any(data == ALIVE for data in _datagrams(self._heartbeat)):
+                self._alive = now
+            if now - self._alive > self._cfg.heartbeat_timeout:
+                return f"no heartbeat at {self._cfg.heartbeat} for {now - self._alive:.2f} s"
+        if self._terminal is not None and _key(self._terminal):
+            return "a key"
+        return ""
+
+    def velocity(self) -> np.ndarray | None:
+        """Return the newest velocity command that has come, shape (3,); None where there is no new one."""
+        found = None
+        if self._commands is not None:
+            for data in _datagrams(self._commands):
+                try:
+                    found, self.complaint = parse_velocity(data), ""
+                except ValueError as error:
+                    self.complaint = str(error)
+        return found
+
+    def _signal(self, number: int, _: FrameType | None) -> None:
+        """Take a signal."""
+        self._asked = signal.Signals(number).name
+
+
+def parse_velocity(data: bytes) -> np.ndarray:
+    """Return the velocity of a command such as {"vx": 0.5}, shape (3,).
+
+    Raises `ValueError`: no such object, another name than vx, vy, wz, or what is no number.
+    """
+    try:
+        said = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise ValueError("expected JSON such as {'vx': 0.5}") from error
+    if not isinstance(said, dict) or not said or set(said) - set(AXES):
+        raise ValueError(f"expected an object with some of {', '.join(AXES)}; got {str(said)[:60]}")
+    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in said.values()):
+        raise ValueError(f"expected numbers; got {str(said)[:60]}")
+    return np.array([float(said.get(axis, 0.0)) for axis in AXES])
+
+
+def _listen(address: str, option: str) -> socket.socket:
+    """Return a socket at HOST:PORT."""
+    host, _, port = address.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise ConfigurationError(f"{option} {address!r}: expected HOST:PORT, such as 127.0.0.1:9000")
+    listening = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        listening.bind((host, int(port)))
+    except OSError as error:
+        listening.close()
+        raise ConfigurationError(f"{option} {address}: cannot listen there: {error.strerror or error}") from error
+    listening.setblocking(False)
+    return listening
+
+
+def _datagrams(port: socket.socket) -> Iterator[bytes]:
+    """Yield what has come, some at a time: a flood does not hold up the supervisor."""
+    for _ in range(64):
+        try:
+            yield port.recv(LARGEST_COMMAND)
+        except OSError:
+            return
+
+
+def _key(terminal: int) -> bool:
+    """Return whether a key that stops was pressed."""
+    os.set_blocking(terminal, False)
+    try:
+        with suppress(OSError):
+            return any(key in KEYS for key in os.read(terminal, 64) or b"")
+    finally:
+        os.set_blocking(terminal, True)
+    return False

@@ -1,0 +1,135 @@
+"""The policy's own process: wakes at every control period, reads the newest sensors, answers with targets.
+
+It has no way to the robot. If it hangs, fails or is killed, the supervisor damps the robot. Started as a module:
+
+    python -m stiction.deploy.runtime.policy_process BUNDLE SOCKET DIGEST FAULTS
+"""
+
+from __future__ import annotations
+
+import gc
+import socket
+import sys
+import time
+
+import numpy as np
+
+from stiction.core.lifeline import follow_parent
+from stiction.core.provenance import limit_library_threads
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import Policy, load_policy
+from stiction.deploy.runtime.channel import IDLE, RUNNING, SENSORS, Channel, sight_layout, targets_layout
+from stiction.deploy.runtime.ticker import Ticker
+from stiction.deploy.transports.messages import Message
+from stiction.deploy.wear import WearMonitor
+from stiction.formats.bundle import Bundle, read_bundle
+
+WARM_UP = 50
+"""Steps over recorded sensors before the first real one: afterwards nothing is compiled or allocated anew."""
+
+FAULTS = ("none", "policy-exception", "policy-nan", "policy-hang", "policy-exit")
+"""What a test can have this process do, by its number in a message; only where it was started for that."""
+
+
+class PolicyProcess:
+    """A bundle's policy at one end of a channel."""
+
+    def __init__(self, bundle: Bundle, channel: Channel, faults: bool = False) -> None:
+        """`faults`: whether injected faults are obeyed."""
+        contract = bundle.contract
+        self._policy, self._channel, self._faults = load_policy(contract, bundle.policy), channel, faults
+        self._wear = None if bundle.wear is None else WearMonitor(contract, bundle.wear)
+        self._told = None if bundle.wear is None else np.array(bundle.wear.told[:-1])
+        self._sights, self._frame = sight_layout(contract.num_joints), contract.observation.frame_size
+        self._running, self._sent = False, 0.0
+        self._estimate: dict[str, object] = {}
+        _warm_up(self._policy, bundle)
+
+    def step(self, lateness: float, skipped: int) -> bool:
+        """Answer once to what has come; return False where the supervisor is gone.
+
+        lateness: behind the deadline [s]; skipped: deadlines that were missed.
+        """
+        begin = time.monotonic()
+        sights = list(self._channel.receive())
+        read = time.monotonic()
+        times = {"lateness": lateness, "read": read - begin, "skipped": skipped, "send": self._sent}
+        answer: dict[str, object] = {"mode": IDLE, "failed": 0.0}
+        if sights and (told := self._sights.vectors(sights[-1]))["mode"][0] == RUNNING:
+            answer = self._act(told, sights[-1])
+        elif sights:
+            self._running = False
+        done = time.monotonic()
+        times |= {"step": done - read, "latency": done - read}
+        alive = self._channel.send(done, answer | times)
+        self._sent = time.monotonic() - done
+        return alive
+
+    def _act(self, told: dict[str, np.ndarray], sight: Message) -> dict[str, object]:
+        """Return the policy's answer to what it sees."""
+        if not self._running:
+            self._policy.reset()
+            if self._wear is not None:
+                self._wear.reset()
+            self._running, self._estimate = True, {}
+        fault = FAULTS[int(told["fault"][0])] if self._faults else "none"
+        if fault == "policy-hang":
+            time.sleep(3600.0)
+        if fault == "policy-exit":
+            raise SystemExit(3)
+        if fault == "policy-exception":
+            raise RuntimeError("injected")
+        step = self._policy.step(Sensors(*(told[name] for name in SENSORS)), told["velocity"])
+        if self._wear is not None and (found := self._wear.step(step.observation)) is not None:
+            low, high = np.where(self._told, found.interval95, np.nan)
+            value = np.where(self._told, found.friction, np.nan)
+            self._estimate = {"wear": value, "wear_low": low, "wear_high": high, "unusual": float(found.unusual)}
+        target = step.target if fault != "policy-nan" else np.full_like(step.target, np.nan)
+        frame = step.observation[-self._frame :]
+        return {
+            "mode": RUNNING,
+            "failed": 0.0,
+            "target": target,
+            "action": step.action,
+            "frame": frame,
+            **self._estimate,
+        }
+
+
+def _warm_up(policy: Policy, bundle: Bundle) -> None:
+    """Take some steps over the recording, then forget them."""
+    golden = bundle.golden
+    for t in range(min(WARM_UP, len(golden))):
+        sensors = Sensors(*(getattr(golden, name)[t] for name in SENSORS))
+        policy.step(sensors, golden.command[t])
+    policy.reset()
+
+
+def main(path: str, number: str, digest: str, faults: str) -> int:
+    """Run until the supervisor is gone; return the exit status."""
+    follow_parent()
+    limit_library_threads()
+    bundle = read_bundle(path)
+    if bundle.digest != digest:
+        print("the bundle has changed since it was checked", file=sys.stderr)
+        return 1
+    contract = bundle.contract
+    layouts = targets_layout(contract), sight_layout(contract.num_joints)
+    channel = Channel(socket.socket(fileno=int(number)), *layouts)
+    process = PolicyProcess(bundle, channel, faults == "1")
+    gc.collect()
+    gc.freeze()
+    ticker = Ticker(contract.control_period)
+    while True:
+        lateness, skipped = ticker.wait()
+        try:
+            if not process.step(lateness, skipped):
+                return 0
+        except Exception as error:  # whatever it is, the robot is damped and a person reads one line
+            print(f"{type(error).__name__}: {' '.join(str(error).split())}", file=sys.stderr)
+            channel.send(time.monotonic(), {"mode": RUNNING, "failed": 1.0})
+            return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:5]))

@@ -1,0 +1,179 @@
+"""The logger's own process: takes rows from the supervisor and writes them, half a second at a time.
+
+Each half second is a file of its own that is whole or not there, so that a log stays readable up to the last second
+whatever is killed; a minute of them becomes one file, and beyond `keep` minutes the oldest go. Started as a module:
+
+    python -m stiction.deploy.runtime.recorder FOLDER SOCKET KEEP FEET BUNDLE
+"""
+
+from __future__ import annotations
+
+import socket
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from stiction.core.errors import StictionError
+from stiction.core.lifeline import follow_parent
+from stiction.deploy.runtime.channel import Channel, row_layout, targets_layout
+from stiction.deploy.transports.messages import HEAD, Layout
+from stiction.formats.bundle import read_bundle
+from stiction.formats.run_log import READINGS, STEPS, part_name, parts_of
+from stiction.formats.tables import publish_npz, read_npz_arrays
+
+PART_SECONDS = 0.5
+"""Length of a part [s]."""
+
+MERGED = 120
+"""Parts that become one file: a minute."""
+
+AT_ONCE = 10
+"""Rows of readings in one datagram."""
+
+END = b"end"
+"""Says that nothing more comes."""
+
+
+class Parts:
+    """One table of a log, being written: rows come in, parts go out."""
+
+    def __init__(self, folder: Path, table: str, layout: Layout, keep: int) -> None:
+        """`keep`: parts to keep at most, the newest."""
+        self._folder, self._table, self._layout, self._keep = folder, table, layout, keep
+        self._rows: list[tuple[float, np.ndarray]] = []
+        self._number = 0
+
+    def add(self, time: float, values: np.ndarray) -> None:
+        """Take one row; time: on the supervisor's clock [s]."""
+        self._rows.append((time, values))
+
+    def flush(self) -> None:
+        """Write what has come as one part; merge and drop older ones. An empty half second has no file."""
+        number, self._number = self._number, self._number + 1
+        if self._rows:
+            values = np.array([row for _, row in self._rows])
+            arrays = {name: _plain(name, values[:, place]) for name, place in self._layout.places.items()}
+            arrays["time"] = np.array([time for time, _ in self._rows])
+            self._rows = []
+            publish_npz(self._folder / part_name(self._table, number, number), arrays, compressed=True)
+        if self._number % MERGED == 0:
+            self._merge(self._number - MERGED, number)
+        if self._number % MERGED == 0 or self._number > self._keep:
+            self._drop(self._number - self._keep)
+
+    def _merge(self, first: int, last: int) -> None:
+        """Make one file of the parts of a minute."""
+        names = [n for a, b, n in self._parts() if first <= a and b <= last]
+        if len(names) < 2:
+            return
+        arrays = [read_npz_arrays(self._folder / name) for name in names]
+        merged = {name: np.concatenate([one[name] for one in arrays]) for name in arrays[0]}
+        publish_npz(self._folder / part_name(self._table, first, last), merged, compressed=True)
+        for name in names:
+            (self._folder / name).unlink(missing_ok=True)
+
+    def _drop(self, before: int) -> None:
+        """Remove what is older than a part."""
+        for _, last, name in self._parts():
+            if last < before:
+                (self._folder / name).unlink(missing_ok=True)
+
+    def _parts(self) -> list[tuple[int, int, str]]:
+        """Return the parts in the folder."""
+        return parts_of((path.name for path in self._folder.iterdir()), self._table)
+
+
+def _plain(name: str, values: np.ndarray) -> np.ndarray:
+    """Return a column as it is kept: times in double precision, one number a row without a second axis."""
+    values = values[:, 0] if values.shape[1] == 1 else values
+    return values if name == "robot_time" else values.astype(np.float32)
+
+
+class Rows:
+    """The supervisor's end: gathers rows of readings, sends steps at once, and never waits."""
+
+    def __init__(self, channel: Channel, readings: Layout, steps: Layout) -> None:
+        """`channel`: to the logger."""
+        self._channel, self._readings, self._steps = channel, readings, steps
+        self._waiting: list[bytes] = []
+        self._number = 0
+        self.alive = True
+        """Whether somebody takes the rows."""
+
+    @property
+    def lost(self) -> int:
+        """Datagrams that the logger had no room for."""
+        return self._channel.lost
+
+    def reading(self, time: float, vectors: dict[str, object]) -> None:
+        """Log one reading."""
+        self._number += 1
+        self._waiting.append(self._readings.pack(self._number, time, vectors))
+        if len(self._waiting) == AT_ONCE:
+            self.flush()
+
+    def step(self, data: bytes) -> None:
+        """Log one answer of the policy, as it came."""
+        self._send(data)
+
+    def flush(self) -> None:
+        """Send what waits."""
+        if self._waiting:
+            self._send(b"".join(self._waiting))
+            self._waiting = []
+
+    def end(self) -> None:
+        """Send what waits, and that it was the last."""
+        self.flush()
+        self._send(END)
+
+    def _send(self, data: bytes) -> None:
+        """Send bytes, unless nobody is there any more."""
+        self.alive = self.alive and self._channel.send_raw(data)
+
+
+def record(folder: Path, end: socket.socket, readings: Layout, steps: Layout, keep: int) -> None:
+    """Write what comes until the end is said or nobody can say it; raise `StictionError` where that is impossible."""
+    parts = {READINGS: Parts(folder, READINGS, readings, keep), STEPS: Parts(folder, STEPS, steps, keep)}
+    end.settimeout(PART_SECONDS / 5)
+    due = time.monotonic() + PART_SECONDS
+    going = True
+    while going:
+        with suppress(TimeoutError):
+            data = end.recv(2**17)
+            going = data not in (b"", END)
+            _take(data, parts, readings, steps)
+        if time.monotonic() >= due or not going:
+            due += PART_SECONDS
+            for part in parts.values():
+                part.flush()
+
+
+def _take(data: bytes, parts: dict[str, Parts], readings: Layout, steps: Layout) -> None:
+    """Sort the messages of a datagram into the tables."""
+    if (message := steps.unpack(data)) is not None:
+        parts[STEPS].add(message.time, message.values)
+        return
+    for begin in range(0, len(data) - HEAD.size, readings.bytes):
+        if (message := readings.unpack(data[begin : begin + readings.bytes])) is not None:
+            parts[READINGS].add(message.time, message.values)
+
+
+def main(folder: str, number: str, keep: str, feet: str, bundle: str) -> int:
+    """Record until told to end; return the exit status."""
+    follow_parent()
+    contract = read_bundle(bundle).contract
+    readings, steps = row_layout(contract.num_joints, int(feet)), targets_layout(contract)
+    try:
+        record(Path(folder), socket.socket(fileno=int(number)), readings, steps, int(keep))
+    except StictionError as error:
+        print(f"the log cannot be written: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:6]))

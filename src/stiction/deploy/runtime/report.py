@@ -1,0 +1,95 @@
+"""The report of a run: rate, lateness, time by section, what was limited, and why it ended. One JSON file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from stiction.deploy.runtime.channel import TIMES
+from stiction.deploy.runtime.limits import LIMITED_BY
+from stiction.deploy.runtime.supervisor import Stop, Supervisor
+from stiction.deploy.runtime.ticker import Histogram
+
+QUIET = 0.5
+"""p99 of an idle loop's lateness up to which lateness is judged [ms]; beyond, the machine is the reason."""
+
+LATE = 2.0
+"""p99 of lateness up to which it is well [ms]."""
+
+
+@dataclass
+class Timing:
+    """What is counted while a run lasts; its size does not grow."""
+
+    probe: Histogram = field(default_factory=Histogram)
+    """Lateness of an idle loop, before the run."""
+    policy: dict[str, Histogram] = field(default_factory=lambda: {name: Histogram() for name in TIMES})
+    """Times of the policy's steps."""
+    reading: Histogram = field(default_factory=Histogram)
+    """From having read a state to having sent the command, in the supervisor."""
+    periods: int = 0
+    """Steps of the policy in the run."""
+    skipped: int = 0
+    """Steps that were skipped."""
+    first: float = 0.0
+    """When the first step was answered [s]."""
+    last: float = 0.0
+    """When the last one was [s]."""
+
+    def answer(self, now: float, times: dict[str, float], skipped: int) -> None:
+        """Count one step of the policy."""
+        self.first = self.first if self.periods else now
+        self.last = now
+        self.periods += 1
+        self.skipped += skipped
+        for name, histogram in self.policy.items():
+            histogram.add(times[name])
+
+    @property
+    def rate(self) -> float | None:
+        """Steps per second [Hz], skipped ones not counted; None of less than two."""
+        return (self.periods - 1) / (self.last - self.first) if self.last > self.first else None
+
+
+def summary(supervisor: Supervisor, timing: Timing, more: dict[str, Any]) -> dict[str, Any]:
+    """Return the report as plain data; `more`: what the runtime adds."""
+    lateness = timing.policy["lateness"].milliseconds()
+    probe = timing.probe.milliseconds()
+    judged = probe["p99"] <= QUIET and timing.periods > 0
+    sections = {name: timing.policy[name].milliseconds() for name in TIMES if name != "lateness"}
+    return {
+        "periods": timing.periods,
+        "skipped": timing.skipped,
+        "rate_hz": None if timing.rate is None else round(timing.rate, 4),
+        "lateness_ms": lateness,
+        "lateness_judged": ("well" if lateness["p99"] <= LATE else "late") if judged else "not judged",
+        "probe_ms": probe,
+        "sections_ms": sections,
+        "supervisor_ms": timing.reading.milliseconds(),
+        "limited": limited(supervisor),
+        "end": end_line(supervisor.stop_record, timing),
+        "stop": None if supervisor.stop_record is None else supervisor.stop_record.summary(),
+        **more,
+    }
+
+
+def limited(supervisor: Supervisor) -> dict[str, dict[str, float]]:
+    """Return the share of readings in which each joint's target was limited, by rule; joints that never were left out."""
+    counts = supervisor.limited_counts
+    total = np.maximum(counts.sum(1), 1)
+    found = {}
+    for joint, row, all_ in zip(supervisor.contract.joint_names, counts, total, strict=True):
+        shares = {rule: round(float(n / all_), 5) for rule, n in zip(LIMITED_BY, row, strict=True) if rule and n}
+        if shares:
+            found[joint] = shares
+    return found
+
+
+def end_line(stop: Stop | None, timing: Timing) -> str:
+    """Return how a run ended, in one line."""
+    if stop is not None:
+        return f"stopped: {stop.sentence()}"
+    rate = "" if timing.rate is None else f" at {timing.rate:.3f} Hz"
+    return f"done: {timing.periods} steps{rate}, {timing.skipped} skipped"

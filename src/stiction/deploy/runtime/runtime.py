@@ -1,0 +1,450 @@
+"""One run on a robot: supervisor here, policy and logger in processes of their own.
+
+    robot ◀─commands── supervisor ──sensors──▶ policy
+          ──states───▶            ◀──targets──
+                          └──rows──▶ logger
+
+The supervisor alone has the link to the robot. It waits for nobody: what does not come in time is a broken rule.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import select
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, PolicyError
+from stiction.core.isolation import isolated_environment, python_module
+from stiction.core.lifeline import tied
+from stiction.core.lock import one_writer
+from stiction.core.provenance import limit_library_threads
+from stiction.deploy.runtime.channel import (
+    IDLE,
+    RUNNING,
+    SENSORS,
+    TIMES,
+    Channel,
+    row_layout,
+    sight_layout,
+    socket_pair,
+    targets_layout,
+)
+from stiction.deploy.runtime.operator import Operator, OperatorCfg
+from stiction.deploy.runtime.recorder import PART_SECONDS, Rows
+from stiction.deploy.runtime.report import Timing, summary
+from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor, SupervisorCfg
+from stiction.deploy.runtime.ticker import Ticker
+from stiction.deploy.transports.link import Link, RobotState
+from stiction.deploy.violation import Violation
+from stiction.formats.bundle import Bundle
+from stiction.formats.run_log import RunLogHeader, check_empty, write_run_header
+
+TICK = 0.002
+"""How often the supervisor looks at what did not come [s]."""
+
+PROBE_SECONDS = 1.0
+"""Length of the idle loop before a run, which says what this machine's clock is worth [s]."""
+
+LOG = "log"
+"""Folder of the log in that of the run."""
+
+LAST_WORDS = 2000
+"""Characters of a process's errors that are kept."""
+
+
+@dataclass(frozen=True)
+class RunCfg:
+    """What a run is, besides its robot and its policy."""
+
+    out: Path
+    """Folder of the run: `log/`, `report.json`."""
+    supervisor: SupervisorCfg = field(default_factory=SupervisorCfg)
+    """When what happens, and what ends it."""
+    operator: OperatorCfg = field(default_factory=OperatorCfg)
+    """Who may stop or steer it."""
+    keep_minutes: float = 120.0
+    """Minutes of the log that are kept, the newest; 0: no log."""
+    realtime: int | None = None
+    """Priority of supervisor and policy under SCHED_FIFO, 1 to 99; None: as all processes."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        if not 0 <= self.keep_minutes <= 24 * 60:
+            raise ConfigurationError(f"a log of {self.keep_minutes} minutes: expected 0 to 1440, one day")
+        if self.realtime is not None and not 1 <= self.realtime <= 99:
+            raise ConfigurationError(f"a real-time priority of {self.realtime}: expected 1 to 99")
+
+
+class Injected:
+    """Faults that a test puts into a run: none. See `virtual.faults`."""
+
+    obeyed = False
+    """Whether the policy's process does what a fault says."""
+
+    def due(self, elapsed: float, policy: subprocess.Popen[bytes] | None) -> int:
+        """Do what is due at a time since the run began [s]; return the number of a fault of the policy, 0 for none."""
+        return 0
+
+
+def run(
+    bundle: Bundle,
+    folder: Path,
+    link: Link,
+    cfg: RunCfg,
+    velocity: np.ndarray,
+    source: Source | None = None,
+    injected: Injected | None = None,
+    say: Callable[[str], None] = lambda text: None,
+) -> dict[str, Any]:
+    """Run a policy, or a motion, on a robot until it ends; return the report.
+
+    Args:
+        bundle: checked; of a motion the one of its robot.
+        folder: where the bundle is.
+        link: to the robot.
+        cfg: of the run.
+        velocity: commanded at first: forward, sideways [m/s], turn [rad/s], shape (3,).
+        source: what gives targets in place of the policy.
+        injected: faults, for tests.
+        say: takes a line for people.
+
+    Raises:
+        StictionError: another process drives this robot, or the run cannot begin.
+
+    """
+    limit_library_threads()
+    contract = bundle.contract
+    if link.joint_names != contract.joint_names:
+        raise PolicyError(f"the robot has the joints {link.joint_names}, the bundle {contract.joint_names}")
+    with ExitStack() as stack:
+        stack.enter_context(one_writer(f"robot-{link.lock_name}", "the robot"))
+        operator = Operator(cfg.operator, time.monotonic())
+        stack.enter_context(operator.listening())
+        timing, effect = Timing(), ""
+        injected = injected or Injected()
+        channel, policy = None, None
+        if source is None:
+            layouts = sight_layout(contract.num_joints), targets_layout(contract)
+            words = [folder, bundle.digest, int(injected.obeyed)]
+            end, policy = stack.enter_context(_beside("policy_process", words, 1))
+            channel = Channel(end, *layouts)
+        rows = stack.enter_context(_logger(bundle, folder, link, cfg, source))
+        _probe(timing)
+        if cfg.realtime is not None:
+            effect = _realtime(cfg.realtime, policy, timing)
+            say(effect)
+        supervisor = Supervisor(contract, cfg.supervisor, link.period, time.monotonic(), source)
+        loop = _Loop(supervisor, link, channel, policy, rows, operator, timing, injected, say)
+        loop.begin(velocity)
+        gc.collect()
+        gc.freeze()
+        try:
+            while not supervisor.ended:
+                loop.turn()
+        except BaseException as error:
+            loop.fail(error)
+            if not isinstance(error, Exception):
+                raise
+        finally:
+            gc.unfreeze()
+        loop.end()
+        if operator.complaint:
+            say(f"the last velocity command was none: {operator.complaint}")
+    more: dict[str, Any] = {
+        "armed": cfg.supervisor.armed,
+        "stage": supervisor.stage.name.lower(),
+        "sent": loop.sent_at,
+        "states": loop.states,
+        "malformed": getattr(link, "malformed", 0),
+        "log": None if rows is None else LOG,
+        "log_lost": 0 if rows is None else rows.lost + (0 if rows.alive else 1),
+        "realtime": effect or None,
+        "bundle": bundle.name,
+        "digest": bundle.digest,
+        "robot": contract.robot,
+    }
+    return summary(supervisor, timing, more)
+
+
+class _Loop:
+    """What the supervisor's process does in turns."""
+
+    def __init__(
+        self,
+        supervisor: Supervisor,
+        link: Link,
+        channel: Channel | None,
+        policy: subprocess.Popen[bytes] | None,
+        rows: Rows | None,
+        operator: Operator,
+        timing: Timing,
+        injected: Injected,
+        say: Callable[[str], None],
+    ) -> None:
+        """Begin; see `run`."""
+        self._supervisor, self._link, self._channel, self._policy = supervisor, link, channel, policy
+        self._rows, self._operator, self._timing, self._injected, self._say = rows, operator, timing, injected, say
+        self._answers = targets_layout(supervisor.contract)
+        self._files = [link.fileno(), *operator.files()] + ([channel.end.fileno()] if channel else [])
+        self._stage, self._ran_since = Stage.PASSIVE, 0.0
+        self._last: tuple[float, RobotState, Out] | None = None
+        self._velocity_command = np.zeros(3)
+        self.states = 0
+        """States that have come."""
+        self.sent_at: float | None = None
+        """When the damping frame of a stop was sent [s]."""
+
+    def begin(self, velocity: np.ndarray) -> None:
+        """Take the first velocity command."""
+        remote = self._operator.remote
+        self._emit(self._supervisor.command_velocity(velocity, time.monotonic(), remote), None)
+
+    def turn(self) -> None:
+        """Wait for something to come, at most one tick, and do what follows from it."""
+        select.select(self._files, [], [], TICK)
+        now = time.monotonic()
+        self._told(now)
+        if not self._supervisor.ended and (state := self._link.receive()) is not None:
+            self.states += 1
+            now = time.monotonic()
+            self._emit(self._supervisor.state(state, now), state)
+            self._timing.reading.add(time.monotonic() - now)
+            self._show(state, now)
+        self._answered()
+        self._emit(self._supervisor.tick(time.monotonic()), None)
+        self._announce()
+
+    def fail(self, error: BaseException) -> None:
+        """Damp the robot before an error of our own goes on its way."""
+        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        violation = Violation("policy failed", None, np.nan, np.nan)
+        self._emit(self._supervisor.stop(violation, time.monotonic(), f"the supervisor itself: {said}"), None)
+
+    def _told(self, now: float) -> None:
+        """Obey the operator."""
+        who = self._operator.stop(now)
+        if who:
+            self._emit(self._supervisor.stop(Violation("operator", None, np.nan, np.nan), now, who), None)
+        velocity = self._operator.velocity()
+        if velocity is not None:
+            self._emit(self._supervisor.command_velocity(velocity, now, remote=True), None)
+
+    def _show(self, state: RobotState, now: float) -> None:
+        """Show the policy what the robot says."""
+        if self._channel is None or self._supervisor.ended:
+            return
+        running = self._supervisor.stage is Stage.RUN
+        if running and not self._ran_since:
+            self._ran_since = now
+        fault = self._injected.due(now - self._ran_since, self._policy) if running else 0
+        sensors = {name: getattr(state.sensors, name) for name in SENSORS}
+        told = {"velocity": self._supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
+        mode = RUNNING if running else IDLE
+        if not self._channel.send(now, sensors | told | {"mode": mode}):
+            self._emit(self._supervisor.policy_failed("policy gone", self._last_words(), time.monotonic()), None)
+
+    def _answered(self) -> None:
+        """Take the policy's answers."""
+        if self._channel is None:
+            return
+        for message in self._channel.receive():
+            now = time.monotonic()
+            answer = self._answers.vectors(message)
+            if answer["failed"][0]:
+                self._emit(self._supervisor.policy_failed("policy failed", self._last_words(), now), None)
+            elif answer["mode"][0] == RUNNING:
+                self._emit(self._supervisor.policy_targets(answer["target"], now), None)
+                times = {name: float(answer[name][0]) for name in TIMES}
+                if self._supervisor.stage is Stage.RUN:
+                    self._timing.answer(now, times, int(answer["skipped"][0]))
+                if self._rows is not None:
+                    self._rows.step(self._answers.pack(message.number, message.time, answer))
+            else:
+                self._supervisor.policy_waits(now)
+        if self._policy is not None and self._policy.poll() is not None:
+            self._emit(self._supervisor.policy_failed("policy gone", self._last_words(), time.monotonic()), None)
+
+    def _last_words(self) -> str:
+        """Return what the policy's process said last."""
+        if self._policy is None or self._policy.stderr is None:
+            return ""
+        os.set_blocking(self._policy.stderr.fileno(), False)
+        said = (self._policy.stderr.read() or b"").decode(errors="replace")
+        status = self._policy.poll()
+        ended = "" if status is None else f"its process ended with status {status}"
+        lines = said.strip().splitlines()
+        return "; ".join(text for text in (lines[-1][:LAST_WORDS] if lines else "", ended) if text)
+
+    def _emit(self, out: Out | None, state: RobotState | None) -> None:
+        """Send what was decided, and log it with the reading that it answers."""
+        if out is None:
+            return
+        if out.command is not None and self._supervisor.cfg.armed:
+            self._supervisor.sent(self._link.send(out.command))
+        if out.stage is Stage.STOPPED and self.sent_at is None:
+            self.sent_at = time.monotonic()
+        if state is not None and self._rows is not None:
+            self._log(state, out)
+
+    def _log(self, state: RobotState, out: Out) -> None:
+        """Log the reading before this one: the torque of its period has come with this one, see `formats.walk`."""
+        before, self._last = self._last, (time.monotonic(), state, out)
+        if before is None or self._rows is None:
+            return
+        at, old, decided = before
+        self._rows.reading(at, row(old, state.joint_torque, decided, self._supervisor.velocity))
+
+    def end(self) -> None:
+        """Log the last reading, whose period's torque nobody will say, and that it was the last."""
+        if self._rows is not None:
+            if self._last is not None:
+                at, state, out = self._last
+                self._rows.reading(
+                    at, row(state, np.full_like(state.joint_torque, np.nan), out, self._supervisor.velocity)
+                )
+            self._rows.end()
+
+    def _announce(self) -> None:
+        """Say which stage begins."""
+        if self._supervisor.stage is not self._stage:
+            self._stage = self._supervisor.stage
+            if self._stage in STAGES:
+                self._say(STAGES[self._stage])
+
+
+STAGES = {
+    Stage.STAND: "standing up; space, q, Enter or Ctrl-C stops",
+    Stage.RUN: "running; space, q, Enter or Ctrl-C stops",
+    Stage.DAMP: "damping",
+}
+"""Stage -> what people are told when it begins."""
+
+
+def row(state: RobotState, torque: np.ndarray, out: Out, velocity: np.ndarray) -> dict[str, object]:
+    """Return the log's row of a reading. torque: mean over the period that follows [N m], shape (J,)."""
+    sensors = state.sensors
+    return {
+        "stage": float(out.stage),
+        "robot_time": state.time,
+        "position": sensors.joint_position,
+        "velocity": sensors.joint_velocity,
+        "torque": torque,
+        "target": out.limited.target,
+        "requested": out.requested,
+        "limited_by": out.limited.by,
+        "temperature": state.temperature,
+        "quaternion": sensors.quaternion,
+        "angular_velocity": sensors.angular_velocity,
+        "acceleration": state.acceleration,
+        "foot_contact": state.foot_contact,
+        "battery": state.battery,
+        "velocity_command": velocity,
+    }
+
+
+@contextmanager
+def _beside(module: str, words: list[object], place: int) -> Iterator[tuple[socket.socket, subprocess.Popen[bytes]]]:
+    """Start a process of ours with one end of a pair of sockets, whose number is put at a place of its words."""
+    own, other = socket_pair()
+    words = [*words[:place], other.fileno(), *words[place:]]
+    command = python_module(f"stiction.deploy.runtime.{module}", words)
+    process = subprocess.Popen(
+        command,
+        pass_fds=[other.fileno()],
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+        **tied(isolated_environment()),
+    )
+    other.close()
+    try:
+        yield own, process
+    finally:
+        own.close()
+        _end(process)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Wait a little for a process to end by itself, then end it."""
+    try:
+        process.wait(timeout=0.2)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    if process.stderr is not None:
+        process.stderr.close()
+
+
+@contextmanager
+def _logger(bundle: Bundle, folder: Path, link: Link, cfg: RunCfg, source: Source | None) -> Iterator[Rows | None]:
+    """Start the logger, if a log is wanted; at the end wait until all of it is written."""
+    if cfg.keep_minutes == 0:
+        yield None
+        return
+    contract, log = bundle.contract, cfg.out / LOG
+    check_empty(log)
+    log.mkdir(parents=True, exist_ok=True)
+    kp, kd = (contract.kp, contract.kd) if source is None else (tuple(source.kp), tuple(source.kd))
+    header = RunLogHeader(
+        robot=contract.robot,
+        joint_names=contract.joint_names,
+        foot_names=link.foot_names,
+        period=link.period,
+        control_period=contract.control_period,
+        kp=tuple(map(float, kp)),
+        kd=tuple(map(float, kd)),
+        torque_limit=contract.torque_limit,
+        policy=bundle.name if source is None else "",
+        digest=bundle.digest if source is None else "",
+        armed=cfg.supervisor.armed,
+    )
+    write_run_header(log, header)
+    keep = round(60 * cfg.keep_minutes / PART_SECONDS)
+    words = [log, keep, len(link.foot_names), folder]
+    with _beside("recorder", words, 1) as (end, process):
+        feet, steps = len(link.foot_names), targets_layout(contract)
+        readings = row_layout(contract.num_joints, feet)
+        rows = Rows(Channel(end, readings), readings, steps)
+        yield rows
+        try:
+            process.wait(timeout=10.0)
+        except subprocess.TimeoutExpired:
+            rows.alive = False
+
+
+def _probe(timing: Timing) -> None:
+    """Measure how late an idle loop is on this machine now."""
+    ticker = Ticker(TICK)
+    for _ in range(round(PROBE_SECONDS / TICK)):
+        timing.probe.add(ticker.wait()[0])
+
+
+def _realtime(priority: int, policy: subprocess.Popen[bytes] | None, timing: Timing) -> str:
+    """Give supervisor and policy a real-time priority; return what it did to an idle loop, in words.
+
+    Raises `ConfigurationError` where the system does not allow it.
+    """
+    if not hasattr(os, "sched_setscheduler"):
+        raise ConfigurationError("this system has no SCHED_FIFO; leave --realtime away")
+    try:
+        for process in (0, *([] if policy is None else [policy.pid])):
+            os.sched_setscheduler(process, os.SCHED_FIFO, os.sched_param(priority))
+    except OSError as error:
+        raise ConfigurationError(
+            f"a real-time priority of {priority} was not given: {error.strerror}; raise the limit rtprio of this user, "
+            "or leave --realtime away"
+        ) from error
+    before = timing.probe
+    timing.probe = type(before)()
+    _probe(timing)
+    words = " to ".join(f"{1e3 * found.quantile(0.99):.2f} ms" for found in (before, timing.probe))
+    return f"real-time priority {priority}: p99 of an idle loop's lateness from {words}"

@@ -1,0 +1,130 @@
+"""Rules that stop a robot, one reading at a time: what it does, not whether the reading can be true.
+
+Whether a reading can be true at all is `deploy.plausibility`'s question; both say a `Violation`. Every rule has a name,
+a limit with its unit, and why the limit is what it is, in `RULES`.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.rotation import into_frame
+from stiction.deploy.transports.link import RobotState
+from stiction.deploy.violation import Violation
+from stiction.formats.contract import Contract
+
+DOWN = np.array([0.0, 0.0, -1.0])
+"""Direction of gravity in the world."""
+
+
+@dataclass(frozen=True)
+class SafetyCfg:
+    """What a robot may do before it is stopped."""
+
+    tilt: float = 0.8
+    """Largest angle between the base's z axis and the vertical [rad]. Training counts 1.05 rad as a fall; level walks
+    of the shipped policies stay below 0.3."""
+    predicted_tilt: float = 1.05
+    """Largest tilt after `horizon` if the base goes on turning as it does [rad]."""
+    horizon: float = 0.3
+    """How far ahead a tilt is predicted [s]: gravity in the base's frame turns by −ω × g."""
+    joint_speed: float = 25.0
+    """Largest speed of a joint [rad/s]; the shipped policies reach 12."""
+    torque: float = 1.3
+    """Largest measured torque over the motor's limit [1], as a mean over `torque_seconds`: beyond, drive and data sheet
+    disagree."""
+    torque_seconds: float = 0.1
+    """[s]."""
+    temperature: float = 80.0
+    """Hottest motor [°C]; not judged where a robot does not say its temperatures."""
+    flailing: float = 8.0
+    """Largest root mean square of all joints' speeds over `flailing_seconds` [rad/s]; walks of the shipped policies
+    stay below 4."""
+    flailing_seconds: float = 0.3
+    """[s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse limits that are none."""
+        for name, value in vars(self).items():
+            if not 0 < value < 1e4:
+                raise ConfigurationError(f"safety {name} of {value}: expected a positive number")
+
+
+RULES = {
+    "tilt": "the robot leans further than it can come back from",
+    "predicted tilt": "it turns so fast that it will",
+    "joint speed": "a joint moves faster than in any walk",
+    "torque": "a motor gives more than its limit: the drive is set up for another robot",
+    "temperature": "a motor is too hot",
+    "flailing": "all joints together move faster than in any walk",
+}
+"""Rule -> what it says of the robot."""
+
+
+def tilt(quaternion: np.ndarray, angular_velocity: np.ndarray, horizon: float) -> tuple[float, float]:
+    """Return the tilt now, and after `horizon` [s] of turning on [rad].
+
+    quaternion: w x y z, shape (4,); angular_velocity: in the base's frame [rad/s], shape (3,). Gravity's direction g in
+    the base's frame changes by −ω × g.
+    """
+    now = into_frame(quaternion / np.linalg.norm(quaternion), DOWN)
+    ahead = now - horizon * np.cross(angular_velocity, now)
+    ahead = ahead / np.linalg.norm(ahead)
+    return float(np.arccos(np.clip(-now[2], -1.0, 1.0))), float(np.arccos(np.clip(-ahead[2], -1.0, 1.0)))
+
+
+class Safety:
+    """The rules over one robot's readings."""
+
+    def __init__(self, contract: Contract, cfg: SafetyCfg, period: float) -> None:
+        """`period`: between two readings [s]."""
+        self._cfg, self._names, self._limit = cfg, contract.joint_names, contract.array("torque_limit")
+        self._torques: deque[np.ndarray] = deque(maxlen=max(1, round(cfg.torque_seconds / period)))
+        self._squares: deque[float] = deque(maxlen=max(1, round(cfg.flailing_seconds / period)))
+
+    def reset(self) -> None:
+        """Forget what was seen."""
+        self._torques.clear()
+        self._squares.clear()
+
+    def check(self, state: RobotState) -> Violation | None:
+        """Return the first broken rule of a reading whose sensors are finite, None where none is broken."""
+        cfg, sensors = self._cfg, state.sensors
+        now, ahead = tilt(sensors.quaternion, sensors.angular_velocity, cfg.horizon)
+        if now > cfg.tilt:
+            return Violation("tilt", None, now, cfg.tilt, "rad")
+        if ahead > cfg.predicted_tilt:
+            return Violation("predicted tilt", None, ahead, cfg.predicted_tilt, "rad")
+        speed = np.abs(sensors.joint_velocity)
+        if (worst := self._worst(speed, cfg.joint_speed)) is not None:
+            return Violation("joint speed", self._names[worst], float(speed[worst]), cfg.joint_speed, "rad/s")
+        self._squares.append(float(np.square(speed).mean()))
+        if len(self._squares) == self._squares.maxlen:
+            rms = float(np.sqrt(np.mean(self._squares)))
+            if rms > cfg.flailing:
+                return Violation("flailing", None, rms, cfg.flailing, "rad/s")
+        return self._of_motors(state)
+
+    def _of_motors(self, state: RobotState) -> Violation | None:
+        """Return the first broken rule of torques and temperatures; what a robot does not say is not judged."""
+        cfg = self._cfg
+        self._torques.append(np.abs(np.nan_to_num(state.joint_torque)) / self._limit)
+        if len(self._torques) == self._torques.maxlen:
+            share = np.mean(self._torques, axis=0)
+            if (worst := self._worst(share, cfg.torque)) is not None:
+                limit = cfg.torque * float(self._limit[worst])
+                value = float(share[worst] * self._limit[worst])
+                return Violation("torque", self._names[worst], value, limit, "N m")
+        if (worst := self._worst(np.nan_to_num(state.temperature), cfg.temperature)) is not None:
+            hot = float(state.temperature[worst])
+            return Violation("temperature", self._names[worst], hot, cfg.temperature, "°C")
+        return None
+
+    def _worst(self, values: np.ndarray, limit: float) -> int | None:
+        """Return the joint that is furthest beyond a limit, None where none is."""
+        worst = int(np.argmax(values))
+        return worst if values[worst] > limit else None

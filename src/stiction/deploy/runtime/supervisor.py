@@ -1,0 +1,400 @@
+"""The supervisor: decides at every reading what goes to the robot. No process, no socket, no clock of its own.
+
+    passive ──ready──▶ stand up ──ramp done──▶ run ──duration over──▶ damping ──▶ done
+       │                  │                     │
+       └──────────────────┴── a broken rule ────┴──▶ stopped: one damping frame, then nothing
+
+In every stage the reading is judged first. A stop is latched: nothing but a person who starts anew ends it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Protocol
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.pilot import JointCommand
+from stiction.deploy.plausibility import ReadingGuard, compare_drive
+from stiction.deploy.runtime.limits import FREE, Limited, Limits, LimitsCfg
+from stiction.deploy.runtime.safety import Safety, SafetyCfg
+from stiction.deploy.transports.link import RobotState
+from stiction.deploy.violation import Violation
+from stiction.formats.contract import Contract
+
+
+GAINS_AFTER = 0.5
+"""Time after the first command with gains at which a robot that says its gains says ours [s]."""
+
+
+class Stage(IntEnum):
+    """What the supervisor is doing; the number stands in the log."""
+
+    PASSIVE = 0
+    STAND = 1
+    RUN = 2
+    DAMP = 3
+    DONE = 4
+    STOPPED = 5
+
+
+@dataclass(frozen=True)
+class SupervisorCfg:
+    """When what happens, and what ends it."""
+
+    armed: bool = False
+    """Whether anything is sent to the robot."""
+    duration: float | None = None
+    """Length of the run after standing up [s]; None: until somebody stops it."""
+    ramp: float = 2.0
+    """Time from the measured pose to the standing pose [s], at least 2."""
+    hold: float = 0.5
+    """Time in the standing pose before the run [s]."""
+    settle: float = 1.0
+    """Time that damping goes on after a run that ended as asked [s]."""
+    first_target: float = 0.1
+    """Largest distance of the first target from the measured pose [rad]."""
+    standing_error: float = 0.5
+    """Largest distance of a joint from the standing pose when the run begins [rad]."""
+    stale: float = 0.03
+    """Age from which on a state is stale [s]: at 500 Hz fifteen were missed."""
+    silence: float = 0.06
+    """Time after the policy's last answer from which on it hangs [s]: three control periods of 20 ms."""
+    command_timeout: float = 0.5
+    """Time after the last velocity command from elsewhere from which on the robot stands [s]."""
+    command_stop: float = 3.0
+    """Time after it from which on it is stopped [s]."""
+    ready_timeout: float = 30.0
+    """Time within which policy and robot must be there [s]."""
+    limits: LimitsCfg = field(default_factory=LimitsCfg)
+    """Of what goes out."""
+    safety: SafetyCfg = field(default_factory=SafetyCfg)
+    """Of what the robot does."""
+
+    def __post_init__(self) -> None:
+        """Refuse times that are none, and a ramp that throws the robot up."""
+        if not 2.0 <= self.ramp <= 60.0:
+            raise ConfigurationError(f"a ramp of {self.ramp} s to stand up: expected 2 to 60 s")
+        if self.duration is not None and not 0 < self.duration <= 86400:
+            raise ConfigurationError(f"a duration of {self.duration} s: expected up to 86,400 s, one day")
+        for name in ("hold", "settle", "first_target", "standing_error", "stale", "silence", "command_timeout"):
+            if not 0 < getattr(self, name) <= 10:
+                raise ConfigurationError(f"{name} of {getattr(self, name)}: expected a positive number of at most 10")
+        if not self.command_timeout < self.command_stop <= 600:
+            raise ConfigurationError(
+                f"command_stop of {self.command_stop} s: expected more than command_timeout, {self.command_timeout} s"
+            )
+
+
+RULES = {
+    "stale state": "no state of the robot came in time",
+    "second writer": "the robot acts on a command that is not ours",
+    "first target": "the first target is too far from where the joint is",
+    "did not stand up": "a joint is not where it should be when the run begins",
+    "policy silent": "the policy hangs or is too slow",
+    "policy gone": "the policy's process has ended",
+    "policy failed": "the policy or what is around it raised an error",
+    "target not finite": "the policy asked for no number",
+    "command lost": "nobody has said for too long what velocity is wanted",
+    "not ready": "robot or policy were not there in time",
+    "operator": "a person, a signal, a file or a second machine said stop",
+}
+"""Rules of the supervisor itself; see also `safety.RULES` and `plausibility.RULES`."""
+
+
+@dataclass(frozen=True)
+class Out:
+    """What was decided at one reading."""
+
+    stage: Stage
+    """When it was decided."""
+    command: JointCommand | None
+    """What goes to the robot; None: nothing. Without `armed` it is shown and not sent."""
+    requested: np.ndarray
+    """Targets that were asked for [rad], NaN where none were, shape (J,)."""
+    limited: Limited
+    """What was let through, and what limited it."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Why the robot was stopped."""
+
+    violation: Violation
+    """The broken rule."""
+    detail: str
+    """More about it, for people; may be empty."""
+    time: float
+    """When it was found [s], on the clock of the supervisor's process."""
+    last_state: float
+    """When the last good state had come [s]; NaN: never."""
+
+    def sentence(self) -> str:
+        """Return the stop in one line."""
+        if math.isnan(self.violation.limit) and self.detail:
+            return f"{self.violation.rule}: {self.detail}"
+        return self.violation.sentence() + (f" ({self.detail})" if self.detail else "")
+
+    def summary(self) -> dict[str, object]:
+        """Return plain data for the report; numbers that are none become null."""
+        found = {name: getattr(self.violation, name) for name in ("rule", "joint", "value", "limit", "unit")}
+        found |= {"detail": self.detail, "time": self.time, "last_state": self.last_state}
+        return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in found.items()}
+
+
+class Source(Protocol):
+    """What gives targets in a run without a policy: a designed motion."""
+
+    start: np.ndarray
+    """Targets from which it begins [rad], shape (J,)."""
+    kp: np.ndarray
+    """Gains that it wants [N m/rad], shape (J,)."""
+    kd: np.ndarray
+    """[N m s/rad], shape (J,)."""
+    seconds: float
+    """Its length [s]."""
+
+    def target(self, elapsed: float) -> np.ndarray:
+        """Return the targets at a time since the run began [rad], shape (J,)."""
+
+
+class Supervisor:
+    """One robot, one policy or motion, one run."""
+
+    def __init__(
+        self,
+        contract: Contract,
+        cfg: SupervisorCfg,
+        period: float,
+        now: float,
+        source: Source | None = None,
+    ) -> None:
+        """Begin passive.
+
+        contract: what the joints may do; period: between two readings [s]; now: on the caller's clock [s]; source:
+        gives the targets in place of a policy.
+        """
+        self.contract, self.cfg, self.stage = contract, cfg, Stage.PASSIVE
+        self.stop_record: Stop | None = None
+        """Why it was stopped, None while it was not."""
+        self.velocity = np.zeros(3)
+        """Commanded velocity that the policy is told: forward, sideways [m/s], turn [rad/s]."""
+        self.policy_ready = source is not None
+        """Whether the policy has said that it waits."""
+        self.limited_counts = np.zeros((contract.num_joints, 4), dtype=np.int64)
+        """How often each joint's target in the run was free, or limited by which rule, shape (J, 4)."""
+        self._guard, self._safety = ReadingGuard(contract), Safety(contract, cfg.safety, period)
+        self._limits, self._source = Limits(contract, cfg.limits), source
+        standing, kp, kd = (contract.array(name) for name in ("standing", "kp", "kd"))
+        self._standing, self._kp, self._kd = (
+            (standing, kp, kd) if source is None else (source.start, source.kp, source.kd)
+        )
+        self._damping = kd
+        self._began, self._since, self._seen = now, now, math.nan
+        self._from: np.ndarray | None = None
+        self._answered, self._asked = now, now
+        self._requested: np.ndarray | None = None
+        self._let_through: Limited | None = None
+        self._commanded, self._remote = now, False
+        self._ours: tuple[float, float] = (math.nan, math.nan)
+        self._position = standing
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing more will be sent."""
+        return self.stage in (Stage.DONE, Stage.STOPPED)
+
+    # What comes in.
+
+    def command_velocity(self, velocity: np.ndarray, now: float, remote: bool = False) -> Out | None:
+        """Take a velocity command; `remote`: from somewhere that can be lost."""
+        broken = self._guard.check_command(velocity)
+        if broken is not None:
+            return self.stop(broken, now)
+        self.velocity, self._commanded, self._remote = np.array(velocity, float), now, remote
+        return None
+
+    def sent(self, number: float) -> None:
+        """Be told the number that a command got on its way out."""
+        first = number if math.isnan(self._ours[0]) else self._ours[0]
+        self._ours = (first, number)
+
+    def policy_waits(self, now: float) -> None:
+        """Be told that the policy is there, and idle."""
+        self.policy_ready, self._answered = True, now
+
+    def policy_targets(self, target: np.ndarray, now: float) -> Out | None:
+        """Take the policy's targets [rad], shape (J,)."""
+        elapsed, self._answered = now - self._answered, now
+        if not np.isfinite(target).all():
+            joint = self.contract.joint_names[int(np.argmin(np.isfinite(target)))]
+            return self.stop(Violation("target not finite", joint, math.nan, math.nan), now, f"target of {joint}")
+        if self.stage is Stage.RUN:
+            self._requested = np.array(target, float)
+            # As in training a target acts at once; so the slew is of one answer to the next, not of readings.
+            self._let_through = self._limits.step(self._requested, min(elapsed, 2.0 * self.contract.control_period))
+        return None
+
+    def policy_failed(self, rule: str, detail: str, now: float) -> Out | None:
+        """Be told that the policy's process failed or is gone."""
+        return self.stop(Violation(rule, None, math.nan, math.nan), now, detail)
+
+    def stop(self, violation: Violation, now: float, detail: str = "") -> Out | None:
+        """Stop for good; return the one damping frame, or None where all had ended before."""
+        if self.ended:
+            return None
+        self.stop_record = Stop(violation, detail, now, self._seen)
+        self.stage = Stage.STOPPED
+        return self._out(self._damp())
+
+    # What time does.
+
+    def tick(self, now: float) -> Out | None:
+        """Judge what did not come in time; to be asked every 2 ms or so."""
+        if self.ended:
+            return None
+        if self.stage is Stage.PASSIVE and (math.isnan(self._seen) or not self.policy_ready):
+            if now - self._began > self.cfg.ready_timeout:
+                missing = "no state of the robot has come" if math.isnan(self._seen) else "the policy has not answered"
+                waited = now - self._began
+                return self.stop(Violation("not ready", None, waited, self.cfg.ready_timeout, "s"), now, missing)
+            return None
+        if now - self._seen > self.cfg.stale:
+            return self.stop(Violation("stale state", None, now - self._seen, self.cfg.stale, "s"), now)
+        if self._source is None and now - self._answered > self.cfg.silence:
+            return self.stop(Violation("policy silent", None, now - self._answered, self.cfg.silence, "s"), now)
+        if self._remote and self.stage is Stage.RUN:
+            age = now - self._commanded
+            if age > self.cfg.command_stop:
+                return self.stop(Violation("command lost", None, age, self.cfg.command_stop, "s"), now)
+            if age > self.cfg.command_timeout:
+                self.velocity = np.zeros(3)
+        return None
+
+    def state(self, state: RobotState, now: float) -> Out:
+        """Judge a state and return what goes to the robot."""
+        if self.ended:
+            return self._out(None)
+        broken = self._judge(state, now)
+        if broken is not None:
+            return self.stop(broken, now) or self._out(None)
+        self._seen = now
+        self._position = state.sensors.joint_position
+        if self.stage is Stage.PASSIVE:
+            return self._passive(now)
+        if self.stage is Stage.STAND:
+            return self._stand(state, now)
+        if self.stage is Stage.RUN:
+            return self._run(state, now)
+        if now - self._since > self.cfg.settle:
+            self.stage = Stage.DONE
+        return self._out(self._damp())
+
+    # The stages.
+
+    def _passive(self, now: float) -> Out:
+        """Damp until the policy is ready, then begin to stand up from where the robot is."""
+        if not self.policy_ready:
+            return self._out(self._damp())
+        self.stage, self._since, self._from = Stage.STAND, now, np.array(self._position)
+        self._limits.begin(self._from)
+        self._asked = now
+        first = self._limits.step(self._from, 0.0)
+        far = np.abs(first.target - self._position)
+        if far.max() > self.cfg.first_target:
+            joint = int(np.argmax(far))
+            name = self.contract.joint_names[joint]
+            broken = Violation("first target", name, float(far[joint]), self.cfg.first_target, "rad")
+            return self.stop(broken, now, "move it by hand to within its limits, then start again") or self._out(None)
+        return self._out(self._hold(first.target), self._from, first)
+
+    def _stand(self, state: RobotState, now: float) -> Out:
+        """Go from where the robot was to the standing pose."""
+        assert self._from is not None
+        elapsed = now - self._since
+        share = 0.5 - 0.5 * math.cos(math.pi * min(elapsed / self.cfg.ramp, 1.0))
+        requested = self._from + share * (self._standing - self._from)
+        if elapsed < self.cfg.ramp + self.cfg.hold:
+            return self._limit(requested, state, now)
+        far = np.abs(self._position - self._standing)
+        if self.cfg.armed and far.max() > self.cfg.standing_error:
+            joint = int(np.argmax(far))
+            name = self.contract.joint_names[joint]
+            broken = Violation("did not stand up", name, float(far[joint]), self.cfg.standing_error, "rad")
+            return self.stop(broken, now) or self._out(None)
+        self.stage, self._since = Stage.RUN, now
+        self._requested, self._let_through, self._commanded = None, None, now
+        self._safety.reset()
+        return self._limit(requested, state, now)
+
+    def _run(self, state: RobotState, now: float) -> Out:
+        """Let the policy's targets through, as far as the limits allow."""
+        elapsed = now - self._since
+        length = self.cfg.duration if self._source is None else self._source.seconds
+        if length is not None and elapsed >= length:
+            self.stage, self._since = Stage.DAMP, now
+            return self._out(self._damp())
+        if self._source is not None:
+            out = self._limit(self._source.target(elapsed), state, now)
+        elif self._requested is None or self._let_through is None:
+            return self._limit(self._standing, state, now)
+        else:
+            out = self._within_torque(self._requested, self._let_through, state)
+        self.limited_counts[np.arange(len(out.limited.by)), out.limited.by] += 1
+        return out
+
+    # What goes out.
+
+    def _limit(self, requested: np.ndarray, state: RobotState, now: float) -> Out:
+        """Return the command for targets that were asked for, within every limit."""
+        limited = self._limits.step(requested, now - self._asked)
+        self._asked = now
+        return self._within_torque(requested, limited, state)
+
+    def _within_torque(self, requested: np.ndarray, limited: Limited, state: RobotState) -> Out:
+        """Return the command for targets that are within slew and range."""
+        sensors = state.sensors
+        limited = self._limits.apply_torque(limited, sensors.joint_position, sensors.joint_velocity)
+        return self._out(self._hold(limited.target), requested, limited)
+
+    def _hold(self, target: np.ndarray) -> JointCommand:
+        """Return the command to hold targets."""
+        return JointCommand.position(target, self._kp, self._kd)
+
+    def _damp(self) -> JointCommand:
+        """Return the damping frame: no stiffness, the controllers' own damping, where the joints are."""
+        zero = np.zeros_like(self._damping)
+        return JointCommand(np.nan_to_num(self._position), zero, self._damping, zero)
+
+    def _out(
+        self, command: JointCommand | None, requested: np.ndarray | None = None, limited: Limited | None = None
+    ) -> Out:
+        """Return what was decided."""
+        joints = self.contract.num_joints
+        nothing = np.full(joints, math.nan)
+        if limited is None:
+            shown = nothing if command is None else command.target
+            limited = Limited(shown, np.full(joints, FREE))
+        return Out(self.stage, command, nothing if requested is None else requested, limited)
+
+    def _judge(self, state: RobotState, now: float) -> Violation | None:
+        """Return the first broken rule of a state."""
+        broken = self._guard.check(state.time, state.sensors)
+        if broken is not None:
+            return broken
+        if self.cfg.armed and math.isfinite(state.command) and not self._ours[0] <= state.command <= self._ours[1]:
+            return Violation("second writer", None, state.command, self._ours[1])
+        gains = self.cfg.armed and (
+            self.stage is Stage.RUN or (self.stage is Stage.STAND and now - self._since > GAINS_AFTER)
+        )
+        return self._drive(state, gains) or self._safety.check(state)
+
+    def _drive(self, state: RobotState, gains: bool) -> Violation | None:
+        """Return the first way in which the drives are not the contract's; `gains`: whether ours are set already."""
+        nothing = np.full_like(self._kp, math.nan)
+        read = (state.kp, state.kd) if gains and self._source is None else (nothing, nothing)
+        found = compare_drive(self.contract, *read, state.torque_limit)
+        return found[0] if found else None

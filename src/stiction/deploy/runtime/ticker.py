@@ -1,0 +1,72 @@
+"""Absolute deadlines on a monotonic clock, and how late they were met."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+
+class Ticker:
+    """Wakes at start + n · period for whole n. A deadline that was missed by a period or more is skipped for good."""
+
+    def __init__(
+        self,
+        period: float,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ) -> None:
+        """`period`: [s]; the first deadline is one period from now. `clock`, `sleep`: [s]."""
+        self.period, self._clock, self._sleep = period, clock, sleep
+        self._start, self._number = clock(), 0
+
+    def wait(self) -> tuple[float, int]:
+        """Wait for the next deadline.
+
+        Returns how late the caller was woken [s], at least 0, and how many deadlines were skipped because they had
+        passed by a whole period or more.
+        """
+        skipped = 0
+        while True:
+            self._number += 1
+            deadline = self._start + self._number * self.period
+            while (left := deadline - self._clock()) > 0:
+                self._sleep(left)
+            missed = int(-left / self.period)
+            if missed == 0:
+                return max(-left, 0.0), skipped
+            # What is left of the present period is too little for its work: the next deadline is waited for.
+            skipped += missed
+            self._number += missed - 1
+
+
+class Histogram:
+    """Times in bins of 10 µs up to 0.1 s, and the largest one exactly; its size does not grow."""
+
+    WIDTH, BINS = 1e-5, 10_000
+
+    def __init__(self) -> None:
+        """Begin empty."""
+        self._counts = np.zeros(self.BINS + 1, dtype=np.int64)
+        self.largest = 0.0
+        """[s]."""
+
+    def add(self, seconds: float) -> None:
+        """Count one time [s]."""
+        self._counts[min(int(max(seconds, 0.0) / self.WIDTH), self.BINS)] += 1
+        self.largest = max(self.largest, seconds)
+
+    def quantile(self, share: float) -> float:
+        """Return the time that this share of all times does not exceed [s], rounded up to a bin; 0 of none."""
+        total = int(self._counts.sum())
+        if total == 0:
+            return 0.0
+        place = int(np.searchsorted(np.cumsum(self._counts), max(1, int(np.ceil(share * total)))))
+        return self.largest if place >= self.BINS else min((place + 1) * self.WIDTH, self.largest)
+
+    def milliseconds(self) -> dict[str, float]:
+        """Return p50, p99, p99_9 and max [ms]."""
+        shares = {"p50": 0.5, "p99": 0.99, "p99_9": 0.999}
+        found = {name: 1e3 * self.quantile(share) for name, share in shares.items()}
+        return {name: round(value, 4) for name, value in (found | {"max": 1e3 * self.largest}).items()}

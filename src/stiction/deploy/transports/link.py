@@ -1,0 +1,113 @@
+"""What the supervisor asks of a robot, whatever carries it, and what a robot says of itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Protocol
+
+import numpy as np
+
+from stiction.deploy.observation import Sensors
+from stiction.deploy.pilot import JointCommand
+from stiction.deploy.transports.messages import Layout, Message
+
+STATE, COMMAND, PLACE = 1, 2, 3
+"""Kinds of messages to and from a robot."""
+
+
+@dataclass(frozen=True)
+class RobotState:
+    """What a robot said at one instant; J joints, L feet. NaN where a robot does not say it."""
+
+    number: int
+    """Of its messages, from 1 on."""
+    time: float
+    """On the robot's own clock [s]."""
+    sensors: Sensors
+    """IMU and encoders: quaternion (4,), angular velocity (3,), joint angles and velocities (J,)."""
+    acceleration: np.ndarray
+    """Accelerometer: specific force in the base's frame [m/s²], shape (3,)."""
+    joint_torque: np.ndarray
+    """Motor current times the data sheet's torque constant, at the joint [N m], shape (J,)."""
+    temperature: np.ndarray
+    """Of the motors [°C], shape (J,)."""
+    foot_contact: np.ndarray
+    """1 where a foot bears load, 0 where it does not, shape (L,)."""
+    battery: float
+    """Voltage [V]."""
+    kp: np.ndarray
+    """Gains that the motor controllers act with, read back [N m/rad], shape (J,)."""
+    kd: np.ndarray
+    """[N m s/rad], shape (J,)."""
+    torque_limit: np.ndarray
+    """[N m], shape (J,)."""
+    command: float
+    """Number of the last command that the robot took, of whoever sent it."""
+
+    @property
+    def finite(self) -> bool:
+        """Whether every sensor that a policy needs is a number."""
+        sensors = self.sensors
+        return all(np.isfinite(getattr(sensors, part.name)).all() for part in fields(Sensors))
+
+
+class Link(Protocol):
+    """A robot behind a transport. The supervisor alone has one: who has it can move the robot."""
+
+    joint_names: tuple[str, ...]
+    """Order of every vector over joints."""
+    foot_names: tuple[str, ...]
+    """Order of every vector over feet."""
+    period: float
+    """Time between two states [s]."""
+    lock_name: str
+    """What one writer at a time may hold: the robot's address, as a name for a file."""
+
+    def fileno(self) -> int:
+        """Return the file that is readable when a state has come."""
+
+    def receive(self) -> RobotState | None:
+        """Return the newest state that has come, None where there is no new one; never waits."""
+
+    def send(self, command: JointCommand) -> int:
+        """Send a command; return its number. Never waits."""
+
+    def close(self) -> None:
+        """End the connection; sends nothing."""
+
+
+def state_layout(joints: int, feet: int) -> Layout:
+    """Return the message of a `RobotState`."""
+    sizes = {"quaternion": 4, "angular_velocity": 3, "acceleration": 3, "joint_position": joints}
+    sizes |= dict.fromkeys(("joint_velocity", "joint_torque", "temperature"), joints)
+    sizes |= {"foot_contact": feet, "battery": 1}
+    return Layout(STATE, sizes | dict.fromkeys(("kp", "kd", "torque_limit"), joints) | {"command": 1})
+
+
+def command_layout(joints: int) -> Layout:
+    """Return the message of a `JointCommand`."""
+    return Layout(COMMAND, {part.name: joints for part in fields(JointCommand)})
+
+
+def state_vectors(state: RobotState) -> dict[str, np.ndarray | float]:
+    """Return a state as the vectors of its message."""
+    own = {name: getattr(state, name) for name in STATE_FIELDS}
+    return own | {part.name: getattr(state.sensors, part.name) for part in fields(Sensors)}
+
+
+def state_of(layout: Layout, message: Message) -> RobotState:
+    """Return the state that a message says."""
+    vectors = layout.vectors(message)
+    sensors = Sensors(*(vectors[part.name] for part in fields(Sensors)))
+    arrays = {name: vectors[name] for name in STATE_FIELDS if name not in ("battery", "command")}
+    battery, command = float(vectors["battery"][0]), float(vectors["command"][0])
+    return RobotState(message.number, message.time, sensors, **arrays, battery=battery, command=command)
+
+
+def command_of(layout: Layout, message: Message) -> JointCommand:
+    """Return the command that a message says."""
+    return JointCommand(**layout.vectors(message))
+
+
+STATE_FIELDS = tuple(part.name for part in fields(RobotState) if part.name not in ("number", "time", "sensors"))
+"""Fields of a state beside the sensors that a policy needs."""

@@ -1,0 +1,210 @@
+"""Faults that are put into a run on a virtual robot, each at a time since its policy took over: `NAME@SECOND`.
+
+Those of the robot are asked of its process; the others happen to the supervisor's own machine, as they would.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.deploy.pilot import JointCommand
+from stiction.deploy.runtime.policy_process import FAULTS as OF_POLICY
+from stiction.deploy.runtime.runtime import Injected
+from stiction.deploy.transports.link import RobotState, command_layout
+
+OF_ROBOT = {
+    "stale": "the robot says nothing any more",
+    "frozen": "it says the same numbers again and again",
+    "frozen-clock": "its time stands still",
+    "nan": "a joint's angle is no number",
+    "inf": "an angular velocity is infinite",
+    "degrees": "angles are in degrees",
+    "jump": "a joint's angle jumps by 1 rad",
+    "quaternion": "the orientation is no quaternion",
+    "xyzw": "the quaternion's order is x y z w",
+    "tilt": "it leans by 1.2 rad at once",
+    "tilting": "it tips over at 3 rad/s",
+    "joint-speed": "a joint moves at 60 rad/s",
+    "torque": "a motor gives twice its limit",
+    "temperature": "a motor has 120 °C",
+    "flailing": "all joints move at 15 rad/s",
+    "drive-gains": "the drives act with other gains than they were given",
+}
+"""Faults of the robot and of its sensors."""
+
+OF_MACHINE = {
+    "policy-kill": "the policy's process is killed (SIGKILL)",
+    "policy-stop": "the policy's process is halted (SIGSTOP)",
+    "sigterm": "SIGTERM comes",
+    "sigint": "Ctrl-C comes",
+    "stop-file": "the stop file appears",
+    "second-writer": "another process sends a command",
+    "heartbeat": "the second machine falls silent",
+    "command-loss": "velocity commands stop coming",
+}
+"""Faults of the machine and of those who operate it."""
+
+POLICY = {
+    "policy-exception": "the policy raises an error",
+    "policy-nan": "it asks for no number",
+    "policy-hang": "it hangs",
+    "policy-exit": "its process ends by itself",
+}
+"""Faults of the policy."""
+
+FAULTS = OF_ROBOT | POLICY | OF_MACHINE
+"""Every fault that can be injected, and what it is."""
+
+ASK = b"STCNfault "
+"""How the robot's process is asked for a fault of its own."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One fault and its time."""
+
+    name: str
+    """One of `FAULTS`."""
+    second: float
+    """Since the policy took over [s]."""
+
+
+def parse_fault(text: str) -> Fault:
+    """Return the fault that `NAME@SECOND` says; raise `ConfigurationError` for another text."""
+    name, at, second = text.partition("@")
+    try:
+        number = float(second) if at else 1.0
+    except ValueError:
+        number = np.nan
+    if not 0 <= number <= 86400:
+        raise ConfigurationError(f"fault {text!r}: expected NAME@SECOND, such as tilt@3")
+    if name not in FAULTS:
+        raise ConfigurationError(unknown_name("fault", name, FAULTS))
+    return Fault(name, number)
+
+
+class Faults(Injected):
+    """Injects faults into a run when they are due."""
+
+    obeyed = True
+
+    def __init__(self, faults: Sequence[Fault], robot: tuple[str, int], stop_file: Path | None, joints: int) -> None:
+        """robot: address of the virtual robot; stop_file: of the run; joints: how many the robot has."""
+        self._waiting = sorted(faults, key=lambda fault: fault.second)
+        self._robot, self._stop_file, self._joints = robot, stop_file, joints
+        self._of_policy = 0
+        self.times: dict[str, float] = {}
+        """Fault -> when it was injected, on the monotonic clock [s]."""
+        self.silenced: set[str] = set()
+        """Who is to say nothing any more: `heartbeat`, `command-loss`."""
+
+    def due(self, elapsed: float, policy: subprocess.Popen[bytes] | None) -> int:
+        """Inject what is due; see `Injected.due`."""
+        while self._waiting and self._waiting[0].second <= elapsed:
+            self._inject(self._waiting.pop(0).name, policy)
+        return self._of_policy
+
+    def _inject(self, name: str, policy: subprocess.Popen[bytes] | None) -> None:
+        """Let one fault happen."""
+        self.times[name] = time.monotonic()
+        if name in OF_ROBOT:
+            self._tell(ASK + name.encode())
+        elif name in POLICY:
+            self._of_policy = OF_POLICY.index(name)
+        elif name == "second-writer":
+            zero = np.zeros(self._joints)
+            self._tell(command_layout(self._joints).pack(1, 0.0, vars(JointCommand(zero, zero, zero, zero))))
+        elif name == "stop-file" and self._stop_file is not None:
+            self._stop_file.touch()
+        elif name in ("heartbeat", "command-loss"):
+            self.silenced.add(name)
+        elif name in SIGNALS and (target := os.getpid() if name.startswith("sig") else policy and policy.pid):
+            os.kill(target, SIGNALS[name])
+
+    def _tell(self, data: bytes) -> None:
+        """Send the robot a datagram from a port of its own."""
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+            port.sendto(data, self._robot)
+
+
+SIGNALS = {
+    "policy-kill": signal.SIGKILL,
+    "policy-stop": signal.SIGSTOP,
+    "sigterm": signal.SIGTERM,
+    "sigint": signal.SIGINT,
+}
+"""Fault -> the signal that it is."""
+
+
+class BrokenState:
+    """Turns what a robot says into what it says with a fault."""
+
+    def __init__(self, name: str, state: RobotState) -> None:
+        """`state`: the last good one."""
+        self._change = CHANGES[name]
+        self._first, self._count = state, 0
+
+    def __call__(self, state: RobotState) -> RobotState | None:
+        """Return what is said in place of a state; None: nothing."""
+        self._count += 1
+        return self._change(state, self._first, self._count)
+
+
+def _with(state: RobotState, **changed: object) -> RobotState:
+    """Return a state with some vectors changed, of the sensors or of the state."""
+    sensors = {name: changed.pop(name) for name in list(changed) if hasattr(state.sensors, name)}
+    own = vars(state) | changed | {"sensors": type(state.sensors)(**(vars(state.sensors) | sensors))}
+    return RobotState(**own)
+
+
+def _one(values: np.ndarray, value: float) -> np.ndarray:
+    """Return an array with its first entry changed."""
+    changed = np.array(values, float)
+    changed[0] = value
+    return changed
+
+
+def _turned(state: RobotState, angle: float, rate: float) -> RobotState:
+    """Return a state that leans by an angle about the base's x axis, and turns at a rate."""
+    quaternion = np.array([np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0])
+    return _with(state, quaternion=quaternion, angular_velocity=np.array([rate, 0.0, 0.0]))
+
+
+Change = Callable[[RobotState, RobotState, int], "RobotState | None"]
+"""State, the last good state, number of states since then -> what is said."""
+
+CHANGES: dict[str, Change] = {
+    "stale": lambda state, first, count: None,
+    "frozen": lambda state, first, count: _with(state, **vars(first.sensors)),
+    "frozen-clock": lambda state, first, count: _with(state, time=first.time),
+    "nan": lambda state, first, count: _with(state, joint_position=_one(state.sensors.joint_position, np.nan)),
+    "inf": lambda state, first, count: _with(state, angular_velocity=np.array([np.inf, 0.0, 0.0])),
+    "degrees": lambda state, first, count: _with(state, joint_position=np.degrees(state.sensors.joint_position)),
+    "jump": lambda state, first, count: _with(
+        state, joint_position=_one(state.sensors.joint_position, state.sensors.joint_position[0] + 1.0)
+    ),
+    "quaternion": lambda state, first, count: _with(state, quaternion=np.zeros(4)),
+    "xyzw": lambda state, first, count: _with(state, quaternion=np.roll(state.sensors.quaternion, -1)),
+    "tilt": lambda state, first, count: _turned(state, 1.2, 0.0),
+    "tilting": lambda state, first, count: _turned(state, min(3.0 * 0.002 * count, 1.5), 3.0),
+    "joint-speed": lambda state, first, count: _with(state, joint_velocity=_one(state.sensors.joint_velocity, 60.0)),
+    "torque": lambda state, first, count: _with(
+        state, joint_torque=_one(state.joint_torque, 2 * state.torque_limit[0])
+    ),
+    "temperature": lambda state, first, count: _with(state, temperature=_one(state.temperature, 120.0)),
+    "flailing": lambda state, first, count: _with(
+        state, joint_velocity=15.0 * np.where(np.arange(len(state.kp)) % 2, 1.0, -1.0)
+    ),
+    "drive-gains": lambda state, first, count: _with(state, kp=1.5 * state.kp),
+}
+"""Fault of the robot -> what it says then."""

@@ -1,0 +1,190 @@
+"""The virtual robot as a process of its own, in real time behind UDP on loopback: what `deploy` drives for want of one.
+
+It sends a state every 2 ms to whoever asked for it last, and acts on every command that comes, from whomever, as motors
+on a bus do. Where it cannot keep up with the clock it runs slower than real time, and says so at its end. Started as a
+module; prints one line of JSON when it is there:
+
+    python -m stiction.virtual.serve BUNDLE SETTINGS
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+import sys
+import time
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from stiction.core.errors import EngineError, StictionError
+from stiction.core.lifeline import follow_parent
+from stiction.core.provenance import limit_library_threads, seed_streams
+from stiction.core.rotation import into_frame
+from stiction.deploy.check import robot_of
+from stiction.deploy.pilot import JointCommand, Reading
+from stiction.deploy.runtime.ticker import Ticker
+from stiction.deploy.transports.link import RobotState, command_layout, command_of, state_layout, state_vectors
+from stiction.deploy.transports.udp import LOOPBACK
+from stiction.engines.catalog import make_engine
+from stiction.engines.engine import BlownUp
+from stiction.formats.bundle import read_bundle
+from stiction.formats.plain import parse_object
+from stiction.robots.model import Robot
+from stiction.virtual.cases import Case, parse_level
+from stiction.virtual.faults import ASK, OF_ROBOT, BrokenState
+from stiction.virtual.robot import PERIOD, VirtualRobot
+from stiction.virtual.trial import World, fallen
+
+GRAVITY = np.array([0.0, 0.0, -9.81])
+"""[m/s²]."""
+
+ROOM_TEMPERATURE = 30.0
+"""Of motors that were not modelled [°C]."""
+
+BATTERY = 48.0
+"""Nominal voltage [V]."""
+
+HELLO = b"STCN?"
+"""Asks for states."""
+
+
+@dataclass(frozen=True)
+class VirtualCfg:
+    """Which virtual robot is played, and where it stands."""
+
+    seed: int = 1000
+    """Of the robot: its friction, motors, delays, gears, sensors and masses."""
+    engine: str = "mujoco"
+    """Physics engine that it lives in."""
+    level: str = "0.1"
+    """Dry friction of its joints, as `--robot-levels` of evaluate."""
+    cell: str = "all"
+    """What of it is real: all, nominal, or groups such as friction+delays."""
+    stand: bool = False
+    """Whether it is bolted to a stand, its legs in the air."""
+
+
+class RobotProcess:
+    """A virtual robot at the end of a UDP port."""
+
+    def __init__(self, spec: Robot, cfg: VirtualCfg, port: socket.socket) -> None:
+        """Build the robot; raise `StictionError` where its engine or its friction cannot be."""
+        case = Case(cfg.seed, cfg.cell, parse_level(cfg.level))
+        noise = seed_streams(cfg.seed, ["deployed, sensors"])["deployed, sensors"]
+        world = World(partial(make_engine, cfg.engine))
+        build = world.on_bench if cfg.stand else world.robot
+        self._robot: VirtualRobot = build(case, spec, noise)
+        self._port, self._spec, self._peer = port, spec, None
+        self._commands = command_layout(spec.num_joints)
+        self._states = state_layout(spec.num_joints, len(spec.foot_names))
+        limp = np.zeros(spec.num_joints)
+        self._command = JointCommand(spec.joint_values("default_position"), limp, limp, limp)
+        self._taken, self._number = np.nan, 0
+        self._velocity = np.zeros(3)
+        self._broken: BrokenState | None = None
+        self._last: RobotState | None = None
+        self.slow = 0
+        """Periods that it was late by."""
+        self._good = np.nan
+        self._start = (np.nan, np.zeros(3))
+
+    def period(self) -> None:
+        """Take what has come, let a period pass, and say what is measured then."""
+        for _ in range(64):
+            try:
+                data, sender = self._port.recvfrom(self._commands.bytes + 1)
+            except OSError:
+                break
+            self._take(data, sender)
+        reading = self._robot.handle.exchange(self._command)
+        state = self._state(reading)
+        if self._broken is None:
+            self._good = time.monotonic()
+        else:
+            state = self._broken(state)
+        if state is not None and self._peer is not None:
+            self._number += 1
+            data = self._states.pack(self._number, state.time, state_vectors(state))
+            with suppress(OSError):
+                self._port.sendto(data, self._peer)
+
+    def _take(self, data: bytes, sender: tuple[str, int]) -> None:
+        """Take one datagram."""
+        if data == HELLO:
+            self._peer = sender
+        elif data.startswith(ASK) and (name := data[len(ASK) :].decode(errors="replace")) in OF_ROBOT:
+            if self._last is not None:
+                self._broken = BrokenState(name, self._last)
+        elif (message := self._commands.unpack(data)) is not None and np.isfinite(message.values).all():
+            command = command_of(self._commands, message)
+            if not command.kp.any() and self._command.kp.any():
+                self._say_damped()
+            if command.kp.any() and not self._command.kp.any():
+                self._start = (time.monotonic(), self._robot.ground_truth().motion.base_position)
+            self._command, self._taken = command, float(message.number)
+
+    def _say_damped(self) -> None:
+        """Print when the first damping frame came, and what the robot had done by then."""
+        now, motion = time.monotonic(), self._robot.ground_truth().motion
+        moved = motion.base_position - self._start[1]
+        said = {"damped": now, "last_good": self._good, "slow": self.slow, "moved": moved[:2].tolist()}
+        said |= {"seconds": now - self._start[0], "upright": bool(not fallen(motion, self._spec, 0.0))}
+        print(json.dumps(said), flush=True)
+
+    def _state(self, reading: Reading) -> RobotState:
+        """Return what the robot says of itself."""
+        truth = self._robot.ground_truth()
+        motion = truth.motion
+        # The accelerometer measures the mean over a period, as its filter does.
+        change = (motion.base_linear_velocity - self._velocity) / PERIOD
+        self._velocity = np.array(motion.base_linear_velocity)
+        turn = np.cross(motion.base_angular_velocity, motion.base_linear_velocity)
+        force = change + turn - into_frame(motion.base_quaternion, GRAVITY)
+        self._last = RobotState(
+            number=self._number,
+            time=reading.time,
+            sensors=reading.sensors,
+            acceleration=force,
+            joint_torque=reading.joint_torque,
+            temperature=np.full(self._spec.num_joints, ROOM_TEMPERATURE),
+            foot_contact=reading.foot_contact.astype(float),
+            battery=BATTERY,
+            kp=self._command.kp,
+            kd=self._command.kd,
+            torque_limit=self._spec.joint_values("torque_limit"),
+            command=self._taken,
+        )
+        return self._last
+
+
+def main(path: str, settings: str) -> int:
+    """Serve until the parent is gone; return the exit status."""
+    follow_parent()
+    limit_library_threads()
+    try:
+        cfg = replace(VirtualCfg(), **parse_object(settings, "settings", "those of a virtual robot"))
+        spec = robot_of(read_bundle(path).contract)
+        port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        port.bind((LOOPBACK, 0))
+        port.setblocking(False)
+        robot = RobotProcess(spec, cfg, port)
+    except (StictionError, ImportError) as error:
+        print(json.dumps({"error": str(error)}), flush=True)
+        return 1
+    said = {"port": port.getsockname()[1], "joints": spec.joint_names, "feet": spec.foot_names, "period": PERIOD}
+    print(json.dumps(said), flush=True)
+    ticker = Ticker(PERIOD)
+    try:
+        while True:
+            robot.slow += ticker.wait()[1]
+            robot.period()
+    except (BlownUp, EngineError) as error:
+        print(json.dumps({"error": f"the physics gave up: {error}"}), flush=True)
+        return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:3]))
