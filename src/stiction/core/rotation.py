@@ -63,7 +63,8 @@ def uprightness(quaternion: np.ndarray) -> np.ndarray:
 
 def roll_pitch(quaternion: np.ndarray) -> np.ndarray:
     """Return roll, atan2(2(wx + yz), 1 - 2(x² + y²)), and pitch, asin(2(wy - zx)), shape (..., 2)."""
-    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
+    entries = np.asarray(quaternion, dtype=np.float64)
+    w, x, y, z = (entries[..., number] for number in range(4))
     roll = np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
     pitch = np.arcsin(np.clip(2.0 * (w * y - z * x), -1.0, 1.0))
     return np.stack([roll, pitch], axis=-1)

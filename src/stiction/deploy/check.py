@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from stiction.core.errors import BundleError, ConfigurationError, RobotError
+from stiction.core.errors import BundleError, ConfigurationError, FileError, RobotError
 from stiction.deploy.first_run import first_run
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, PolicyStep, check_model, load_policy
@@ -52,6 +53,12 @@ ALIKE = {"torque_limit": "torque limits", "kp": "gains kp", "kd": "gains kd"}
 
 OF_CONTRACT = ("robot", "method", "friction_law", "friction_level", "known_friction")
 """What the summary of a check says of the contract."""
+
+DIGEST = re.compile("[0-9a-fA-F]{64}")
+"""A digest, as text."""
+
+LARGEST_LIST = 2**20
+"""Bytes of a list of digests that are read: over ten thousand bundles."""
 
 TOLERANCE = 1e-5
 """Largest difference between the recording and the replay, in units of observation and action and in rad."""
@@ -99,13 +106,16 @@ class BundleCheck:
         }
 
 
-def check_bundle(path: Path | str, digest: str | None = None, key: Path | None = None) -> BundleCheck:
+def check_bundle(
+    path: Path | str, digest: str | None = None, key: Path | None = None, allowed: Collection[str] | None = None
+) -> BundleCheck:
     """Read a bundle, load its network and replay its golden vectors; return what was found.
 
     Args:
         path: its directory.
         digest: what `Bundle.digest` has to be, 64 hexadecimal digits, as its maker published it.
         key: public key of the maker, a PEM file, whose signature the bundle has to have.
+        allowed: digests of which the bundle has to have one, as from `read_allowed`; None: any.
 
     Raises `StictionError`: the first thing that is wrong: files, checksums, digest or signature, before anything is
     interpreted; then contract, network, or the replay.
@@ -115,6 +125,9 @@ def check_bundle(path: Path | str, digest: str | None = None, key: Path | None =
     def vouch(sums: bytes, signature: bytes | None) -> None:
         if digest is not None:
             _expect_digest(Path(path), sums, digest)
+        if allowed is not None and (found := hashlib.sha256(sums).hexdigest()) not in allowed:
+            raise BundleError(f"{path}: its digest {found} is not among the {len(allowed)} that are allowed; do not "
+                              "run it, or add it to the list")  # fmt: skip
         if key is not None:
             signers.append(check_signature(sums, signature, key))
 
@@ -154,12 +167,36 @@ def check_bundle(path: Path | str, digest: str | None = None, key: Path | None =
 
 def _expect_digest(path: Path, sums: bytes, digest: str) -> None:
     """Refuse a bundle with another digest than was expected."""
-    if re.fullmatch("[0-9a-fA-F]{64}", digest) is None:
+    if DIGEST.fullmatch(digest) is None:
         raise ConfigurationError(
             f"the digest {digest[:80]!r} is none; expected 64 hexadecimal digits, as verify prints"
         )
     if (found := hashlib.sha256(sums).hexdigest()) != digest.lower():
         raise BundleError(f"{path}: its digest is {found}, not {digest.lower()}: it is another bundle; do not use it")
+
+
+def read_allowed(path: Path) -> frozenset[str]:
+    """Return the digests of bundles that a list allows: a text file, one of them a line, `#` before comments.
+
+    Raises `FileError`: it cannot be read, is too large, or a line is no digest.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(LARGEST_LIST + 1)
+    except OSError as error:
+        raise FileError(f"cannot read {path}: {error.strerror or error}; expected a list of digests") from error
+    if len(content) > LARGEST_LIST:
+        raise FileError(f"{path}: over {LARGEST_LIST} bytes; expected a list of digests")
+    found = set()
+    for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
+        if digest := line.partition("#")[0].strip():
+            if DIGEST.fullmatch(digest) is None:
+                raise FileError(
+                    f"{path}, line {number}: {digest[:80]!r} is no digest; expected 64 hexadecimal digits, as verify "
+                    "prints, and comments behind #"
+                )
+            found.add(digest.lower())
+    return frozenset(found)
 
 
 def replay(policy: Policy, golden: Golden) -> PolicyStep:

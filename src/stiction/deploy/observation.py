@@ -121,8 +121,9 @@ class ObservationBuilder:
         frame = self.frame(sensors, command, last_action)
         self._history[..., :-1, :] = self._history[..., 1:, :]
         self._history[..., -1, :] = frame
-        self._history = np.where(self._empty[..., None, None], frame[..., None, :], self._history)
-        self._empty = np.zeros(self._batch, dtype=bool)
+        if self._empty.any():
+            self._history = np.where(self._empty[..., None, None], frame[..., None, :], self._history)
+            self._empty = np.zeros(self._batch, dtype=bool)
         return self._history.reshape(*self._batch, self.layout.size).astype(np.float32)
 
 

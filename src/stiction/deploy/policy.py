@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,10 @@ from stiction.joints.pd import compensated
 
 INPUT, OUTPUT = "observation", "action"
 """Names of the network's one input and one output."""
+
+UNIT_ERROR = 0.05
+"""Largest difference of a quaternion's length from 1: orientation filters keep it within 0.001, and one of them sends
+16-bit integers; all zeros, of an IMU that has not started, would be taken for level."""
 
 
 class Network:
@@ -92,7 +97,11 @@ class PolicyStep:
 
 
 class Policy:
-    """Sensors and command in, joint targets out; holds the history and the last action of every robot."""
+    """Sensors and command in, joint targets out; holds the history and the last action of every robot.
+
+    This is the fast one, for simulators and batches: it knows no time and no names, and refuses only what is no
+    reading at all. On a machine use `deploy.robot_policy.RobotPolicy`, which asks for both.
+    """
 
     def __init__(
         self,
@@ -124,33 +133,50 @@ class Policy:
 
     def take_over(self, last_action: np.ndarray) -> None:
         """Go on as if the last step's action had been `last_action`, clipped, shape (*batch, J)."""
-        self._last_action = np.asarray(last_action, dtype=np.float32).reshape(self._last_action.shape)
+        self._last_action = np.array(last_action, dtype=np.float32).reshape(self._last_action.shape)
 
     def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
-        """Advance by one control period.
+        """Advance by one control period; what is returned is the caller's own, to write into as well.
 
         Args:
             sensors: what the robots measure now.
             command: commanded velocity, forward, sideways [m/s], turn [rad/s], shape (*batch, 3).
 
         Raises:
-            PolicyError: a sensor or the command is NaN or infinite.
+            PolicyError: a sensor or the command is NaN or infinite, or a quaternion is not of unit length.
             StictionError: the policy is told the friction of its joints, and neither contract nor caller says it.
 
         """
-        for name, value in {**vars(sensors), "command": command}.items():
-            if not np.isfinite(value).all():
-                kind = "command" if name == "command" else f"sensor {name!r}"
-                raise PolicyError(f"the {kind} is not finite (NaN or infinite); stop the robot and find out why")
+        _check_reading(sensors, command)
+        return self.advance(sensors, command)
+
+    def advance(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Do as `step` does with a reading that was checked."""
         observation = self._builder.step(sensors, command, self._last_action)
         clip = np.float32(self.contract.action_clip)
         action = np.clip(self._network(np.atleast_2d(observation)), -clip, clip).reshape(self._last_action.shape)
-        self._last_action = action
+        self._last_action = action.copy()
         target = self._standing + self._scale * action.astype(np.float64)
         if self.contract.compensation is not None:
             angle = self.contract.array("compensation")
             target = compensated(target, sensors.joint_position, angle, self.contract.compensation_width)
         return PolicyStep(observation, action, target)
+
+
+def _check_reading(sensors: Sensors, command: np.ndarray) -> None:
+    """Refuse what is no reading, of any robot of a batch; see `Policy.step`."""
+    square = np.square(sensors.quaternion).sum(axis=-1)
+    total = square.sum() + sum(np.sum(value) for value in (*vars(sensors).values(), command))
+    if not math.isfinite(total):  # or a sum that overflowed, of numbers that are finite
+        for name, value in {**vars(sensors), "command": command}.items():
+            if not np.isfinite(value).all():
+                kind = "command" if name == "command" else f"sensor {name!r}"
+                raise PolicyError(f"the {kind} is not finite (NaN or infinite); stop the robot and find out why")
+    if not (off := np.abs(square - 1.0)).max() < 2 * UNIT_ERROR:
+        raise PolicyError(
+            f"a quaternion has the length {np.sqrt(np.ravel(square)[np.argmax(off)]):.3g}; expected an orientation, of "
+            "length 1 (w, x, y, z)"
+        )
 
 
 def load_policy(

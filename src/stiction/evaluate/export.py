@@ -29,7 +29,7 @@ from stiction.evaluate.known_friction import nominal_known
 from stiction.evaluate.rollout import Driver, Rollout, RolloutStep
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract
-from stiction.formats.contract_rules import METHODS
+from stiction.formats.contract_rules import COMMANDS, METHODS
 from stiction.formats.golden import Golden
 from stiction.formats.joint_map import mapped
 from stiction.formats.joints import load_joints
@@ -40,6 +40,8 @@ from stiction.joints.pd import COMPENSATION_WIDTH, compensated, controller_torqu
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.locomotion.randomization import friction_angle, nominal_joints
+from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.terrain import FASTEST_TURN
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, identified_values
 from stiction.rma.runner import load_student
@@ -291,6 +293,7 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         action_clip=task.action_clip,
         compensation=friction_angle(task.friction, joints, spec),
         compensation_width=COMPENSATION_WIDTH,
+        command_range=_command_range(task),
         revision=str(header["revision"]),
         command=_without_folders(str(header["command"])),
         actuator=header.get("actuator"),
@@ -300,6 +303,17 @@ def contract_of(cfg: TrainCfg, header: dict[str, Any]) -> Contract:
         return contract
     nominal = zip(spec.joint_kinds, nominal_known(contract, spec).tolist(), strict=True)
     return replace(contract, known_friction=dict(nominal))
+
+
+def _command_range(task: TaskCfg) -> dict[str, tuple[float, float]]:
+    """Return the velocity commands of a training: those that it draws, those on its courses, and standing."""
+    spans = {name: [getattr(task.commands, name)] for name in COMMANDS}
+    if task.terrain.kind != "flat":
+        spans["forward"].append(task.terrain.speed)
+        spans["turn"].append((-FASTEST_TURN, FASTEST_TURN))
+    if task.commands.standing_share > 0:
+        spans = {name: [*ends, (0.0, 0.0)] for name, ends in spans.items()}
+    return {name: (min(low for low, _ in ends), max(high for _, high in ends)) for name, ends in spans.items()}
 
 
 def export_policy(module: torch.nn.Module, contract: Contract, out: Path, wear: WearModel | None = None) -> BundleCheck:

@@ -181,7 +181,7 @@ def proprioception(
 
 
 LATER = {"compensation": 1, "compensation_width": 1} | dict.fromkeys(
-    ("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy"), 2
+    ("stribeck", "actuator", "known_friction", "known_friction_file", "phases", "anatomy", "command_range"), 2
 )
 """Field that came later -> the last version in which it may be missing; it is then its default."""
 
@@ -270,6 +270,9 @@ class Contract:
     left, z up) where all angles are zero; an angle grows by the right-hand rule about the axis. With it the joints that
     are held, and the maker's order, signs and offsets where somebody said them. None: the bundle is older than this
     field, and the shipped robot of the name is meant."""
+    command_range: Mapping[str, tuple[float, float]] | None = None
+    """Velocity commands that training drew from, lower and upper end of `forward`, `sideways` [m/s] and
+    `turn` [rad/s]. None: the bundle is older than this field."""
     compensation_width: float = 0.05
     """Distance of the target at which all of it is added [rad]."""
     schema_version: int = SCHEMA_VERSION
@@ -277,8 +280,8 @@ class Contract:
 
     def __post_init__(self) -> None:
         """Refuse what no runtime could obey."""
-        for name, (allowed, expected) in RULES.items():
-            _expect(allowed(getattr(self, name)), name, getattr(self, name), expected)
+        for name, rule in RULES.items():
+            _expect(rule.allowed(getattr(self, name)), name, getattr(self, name), rule.expected)
         period = self.decimation * self.physics_timestep
         right = math.isclose(period, self.control_period, rel_tol=1e-9)
         _expect(right, "control_period", self.control_period, f"{period}, 'decimation' times 'physics_timestep'")
@@ -359,7 +362,7 @@ def _check_joints(contract: Contract) -> None:
     _expect(valid and len(set(names)) == len(names), "joint_names", names, f"1 to {MOST_JOINTS} different names")
     single = () if isinstance(contract.action_scale, tuple) else ("action_scale",)
     absent = () if contract.compensation is not None else ("compensation",)
-    for field, (allowed, expected) in PER_JOINT.items():
+    for field, (allowed, expected, _) in PER_JOINT.items():
         values = getattr(contract, field)
         if field in single:
             _expect(allowed(values), field, values, f"{expected}, or one for each of the {len(names)} joints")
@@ -397,7 +400,7 @@ def _check_friction(contract: Contract) -> None:
     # Laws can be registered later than this module is imported.
     _expect(law in simulated_laws(), "friction_law", law, " or ".join(map(repr, simulated_laws())))
     shaped = bool(LAWS[law].numbers)
-    pair = isinstance(shape, tuple) and len(shape) == 2 and SPEED_RATIO[0][0](shape[0]) and SPEED_RATIO[1][0](shape[1])
+    pair = isinstance(shape, tuple) and len(shape) == 2 and all(r.allowed(v) for r, v in zip(SPEED_RATIO, shape))
     expected = "a ratio in [1, 10] and a positive speed" if shaped else "null"
     _expect(pair if shaped else shape is None, "stribeck", shape, expected)
     coefficients = has_coefficient(law)
@@ -422,7 +425,7 @@ def _check_observation(layout: ObservationLayout, num_joints: int, num_kinds: in
         _expect(right, f"{where}.size", term.size, f"{size}")
         words = {"frame": one_of(FRAMES[term.name])}
         words["offset"] = one_of("none", "standing") if term.name == "joint_position" else one_of("none")
-        for field, (allowed, expected) in (TERM_RULES | words).items():
+        for field, (allowed, expected, _) in (TERM_RULES | words).items():
             _expect(allowed(getattr(term, field)), f"{where}.{field}", getattr(term, field), expected)
     _expect(layout.size <= MOST_ENTRIES, "observation", layout.size, f"at most {MOST_ENTRIES} entries")
 
@@ -435,6 +438,6 @@ def _check_known_friction(contract: Contract) -> None:
         file = contract.known_friction_file
         _expect(file is None, "known_friction_file", file, "null, as 'known_friction' is")
         return
-    allowed, expected = SHARE
+    allowed, expected, _ = SHARE
     right = isinstance(given, Mapping) and set(given) == set(kinds) and all(map(allowed, given.values()))
     _expect(right, "known_friction", given, f"an object with {expected} for each of {', '.join(kinds)}, or null")

@@ -8,12 +8,24 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from stiction.formats.plain import is_integer, is_number, is_text
 
-Rule = tuple[Callable[[Any], bool], str]
-"""Whether a value is allowed, and what is expected in words."""
+
+class Rule(NamedTuple):
+    """What a value may be."""
+
+    allowed: Callable[[Any], bool]
+    """Whether a value is allowed."""
+    expected: str
+    """What is expected, in words."""
+    schema: dict[str, Any]
+    """The same in JSON Schema, as far as that can say it."""
+
+
+COMMANDS = ("forward", "sideways", "turn")
+"""Entries of a velocity command, [m/s], [m/s] and [rad/s]."""
 
 LONGEST = 4096
 """Characters of a text."""
@@ -21,18 +33,26 @@ LONGEST = 4096
 
 def _between(low: float, high: float, unit: str = "") -> Rule:
     """Return the rule of a number from `low` to `high`."""
-    return lambda value: is_number(value) and low <= value <= high, f"a number from {low:g} to {high:g}{unit}"
+    return Rule(
+        lambda value: is_number(value) and low <= value <= high,
+        f"a number from {low:g} to {high:g}{unit}",
+        {"type": "number", "minimum": low, "maximum": high},
+    )
 
 
 def _integer(low: int, high: int) -> Rule:
     """Return the rule of an integer from `low` to `high`."""
-    return lambda value: is_integer(value) and low <= value <= high, f"an integer from {low} to {high}"
+    return Rule(
+        lambda value: is_integer(value) and low <= value <= high,
+        f"an integer from {low} to {high}",
+        {"type": "integer", "minimum": low, "maximum": high},
+    )
 
 
 def one_of(*values: Any) -> Rule:
     """Return the rule of a field that takes some values alone."""
     words = " or ".join("null" if value is None else repr(value) for value in values)
-    return lambda value: value in values and not isinstance(value, bool), words
+    return Rule(lambda value: value in values and not isinstance(value, bool), words, {"enum": list(values)})
 
 
 def is_name(value: Any) -> bool:
@@ -42,7 +62,21 @@ def is_name(value: Any) -> bool:
 
 def _is_range(value: Any) -> bool:
     """Return whether a value is the two ends of a range of friction."""
-    return isinstance(value, tuple) and len(value) == 2 and all(map(SHARE[0], value)) and value[0] <= value[1]
+    return isinstance(value, tuple) and len(value) == 2 and all(map(SHARE.allowed, value)) and value[0] <= value[1]
+
+
+def _are_commands(value: Any) -> bool:
+    """Return whether a value is a range of each entry of a velocity command, or None."""
+    named = isinstance(value, Mapping) and set(value) == set(COMMANDS)
+    return value is None or (named and all(
+        isinstance(ends, tuple) and len(ends) == 2 and all(map(VELOCITY.allowed, ends)) and ends[0] <= ends[1]
+        for ends in value.values()
+    ))  # fmt: skip
+
+
+def pair(rule: Rule) -> dict[str, Any]:
+    """Return the JSON Schema of two values of a rule."""
+    return {"type": "array", "items": rule.schema, "minItems": 2, "maxItems": 2}
 
 
 def _is_file(value: Any) -> bool:
@@ -59,12 +93,27 @@ SHARE = _between(0.0, 10.0)
 SPEED_RATIO = (_between(1.0, 10.0), _between(1e-4, 100.0, " rad/s"))
 """Friction at rest over friction in motion, and the speed of Stribeck's law."""
 
-TEXT: Rule = (
+VELOCITY = _between(-100.0, 100.0)
+"""Commanded [m/s], [rad/s]."""
+
+TEXT = Rule(
     lambda value: is_text(value) and len(value) <= LONGEST and all(c.isprintable() or c == "\n" for c in value),
     f"a text of 1 to {LONGEST} printable characters",
+    {"type": "string", "minLength": 1, "maxLength": LONGEST},
 )
-NAME: Rule = is_name, "a printable text of 1 to 128 characters"
-FILE: Rule = _is_file, "null, or an object with 'name' and 'sha256', 64 hexadecimal digits"
+NAME = Rule(
+    is_name, "a printable text of 1 to 128 characters", {"type": "string", "minLength": 1, "maxLength": 128}
+)
+FILE = Rule(
+    _is_file,
+    "null, or an object with 'name' and 'sha256', 64 hexadecimal digits",
+    {
+        "type": ["object", "null"],
+        "properties": {"name": NAME.schema, "sha256": {"type": "string", "pattern": "^[0-9a-f]{64}$"}},
+        "required": ["name", "sha256"],
+        "additionalProperties": False,
+    },
+)
 
 TERRAINS = ("flat", "slopes", "rough", "stairs", "mixed")
 """Grounds that there are to train on."""
@@ -97,7 +146,17 @@ RULES: dict[str, Rule] = {
     "action_clip": _between(1e-3, 1000.0),
     "compensation_width": _between(1e-4, 3.2, " rad"),
     "friction_level": SHARE,
-    "friction_range": (_is_range, "two numbers, 0 <= low <= high <= 10"),
+    "friction_range": Rule(_is_range, "two numbers, 0 <= low <= high <= 10", pair(SHARE)),
+    "command_range": Rule(
+        _are_commands,
+        "null, or for each of 'forward', 'sideways' and 'turn' two numbers, -100 <= low <= high <= 100",
+        {
+            "type": ["object", "null"],
+            "properties": dict.fromkeys(COMMANDS, pair(VELOCITY)),
+            "required": list(COMMANDS),
+            "additionalProperties": False,
+        },
+    ),
     "action_offset": one_of("standing"),
     "quaternion_order": one_of("wxyz"),
     **dict.fromkeys(("joints_file", "actuator", "known_friction_file"), FILE),

@@ -92,9 +92,13 @@ class TerrainCfg:
             )
 
 
+FASTEST_TURN = 0.6
+"""Largest turn rate by which a heading is held [rad/s]."""
+
+
 def hold_heading(error: np.ndarray, gain: float) -> np.ndarray:
-    """Return the turn rate that corrects an error of heading [rad], at most 0.6 rad/s."""
-    return np.clip(gain * ((error + np.pi) % (2 * np.pi) - np.pi), -0.6, 0.6)
+    """Return the turn rate that corrects an error of heading [rad], at most `FASTEST_TURN`."""
+    return np.clip(gain * ((error + np.pi) % (2 * np.pi) - np.pi), -FASTEST_TURN, FASTEST_TURN)
 
 
 STATE, TERRAIN_STATE = ("level", "heading", "speed", "covered", "asked"), ("difficulty", "position", "quaternion")
