@@ -121,7 +121,9 @@ def _run(cfg: DeployCfg, bundle: Any, folder: Path) -> dict[str, Any]:
     """Run on the robot; return the report."""
     import numpy as np
 
+    from stiction.deploy.plausibility import command_range
     from stiction.deploy.runtime.motion import Motion
+    from stiction.deploy.runtime.operator import AXES
     from stiction.deploy.runtime.runtime import RunCfg, run
     from stiction.deploy.runtime.supervisor import SupervisorCfg
     from stiction.evaluate.command import parse_command
@@ -135,25 +137,29 @@ def _run(cfg: DeployCfg, bundle: Any, folder: Path) -> dict[str, Any]:
         limits=cfg.limits,
         safety=cfg.safety,
     )
+    velocity = np.array(parse_command(cfg.command).velocity)
+    low, high = command_range(bundle.contract)
+    if not ((low <= velocity) & (velocity <= high)).all():
+        spans = ", ".join(f"{axis} {a:g} to {b:g}" for axis, a, b in zip(AXES, low, high, strict=True))
+        raise ConfigurationError(f"command {cfg.command!r}: the policy was trained for {spans}; command less")
+    motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
+    say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)
+    if not cfg.armed:
+        say("a dry run: nothing is sent to the robot; --armed moves it")
+    operator = cfg.operator
     with ExitStack() as stack:
-        operator, injected = cfg.operator, None
+        # Here alone is a simulator, and only for the robot that is one.
         from stiction.virtual.faults import Faults, parse_fault
         from stiction.virtual.process import virtual_robot
         from stiction.virtual.serve import VirtualCfg
 
         faults = [parse_fault(text) for text in cfg.fault]
-        motion = None if cfg.excitation is None else Motion(cfg.excitation, bundle.contract)
         if any(fault.name == "stop-file" for fault in faults) and operator.stop_file is None:
             operator = replace(operator, stop_file=cfg.out / "stop")
+        run_cfg = RunCfg(cfg.out, settings, operator, cfg.keep_minutes, cfg.realtime)
         virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
         robot = stack.enter_context(virtual_robot(folder, virtual))
-        if faults:
-            injected = Faults(faults, robot.address, operator.stop_file, bundle.contract.num_joints)
-        say = (lambda text: None) if cfg.json else lambda text: print(f"stiction deploy: {text}", file=sys.stderr)
-        if not cfg.armed:
-            say("a dry run: nothing is sent to the robot; --armed moves it")
-        run_cfg = RunCfg(cfg.out, settings, operator, cfg.keep_minutes, cfg.realtime)
-        velocity = np.array(parse_command(cfg.command).velocity)
+        injected = Faults(faults, robot.address, operator.stop_file, bundle.contract.num_joints) if faults else None
         report = run(bundle, folder, robot.link, run_cfg, velocity, motion, injected, say)
         report |= {"faults": {} if injected is None else injected.times, "virtual": robot.said() if cfg.armed else {}}
     return report

@@ -14,6 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -130,7 +131,7 @@ def read_run_log(folder: Path) -> RunLog:
         claim(folder.name, 4 * sum((folder / name).stat().st_size for *_, name in parts), "the log has", LogError)
         arrays = [read_npz_arrays(folder / name) for *_, name in parts]
         tables[table] = _joined(folder, table, arrays)
-        missing = sum(first - last - 1 for (_, last, _), (first, _, _) in zip(parts[:-1], parts[1:], strict=True))
+        missing = sum(first - last - 1 for (_, last, _), (first, _, _) in pairwise(parts))
         if missing:
             notes.append(f"{missing} half seconds of the log's {table} are not there")
     if "time" not in tables[READINGS]:

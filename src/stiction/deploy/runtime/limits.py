@@ -55,14 +55,14 @@ class Limited:
 class Limits:
     """The limits of one robot; holds what was let through last."""
 
-    def __init__(self, contract: Contract, cfg: LimitsCfg) -> None:
-        """Take the joints' limits from the contract.
+    def __init__(self, contract: Contract, cfg: LimitsCfg, kp: np.ndarray, kd: np.ndarray) -> None:
+        """Take the joints' limits from the contract; kp, kd: of the run [N m/rad, N m s/rad], shape (J,).
 
         Raises `ConfigurationError`: the margin leaves a joint no room.
         """
         self._cfg = cfg
         self._lower, self._upper = contract.array("lower") + cfg.margin, contract.array("upper") - cfg.margin
-        self._limit, self._kp, self._kd = (contract.array(name) for name in ("torque_limit", "kp", "kd"))
+        self._limit, self._kp, self._kd = contract.array("torque_limit"), kp, kd
         self._last: np.ndarray | None = None
         if (self._lower >= self._upper).any():
             joint = contract.joint_names[int(np.argmax(self._lower >= self._upper))]

@@ -46,8 +46,8 @@ class Motion:
                 low, high = contract.lower[joint], contract.upper[joint]
                 if not (np.isfinite(target).all() and low <= target.min() and target.max() <= high):
                     raise LogError(
-                        f"{path.name}: targets of {name} from {np.min(target):.3g} to {np.max(target):.3g} rad; expected "
-                        f"numbers within its limits, {low:g} to {high:g} rad: design it for this joint"
+                        f"{path.name}: targets of {name} from {np.min(target):.3g} to {np.max(target):.3g} rad; "
+                        f"expected numbers within its limits, {low:g} to {high:g} rad: design it for this joint"
                     )
                 gains = setup.of_joint(name)
                 self._targets[:, joint] = target

@@ -76,7 +76,7 @@ def summary(supervisor: Supervisor, timing: Timing, more: dict[str, Any]) -> dic
 
 
 def limited(supervisor: Supervisor) -> dict[str, dict[str, float]]:
-    """Return the share of readings in which each joint's target was limited, by rule; joints that never were left out."""
+    """Return the share of readings in which a joint's target was limited, by rule, without joints that never were."""
     counts = supervisor.limited_counts
     total = np.maximum(counts.sum(1), 1)
     found = {}

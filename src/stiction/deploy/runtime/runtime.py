@@ -55,6 +55,9 @@ TICK = 0.002
 PROBE_SECONDS = 1.0
 """Length of the idle loop before a run, which says what this machine's clock is worth [s]."""
 
+DRAIN_SECONDS = 0.1
+"""Longest time for old states [s]."""
+
 LOG = "log"
 """Folder of the log in that of the run."""
 
@@ -198,16 +201,18 @@ class _Loop:
         self._files = [link.fileno(), *operator.files()] + ([channel.end.fileno()] if channel else [])
         self._stage, self._ran_since = Stage.PASSIVE, 0.0
         self._last: tuple[float, RobotState, Out] | None = None
-        self._velocity_command = np.zeros(3)
         self.states = 0
         """States that have come."""
         self.sent_at: float | None = None
         """When the damping frame of a stop was sent [s]."""
 
     def begin(self, velocity: np.ndarray) -> None:
-        """Take the first velocity command."""
+        """Take the first velocity command; what the robot said while the processes started is old, and dropped."""
+        until = time.monotonic() + DRAIN_SECONDS
+        while self._link.receive() is not None and time.monotonic() < until:
+            pass
         remote = self._operator.remote
-        self._emit(self._supervisor.command_velocity(velocity, time.monotonic(), remote), None)
+        self._supervisor.command_velocity(velocity, time.monotonic(), remote)
 
     def turn(self) -> None:
         """Wait for something to come, at most one tick, and do what follows from it."""
@@ -237,7 +242,7 @@ class _Loop:
             self._emit(self._supervisor.stop(Violation("operator", None, np.nan, np.nan), now, who), None)
         velocity = self._operator.velocity()
         if velocity is not None:
-            self._emit(self._supervisor.command_velocity(velocity, now, remote=True), None)
+            self._supervisor.command_velocity(velocity, now, remote=True)
 
     def _show(self, state: RobotState, now: float) -> None:
         """Show the policy what the robot says."""
@@ -251,6 +256,7 @@ class _Loop:
         told = {"velocity": self._supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
         mode = RUNNING if running else IDLE
         if not self._channel.send(now, sensors | told | {"mode": mode}):
+            self._answered()  # It may have said why before it went.
             self._emit(self._supervisor.policy_failed("policy gone", self._last_words(), time.monotonic()), None)
 
     def _answered(self) -> None:

@@ -18,13 +18,13 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.pilot import JointCommand
+from stiction.deploy.plausibility import RULES as PLAUSIBLE
 from stiction.deploy.plausibility import ReadingGuard, compare_drive
 from stiction.deploy.runtime.limits import FREE, Limited, Limits, LimitsCfg
 from stiction.deploy.runtime.safety import Safety, SafetyCfg
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.violation import Violation
 from stiction.formats.contract import Contract
-
 
 GAINS_AFTER = 0.5
 """Time after the first command with gains at which a robot that says its gains says ours [s]."""
@@ -61,6 +61,8 @@ class SupervisorCfg:
     """Largest distance of a joint from the standing pose when the run begins [rad]."""
     stale: float = 0.03
     """Age from which on a state is stale [s]: at 500 Hz fifteen were missed."""
+    frozen: float = 0.03
+    """Time from which on an IMU that says the same to the last bit is frozen [s]: as of a stale state."""
     silence: float = 0.06
     """Time after the policy's last answer from which on it hangs [s]: three control periods of 20 ms."""
     command_timeout: float = 0.5
@@ -80,7 +82,16 @@ class SupervisorCfg:
             raise ConfigurationError(f"a ramp of {self.ramp} s to stand up: expected 2 to 60 s")
         if self.duration is not None and not 0 < self.duration <= 86400:
             raise ConfigurationError(f"a duration of {self.duration} s: expected up to 86,400 s, one day")
-        for name in ("hold", "settle", "first_target", "standing_error", "stale", "silence", "command_timeout"):
+        for name in (
+            "hold",
+            "settle",
+            "first_target",
+            "standing_error",
+            "stale",
+            "frozen",
+            "silence",
+            "command_timeout",
+        ):
             if not 0 < getattr(self, name) <= 10:
                 raise ConfigurationError(f"{name} of {getattr(self, name)}: expected a positive number of at most 10")
         if not self.command_timeout < self.command_stop <= 600:
@@ -186,12 +197,15 @@ class Supervisor:
         """Whether the policy has said that it waits."""
         self.limited_counts = np.zeros((contract.num_joints, 4), dtype=np.int64)
         """How often each joint's target in the run was free, or limited by which rule, shape (J, 4)."""
-        self._guard, self._safety = ReadingGuard(contract), Safety(contract, cfg.safety, period)
-        self._limits, self._source = Limits(contract, cfg.limits), source
+        jump = max(PLAUSIBLE["time jump"].limit, cfg.stale)
+        self._guard = ReadingGuard(contract, {"frozen IMU": cfg.frozen, "time jump": jump})
+        self._safety = Safety(contract, cfg.safety, period)
+        self._source = source
         standing, kp, kd = (contract.array(name) for name in ("standing", "kp", "kd"))
         self._standing, self._kp, self._kd = (
             (standing, kp, kd) if source is None else (source.start, source.kp, source.kd)
         )
+        self._limits = Limits(contract, cfg.limits, self._kp, self._kd)
         self._damping = kd
         self._began, self._since, self._seen = now, now, math.nan
         self._from: np.ndarray | None = None
@@ -209,13 +223,9 @@ class Supervisor:
 
     # What comes in.
 
-    def command_velocity(self, velocity: np.ndarray, now: float, remote: bool = False) -> Out | None:
-        """Take a velocity command; `remote`: from somewhere that can be lost."""
-        broken = self._guard.check_command(velocity)
-        if broken is not None:
-            return self.stop(broken, now)
+    def command_velocity(self, velocity: np.ndarray, now: float, remote: bool = False) -> None:
+        """Take a velocity command, judged with the next state; `remote`: from somewhere that can be lost."""
         self.velocity, self._commanded, self._remote = np.array(velocity, float), now, remote
-        return None
 
     def sent(self, number: float) -> None:
         """Be told the number that a command got on its way out."""
@@ -232,7 +242,7 @@ class Supervisor:
         if not np.isfinite(target).all():
             joint = self.contract.joint_names[int(np.argmin(np.isfinite(target)))]
             return self.stop(Violation("target not finite", joint, math.nan, math.nan), now, f"target of {joint}")
-        if self.stage is Stage.RUN:
+        if self.stage is Stage.RUN and self._source is None:
             self._requested = np.array(target, float)
             # As in training a target acts at once; so the slew is of one answer to the next, not of readings.
             self._let_through = self._limits.step(self._requested, min(elapsed, 2.0 * self.contract.control_period))
@@ -382,7 +392,7 @@ class Supervisor:
 
     def _judge(self, state: RobotState, now: float) -> Violation | None:
         """Return the first broken rule of a state."""
-        broken = self._guard.check(state.time, state.sensors)
+        broken = self._guard.check(state.time, state.sensors, self.velocity)
         if broken is not None:
             return broken
         if self.cfg.armed and math.isfinite(state.command) and not self._ours[0] <= state.command <= self._ours[1]:
@@ -394,7 +404,11 @@ class Supervisor:
 
     def _drive(self, state: RobotState, gains: bool) -> Violation | None:
         """Return the first way in which the drives are not the contract's; `gains`: whether ours are set already."""
-        nothing = np.full_like(self._kp, math.nan)
-        read = (state.kp, state.kd) if gains and self._source is None else (nothing, nothing)
-        found = compare_drive(self.contract, *read, state.torque_limit)
+        kp, kd = (_said(values) if gains and self._source is None else None for values in (state.kp, state.kd))
+        found = compare_drive(self.contract, kp, kd, _said(state.torque_limit))
         return found[0] if found else None
+
+
+def _said(values: np.ndarray) -> np.ndarray | None:
+    """Return what a robot said; None where it says nothing of the kind."""
+    return None if np.isnan(values).all() else values

@@ -9,7 +9,7 @@ import numpy as np
 
 
 class Ticker:
-    """Wakes at start + n · period for whole n. A deadline that was missed by a period or more is skipped for good."""
+    """Wakes at start + n · period for whole n. A deadline that passed a period ago, or more, is skipped for good."""
 
     def __init__(
         self,
@@ -24,21 +24,16 @@ class Ticker:
     def wait(self) -> tuple[float, int]:
         """Wait for the next deadline.
 
-        Returns how late the caller was woken [s], at least 0, and how many deadlines were skipped because they had
-        passed by a whole period or more.
+        Returns how late the caller was woken [s], at least 0, and how many deadlines were skipped before.
         """
-        skipped = 0
-        while True:
-            self._number += 1
-            deadline = self._start + self._number * self.period
-            while (left := deadline - self._clock()) > 0:
-                self._sleep(left)
-            missed = int(-left / self.period)
-            if missed == 0:
-                return max(-left, 0.0), skipped
-            # What is left of the present period is too little for its work: the next deadline is waited for.
-            skipped += missed
-            self._number += missed - 1
+        self._number += 1
+        passed = self._clock() - (self._start + self._number * self.period)
+        skipped = max(0, int(passed / self.period))
+        self._number += skipped
+        deadline = self._start + self._number * self.period
+        while (left := deadline - self._clock()) > 0:
+            self._sleep(left)
+        return max(-left, 0.0), skipped
 
 
 class Histogram:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 import socket
 from collections.abc import Sequence
 from contextlib import suppress
@@ -31,7 +32,8 @@ class UdpLink:
         self._states = state_layout(len(joint_names), len(foot_names))
         self._commands = command_layout(len(joint_names))
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._number = 0
+        # From a number of chance, so that a second writer's commands are not taken for ours.
+        self._number = secrets.randbits(40)
         self.malformed = 0
         """Datagrams that were no whole state."""
         try:

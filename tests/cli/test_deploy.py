@@ -1,0 +1,128 @@
+"""`stiction deploy` on a virtual robot in a process of its own, as a user runs it; its times are generous."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from processes import is_alive, stiction, wait_until
+from stiction.cli.main import main
+from stiction.formats.run_log import joint_log, read_run_log
+
+POLICY = "saturn_lite-flat-deception-0.2"
+PATIENT = ("--silence", "5", "--stale", "5", "--keep-minutes", "5")
+ON_STAND = ("--stand", "--robot-cell", "sensors", "--friction-level", "0")
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            fields = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(fields[1]) == pid:
+            found.append(int(stat.parent.name))
+    return found
+
+
+def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path) -> None:
+    """A run that went well has status 1, no report, or a log that nothing reads."""
+    out = tmp_path / "run"
+    words = ["deploy", POLICY, "--armed", "--duration", "1", "--out", str(out), *PATIENT, *ON_STAND]
+    done = subprocess.run(stiction(*words), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "done: " in done.stdout and "lateness" in done.stdout
+    report = json.loads((out / "report.json").read_text())
+    assert report["stop"] is None and report["armed"] and report["log_lost"] == 0
+    assert report["periods"] > 5 and {"p50", "p99", "p99_9", "max"} == report["lateness_ms"].keys()
+    log = read_run_log(out / "log")
+    assert len(joint_log("run", log).time) > 10
+    assert len(log.steps["time"]) >= report["periods"]
+    again = subprocess.run(stiction(*words), capture_output=True, text=True, check=False)
+    assert again.returncode == 1 and "already" in again.stderr and again.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("fault", "said"),
+    [
+        ("policy-kill", "policy gone: its process ended with status -9"),
+        ("policy-exception", "policy failed: RuntimeError: injected"),
+        ("sigterm", "operator: SIGTERM"),
+        ("second-writer", "second writer"),
+    ],
+)
+def test_a_fault_ends_in_one_line_and_status_1(tmp_path: Path, fault: str, said: str) -> None:
+    """A policy's process that is killed, or a stop that was asked for, leaves the robot stiff or says nothing."""
+    out = tmp_path / "run"
+    words = ["deploy", POLICY, "--armed", "--json", "--fault", f"{fault}@0.2", "--duration", "20", "--out", str(out)]
+    done = subprocess.run(stiction(*words, *PATIENT, *ON_STAND), capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("stiction deploy: stopped: ") and said in done.stderr
+    assert done.stderr.count("\n") == 1
+    report = json.loads(done.stdout)
+    assert report["stop"]["rule"] == said.partition(":")[0]
+    # The robot itself saw the damping frame.
+    assert report["virtual"]["damped"] > report["faults"][fault]
+
+
+def test_without_arming_nothing_reaches_the_robot(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A robot moves in a dry run."""
+    out = tmp_path / "run"
+    assert main(["deploy", POLICY, "--duration", "0.3", "--out", str(out), *PATIENT, *ON_STAND]) == 0
+    assert "a dry run" in capsys.readouterr().err
+    report = json.loads((out / "report.json").read_text())
+    assert not report["armed"] and report["virtual"] == {}
+    log = read_run_log(out / "log")
+    assert not log.header.armed and report["periods"] > 3
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="orphans are looked for in /proc, which only Linux has")
+def test_a_supervisor_that_is_killed_leaves_a_log_and_no_orphan(tmp_path: Path) -> None:
+    """After kill -9 processes stay behind, or the log cannot be read."""
+    out = tmp_path / "run"
+    words = ["deploy", POLICY, "--armed", "--out", str(out), *PATIENT, *ON_STAND]
+    process = subprocess.Popen(stiction(*words), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    wait_until(lambda: len(list((out / "log").glob("readings-*.npz"))) >= 3, "no log came", 120.0)
+    started = children(process.pid)
+    assert len(started) == 3
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    wait_until(lambda: not any(map(is_alive, started)), "a process outlived the supervisor")
+    log = read_run_log(out / "log")
+    assert len(log.readings["time"]) > 10
+    time.sleep(0.05)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--robot", "virtuel"], "did you mean 'virtual'"),
+        (["--fault", "tlit@1"], "did you mean 'tilt'"),
+        (["--command", "vx=fast"], "command"),
+        (["--command", "vx=3"], "trained"),
+        (["--ramp", "0.5"], "ramp"),
+        (["--engine", "bullet"], "engine"),
+        (["--friction-level", "9"], "friction level"),
+        (["--excitation", "nowhere.csv"], "nowhere.csv"),
+        (["--expect-digest", "0" * 64], "digest"),
+        (["--operator.heartbeat", "9000"], "HOST:PORT"),
+        (["--limits.slew", "0"], "slew"),
+        (["--safety.tilt", "nan"], "tilt"),
+    ],
+)
+def test_wrong_words_are_one_line_and_nothing_moves(
+    tmp_path: Path, words: list[str], said: str, capsys: pytest.CaptureFixture
+) -> None:
+    """A typing error is a traceback, or moves a robot with other settings than were meant."""
+    assert main(["deploy", POLICY, "--armed", "--duration", "0.2", "--out", str(tmp_path / "run"), *words]) == 1
+    err = capsys.readouterr().err
+    assert said in err and err.count("\n") == 1, err

@@ -1,0 +1,108 @@
+"""Four ways to stop a robot, and velocity commands that are none."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import socket
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.runtime.operator import ALIVE, Operator, OperatorCfg, parse_velocity
+
+
+def free_port() -> int:
+    """Return a UDP port on loopback that nobody listens at."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
+        port.bind(("127.0.0.1", 0))
+        return int(port.getsockname()[1])
+
+
+def say(data: bytes, port: int) -> None:
+    """Send a datagram."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        sender.sendto(data, ("127.0.0.1", port))
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_stops_and_is_given_back(number: signal.Signals) -> None:
+    """Ctrl-C leaves the robot stiff, or the program deaf to it afterwards."""
+    before = signal.getsignal(number)
+    operator = Operator(OperatorCfg(), 0.0)
+    with operator.listening():
+        assert operator.stop(1.0) == ""
+        os.kill(os.getpid(), number)
+        assert operator.stop(1.0) == number.name
+    assert signal.getsignal(number) == before
+
+
+def test_a_file_stops_and_one_that_is_there_is_refused(tmp_path: Path) -> None:
+    """The stop file of the last run ends the next one at once, or the file does nothing."""
+    file = tmp_path / "stop"
+    operator = Operator(OperatorCfg(stop_file=file), 0.0)
+    assert operator.stop(1.0) == ""
+    file.touch()
+    assert "stop" in operator.stop(1.0)
+    with pytest.raises(ConfigurationError, match="already"):
+        Operator(OperatorCfg(stop_file=file), 0.0)
+
+
+def test_a_second_machine_that_falls_silent_stops() -> None:
+    """Whoever watches the robot from outside loses the network, and it walks on."""
+    port = free_port()
+    operator = Operator(OperatorCfg(heartbeat=f"127.0.0.1:{port}"), 0.0)
+    with operator.listening():
+        assert operator.stop(0.4) == ""
+        say(ALIVE, port)
+        assert operator.stop(0.45) == ""
+        say(b"something else", port)
+        assert operator.stop(0.9) == ""
+        assert "no heartbeat" in operator.stop(0.96)
+
+
+def test_a_key_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The space bar does nothing, or the terminal stays odd."""
+    ours, theirs = pty.openpty()
+    with os.fdopen(theirs, "rb", buffering=0) as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        operator = Operator(OperatorCfg(), 0.0)
+        with operator.listening():
+            os.write(ours, b"x")
+            assert operator.stop(0.1) == ""
+            os.write(ours, b" ")
+            assert operator.stop(0.2) == "a key"
+    os.close(ours)
+
+
+def test_velocity_commands_are_read_and_misspelt_ones_are_none() -> None:
+    """A misspelt axis is lost without a word, and the robot walks on by the old command."""
+    port = free_port()
+    operator = Operator(OperatorCfg(command_from=f"127.0.0.1:{port}"), 0.0)
+    with operator.listening():
+        assert operator.remote and operator.velocity() is None
+        say(b'{"vx": 0.1}', port)
+        say(b'{"vx": 0.4, "wz": -0.2}', port)
+        found = operator.velocity()
+        assert found is not None and operator.complaint == ""
+        np.testing.assert_array_equal(found, [0.4, 0.0, -0.2])
+        say(b'{"vX": 0.4}', port)
+        assert operator.velocity() is None and "vx, vy, wz" in operator.complaint
+
+
+@pytest.mark.parametrize("wrong", [b"", b"{}", b"[1]", b'{"vx": "1"}', b'{"vx": true}', b"\xff", b"[" * 5000])
+def test_what_is_no_velocity_is_refused(wrong: bytes) -> None:
+    """Noise on the network moves the robot."""
+    with pytest.raises(ValueError, match="expected"):
+        parse_velocity(wrong)
+
+
+@pytest.mark.parametrize("wrong", ["9000", "127.0.0.1:0", "127.0.0.1:x", ":9000", "10.255.255.1:9000"])
+def test_addresses_that_are_none_or_not_ours_are_refused(wrong: str) -> None:
+    """A heartbeat that can never be heard stops the run without a reason."""
+    with pytest.raises(ConfigurationError, match="heartbeat"):
+        Operator(OperatorCfg(heartbeat=wrong), 0.0)

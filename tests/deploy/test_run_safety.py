@@ -1,0 +1,93 @@
+"""Each rule of safety at its limit, with numbers worked out by hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from deployed import CONTRACT, JOINTS, PERIOD, state
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.runtime.safety import RULES, Safety, SafetyCfg, tilt
+
+CFG = SafetyCfg()
+
+
+def leaning(angle: float) -> np.ndarray:
+    """Return the orientation of a base that leans about its y axis [rad]."""
+    return np.array([np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0])
+
+
+def test_the_tilt_and_where_it_leads() -> None:
+    """A robot that tips over is called level: the sign of −ω × g, or the frame of ω, is wrong."""
+    now, ahead = tilt(leaning(0.3), np.zeros(3), 0.3)
+    assert (now, ahead) == (pytest.approx(0.3), pytest.approx(0.3))
+    # From 0.3 rad at 1 rad/s further: gravity moves by 0.3 across itself, so the angle grows by atan(0.3).
+    assert tilt(leaning(0.3), np.array([0.0, 1.0, 0.0]), 0.3)[1] == pytest.approx(0.3 + np.arctan(0.3))
+    assert tilt(leaning(0.3), np.array([0.0, -1.0, 0.0]), 0.3)[1] == pytest.approx(abs(0.3 - np.arctan(0.3)))
+    # Turning about the vertical tilts nothing.
+    up_in_base = np.array([-np.sin(0.3), 0.0, np.cos(0.3)])
+    assert tilt(leaning(0.3), 5.0 * up_in_base, 0.3)[1] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("rule", "within", "beyond"),
+    [
+        ("tilt", {"quaternion": leaning(CFG.tilt - 1e-3)}, {"quaternion": leaning(CFG.tilt + 1e-3)}),
+        (
+            "predicted tilt",
+            {"angular_velocity": np.array([0.0, np.tan(CFG.predicted_tilt - 1e-3) / CFG.horizon, 0.0])},
+            {"angular_velocity": np.array([0.0, np.tan(CFG.predicted_tilt + 1e-3) / CFG.horizon, 0.0])},
+        ),
+        (
+            "joint speed",
+            {"joint_velocity": np.eye(JOINTS)[3] * (CFG.joint_speed - 1e-3)},
+            {"joint_velocity": -np.eye(JOINTS)[3] * (CFG.joint_speed + 1e-3)},
+        ),
+        (
+            "temperature",
+            {"temperature": np.eye(JOINTS)[3] * (CFG.temperature - 1e-3)},
+            {"temperature": np.eye(JOINTS)[3] * (CFG.temperature + 1e-3)},
+        ),
+        (
+            "torque",
+            {"joint_torque": -np.eye(JOINTS)[3] * CONTRACT.torque_limit[3] * (CFG.torque - 1e-3)},
+            {"joint_torque": -np.eye(JOINTS)[3] * CONTRACT.torque_limit[3] * (CFG.torque + 1e-3)},
+        ),
+        (
+            "flailing",
+            {"joint_velocity": np.full(JOINTS, CFG.flailing - 1e-3)},
+            {"joint_velocity": np.full(JOINTS, CFG.flailing + 1e-3)},
+        ),
+    ],
+)
+def test_each_rule_at_its_limit(rule: str, within: dict, beyond: dict) -> None:
+    """A rule is never broken, broken too soon, or names another joint."""
+    assert rule in RULES
+    safety = Safety(CONTRACT, CFG, PERIOD)
+    assert all(safety.check(state(n, n * PERIOD, **within)) is None for n in range(400))
+    safety = Safety(CONTRACT, CFG, PERIOD)
+    found = [safety.check(state(n, n * PERIOD, **beyond)) for n in range(400)]
+    first = next(n for n, broken in enumerate(found) if broken is not None)
+    window = {"torque": CFG.torque_seconds, "flailing": CFG.flailing_seconds}.get(rule, PERIOD)
+    assert first + 1 == round(window / PERIOD)
+    broken = found[first]
+    assert broken is not None and broken.rule == rule
+    of_joint = rule in ("joint speed", "temperature", "torque")
+    assert broken.joint == (CONTRACT.joint_names[3] if of_joint else None)
+    assert broken.value == pytest.approx(broken.limit, rel=0.01) and broken.value > broken.limit
+
+
+def test_one_wild_current_is_no_violation_and_nothing_said_is_not_judged() -> None:
+    """Noise of a current sensor stops the robot, or a robot without temperatures never runs."""
+    safety = Safety(CONTRACT, CFG, PERIOD)
+    for n in range(200):
+        wild = 5.0 * CONTRACT.array("torque_limit") * (n % 20 == 0)
+        assert safety.check(state(n, n * PERIOD, joint_torque=wild, temperature=np.full(JOINTS, np.nan))) is None
+    assert safety.check(state(0, 0.0, joint_torque=np.full(JOINTS, np.nan))) is None
+
+
+def test_limits_that_are_none_are_refused() -> None:
+    """A limit of NaN is never broken."""
+    for wrong in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(ConfigurationError, match="tilt"):
+            SafetyCfg(tilt=wrong)

@@ -1,0 +1,277 @@
+"""What the supervisor lets through, in which order, and that nothing moves after a stop."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from deployed import CONTRACT, JOINTS, PERIOD, SHORT, STANDING, Run, state
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.runtime.limits import RANGE, SLEW, TORQUE
+from stiction.deploy.runtime.supervisor import Stage, SupervisorCfg
+from stiction.deploy.violation import Violation
+
+
+def test_a_run_goes_through_its_stages_and_ends_in_damping() -> None:
+    """A run skips standing up, or ends with stiff joints."""
+    run = Run().until(Stage.DONE)
+    stages = [out.stage for out in run.outs]
+    assert [stage for n, stage in enumerate(stages) if n == 0 or stage is not stages[n - 1]] == [
+        Stage.PASSIVE,
+        Stage.STAND,
+        Stage.RUN,
+        Stage.DAMP,
+        Stage.DONE,
+    ]
+    last = run.frames()[-1].command
+    assert last is not None and not last.kp.any() and (last.kd == CONTRACT.array("kd")).all()
+    assert run.supervisor.stop_record is None
+
+
+def test_nothing_is_stiff_before_the_policy_is_there() -> None:
+    """The robot moves because a process started."""
+    run = Run()
+    run.answers = False
+    for _ in range(500):
+        run.step()
+    assert run.supervisor.stage is Stage.PASSIVE
+    assert all(not out.command.kp.any() for out in run.frames())  # type: ignore[union-attr]
+
+
+def test_the_first_target_is_the_measured_pose_and_the_way_up_is_slow() -> None:
+    """The robot jumps to its standing pose from wherever it lies."""
+    run = Run()
+    run.place(STANDING + 0.3)
+    run.perfect = False
+    while not any(out.stage is Stage.STAND for out in run.outs):
+        run.step()
+    first = run.frames()[-1].command
+    assert first is not None and first.kp.any()
+    np.testing.assert_allclose(first.target, STANDING + 0.3, atol=1e-12)
+    run.perfect = True
+    before, fastest = first.target, 0.0
+    while run.supervisor.stage is Stage.STAND:
+        for out in run.step():
+            if out.command is not None:
+                fastest = max(fastest, float(np.abs(out.command.target - before).max()) / PERIOD)
+                before = out.command.target
+    # A cosine over 2 s and 0.3 rad is at most 0.3 π/4 rad/s fast.
+    assert fastest == pytest.approx(0.3 * np.pi / 4, rel=0.02)
+    np.testing.assert_allclose(before, STANDING, atol=1e-9)
+
+
+def test_a_pose_far_behind_a_limit_is_not_pulled_back() -> None:
+    """The first target tears a joint that was pushed behind its limit back by more than 0.1 rad."""
+    run = Run()
+    pose = STANDING.copy()
+    pose[2] = CONTRACT.lower[2] - 0.15
+    run.place(pose)
+    run.perfect = False
+    while not run.supervisor.ended:
+        run.step()
+    stop = run.supervisor.stop_record
+    assert stop is not None and (stop.violation.rule, stop.violation.joint) == ("first target", CONTRACT.joint_names[2])
+    assert stop.violation.value == pytest.approx(0.15 + SHORT.limits.margin)
+
+
+def test_a_robot_that_did_not_stand_up_does_not_run() -> None:
+    """The policy takes over a robot that lies."""
+    run = Run()
+    run.place(STANDING - 0.6)
+    run.perfect = False
+    while not run.supervisor.ended and run.now < 10:
+        run.step()
+    assert run.supervisor.stop_record is not None
+    assert run.supervisor.stop_record.violation.rule == "did not stand up"
+
+
+def test_a_stop_is_one_damping_frame_and_then_nothing() -> None:
+    """A stopped robot gets a second command, or wakes up by itself."""
+    run = Run().until(Stage.RUN)
+    run.outs.clear()
+    stop = run.supervisor.stop(Violation("operator", None, np.nan, np.nan), run.now, "a key")
+    assert stop is not None and stop.command is not None and not stop.command.kp.any()
+    for _ in range(2000):
+        run.step()
+    assert run.frames() == []
+    assert run.supervisor.stage is Stage.STOPPED
+    assert run.supervisor.stop(Violation("tilt", None, 1.0, 0.8), run.now) is None
+    assert run.supervisor.stop_record.sentence() == "operator: a key"  # type: ignore[union-attr]
+
+
+def test_targets_are_clipped_by_slew_range_and_torque_each_by_name() -> None:
+    """A wild policy throws the robot, drives it into its stops, or asks for more than its motors give."""
+    run = Run(replace(SHORT, limits=replace(SHORT.limits, slew=8.0)))
+    run.until(Stage.RUN)
+    run.perfect = False
+    run.target = STANDING.copy()
+    run.target[0] += 5.0
+    for _ in range(11):
+        run.step()
+    out = run.frames()[-1]
+    # 8 rad/s over the 20 ms between two answers.
+    assert out.limited.by[0] == SLEW and out.command is not None
+    assert out.command.target[0] == pytest.approx(STANDING[0] + 0.16)
+    assert (out.limited.by[1:] == 0).all()
+    run.perfect = True
+    for _ in range(200):
+        run.step()
+    out = run.frames()[-1]
+    assert out.limited.by[0] == RANGE and out.command is not None
+    assert out.command.target[0] == pytest.approx(CONTRACT.upper[0] - SHORT.limits.margin)
+    run.perfect = False
+    run.target[1] = run.position[1] + 0.35
+    for _ in range(20):
+        run.step()
+    out = run.frames()[-1]
+    assert out.limited.by[1] == TORQUE and out.command is not None
+    assert CONTRACT.kp[1] * (out.command.target[1] - run.position[1]) == pytest.approx(CONTRACT.torque_limit[1])
+
+
+def test_a_target_of_training_acts_at_once() -> None:
+    """The slew limit delays an ordinary target over several readings: the robot walks unlike in training."""
+    run = Run().until(Stage.RUN)
+    run.perfect = False
+    run.target = STANDING + 0.15
+    for _ in range(10):
+        run.step()
+    run.step()
+    out = run.frames()[-1]
+    np.testing.assert_allclose(out.limited.target, STANDING + 0.15, atol=1e-12)
+    assert (out.limited.by == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("rule", "change"),
+    [
+        ("not finite", {"joint_position": np.full(JOINTS, np.nan)}),
+        ("not finite", {"angular_velocity": np.array([np.inf, 0, 0])}),
+        ("quaternion length", {"quaternion": np.zeros(4)}),
+        ("joint range", {"joint_position": np.degrees(STANDING)}),
+        ("joint rate", {"joint_velocity": np.full(JOINTS, 60.0)}),
+        ("joint speed", {"joint_velocity": np.full(JOINTS, 30.0)}),
+        ("attitude and gyroscope", {"quaternion": np.array([np.cos(0.45), np.sin(0.45), 0, 0])}),
+        ("predicted tilt", {"angular_velocity": np.array([19.0, 0.0, 0.0])}),
+        ("temperature", {"temperature": np.full(JOINTS, 120.0)}),
+        ("drive torque limit", {"torque_limit": 2.0 * CONTRACT.array("torque_limit")}),
+        ("drive kp", {"kp": 1.5 * CONTRACT.array("kp"), "kd": CONTRACT.array("kd")}),
+        ("second writer", {"command": 17.0}),
+        ("time stands still", {"time": 0.1}),
+    ],
+)
+def test_one_bad_state_stops_at_once(rule: str, change: dict) -> None:
+    """A state that is dangerous, or cannot be true, is acted upon."""
+    run = Run().until(Stage.RUN)
+    run.supervisor.sent(1000.0)
+    outs = run.step(state(run.number + 1, change.pop("time", run.now + PERIOD), **change))
+    assert run.supervisor.stop_record is not None
+    assert run.supervisor.stop_record.violation.rule == rule
+    assert run.supervisor.stop_record.time == pytest.approx(run.now)
+    frames = [out for out in outs if out.command is not None]
+    assert len(frames) == 1 and not frames[0].command.kp.any()  # type: ignore[union-attr]
+    assert np.isfinite(frames[0].command.target).all()  # type: ignore[union-attr]
+
+
+def test_silence_of_the_robot_and_of_the_policy_stop_within_their_times() -> None:
+    """A robot or a policy that is gone is waited for."""
+    run = Run().until(Stage.RUN)
+    last = run.now
+    while not run.supervisor.ended:
+        run.step(silent=True)
+    stop = run.supervisor.stop_record
+    assert stop is not None and stop.violation.rule == "stale state"
+    assert SHORT.stale < stop.time - last <= SHORT.stale + 2 * PERIOD
+    run = Run().until(Stage.RUN)
+    run.answers, last = False, run.now
+    while not run.supervisor.ended:
+        run.step()
+    stop = run.supervisor.stop_record
+    assert stop is not None and stop.violation.rule == "policy silent"
+    assert stop.time - last <= SHORT.silence + 2 * PERIOD
+
+
+def test_an_imu_that_repeats_itself_is_frozen_after_30_ms() -> None:
+    """Frozen sensors are acted upon for longer than a state may be old."""
+    run = Run().until(Stage.RUN)
+    good = state(run.number, run.now)
+    begin = run.now
+    while not run.supervisor.ended and run.now < begin + 1.0:
+        run.step(replace(good, number=run.number + 1, time=run.now + PERIOD))
+    stop = run.supervisor.stop_record
+    assert stop is not None and stop.violation.rule == "frozen IMU"
+    assert stop.time - begin <= SHORT.frozen + 2 * PERIOD
+
+
+def test_a_policy_that_asks_for_no_number_or_fails_stops() -> None:
+    """NaN reaches a motor controller."""
+    run = Run().until(Stage.RUN)
+    run.target = STANDING.copy()
+    run.target[4] = np.nan
+    while not run.supervisor.ended:
+        run.step()
+    stop = run.supervisor.stop_record
+    assert stop is not None and (stop.violation.rule, stop.violation.joint) == (
+        "target not finite",
+        CONTRACT.joint_names[4],
+    )
+    assert all(np.isfinite(out.command.target).all() for out in run.frames())  # type: ignore[union-attr]
+    run = Run().until(Stage.RUN)
+    assert run.supervisor.policy_failed("policy gone", "its process ended with status -9", run.now) is not None
+    assert run.supervisor.stop_record.sentence() == "policy gone: its process ended with status -9"  # type: ignore[union-attr]
+
+
+def test_lost_velocity_commands_stand_then_stop() -> None:
+    """The robot walks on by the last command of somebody who is gone."""
+    cfg = replace(SHORT, duration=20.0, command_timeout=0.1, command_stop=0.3)
+    run = Run(cfg).until(Stage.RUN)
+    run.supervisor.command_velocity(np.array([0.5, 0.0, 0.0]), run.now, remote=True)
+    begin = run.now
+    while run.supervisor.velocity.any():
+        run.step()
+    assert run.now - begin == pytest.approx(cfg.command_timeout, abs=3 * PERIOD)
+    while not run.supervisor.ended:
+        run.step()
+    stop = run.supervisor.stop_record
+    assert stop is not None and stop.violation.rule == "command lost"
+    assert run.now - begin == pytest.approx(cfg.command_stop, abs=3 * PERIOD)
+    # A command that was typed in is not lost.
+    run = Run(replace(cfg, duration=0.5)).until(Stage.RUN)
+    run.supervisor.command_velocity(np.array([0.5, 0.0, 0.0]), run.now)
+    run.until(Stage.DONE)
+
+
+def test_a_command_beyond_training_stops_before_anything_moves() -> None:
+    """A velocity that the policy was never asked for acts."""
+    run = Run()
+    run.supervisor.command_velocity(np.array([3.0, 0.0, 0.0]), 0.0)
+    run.step()
+    assert run.supervisor.stop_record is not None and run.supervisor.stop_record.violation.rule == "command"
+
+
+def test_a_robot_or_policy_that_never_comes_ends_the_run() -> None:
+    """The command waits for ever."""
+    run = Run(replace(SHORT, ready_timeout=0.5))
+    run.answers = False
+    while not run.supervisor.ended and run.now < 1:
+        run.step()
+    stop = run.supervisor.stop_record
+    assert stop is not None and stop.violation.rule == "not ready" and "policy" in stop.sentence()
+
+
+def test_without_arming_nothing_is_judged_that_only_moving_changes() -> None:
+    """A dry run ends because the robot, to which nothing was sent, did not stand up."""
+    run = Run(replace(SHORT, armed=False))
+    run.place(STANDING - 0.6)
+    run.perfect = False
+    run.until(Stage.DONE)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"ramp": 1.0}, {"duration": -1.0}, {"stale": 0.0}, {"silence": np.nan}, {"command_stop": 0.1}]
+)
+def test_settings_that_are_none_are_refused(wrong: dict) -> None:
+    """A ramp of a second throws the robot up; a timeout of zero stops every run, one of NaN none."""
+    with pytest.raises(ConfigurationError, match="expected"):
+        SupervisorCfg(**wrong)

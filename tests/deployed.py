@@ -1,0 +1,109 @@
+"""A robot and a clock that exist only in numbers: the supervisor's runs in tests, without a process or a wait."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from bundles import make_contract
+from stiction.deploy.observation import Sensors
+from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor, SupervisorCfg
+from stiction.deploy.transports.link import RobotState
+
+CONTRACT = make_contract()
+JOINTS = CONTRACT.num_joints
+STANDING = CONTRACT.array("standing")
+PERIOD = 0.002
+
+FASTEST = 3.0
+"""Speed at which joints follow [rad/s]."""
+
+SHORT = SupervisorCfg(armed=True, duration=1.0, hold=0.1, settle=0.1)
+
+
+def state(number: int, time: float, **changed: Any) -> RobotState:
+    """Return what a robot says that stands in its pose, its IMU as restless as all IMUs; `changed`: other vectors."""
+    trembling = 1e-3 * np.sin(np.arange(3) + 40.0 * time)
+    sensors = {
+        "quaternion": np.array([1.0, 0.0, 0.0, 0.0]),
+        "angular_velocity": trembling,
+        "joint_position": STANDING.copy(),
+        "joint_velocity": np.zeros(JOINTS),
+    }
+    sensors |= {name: changed.pop(name) for name in list(changed) if name in sensors}
+    said = RobotState(
+        number=number,
+        time=time,
+        sensors=Sensors(**sensors),
+        acceleration=np.array([0.0, 0.0, 9.81]),
+        joint_torque=np.zeros(JOINTS),
+        temperature=np.full(JOINTS, 30.0),
+        foot_contact=np.ones(6),
+        battery=48.0,
+        kp=np.full(JOINTS, np.nan),
+        kd=np.full(JOINTS, np.nan),
+        torque_limit=CONTRACT.array("torque_limit"),
+        command=np.nan,
+    )
+    return replace(said, **changed)
+
+
+@dataclass
+class Run:
+    """One run in numbers: time passes by readings of 2 ms, and the policy answers at every tenth."""
+
+    cfg: SupervisorCfg = SHORT
+    source: Source | None = None
+    target: np.ndarray = field(default_factory=lambda: STANDING + 0.05)
+    """What the policy asks for."""
+    perfect: bool = True
+    """Whether joints are where they are asked to be."""
+
+    def __post_init__(self) -> None:
+        """Begin at time 0."""
+        self.now, self.number = 0.0, 0
+        self.supervisor = Supervisor(CONTRACT, self.cfg, PERIOD, 0.0, self.source)
+        self.place(STANDING)
+        self.outs: list[Out] = []
+        self.answers = True
+
+    def place(self, position: np.ndarray) -> None:
+        """Put the joints somewhere, at rest [rad], shape (J,)."""
+        self.position, self.goal = np.array(position), np.array(position)
+
+    def step(self, said: RobotState | None = None, silent: bool = False) -> list[Out]:
+        """Let 2 ms pass, in which the robot says something, by default that it stands; return what was decided."""
+        self.now, self.number = self.now + PERIOD, self.number + 1
+        found: list[Out | None] = []
+        if not silent:
+            moved = np.clip(self.goal - self.position, -FASTEST * PERIOD, FASTEST * PERIOD)
+            self.position = self.position + moved
+            now = {"joint_position": self.position.copy(), "joint_velocity": moved / PERIOD}
+            said = said or state(self.number, self.now, **now)
+            found.append(self.supervisor.state(said, self.now))
+        if self.answers and self.number % 10 == 0:
+            if self.supervisor.stage is Stage.RUN:
+                found.append(self.supervisor.policy_targets(self.target, self.now))
+            else:
+                self.supervisor.policy_waits(self.now)
+        found.append(self.supervisor.tick(self.now))
+        outs = [out for out in found if out is not None]
+        self.outs += outs
+        for out in outs:
+            if self.perfect and out.command is not None and out.command.kp.any():
+                self.goal = out.command.target.copy()
+        return outs
+
+    def until(self, stage: Stage, most: float = 60.0) -> Run:
+        """Let time pass until a stage, at most so long [s]."""
+        end = self.now + most
+        while self.supervisor.stage is not stage and self.now < end:
+            self.step()
+        assert self.supervisor.stage is stage, self.supervisor.stop_record
+        return self
+
+    def frames(self) -> list[Out]:
+        """Return what went to the robot."""
+        return [out for out in self.outs if out.command is not None]

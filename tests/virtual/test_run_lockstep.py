@@ -1,0 +1,149 @@
+"""The whole way round a virtual robot: its process's messages, the supervisor and the policy, on a clock of its own."""
+
+from __future__ import annotations
+
+import socket
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stiction.core.errors import ConfigurationError
+from stiction.deploy.policy import load_policy
+from stiction.deploy.runtime.supervisor import Stage, Supervisor, SupervisorCfg
+from stiction.deploy.transports.udp import LOOPBACK, UdpLink
+from stiction.formats.bundle import find_bundle, read_bundle
+from stiction.robots.catalog import find_robot
+from stiction.virtual.faults import ASK, FAULTS, OF_ROBOT, parse_fault
+from stiction.virtual.robot import PERIOD
+from stiction.virtual.serve import RobotProcess, VirtualCfg
+
+BUNDLE = read_bundle(find_bundle(Path("saturn_lite-flat-deception-0.2")))
+ROBOT = find_robot("saturn_lite")
+FORWARD = np.array([0.5, 0.0, 0.0])
+
+
+class Lockstep:
+    """A run on a virtual robot in which time passes only with its physics."""
+
+    def __init__(self, cfg: SupervisorCfg, virtual: VirtualCfg) -> None:
+        """Put robot and supervisor at both ends of a port."""
+        port = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        port.bind((LOOPBACK, 0))
+        port.setblocking(False)
+        self.port, self.robot = port, RobotProcess(ROBOT, virtual, port)
+        self.link = UdpLink(port.getsockname(), ROBOT.joint_names, ROBOT.foot_names, PERIOD)
+        self.link.hello()
+        self.now = 0.0
+        self.supervisor = Supervisor(BUNDLE.contract, cfg, PERIOD, 0.0)
+        self.supervisor.command_velocity(FORWARD, 0.0)
+        self.policy = load_policy(BUNDLE.contract, BUNDLE.policy)
+        self.frames: list[bool] = []
+        """Of each command that was sent, whether it was stiff."""
+
+    def step(self) -> None:
+        """Let 2 ms pass."""
+        self.robot.period()
+        self.now += PERIOD
+        ticks = round(self.now / PERIOD)
+        state, supervisor = self.link.receive(), self.supervisor
+        outs = [] if state is None else [supervisor.state(state, self.now)]
+        if ticks % 10 == 0:
+            if supervisor.stage is not Stage.RUN:
+                supervisor.policy_waits(self.now)
+            elif state is not None:
+                outs.append(supervisor.policy_targets(self.policy.step(state.sensors, FORWARD).target, self.now))
+        outs.append(supervisor.tick(self.now))
+        for out in outs:
+            if out is not None and out.command is not None:
+                supervisor.sent(self.link.send(out.command))
+                self.frames.append(bool(out.command.kp.any()))
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        for _ in range(round(seconds / PERIOD)):
+            self.step()
+
+    def close(self) -> None:
+        """Close both ends."""
+        self.link.close()
+        self.port.close()
+
+
+ARMED = SupervisorCfg(armed=True, duration=3.0)
+
+
+def test_the_policy_walks_under_the_supervisor() -> None:
+    """Standing up, limits or messages keep a policy from walking that walks in evaluation."""
+    loop = Lockstep(ARMED, VirtualCfg(seed=3, level="0.1"))
+    loop.run(2.6)
+    assert loop.supervisor.stage is Stage.RUN
+    begin = loop.robot._robot.ground_truth().motion.base_position[0]
+    loop.run(2.9)
+    motion = loop.robot._robot.ground_truth().motion
+    assert loop.supervisor.stage is Stage.RUN, loop.supervisor.stop_record
+    assert 0.25 < (motion.base_position[0] - begin) / 2.9 < 0.75
+    loop.run(1.5)
+    assert loop.supervisor.stage is Stage.DONE and loop.supervisor.stop_record is None
+    loop.close()
+
+
+EXPECTED = {
+    "stale": {"stale state"},
+    "frozen": {"frozen IMU"},
+    "frozen-clock": {"time stands still"},
+    "nan": {"not finite"},
+    "inf": {"not finite"},
+    "degrees": {"joint range", "joint jump"},
+    "jump": {"joint jump", "joint range"},
+    "quaternion": {"quaternion length"},
+    "xyzw": {"orientation jump"},
+    "tilt": {"attitude and gyroscope", "tilt"},
+    "tilting": {"predicted tilt", "attitude and gyroscope"},
+    "joint-speed": {"joint rate"},
+    "torque": {"torque"},
+    "temperature": {"temperature"},
+    "flailing": {"flailing", "velocity and angle", "joint rate"},
+    "drive-gains": {"drive kp"},
+}
+"""Fault of the robot -> the rules that may find it."""
+
+SLOW = {"tilting": 0.4, "torque": 0.12, "flailing": 0.35}
+"""Fault -> time within which it is found, where that takes a while [s]: it begins small, or is judged as a mean."""
+
+
+@pytest.mark.parametrize("name", OF_ROBOT)
+def test_each_fault_of_the_robot_is_damped_in_time(name: str) -> None:
+    """A fault is not found, found too late, or called another."""
+    loop = Lockstep(replace(ARMED, duration=None), VirtualCfg(seed=4, level="0", cell="sensors"))
+    loop.run(0.04)
+    # Two seconds of standing up would show nothing new: the robot was put down standing.
+    loop.supervisor.stage = Stage.RUN
+    loop.run(0.1)
+    assert loop.supervisor.stage is Stage.RUN, loop.supervisor.stop_record
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.sendto(ASK + name.encode(), loop.port.getsockname())
+    begin = loop.now
+    while not loop.supervisor.ended and loop.now < begin + 2.0:
+        loop.step()
+    stop = loop.supervisor.stop_record
+    assert stop is not None, f"{name} was not found"
+    assert stop.violation.rule in EXPECTED[name], stop.sentence()
+    assert stop.time - begin <= SLOW.get(name, 0.04), stop.sentence()
+    # One damping frame, then nothing, and the robot acts on it.
+    sent = len(loop.frames)
+    assert not loop.frames[-1] and loop.frames[-2]
+    loop.run(0.1)
+    assert len(loop.frames) == sent and not loop.robot._command.kp.any()
+    loop.close()
+
+
+def test_every_fault_has_a_name_and_a_time() -> None:
+    """A misspelt fault does nothing, and the run is called safe."""
+    assert parse_fault("tilt@3").second == 3.0
+    assert set(EXPECTED) == set(OF_ROBOT)
+    for wrong in ("tlit@3", "tilt@x", "tilt@-1", "tilt@nan", "@3"):
+        with pytest.raises(ConfigurationError):
+            parse_fault(wrong)
+    assert len(FAULTS) >= 15
