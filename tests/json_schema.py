@@ -71,7 +71,9 @@ def _parts(value: Any, schema: dict[str, Any], keyword: str, where: str) -> Iter
             yield from faults(value[name], argument[name], f"{where}.{name}")
     elif isinstance(value, dict) and keyword == "additionalProperties":
         for name in value.keys() - schema.get("properties", {}).keys():
-            yield from [f"{where}.{name}: unknown"] if argument is False else faults(value[name], argument, f"{where}.{name}")
+            yield from (
+                [f"{where}.{name}: unknown"] if argument is False else faults(value[name], argument, f"{where}.{name}")
+            )
     elif isinstance(value, list) and keyword in ("items", "prefixItems"):
         pairs = enumerate(zip(value, argument if keyword == "prefixItems" else [argument] * len(value), strict=False))
         for number, (item, each) in pairs:

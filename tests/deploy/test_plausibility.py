@@ -84,11 +84,16 @@ def spiked(s: Sensors, name: str, joint: int, value: float) -> Sensors:
     return replace(s, **{name: values})
 
 
+def degrees(t: float, s: Sensors, name: str) -> tuple[float, Sensors]:
+    """Return a reading with angles, or rates, in degrees."""
+    return t, replace(s, **{name: np.degrees(getattr(s, name))})
+
+
 ATTACKS: dict[str, tuple[str, float, Attack]] = {
-    "angles in degrees": ("joint range", 0.0, lambda t, s: (t, replace(s, joint_position=np.degrees(s.joint_position)))),
-    "speeds in degrees": ("joint rate", 0.3, lambda t, s: (t, replace(s, joint_velocity=np.degrees(s.joint_velocity)))),
+    "angles in degrees": ("joint range", 0.0, lambda t, s: degrees(t, s, "joint_position")),
+    "speeds in degrees": ("joint rate", 0.3, lambda t, s: degrees(t, s, "joint_velocity")),
     "gyroscope in degrees": ("turn rate", 0.1,
-                             lambda t, s: (t, replace(s, angular_velocity=np.degrees(s.angular_velocity)))),
+                             lambda t, s: degrees(t, s, "angular_velocity")),
     "gyroscope turned round": ("attitude and gyroscope", 1.5,
                                lambda t, s: (t, replace(s, angular_velocity=-3 * s.angular_velocity))),
     "zero quaternion": ("quaternion length", 0.0, lambda t, s: (t, replace(s, quaternion=np.zeros(4)))),
@@ -120,7 +125,7 @@ def test_an_attack_is_found(contract: Contract, name: str, late: bool) -> None:
 
 
 def test_a_quaternion_in_the_other_order_is_found_at_once_whichever_way_the_robot_looks(contract: Contract) -> None:
-    """In the order x, y, z, w a level robot that looks along 0 reads as level, turned by 180°: a fall would not be seen."""
+    """A level robot that looks along 0 reads as level, turned by 180°, in x, y, z, w: no fall would be seen."""
     guard = ReadingGuard(contract)
     for yaw in np.radians(np.arange(-180, 180, 5.0)):
         _, sensors = next(walking(contract, yaw=yaw))
@@ -155,7 +160,9 @@ def test_a_frozen_reading_stays_refused(contract: Contract) -> None:
 def test_an_imu_and_an_encoder_freeze_alone(contract: Contract) -> None:
     """A robot has several buses; what is still read hides what is not."""
     _, held = list(walking(contract, 0.5))[-1]
-    imu = first(contract, lambda t, s: (t, replace(s, quaternion=held.quaternion, angular_velocity=held.angular_velocity)), 0.5)
+    imu = first(
+        contract, lambda t, s: (t, replace(s, quaternion=held.quaternion, angular_velocity=held.angular_velocity)), 0.5
+    )
     assert imu is not None and imu[1].rule == "frozen IMU" and imu[0] <= 0.12
 
     def dead(time: float, s: Sensors) -> tuple[float, Sensors]:
@@ -168,16 +175,18 @@ def test_an_imu_and_an_encoder_freeze_alone(contract: Contract) -> None:
 
 
 def test_coarse_encoders_at_rest_are_no_fault(contract: Contract) -> None:
-    """Servos that stand read the same angle and a speed of zero for minutes; the IMU's noise tells that they are read."""
+    """Servos that stand read the same angle and no speed for minutes; the IMU's noise tells that they are read."""
     guard, still = ReadingGuard(contract), np.zeros(contract.num_joints)
     for time, sensors in walking(contract, 5.0, noise=0.1):
-        level = replace(sensors, quaternion=np.array([1.0, 0, 0, 1e-6 * time]), angular_velocity=1e-3 * sensors.angular_velocity)
+        level = replace(
+            sensors, quaternion=np.array([1.0, 0, 0, 1e-6 * time]), angular_velocity=1e-3 * sensors.angular_velocity
+        )
         level = replace(level, joint_position=contract.array("standing"), joint_velocity=still)
         assert guard.check(time, level, np.zeros(3)) is None
 
 
 def test_time_goes_on(contract: Contract) -> None:
-    """A clock that stands, that goes back, and a reading that comes late would all be integrated as if they were none."""
+    """A clock that stands or goes back, and a reading that comes late, would be taken for what they are not."""
     guard = ReadingGuard(contract)
     readings = [sensors for _, sensors in walking(contract, 0.5)]
 
@@ -196,7 +205,7 @@ def test_time_goes_on(contract: Contract) -> None:
 
 
 def test_commands_end_where_training_did() -> None:
-    """A command of 1e9 is clipped in the observation, and acts as one of 5 m/s would; of which nothing is known either."""
+    """A command of 1e9 is clipped in the observation, and acts as 5 m/s would, of which nothing is known either."""
     told = make_contract(command_range={"forward": (0.0, 1.5), "sideways": (0.0, 0.0), "turn": (-1.0, 1.0)})
     _, sensors = next(walking(told))
     cases = [([1.5, 0, -1], None), ([1.6, 0, 0], "m/s forward"), ([-0.1, 0, 0], "m/s forward"),
@@ -245,7 +254,7 @@ def test_a_reading_of_several_robots_is_refused(contract: Contract) -> None:
 
 
 def test_drives_have_the_gains_of_the_contract(contract: Contract) -> None:
-    """A drive that was reset has its maker's gains; 1 % is what its rounding makes, and what cannot be read is not said."""
+    """A drive that was reset has its maker's gains; 1 % is rounding, and what cannot be read is not said."""
     kp, kd, limit = (contract.array(name) for name in ("kp", "kd", "torque_limit"))
     assert compare_drive(contract, kp.astype(np.float32), kd * 1.009, limit) == compare_drive(contract) == []
     kp[3], kd[5], limit[0] = 50.0, math.nan, 1e3

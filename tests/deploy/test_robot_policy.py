@@ -44,7 +44,9 @@ def by_name(contract: Contract, given: dict[str, Any]) -> dict[str, Any]:
     """Return a reading whose joints are mappings, in an order of no meaning."""
     names = sorted(contract.joint_names)
     place = {name: number for number, name in enumerate(contract.joint_names)}
-    joints = {key: {name: float(given[key][place[name]]) for name in names} for key in ("joint_position", "joint_velocity")}
+    joints = {
+        key: {name: float(given[key][place[name]]) for name in names} for key in ("joint_position", "joint_velocity")
+    }
     return given | joints
 
 

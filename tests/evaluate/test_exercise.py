@@ -18,7 +18,7 @@ from stiction.formats.golden import Golden, exercise_of, read_golden, write_gold
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to record a walk")
 
-from stiction.evaluate.export import EXTREME_STEPS, STEPS, record_golden  # noqa: E402
+from stiction.evaluate.export import EXTREME_STEPS, STEPS, record_golden
 
 CLIPS = ("clip of angular_velocity", "clip of command", "clip of joint_position", "clip of joint_velocity")
 
@@ -49,12 +49,16 @@ def test_a_new_recording_exercises_every_limit(recorded: tuple[Contract, bytes, 
 def test_another_clip_does_not_pass(recorded: tuple[Contract, bytes, Golden], tmp_path: Path, change: str) -> None:
     """Each of these passed: what was recorded on a walk is the same with any clip that the walk does not reach."""
     contract, model, golden = recorded
-    terms = tuple(replace(term, clip=1.1 * term.clip) if term.name in change else term for term in contract.observation.terms)
+    terms = tuple(
+        replace(term, clip=1.1 * term.clip) if term.name in change else term for term in contract.observation.terms
+    )
     other = replace(contract, observation=ObservationLayout(terms))
     if change == "action":
         other = replace(contract, action_clip=1.1 * contract.action_clip)
     if change == "torque":
-        other = replace(contract, torque_limit=tuple(1.01 * t for t in contract.torque_limit), friction_level=0.2 / 1.01)
+        other = replace(
+            contract, torque_limit=tuple(1.01 * t for t in contract.torque_limit), friction_level=0.2 / 1.01
+        )
     if change == "fill":
         golden = replace(golden, reset=golden.reset & (np.arange(len(golden)) < STEPS))
         other = contract

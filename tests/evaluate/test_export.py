@@ -94,7 +94,9 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
 
 def test_the_trained_commands_are_those_of_the_courses_too() -> None:
     """A robot on stairs was commanded along them, and one that was also told to stand may be."""
-    task = TaskCfg(terrain=TerrainCfg("stairs", speed=(0.3, 1.1)), commands=CommandCfg((0.2, 0.8), (0.1, 0.3), (-0.1, 0.1)))
+    task = TaskCfg(
+        terrain=TerrainCfg("stairs", speed=(0.3, 1.1)), commands=CommandCfg((0.2, 0.8), (0.1, 0.3), (-0.1, 0.1))
+    )
     found = contract_of(TrainCfg(task=task), HEADER).command_range
     assert found == {"forward": (0.0, 1.1), "sideways": (0.0, 0.3), "turn": (-0.6, 0.6)}
     flat = replace(task, terrain=TerrainCfg(), commands=replace(task.commands, standing_share=0.0))

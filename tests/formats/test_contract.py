@@ -163,7 +163,12 @@ def test_the_trained_commands_go_with_the_policy(contract: Contract) -> None:
     data = json.loads(contract.to_json())
     del data["command_range"]
     assert read_contract(json.dumps(data).encode()) == contract and contract.command_range is None
-    for wrong in ({"forward": [0, 1]}, SPANS | {"turn": [1, 0]}, SPANS | {"turn": [0, 1, 2]}, SPANS | {"turn": ["0", 1]}):
+    for wrong in (
+        {"forward": [0, 1]},
+        SPANS | {"turn": [1, 0]},
+        SPANS | {"turn": [0, 1, 2]},
+        SPANS | {"turn": ["0", 1]},
+    ):
         with pytest.raises(BundleError, match="command_range"):
             read_contract(edited(contract, "command_range", wrong))
 

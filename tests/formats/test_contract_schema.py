@@ -43,7 +43,7 @@ def whole() -> dict[str, Any]:
 
 
 def test_the_file_is_what_the_code_makes() -> None:
-    """Who reads the file elsewhere would check against another contract. `python -m stiction.formats.contract_schema`."""
+    """Others would check against another contract; `python -m stiction.formats.contract_schema` prints it."""
     assert PATH.read_text(encoding="utf-8") == schema_text()
     assert SCHEMA["$id"] == "urn:stiction:contract:2"
 
@@ -61,8 +61,9 @@ def test_contracts_that_are_read_fit_the_schema() -> None:
 
 
 MUTATIONS: list[tuple[str, Any]] = [
-    ("schema_version", 3), ("schema_version", True), ("robot", ""), ("robot", 5), ("terrain", "moon"), ("method", "None"),
-    ("seed", -1), ("seed", "0"), ("phases", 3), ("control_period", 0), ("control_period", "0.02"), ("decimation", 4.5),
+    ("schema_version", 3), ("schema_version", True), ("robot", ""), ("robot", 5), ("terrain", "moon"),
+    ("method", "None"), ("seed", -1), ("seed", "0"), ("phases", 3), ("control_period", 0),
+    ("control_period", "0.02"), ("decimation", 4.5),
     ("kp", 50.0), ("kp", [1e8] * 12), ("kd", [None] * 12), ("torque_limit", [0] * 12), ("armature", ["0.01"] * 12),
     ("joint_names", ["a", "a"]), ("joint_names", "abc"), ("action_scale", 0), ("action_scale", [0.25, "a"]),
     ("action_clip", 1e9), ("action_offset", "zero"), ("quaternion_order", "xyzw"), ("compensation", 0.05),

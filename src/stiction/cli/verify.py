@@ -29,7 +29,7 @@ class VerifyCfg:
     expect_digest: str | None = None
     """Digest that the bundle must have, as its maker published it: 64 hexadecimal digits."""
     allow: Path | None = None
-    """List of the digests that may run, a text file with one a line and comments behind #: the bundle's must be there."""
+    """Text file of the digests that may run, one a line, comments behind #: the bundle's must be there."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 

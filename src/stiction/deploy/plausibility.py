@@ -63,13 +63,13 @@ RULES: dict[str, Rule] = {
     ),
     "leans at the start": Rule(
         "quaternions in another order, an IMU that is mounted otherwise than the base's frame", 0.5, "rad",
-        "29°: steeper than any ground to start on; in the order x, y, z, w a level robot that looks more than 29° away "
+        "29°: steeper than any ground to start on; in the order x, y, z, w a level robot that looks further than that "
         "from 0 reads so",
         "is the quaternion in the order w, x, y, z, and in the base's frame (x forward, z up)?",
     ),
     "half turn at the start": Rule(
-        "quaternions in the order x, y, z, w of a robot that looks along 0, which read as level and turned by 180°", 0.1,
-        "", "of |(w, x)|: a standing robot leans by under 11°; one of sixteen headings is refused with it",
+        "quaternions in the order x, y, z, w of a robot that looks along 0: they read as level, turned round", 0.1, "",
+        "of |(w, x)|: a standing robot leans by under 11°; one of sixteen headings is refused with it",
         "if the order is w, x, y, z, turn the robot by 30° and start again; else reorder it",
     ),
     "turn rate": Rule(
@@ -265,8 +265,7 @@ class ReadingGuard:
         return None
 
     def _orientation(self, good: _Good) -> Violation | None:
-        """Judge the orientation and the rate by themselves, and the first orientation as that of a robot that stands."""
-        w, x, y, z = good.quaternion
+        """Judge orientation and rate by themselves, and the first orientation as that of a robot that stands."""
         length, most = _norm(good.quaternion), self.limits["quaternion length"]
         if not abs(length - 1.0) <= most:
             return self._broken("quaternion length", length, 1.0 + math.copysign(most, length - 1.0))
@@ -277,7 +276,7 @@ class ReadingGuard:
             lean = math.acos(min(1.0, max(-1.0, good.up[2])))
             if lean > self.limits["leans at the start"]:
                 return self._broken("leans at the start", lean, self.limits["leans at the start"])
-            near, least = math.hypot(w, x), self.limits["half turn at the start"]
+            near, least = math.hypot(*good.quaternion[:2]), self.limits["half turn at the start"]
             if near < least < math.inf:
                 return self._broken("half turn at the start", near, least)
         return None

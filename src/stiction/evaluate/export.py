@@ -37,10 +37,10 @@ from stiction.formats.known_friction import TERM, bench_friction, known_friction
 from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.friction import LAWS, has_coefficient, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH, compensated, controller_torque
+from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.locomotion.randomization import friction_angle, nominal_joints
-from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.terrain import FASTEST_TURN
 from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, identified_values
@@ -184,7 +184,7 @@ def extreme_reading(
 ) -> tuple[Sensors, np.ndarray]:
     """Return a reading and a command, some of whose entries are beyond the clips of the observation.
 
-    Every fourth step all joints are; then the base is turned anyhow, turns fast, and is commanded to. It never happened.
+    Every fourth step all joints are; then the base is turned anyhow, turns fast, and is commanded to.
 
     walked: a reading of one robot, shapes (1, ...), of which the others are; command: shape (3,); step: its number.
     """

@@ -101,9 +101,7 @@ TEXT = Rule(
     f"a text of 1 to {LONGEST} printable characters",
     {"type": "string", "minLength": 1, "maxLength": LONGEST},
 )
-NAME = Rule(
-    is_name, "a printable text of 1 to 128 characters", {"type": "string", "minLength": 1, "maxLength": 128}
-)
+NAME = Rule(is_name, "a printable text of 1 to 128 characters", {"type": "string", "minLength": 1, "maxLength": 128})
 FILE = Rule(
     _is_file,
     "null, or an object with 'name' and 'sha256', 64 hexadecimal digits",

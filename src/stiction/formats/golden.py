@@ -1,9 +1,9 @@
 """Golden vectors: a recorded rollout of one robot, what it measured, and what policy and joint controllers answered.
 
 They are recorded by `export` with the policy as training computes it, in torch; `verify` and robots replay them with
-NumPy and onnxruntime. A walk reaches no clip of the observation or the action, so readings that do are recorded behind
-it; `exercise_of` says what a recording has. They also hold the SHA-256 of the bundle's other files, so that a contract or a card edited
-afterwards no longer fits.
+NumPy and onnxruntime. A walk reaches no clip of observation or action, so readings that do are recorded behind it;
+`exercise_of` says what a recording has. They also hold the SHA-256 of the bundle's other files, so that a contract or a
+card edited afterwards no longer fits.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ SENSED = ("angular_velocity", "command", "joint_position", "joint_velocity")
 
 @dataclass(frozen=True)
 class Exercise:
-    """What of a contract a recording exercises: a clip that nothing reaches may be any number, and the replay agrees."""
+    """What of a contract a recording exercises: of a clip that no step reaches the replay says nothing."""
 
     resets: int
     """Resets after the first step, at each of which the history is filled with the present frame."""
@@ -215,7 +215,9 @@ def _check_recording(golden: Golden, contract: Contract) -> None:
     if not golden.reset[0] or golden.reset.sum() < 2:
         raise BundleError("golden.npz must start with a reset and contain at least one more")
     if golden.walked is not None and golden.walked.mean() < DIFFERENT:
-        raise BundleError(f"golden.npz: only {golden.walked.mean():.0%} of its steps were walked; expected {DIFFERENT:.0%}")
+        raise BundleError(
+            f"golden.npz: only {golden.walked.mean():.0%} of its steps were walked; expected {DIFFERENT:.0%}"
+        )
     late = np.abs(golden.time - contract.control_period * np.arange(len(golden))).max()
     if late > TIME_ERROR:
         raise BundleError(
