@@ -164,8 +164,8 @@ def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0
     policy.reset()
     resets[STEPS] = True
     for t in range(STEPS, total):
-        walked = steps[t % RESET_EVERY][0]
-        sensors, commands[t] = extreme_reading(contract, walked, commands[t - 1], t, streams["golden extremes"])
+        seen = steps[t % RESET_EVERY][0]
+        sensors, commands[t] = extreme_reading(contract, seen, commands[t - 1], t, streams["golden extremes"])
         steps.append((sensors, policy.step(sensors, commands[t : t + 1])))
     arrays = {
         part.name: np.concatenate([getattr(step[number], part.name) for step in steps])

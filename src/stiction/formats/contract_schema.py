@@ -112,7 +112,7 @@ def _record(kind: type, own: Mapping[str, Any] | None = None, optional: set[str]
     """
     hints, words = get_type_hints(kind), _docstrings(kind)
     properties, required = {}, []
-    for field in fields(kind):  # type: ignore[arg-type]
+    for field in fields(kind):
         schema = (own or {}).get(field.name) or _of_type(hints[field.name])
         properties[field.name] = ({"description": words[field.name]} if field.name in words else {}) | schema
         absent = field.default is not MISSING or field.default_factory is not MISSING
