@@ -188,6 +188,7 @@ def contract_cases() -> Iterator[tuple[str, Change]]:
         "friction_law": ["rust", "stribeck", None, 5],
         "stribeck": [[1.5, 0.1], [0.5, 0.1]],
         "joint_names": [["a"] * JOINTS, [], list(both.joint_names)[::-1], "abc", ["x" * 300, *both.joint_names[1:]]],
+        "command_range": [{"forward": [0, 1]}, [[0, 1]] * 3, {"forward": [1, 0], "sideways": [0, 1], "turn": [0, 1]}],
         "joints_file": [{"name": "joints.json"}, {"name": "j", "sha256": "zz"}, "joints.json"],
         "actuator": [{"name": "net"}, 5],
         "known_friction": [{"hip": 0.1}, 0.1],

@@ -47,6 +47,20 @@ def test_verify_prints_json_and_nothing_else(bundle: Path, capsys: pytest.Captur
     assert summary["steps"] == 500
 
 
+def test_verify_takes_a_list_of_what_may_run(bundle: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The digest on it passes and is said to be; another list refuses in one line; and what was exercised is said."""
+    digest = hashlib.sha256((bundle / "SHA256SUMS").read_bytes()).hexdigest()
+    listed = tmp_path / "allowed.txt"
+    listed.write_text(f"{digest}  # toy\n")
+    assert main(["verify", str(bundle), "--allow", str(listed)]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "as allowed" in out and "Checksums find accidents" not in out and "says nothing" in out
+    listed.write_text("0" * 64)
+    assert main(["verify", str(bundle), "--allow", str(listed)]) == 1
+    shown = capsys.readouterr().err
+    assert "not among the 1 that are allowed" in shown and shown.count("\n") == 1
+
+
 def test_verify_takes_the_digest_that_was_published(bundle: Path, capsys: pytest.CaptureFixture) -> None:
     """Another bundle, or half of a digest, is refused in one line; the right one is said to be expected."""
     digest = hashlib.sha256((bundle / "SHA256SUMS").read_bytes()).hexdigest()

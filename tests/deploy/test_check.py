@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from bundles import make_bundle, make_contract, make_golden, make_network, make_wear, repair_sums
-from stiction.core.errors import BundleError, StictionError
-from stiction.deploy.check import TOLERANCE, check_bundle, robot_of
+from stiction.core.errors import BundleError, FileError, StictionError
+from stiction.deploy.check import TOLERANCE, check_bundle, read_allowed, robot_of
 from stiction.formats.bundle import read_bundle, shipped_bundles, write_bundle
 from stiction.formats.contract import Contract
 
@@ -95,6 +95,34 @@ def test_a_shipped_robot_of_other_gains_does_not_pass(tmp_path: Path) -> None:
     contract = make_contract("go1", kp=(41.0,) * 12)
     with pytest.raises(StictionError, match="other gains kp"):
         check_bundle(make_bundle(tmp_path / "forged", contract))
+
+
+def test_a_list_says_which_bundles_may_run(bundle: Path, tmp_path: Path) -> None:
+    """A robot's owner keeps it; a digest that was cut off, or a list of something else, may not allow anything."""
+    digest, path = read_bundle(bundle).digest, tmp_path / "allowed.txt"
+    path.write_text(f"# robots of the lab\n{'1' * 64}\n\n{digest.upper()}  # toy, seed 0\n")
+    allowed = read_allowed(path)
+    assert allowed == {"1" * 64, digest} and check_bundle(bundle, allowed=allowed).steps == 500
+    path.write_text("# none\n")
+    with pytest.raises(BundleError, match=f"its digest {digest} is not among the 0 that are allowed"):
+        check_bundle(bundle, allowed=read_allowed(path))
+    for content in (digest[:63].encode(), b"toy " + digest.encode(), b"\xff" * 64, b"PK\x03\x04"):
+        path.write_bytes(b"# list\n" + content)
+        with pytest.raises(FileError, match=r"line 2: .* is no digest; expected 64 hexadecimal digits"):
+            read_allowed(path)
+    path.write_bytes(b"#" * (2**20 + 1))
+    with pytest.raises(FileError, match="over 1048576 bytes"):
+        read_allowed(path)
+    with pytest.raises(FileError, match="cannot read"):
+        read_allowed(tmp_path)
+
+
+def test_what_is_not_allowed_is_not_opened(bundle: Path) -> None:
+    """A network of a stranger is refused by its digest, before any byte of it is interpreted."""
+    (bundle / "contract.json").write_text("{")
+    repair_sums(bundle)
+    with pytest.raises(BundleError, match="that are allowed"):
+        check_bundle(bundle, allowed=frozenset())
 
 
 def test_a_map_that_nothing_binds_passes_in_an_older_bundle_alone(tmp_path: Path, contract: Contract) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bundles import make_contract
+from bundles import make_bundle, make_contract, make_golden, make_network
 from stiction.core.errors import StictionError
-from stiction.deploy.vendor import VendorMap
+from stiction.deploy.vendor import VendorMap, write_maker_targets
+from stiction.formats.bundle import read_bundle
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import Vendor
 
@@ -40,3 +42,15 @@ def test_without_a_protocol_it_is_refused() -> None:
     """Our own order would be believed to be the maker's."""
     with pytest.raises(StictionError, match="not in the contract; say vendor in"):
         VendorMap(make_contract())
+
+
+def test_what_was_not_walked_is_not_played(tmp_path: Path) -> None:
+    """Readings that drive the policy to its clips are answered with targets that throw the legs about."""
+    contract = make_contract("go1", anatomy=find_robot("go1"))
+    golden = make_golden(contract, make_network(contract))
+    bundle = read_bundle(make_bundle(tmp_path / "toy", contract))
+    walked = np.arange(len(golden)) < 480
+    golden.target[480:] = 99.0
+    write_maker_targets(replace(bundle, golden=replace(golden, walked=walked)), tmp_path / "targets.csv")
+    lines = (tmp_path / "targets.csv").read_text().splitlines()
+    assert len(lines) == 481 and "99.0" not in lines[-1] and lines[-1].startswith("9.58")

@@ -20,8 +20,9 @@ from stiction.evaluate.export import (
 )
 from stiction.formats.contract import Contract
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
-from stiction.locomotion.config import TaskCfg
+from stiction.locomotion.config import CommandCfg, TaskCfg
 from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.terrain import TerrainCfg
 from stiction.rma.config import StudentCfg, TrainCfg
 from stiction.robots.catalog import find_robot
 
@@ -87,7 +88,20 @@ def test_the_contract_of_a_run_says_what_was_trained() -> None:
         command="stiction train --seed 3",
         action_clip=5.0,
         anatomy=find_robot("saturn_lite"),
+        command_range={"forward": (-0.8, 0.8), "sideways": (-0.3, 0.3), "turn": (-0.6, 0.6)},
     )
+
+
+def test_the_trained_commands_are_those_of_the_courses_too() -> None:
+    """A robot on stairs was commanded along them, and one that was also told to stand may be."""
+    task = TaskCfg(
+        terrain=TerrainCfg("stairs", speed=(0.3, 1.1)), commands=CommandCfg((0.2, 0.8), (0.1, 0.3), (-0.1, 0.1))
+    )
+    found = contract_of(TrainCfg(task=task), HEADER).command_range
+    assert found == {"forward": (0.0, 1.1), "sideways": (0.0, 0.3), "turn": (-0.6, 0.6)}
+    flat = replace(task, terrain=TerrainCfg(), commands=replace(task.commands, standing_share=0.0))
+    found = contract_of(TrainCfg(task=flat), HEADER).command_range
+    assert found == {"forward": (0.2, 0.8), "sideways": (0.1, 0.3), "turn": (-0.1, 0.1)}
 
 
 def test_a_coefficient_is_exported_as_one() -> None:
@@ -167,8 +181,8 @@ def test_golden_vectors_hold_what_the_policy_is_told(tmp_path: Path) -> None:
     told = with_bench(contract_of(TOLD, HEADER), path)
     check = export_policy(make_module(told), told, tmp_path / "toy")
     assert check.summary()["known_friction"] == told.known_friction
-    frames = check.bundle.golden.observation.reshape(600, 11, -1)
-    np.testing.assert_allclose(frames[..., -3:], np.broadcast_to([0.2, 0.4, 1.0], (600, 11, 3)), atol=1e-6)
+    frames = check.bundle.golden.observation.reshape(624, 11, -1)
+    np.testing.assert_allclose(frames[..., -3:], np.broadcast_to([0.2, 0.4, 1.0], (624, 11, 3)), atol=1e-6)
 
 
 def test_without_a_level_the_measured_friction_is_the_nominal_one() -> None:

@@ -152,6 +152,27 @@ def test_stribeck_friction_names_its_shape() -> None:
     assert read_contract(json.dumps(data).encode()).stribeck is None
 
 
+SPANS = {"forward": [-0.8, 0.8], "sideways": [-0.3, 0.3], "turn": [-0.6, 0.6]}
+
+
+def test_the_trained_commands_go_with_the_policy(contract: Contract) -> None:
+    """Nobody else knows how fast it may be asked to walk. Bundles of before say nothing."""
+    told = read_contract(edited(contract, "command_range", SPANS))
+    assert told.command_range == {name: tuple(ends) for name, ends in SPANS.items()}
+    assert read_contract(told.to_json().encode()) == told
+    data = json.loads(contract.to_json())
+    del data["command_range"]
+    assert read_contract(json.dumps(data).encode()) == contract and contract.command_range is None
+    for wrong in (
+        {"forward": [0, 1]},
+        SPANS | {"turn": [1, 0]},
+        SPANS | {"turn": [0, 1, 2]},
+        SPANS | {"turn": ["0", 1]},
+    ):
+        with pytest.raises(BundleError, match="command_range"):
+            read_contract(edited(contract, "command_range", wrong))
+
+
 def told(**changes) -> Contract:
     """Return the contract of a policy that is told its joints' friction."""
     values = {

@@ -5,11 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from stiction.core.errors import StictionError
+
+if TYPE_CHECKING:
+    from stiction.formats.golden import Exercise
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,8 @@ class VerifyCfg:
     """Public key of the maker, a PEM file: the bundle must have this key's signature. Needs the extra sign."""
     expect_digest: str | None = None
     """Digest that the bundle must have, as its maker published it: 64 hexadecimal digits."""
+    allow: Path | None = None
+    """Text file of the digests that may run, one a line, comments behind #: the bundle's must be there."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -32,11 +37,12 @@ class VerifyCfg:
 def main(arguments: list[str]) -> None:
     """Check one bundle; raise `StictionError` at the first thing that is wrong."""
     cfg = tyro.cli(VerifyCfg, args=arguments, prog="stiction verify", description=DESCRIPTION)
-    from stiction.deploy.check import check_bundle
+    from stiction.deploy.check import check_bundle, read_allowed
     from stiction.formats.bundle import find_bundle
 
     try:
-        check = check_bundle(find_bundle(cfg.bundle), cfg.expect_digest, cfg.key)
+        allowed = None if cfg.allow is None else read_allowed(cfg.allow)
+        check = check_bundle(find_bundle(cfg.bundle), cfg.expect_digest, cfg.key, allowed)
         if cfg.against is not None:
             from stiction.deploy.check import robot_of
             from stiction.robots.compare import check_against
@@ -49,14 +55,15 @@ def main(arguments: list[str]) -> None:
     if cfg.json:
         print(json.dumps(check.summary() | ({} if cfg.against is None else {"against": cfg.against.name}), indent=2))
     else:
-        _print(check, cfg.expect_digest is not None)
+        _print(check, "expected" if cfg.expect_digest is not None else "allowed" if cfg.allow is not None else None)
 
 
-def _print(check, expected: bool) -> None:
-    """Print what was checked as a table; `expected`: whether its digest was."""
+def _print(check, known: str | None) -> None:
+    """Print what was checked as a table; `known`: whether its digest was `expected`, or `allowed`."""
     from rich.table import Table
 
     from stiction.deploy.check import TOLERANCE
+    from stiction.formats.golden import exercise_of
     from stiction.formats.known_friction import known_friction_text
     from stiction.report.terminal import Terminal
 
@@ -65,7 +72,7 @@ def _print(check, expected: bool) -> None:
     signature = f"by the key {check.signer}" if check.signer else "none" if bundle.signature is None else unchecked
     rows = {
         "files": f"{5 + (bundle.wear is not None)}, {bundle.size / 1e6:.2f} MB, as SHA256SUMS says",
-        "digest": bundle.digest + (", as expected" if expected else ""),
+        "digest": bundle.digest + ("" if known is None else f", as {known}"),
         "signature": signature,
         "contract": f"{contract.robot}, {contract.num_joints} joints, every {contract.control_period:g} s; "
         f"trained with {contract.method!r}, nominal friction {100 * contract.friction_level:g} % of the torque limit",
@@ -73,6 +80,7 @@ def _print(check, expected: bool) -> None:
         "replay": f"{check.steps} steps; largest difference {check.observation_error:.1e} in the observation, "
         f"{check.action_error:.1e} in the action, {check.target_error:.1e} rad in the target (allowed {TOLERANCE:g})",
     }
+    rows["exercised"] = _exercise(exercise_of(bundle.golden, contract))
     if contract.known_friction is not None:
         file = contract.known_friction_file
         source = "nominal in its training" if file is None else f"as {file['name']} says"
@@ -84,10 +92,20 @@ def _print(check, expected: bool) -> None:
         table.add_row(name, text)
     console = Terminal()
     console.print(table)
-    if check.signer is None and not expected:
+    if check.signer is None and known is None:
         console.print(
             "Checksums find accidents, signatures find authors: --key, or --expect-digest, says whose bundle this is."
         )
+
+
+def _exercise(found: Exercise) -> str:
+    """Return what a recording exercises, and what it says nothing of, in words."""
+    shown = [f"{found.resets} resets on the way"]
+    shown += ["a history that rolls over"] if found.rolls_over else []
+    text = "; ".join([*shown, *found.reached])
+    if not found.missed:
+        return text
+    return f"{text}. Not: {', '.join(found.missed)}; of those the replay says nothing (bundles of today have them)"
 
 
 DESCRIPTION = (

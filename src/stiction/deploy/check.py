@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +17,7 @@ from stiction.deploy.policy import Policy, PolicyStep, check_model, load_policy
 from stiction.deploy.wear import WearMonitor
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.contract import Contract
-from stiction.formats.golden import Golden
+from stiction.formats.golden import Golden, exercise_of
 from stiction.formats.signature import check_signature
 from stiction.robots.catalog import find_robot, is_shipped
 from stiction.robots.model import Robot
@@ -86,7 +86,8 @@ class BundleCheck:
 
     def summary(self) -> dict:
         """Return plain data for `--json`; `wear`: what the wear monitor estimates the friction of: joints, `level`;
-        `signed`: whether there is a signature, `signer`: whose it is, where a key was named.
+        `signed`: whether there is a signature, `signer`: whose it is, where a key was named; `exercised`: what the
+        recording shows of the contract's limits.
         """
         contract, wear = self.bundle.contract, self.bundle.wear
         return {
@@ -99,6 +100,7 @@ class BundleCheck:
             "signed": self.bundle.signature is not None,
             "signer": self.signer,
             "steps": self.steps,
+            "exercised": asdict(exercise_of(self.bundle.golden, contract)),
             "tolerance": TOLERANCE,
             "observation_error": self.observation_error,
             "action_error": self.action_error,

@@ -63,19 +63,25 @@ RULES: dict[str, Rule] = {
     ),
     "leans at the start": Rule(
         "quaternions in another order, an IMU that is mounted otherwise than the base's frame", 0.5, "rad",
-        "29°: steeper than any ground to start on; in the order x, y, z, w a level robot that looks more than 29° away "
+        "29°: steeper than any ground to start on; in the order x, y, z, w a level robot that looks further than that "
         "from 0 reads so",
         "is the quaternion in the order w, x, y, z, and in the base's frame (x forward, z up)?",
     ),
     "half turn at the start": Rule(
-        "quaternions in the order x, y, z, w of a robot that looks along 0, which read as level and turned by 180°", 0.1,
-        "", "of |(w, x)|: a standing robot leans by under 11°; one of sixteen headings is refused with it",
+        "quaternions in the order x, y, z, w of a robot that looks along 0: they read as level, turned round", 0.1, "",
+        "of |(w, x)|: a standing robot leans by under 11°; one of sixteen headings is refused with it",
         "if the order is w, x, y, z, turn the robot by 30° and start again; else reorder it",
     ),
     "turn rate": Rule(
         "a gyroscope in degrees per second", 20.0, "rad/s",
         "a robot that falls turns at up to 10 rad/s; most gyroscopes end at 35",
         "is the gyroscope in rad/s?",
+    ),
+    "orientation jump": Rule(
+        "a quaternion whose order changes, a filter that starts anew: more between two readings than the turn rate allows",
+        0.3, "rad",
+        "beyond rate times time: what a filter corrects at once",
+        "was the IMU restarted, or reset to another heading?",
     ),
     "joint range": Rule(
         "degrees, another zero, another order of the joints", 0.2, "rad",
@@ -93,7 +99,7 @@ RULES: dict[str, Rule] = {
         "does the encoder wrap around, or was it reset?",
     ),
     "attitude and gyroscope": Rule(
-        "an orientation whose order, axes or sign are not the gyroscope's, and one of both that is dead", 0.5, "",
+        "an orientation whose order, axes or sign are not the gyroscope's, and one of both that is dead", 0.3, "",
         "difference of unit vectors over a second: in recorded walks with noise it stays under 0.05",
         "is the quaternion w, x, y, z, and are both in the base's frame, the gyroscope in rad/s?",
     ),
@@ -224,7 +230,7 @@ class ReadingGuard:
         command = np.asarray(velocity_command, dtype=np.float64).tolist()
         good = _Good.of(time, sensors)
         return (
-            self._finite(good, command)
+            self._finite(good)
             or self._in_time(time, now)
             or self._orientation(good)
             or self._joints(good)
@@ -237,13 +243,13 @@ class ReadingGuard:
         name = None if joint is None else self._names[joint]
         return Violation(rule, name, float(value), float(limit), unit or RULES[rule].unit)
 
-    def _finite(self, good: _Good, command: list[float]) -> Violation | None:
+    def _finite(self, good: _Good) -> Violation | None:
         """Judge every number by itself."""
         most = self.limits["not finite"]
-        others = [*good.quaternion, *good.rate, *command, good.time]
+        others = [*good.quaternion, *good.rate, good.time]
         # A comparison with NaN is false.
         if np.abs(good.joints).max() <= most and all(abs(value) <= most for value in others[:-1]):
-            return None if abs(good.time) < math.inf else self._broken("not finite", good.time, most, unit="s")
+            return None if math.isfinite(good.time) else self._broken("not finite", good.time, most, unit="s")
         for values, unit in ((good.position, "rad"), (good.velocity, "rad/s")):
             wrong = ~(np.abs(values) <= most)
             if wrong.any():
@@ -265,8 +271,7 @@ class ReadingGuard:
         return None
 
     def _orientation(self, good: _Good) -> Violation | None:
-        """Judge the orientation and the rate by themselves, and the first orientation as that of a robot that stands."""
-        w, x, y, z = good.quaternion
+        """Judge orientation and rate by themselves, and the first orientation as that of a robot that stands."""
         length, most = _norm(good.quaternion), self.limits["quaternion length"]
         if not abs(length - 1.0) <= most:
             return self._broken("quaternion length", length, 1.0 + math.copysign(most, length - 1.0))
@@ -277,7 +282,7 @@ class ReadingGuard:
             lean = math.acos(min(1.0, max(-1.0, good.up[2])))
             if lean > self.limits["leans at the start"]:
                 return self._broken("leans at the start", lean, self.limits["leans at the start"])
-            near, least = math.hypot(w, x), self.limits["half turn at the start"]
+            near, least = math.hypot(*good.quaternion[:2]), self.limits["half turn at the start"]
             if near < least < math.inf:
                 return self._broken("half turn at the start", near, least)
         return None
@@ -306,6 +311,11 @@ class ReadingGuard:
         if before is None:
             good.begin()
             return None
+        near = abs(sum(a * b for a, b in zip(good.quaternion, before.quaternion, strict=True)))
+        turned = 2.0 * math.acos(min(1.0, near / (_norm(good.quaternion) * _norm(before.quaternion))))
+        allowed = self.limits["turn rate"] * (good.time - before.time) + self.limits["orientation jump"]
+        if turned > allowed:
+            return self._broken("orientation jump", turned, allowed)
         good.follow(before, self._gap, _norm(command) > MOVING)
         return self._disagrees(good) or self._frozen(good)
 
@@ -330,7 +340,7 @@ class ReadingGuard:
         return None
 
     def _command(self, command: list[float]) -> Violation | None:
-        """Judge the command."""
+        """Judge the command, NaN included."""
         slack = self.limits["command"]
         for value, low, high, unit in zip(command, *self._commands, UNITS, strict=True):
             if not low - slack <= value <= high + slack:

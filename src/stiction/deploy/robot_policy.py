@@ -149,8 +149,8 @@ class RobotPolicy:
         if not self.guard.assumed_range:
             return None
         return (
-            "the bundle is older than trained ranges of commands: up to 0.8 m/s forward, 0.3 m/s sideways and 0.6 rad/s "
-            "are assumed, what training draws where nobody says otherwise"
+            "the bundle is older than trained ranges of commands: up to 0.8 m/s forward, 0.3 m/s sideways and 0.6 "
+            "rad/s are assumed, what training draws where nobody says otherwise"
         )
 
     def step(

@@ -47,15 +47,17 @@ class VendorMap:
 
 
 def write_maker_targets(bundle: Bundle, path: Path) -> None:
-    """Write the targets of a bundle's golden vectors in the maker's order as CSV: `time` [s], and each joint [rad].
+    """Write the targets of a bundle's recorded walk in the maker's order as CSV: `time` [s], and each joint [rad].
 
     Played with the robot in the air they show, joint by joint, whether each turns as it should. Raises `RobotError`
     where the maker's order is not known.
     """
     maker = VendorMap(bundle.contract)
-    rows = maker.to_maker(bundle.golden.target)
+    golden = bundle.golden
+    walked = slice(None) if golden.walked is None else golden.walked
+    rows = maker.to_maker(golden.target[walked])
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(["time", *maker.order])
-        for time, row in zip(bundle.golden.time, rows, strict=True):
+        for time, row in zip(golden.time[walked], rows, strict=True):
             writer.writerow([f"{time:.4f}", *(f"{angle:.6f}" for angle in row)])

@@ -22,8 +22,8 @@ from mujoco.batch import Batch
 from stiction.core.provenance import num_threads, stream_seed
 from stiction.core.rotation import UPRIGHT
 from stiction.core.scratch import scratch
-from stiction.deploy.observation import Sensors
-from stiction.deploy.policy import load_policy
+from stiction.deploy.plausibility import command_range
+from stiction.deploy.robot_policy import load_robot_policy
 from stiction.formats.bundle import read_bundle
 from stiction.joints.net import ActuatorNet
 from stiction.locomotion.device import find_device
@@ -143,17 +143,27 @@ def measure_training(cfg: TrainCfg, blocks: int, actuator: ActuatorNet | None = 
 
 
 def measure_runtime(bundle: Path) -> dict[str, float]:
-    """Time the deployed policy, one robot, sensors in and joint targets out [ms]: median, 99th percentile, worst."""
+    """Time the deployed policy, one robot, sensors in, checked, and joint targets out [ms].
+
+    Returns the median, the 99th percentile and the worst.
+    """
     data = read_bundle(bundle)
-    policy = load_policy(data.contract, data.policy)
+    contract = data.contract
+    policy = load_robot_policy(data, contract.joint_names)
     rng = np.random.default_rng(0)
-    joints, command = data.contract.num_joints, np.array([0.5, 0.0, 0.0])
+    joints, low, high = contract.num_joints, *command_range(contract)
     spent = []
-    for _ in range(3000):
-        noise = 0.1 * rng.standard_normal((2, joints))
-        sensors = Sensors(UPRIGHT, noise[0, :3], noise[0], noise[1])
+    for number in range(3000):
+        noise = 0.02 * rng.standard_normal((2, joints))
+        reading = {
+            "quaternion": UPRIGHT,
+            "angular_velocity": noise[0, :3],
+            "joint_position": contract.array("standing") + noise[0],
+            "joint_velocity": noise[1],
+            "command": (low + high) / 2,
+        }
         start = time.perf_counter()
-        policy.step(sensors, command)
+        policy.step(number * contract.control_period, **reading)
         spent.append(1e3 * (time.perf_counter() - start))
     warm = np.array(spent[100:])
     return {"p50": float(np.median(warm)), "p99": float(np.percentile(warm, 99)), "max": float(warm.max())}

@@ -1,8 +1,9 @@
 """Golden vectors: a recorded rollout of one robot, what it measured, and what policy and joint controllers answered.
 
 They are recorded by `export` with the policy as training computes it, in torch; `verify` and robots replay them with
-NumPy and onnxruntime. They also hold the SHA-256 of the bundle's other files, so that a contract or a card edited
-afterwards no longer fits.
+NumPy and onnxruntime. A walk reaches no clip of observation or action, so readings that do are recorded behind it;
+`exercise_of` says what a recording has. They also hold the SHA-256 of the bundle's other files, so that a contract or a
+card edited afterwards no longer fits.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from stiction.core.errors import BundleError, LogError
-from stiction.formats.contract import Contract
+from stiction.formats.contract import Contract, Term
 from stiction.formats.tables import parse_npz
 from stiction.joints.pd import controller_torque
 
@@ -85,10 +86,66 @@ class Golden:
     """What the joint controllers ask of the motors at these targets and measurements [N m], see `controller_torque`,
     computed with the robot's gains and limits, not the contract's, shape (T, J). None: the recording is older."""
 
+    walked: np.ndarray | None = None
+    """False where a reading was made up to drive something to its limit, bool, shape (T,): no robot shall be given what
+    was answered. None: all of the recording was walked."""
+
     def __len__(self) -> int:
         """Return the number of steps."""
         return len(self.time)
 
+
+SENSED = ("angular_velocity", "command", "joint_position", "joint_velocity")
+"""Terms of the observation that a reading alone can drive to their clips, beside roll and pitch."""
+
+
+@dataclass(frozen=True)
+class Exercise:
+    """What of a contract a recording exercises: of a clip that no step reaches the replay says nothing."""
+
+    resets: int
+    """Resets after the first step, at each of which the history is filled with the present frame."""
+    rolls_over: bool
+    """Whether a frame entered the history and left it again."""
+    reached: tuple[str, ...]
+    """Limits that some step is at: `clip of joint_velocity`, ..., `clip of the action`, `torque limit`."""
+    missed: tuple[str, ...]
+    """Limits that a robot can reach, and no step does."""
+
+
+def exercise_of(golden: Golden, contract: Contract) -> Exercise:
+    """Return what a recording exercises."""
+    layout, rounding = contract.observation, 1 - 1e-6
+    newest = np.abs(golden.observation[:, -layout.frame_size :])
+    at, start = {}, 0
+    for term in layout.terms:
+        if clips(contract, term):
+            at[f"clip of {term.name}"] = bool((newest[:, start : start + term.size] >= rounding * term.clip).any())
+        start += term.size
+    at["clip of the action"] = bool((np.abs(golden.action) >= rounding * contract.action_clip).any())
+    torque = golden.torque
+    full = contract.array("torque_limit") * rounding
+    at["torque limit"] = False if torque is None else bool((np.abs(torque) >= full).any())
+    starts = np.append(np.flatnonzero(golden.reset), len(golden))
+    return Exercise(
+        resets=int(golden.reset[1:].sum()),
+        rolls_over=bool(np.diff(starts).max() > layout.history_length),
+        reached=tuple(name for name, reached in at.items() if reached),
+        missed=tuple(name for name, reached in at.items() if not reached),
+    )
+
+
+def clips(contract: Contract, term: Term) -> bool:
+    """Return whether a recording can show the clip of a term: one that some reading, or the last action, gets to."""
+    if term.name in SENSED:
+        return BEYOND * term.clip / term.scale <= LARGEST[term.name]
+    if term.name == "roll_pitch":
+        return BEYOND * term.clip / term.scale < np.pi
+    return term.name == "last_action" and term.clip / term.scale <= contract.action_clip
+
+
+BEYOND = 1.2
+"""How far beyond its clip a recording drives a term."""
 
 BOUND = "sha256:"
 """Prefix of the arrays that hold the SHA-256 of the bundle's other files."""
@@ -119,7 +176,7 @@ def read_golden(data: bytes, contract: Contract) -> tuple[Golden, dict[str, str]
         raise BundleError(f"{error}; export the bundle again") from error
     digests = {name.removeprefix(BOUND): str(arrays.pop(name)) for name in list(arrays) if name.startswith(BOUND)}
     expected = {field.name for field in fields(Golden)}
-    if odd := sorted((arrays.keys() ^ expected) - ({"torque"} - arrays.keys())):
+    if odd := sorted((arrays.keys() ^ expected) - ({"torque", "walked"} - arrays.keys())):
         raise BundleError(f"golden.npz: the array {odd[0]!r} is missing or unknown; export the bundle again")
     golden = Golden(**arrays)
     _check_arrays(golden, contract)
@@ -138,9 +195,10 @@ def _check_arrays(golden: Golden, contract: Contract) -> None:
     widths |= dict.fromkeys(("joint_position", "joint_velocity", "action", "target"), joints)
     widths |= {} if golden.torque is None else {"torque": joints}
     shapes = {"time": (steps,), "reset": (steps,), **{name: (steps, width) for name, width in widths.items()}}
+    shapes |= {} if golden.walked is None else {"walked": (steps,)}
     for name, shape in shapes.items():
         array = getattr(golden, name)
-        kinds = "b" if name == "reset" else "f"
+        kinds = "b" if name in ("reset", "walked") else "f"
         if array.shape != shape or array.dtype.kind not in kinds:
             raise BundleError(f"golden.npz: {name!r} is {array.dtype} {array.shape}; expected {shape}, kind {kinds!r}")
         if not np.isfinite(array).all():
@@ -156,6 +214,10 @@ def _check_recording(golden: Golden, contract: Contract) -> None:
     """Check that the recording is one of a robot with this period and these limits, and no row repeated."""
     if not golden.reset[0] or golden.reset.sum() < 2:
         raise BundleError("golden.npz must start with a reset and contain at least one more")
+    if golden.walked is not None and golden.walked.mean() < DIFFERENT:
+        raise BundleError(
+            f"golden.npz: only {golden.walked.mean():.0%} of its steps were walked; expected {DIFFERENT:.0%}"
+        )
     late = np.abs(golden.time - contract.control_period * np.arange(len(golden))).max()
     if late > TIME_ERROR:
         raise BundleError(

@@ -1,0 +1,268 @@
+"""What no working robot measures is refused: each attack is one fault of a real deployment on a robot that walks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bundles import make_contract
+from stiction.core.errors import ConfigurationError, PolicyError
+from stiction.core.rotation import about, product
+from stiction.deploy.observation import Sensors
+from stiction.deploy.plausibility import RULES, ReadingGuard, compare_drive
+from stiction.deploy.violation import Violation
+from stiction.formats.contract import Contract
+from stiction.locomotion.config import CommandCfg
+
+WALK = np.array([0.5, 0.0, 0.2])
+PERIOD = 0.02
+Attack = Callable[[float, Sensors], tuple[float, Sensors]]
+
+
+def walking(contract: Contract, seconds: float = 2.0, period: float = PERIOD, yaw: float = 0.3, noise: float = 1.0
+            ) -> Iterator[tuple[float, Sensors]]:  # fmt: skip
+    """Yield times and readings of a robot that turns at 0.5 rad/s, pitches at 2 Hz, and swings its joints at 1.5 Hz."""
+    draw = np.random.default_rng(0).standard_normal
+    joints = contract.num_joints
+    phase = np.linspace(0, 2 * np.pi, joints)
+    for step in range(round(seconds / period)):
+        t = step * period
+        pitch, rate = 0.1 * math.sin(4 * np.pi * t), 0.4 * np.pi * math.cos(4 * np.pi * t)
+        turned = product(about(2, yaw + 0.5 * t), about(1, pitch))
+        turned = turned + noise * 0.002 * draw(4)
+        # The rate of the heading, 0.5 rad/s about the world's z, as the pitched base sees it.
+        gyro = np.array([-0.5 * math.sin(pitch), rate, 0.5 * math.cos(pitch)]) + noise * 0.05 * draw(3)
+        angle = contract.array("standing") + 0.3 * np.sin(3 * np.pi * t + phase) + noise * 0.003 * draw(joints)
+        speed = 0.9 * np.pi * np.cos(3 * np.pi * t + phase) + noise * 0.2 * draw(joints)
+        yield 100.0 + t, Sensors(turned / np.linalg.norm(turned), gyro, angle, speed)
+
+
+def first(contract: Contract, attack: Attack, start: float = 0.0, **options) -> tuple[float, Violation] | None:
+    """Return when, after its start [s], an attack on a walk was found, and what was; None where nothing was."""
+    guard = ReadingGuard(contract)
+    for time, sensors in walking(contract, **options):
+        given = attack(time, sensors) if time - 100.0 >= start else (time, sensors)
+        if (found := guard.check(*given, WALK)) is not None:
+            return time - 100.0 - start, found
+    return None
+
+
+@pytest.mark.parametrize("period", [0.002, 0.02, 0.05])
+def test_a_walk_is_plausible(contract: Contract, period: float) -> None:
+    """A guard that stops a robot that is well would be switched off; at any rate of readings."""
+    assert first(contract, lambda t, s: (t, s), period=period) is None
+    assert first(contract, lambda t, s: (t, s), period=period, yaw=2.0) is None
+
+
+def test_recordings_of_shipped_policies_are_plausible() -> None:
+    """Walks of MuJoCo with the noise of training, 0.5 rad/s at each joint, stairs among them."""
+    from stiction.formats.bundle import read_bundle, shipped_bundles
+
+    for path in shipped_bundles().values():
+        bundle = read_bundle(path)
+        golden, guard = bundle.golden, ReadingGuard(bundle.contract)
+        for t in range(len(golden)):
+            if golden.reset[t]:
+                guard.reset()
+            parts = (golden.quaternion, golden.angular_velocity, golden.joint_position, golden.joint_velocity)
+            assert guard.check(float(golden.time[t]), Sensors(*(part[t] for part in parts)), golden.command[t]) is None
+
+
+def swapped(s: Sensors) -> Sensors:
+    """Return readings with the quaternion in the order x, y, z, w."""
+    return replace(s, quaternion=np.roll(s.quaternion, -1))
+
+
+def spiked(s: Sensors, name: str, joint: int, value: float) -> Sensors:
+    """Return readings with one number replaced."""
+    values = np.array(getattr(s, name))
+    values[joint] = value
+    return replace(s, **{name: values})
+
+
+def degrees(t: float, s: Sensors, name: str) -> tuple[float, Sensors]:
+    """Return a reading with angles, or rates, in degrees."""
+    return t, replace(s, **{name: np.degrees(getattr(s, name))})
+
+
+ATTACKS: dict[str, tuple[str, float, Attack]] = {
+    "angles in degrees": ("joint range", 0.0, lambda t, s: degrees(t, s, "joint_position")),
+    "speeds in degrees": ("joint rate", 0.3, lambda t, s: degrees(t, s, "joint_velocity")),
+    "gyroscope in degrees": ("turn rate", 0.1,
+                             lambda t, s: degrees(t, s, "angular_velocity")),
+    "gyroscope turned round": ("attitude and gyroscope", 1.5,
+                               lambda t, s: (t, replace(s, angular_velocity=-3 * s.angular_velocity))),
+    "zero quaternion": ("quaternion length", 0.0, lambda t, s: (t, replace(s, quaternion=np.zeros(4)))),
+    "doubled quaternion": ("quaternion length", 0.0, lambda t, s: (t, replace(s, quaternion=2 * s.quaternion))),
+    "NaN in a joint": ("not finite", 0.0, lambda t, s: (t, spiked(s, "joint_velocity", 3, np.nan))),
+    "NaN in the gyroscope": ("not finite", 0.0, lambda t, s: (t, spiked(s, "angular_velocity", 1, np.nan))),
+    "NaN time": ("not finite", 0.0, lambda t, s: (np.nan, s)),
+    "milliseconds": ("time jump", PERIOD, lambda t, s: (1000 * t, s)),
+    "an encoder that wraps": ("joint jump", 0.0,
+                              lambda t, s: (t, spiked(s, "joint_position", 4, float(s.joint_position[4]) + 1.25))),
+    "velocities of other joints": ("velocity and angle", 1.0,
+                                   lambda t, s: (t, replace(s, joint_velocity=4 * s.joint_velocity[::-1]))),
+    "a base upside down": ("leans at the start", 0.0,
+                           lambda t, s: (t, replace(s, quaternion=product(about(0, np.pi), s.quaternion)))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ATTACKS)
+@pytest.mark.parametrize("late", [False, True])
+def test_an_attack_is_found(contract: Contract, name: str, late: bool) -> None:
+    """From the first reading on, and on a robot that has walked a while; what leans at the start may fall later."""
+    rule, within, attack = ATTACKS[name]
+    start = 0.5 if late else PERIOD if name == "an encoder that wraps" else 0.0
+    found = first(contract, attack, start)
+    assert found is not None, "it acts"
+    expected = {rule, "attitude and gyroscope"} if late else {rule}
+    assert found[1].rule in expected
+    assert found[0] <= (1.5 if late else within + 1.1 * PERIOD)
+
+
+def test_a_quaternion_in_the_other_order_is_found_at_once_whichever_way_the_robot_looks(contract: Contract) -> None:
+    """A level robot that looks along 0 reads as level, turned by 180°, in x, y, z, w: no fall would be seen."""
+    guard = ReadingGuard(contract)
+    for yaw in np.radians(np.arange(-180, 180, 5.0)):
+        _, sensors = next(walking(contract, yaw=yaw))
+        guard.reset()
+        found = guard.check(0.0, swapped(sensors), WALK)
+        assert found is not None and found.rule in ("leans at the start", "half turn at the start")
+        assert "w, x, y, z" in RULES[found.rule].hint
+        guard.reset()
+        # 5.7° to either side of a half turn are refused although the order is right: both readings are the same.
+        right = guard.check(0.0, sensors, WALK)
+        assert right is None or (right.rule == "half turn at the start" and abs(abs(yaw) - np.pi) < np.radians(12))
+
+
+def test_sensors_that_froze_do_not_act(contract: Contract) -> None:
+    """A computer whose robot is no longer read sees the last reading again, with new times: for 0.1 s, not for 4."""
+    for period in (0.002, 0.02):
+        readings = list(walking(contract, 1.0, period))
+        held = readings[len(readings) // 2][1]
+        found = first(contract, lambda t, s, held=held: (t, held), start=0.5, period=period)
+        assert found is not None and found[1].rule == "frozen IMU" and found[0] <= 0.1 + 1.1 * period
+
+
+def test_a_frozen_reading_stays_refused(contract: Contract) -> None:
+    """Whoever asks again each period would else be let through now and then."""
+    guard, refused = ReadingGuard(contract), []
+    _, held = next(walking(contract))
+    for step in range(200):
+        refused.append(guard.check(step * PERIOD, held, WALK) is not None)
+    assert sum(refused) >= 194 and all(refused[6:])
+
+
+def test_an_imu_and_an_encoder_freeze_alone(contract: Contract) -> None:
+    """A robot has several buses; what is still read hides what is not."""
+    _, held = list(walking(contract, 0.5))[-1]
+    imu = first(
+        contract, lambda t, s: (t, replace(s, quaternion=held.quaternion, angular_velocity=held.angular_velocity)), 0.5
+    )
+    assert imu is not None and imu[1].rule == "frozen IMU" and imu[0] <= 0.12
+
+    def dead(time: float, s: Sensors) -> tuple[float, Sensors]:
+        at = float(held.joint_position[7])
+        return time, spiked(spiked(s, "joint_position", 7, at), "joint_velocity", 7, 0.0)
+
+    joint = first(contract, dead, 0.5)
+    assert joint is not None and (joint[1].rule, joint[1].joint) == ("frozen joint", contract.joint_names[7])
+    assert joint[0] <= 1.02
+
+
+def test_coarse_encoders_at_rest_are_no_fault(contract: Contract) -> None:
+    """Servos that stand read the same angle and no speed for minutes; the IMU's noise tells that they are read."""
+    guard, still = ReadingGuard(contract), np.zeros(contract.num_joints)
+    for time, sensors in walking(contract, 5.0, noise=0.1):
+        level = replace(
+            sensors, quaternion=np.array([1.0, 0, 0, 1e-6 * time]), angular_velocity=1e-3 * sensors.angular_velocity
+        )
+        level = replace(level, joint_position=contract.array("standing"), joint_velocity=still)
+        assert guard.check(time, level, np.zeros(3)) is None
+
+
+def test_time_goes_on(contract: Contract) -> None:
+    """A clock that stands or goes back, and a reading that comes late, would be taken for what they are not."""
+    guard = ReadingGuard(contract)
+    readings = [sensors for _, sensors in walking(contract, 0.5)]
+
+    def rule(time: float, now: float | None = None) -> str | None:
+        found = guard.check(time, readings.pop(), np.zeros(3), now)
+        return None if found is None else found.rule
+
+    guard.limits["joint jump"] = guard.limits["attitude and gyroscope"] = guard.limits["velocity and angle"] = math.inf
+    assert rule(1.0) is None and rule(1.02, now=1.06) is None
+    assert rule(1.02) == rule(1.0) == "time stands still"
+    assert rule(1.04, now=1.10) == "stale reading"
+    assert rule(1.06, now=math.nan) == "stale reading"
+    assert rule(1.2) == "time jump" and rule(1.22) is None
+    guard.reset()
+    assert rule(0.0) is None
+
+
+def test_commands_end_where_training_did() -> None:
+    """A command of 1e9 is clipped in the observation, and acts as 5 m/s would, of which nothing is known either."""
+    told = make_contract(command_range={"forward": (0.0, 1.5), "sideways": (0.0, 0.0), "turn": (-1.0, 1.0)})
+    _, sensors = next(walking(told))
+    cases = [([1.5, 0, -1], None), ([1.6, 0, 0], "m/s forward"), ([-0.1, 0, 0], "m/s forward"),
+             ([0, 0.1, 0], "m/s sideways"), ([1e9, 0, 0], "m/s forward"), ([0, math.nan, 0], "m/s sideways"),
+             ([0, 0, -1.2], "rad/s")]  # fmt: skip
+    for command, unit in cases:
+        found = ReadingGuard(told).check(0.0, sensors, np.array(command))
+        assert (None if found is None else found.unit) == unit, command
+    older = ReadingGuard(make_contract())
+    assert older.assumed_range and not ReadingGuard(told).assumed_range
+    found = older.check(0.0, sensors, np.array([0.9, 0, 0]))
+    assert found is not None and (found.rule, found.limit) == ("command", 0.8)
+
+
+def test_what_is_assumed_of_older_bundles_is_what_training_draws() -> None:
+    """The default of the task could change, and older bundles would be allowed what they were not trained for."""
+    from stiction.deploy.plausibility import MOVING, OLDER_RANGE
+
+    cfg = CommandCfg()
+    assert {name: getattr(cfg, name) for name in OLDER_RANGE} == OLDER_RANGE and cfg.moving_above == MOVING
+
+
+def test_limits_can_be_changed_and_switched_off(contract: Contract) -> None:
+    """A robot on a wall leans at the start; a rule that is misspelt would seem to be off."""
+    _, sensors = next(walking(contract))
+    leaning = replace(sensors, quaternion=about(1, 1.0))
+    assert ReadingGuard(contract).check(0.0, leaning, WALK) is not None
+    assert ReadingGuard(contract, {"leans at the start": math.inf}).check(0.0, leaning, WALK) is None
+    with pytest.raises(ConfigurationError, match="did you mean 'leans at the start'"):
+        ReadingGuard(contract, {"lean at the start": 1.0})
+    with pytest.raises(ConfigurationError, match="expected a number from 0 on"):
+        ReadingGuard(contract, {"joint range": math.nan})
+
+
+def test_every_rule_says_what_it_is_for() -> None:
+    """A number that nobody can defend would be raised by whoever it is in the way of."""
+    for name, rule in RULES.items():
+        assert rule.guards and rule.why and rule.hint and rule.limit >= 0, name
+
+
+def test_a_reading_of_several_robots_is_refused(contract: Contract) -> None:
+    """The guard remembers one robot."""
+    sensors = Sensors(np.ones((2, 4)) / 2, np.zeros((2, 3)), np.zeros((2, 18)), np.zeros((2, 18)))
+    with pytest.raises(PolicyError, match="expected those of one robot"):
+        ReadingGuard(contract).check(0.0, sensors, WALK)
+
+
+def test_drives_have_the_gains_of_the_contract(contract: Contract) -> None:
+    """A drive that was reset has its maker's gains; 1 % is rounding, and what cannot be read is not said."""
+    kp, kd, limit = (contract.array(name) for name in ("kp", "kd", "torque_limit"))
+    assert compare_drive(contract, kp.astype(np.float32), kd * 1.009, limit) == compare_drive(contract) == []
+    kp[3], kd[5], limit[0] = 50.0, math.nan, 1e3
+    found = compare_drive(contract, kp, kd, limit)
+    names = contract.joint_names
+    assert [(v.rule, v.joint) for v in found] == [
+        ("drive kp", names[3]), ("drive kd", names[5]), ("drive torque limit", names[0])
+    ]  # fmt: skip
+    assert found[0].sentence() == "drive kp of FR_hip: 50 N m/rad, allowed 100 N m/rad"
+    with pytest.raises(PolicyError, match="one for each joint"):
+        compare_drive(contract, kp[1:])

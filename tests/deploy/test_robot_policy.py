@@ -1,0 +1,236 @@
+"""The policy on a machine: joints by name, times, refusals, and nothing that a caller could corrupt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bundles import linear_network, make_bundle, make_contract, make_network
+from stiction.core.errors import BundleError, PolicyError, RobotError
+from stiction.deploy.observation import Sensors
+from stiction.deploy.plausibility import ImplausibleError
+from stiction.deploy.policy import load_policy
+from stiction.deploy.robot_policy import RobotPolicy, load_robot_policy
+from stiction.formats.bundle import read_bundle, shipped_bundles
+from stiction.formats.contract import Contract, proprioception
+from stiction.robots.catalog import find_robot
+
+onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
+
+
+def robot_policy(contract: Contract, joint_names: tuple[str, ...] | None = None, model: bytes | None = None, **limits
+                 ) -> RobotPolicy:  # fmt: skip
+    """Return a policy of a random network."""
+    policy = load_policy(contract, make_network(contract) if model is None else model)
+    return RobotPolicy(contract, policy, joint_names, limits)
+
+
+def reading(contract: Contract, seed: int = 0) -> dict[str, Any]:
+    """Return what a robot that stands measures, with noise, in the contract's order, and a command."""
+    draw = np.random.default_rng(seed).standard_normal
+    return {
+        "quaternion": np.array([1.0, 0.0, 0.0, 0.0]),
+        "angular_velocity": 0.01 * draw(3),
+        "joint_position": contract.array("standing") + 0.01 * draw(contract.num_joints),
+        "joint_velocity": 0.1 * draw(contract.num_joints),
+        "command": np.array([0.3, 0.0, 0.0]),
+    }
+
+
+def by_name(contract: Contract, given: dict[str, Any]) -> dict[str, Any]:
+    """Return a reading whose joints are mappings, in an order of no meaning."""
+    names = sorted(contract.joint_names)
+    place = {name: number for number, name in enumerate(contract.joint_names)}
+    joints = {
+        key: {name: float(given[key][place[name]]) for name in names} for key in ("joint_position", "joint_velocity")
+    }
+    return given | joints
+
+
+def test_joints_come_by_name_in_any_order(contract: Contract) -> None:
+    """A library that numbers joints otherwise than training would move the wrong legs."""
+    names = tuple(reversed(contract.joint_names))
+    given = reading(contract)
+    turned = given | {key: given[key][::-1] for key in ("joint_position", "joint_velocity")}
+    plain = load_policy(contract, make_network(contract))
+    command = given["command"]
+    sensors = Sensors(*(given[key] for key in ("quaternion", "angular_velocity", "joint_position", "joint_velocity")))
+    expected = plain.step(sensors, command).target
+    listed = robot_policy(contract, names).step(0.0, **turned)
+    named = robot_policy(contract).step(0.0, **by_name(contract, given))
+    np.testing.assert_array_equal(listed.target, expected[::-1])
+    assert named.targets() == listed.targets() == dict(zip(contract.joint_names, expected.tolist(), strict=True))
+
+
+def test_joints_that_are_not_the_robots_are_named(contract: Contract) -> None:
+    """A name that is misspelt, missing, there twice, or not there at all, in the order or in a reading."""
+    names = list(contract.joint_names)
+    wrong = {
+        "did you mean 'FL_shank'": [*names[:2], "FL_shanc", *names[3:]],
+        "'RR_shank' is missing": names[:-1],
+        "there twice": [*names, names[0]],
+    }
+    given = reading(contract)
+    for said, order in wrong.items():
+        with pytest.raises(RobotError, match=said):
+            robot_policy(contract, tuple(order))
+        if said != "there twice":
+            mapping = dict.fromkeys(order, 0.0)
+            with pytest.raises(RobotError, match=said):
+                robot_policy(contract).step(0.0, **given | {"joint_position": mapping})
+    extra = by_name(contract, given)["joint_position"] | {"tail": 0.0}
+    with pytest.raises(RobotError, match="unknown joint 'tail'"):
+        robot_policy(contract).step(0.0, **given | {"joint_position": extra})
+    with pytest.raises(PolicyError, match="without names"):
+        robot_policy(contract).step(0.0, **given)
+    with pytest.raises(PolicyError, match="expected one number for each"):
+        robot_policy(contract, tuple(names)).step(0.0, **given | {"joint_position": given["joint_position"][:-1]})
+
+
+def test_joints_that_are_held_may_be_in_the_order() -> None:
+    """A G1 reports 29 joints; its policy moves 12 and would leave the elbows to whatever zero is."""
+    robot = find_robot("g1")
+    assert robot.vendor is not None
+    contract = make_contract("g1", anatomy=robot)
+    given, order = reading(contract), robot.vendor.order
+    place = {name: number for number, name in enumerate(contract.joint_names)}
+    wide = {key: np.array([given[key][place[n]] if n in place else 0.5 for n in order])
+            for key in ("joint_position", "joint_velocity")}  # fmt: skip
+    targets = robot_policy(contract, order).step(0.0, **given | wide).targets()
+    assert len(targets) == 29 and targets["left_elbow_joint"] == 1.28
+
+
+def test_a_caller_who_writes_into_a_step_changes_none_that_follows(contract: Contract) -> None:
+    """The returned action was the policy's own memory: whoever clipped it in place changed the next observation."""
+    weights = np.zeros((contract.observation.size, 18), np.float32)
+    weights[10 * contract.observation.frame_size + 6] = 2.0
+    model, given = linear_network(onnx, weights), reading(contract)
+    sensors = Sensors(*(given[key] for key in ("quaternion", "angular_velocity", "joint_position", "joint_velocity")))
+    quiet, loud = (load_policy(contract, model) for _ in range(2))
+    spoiled = robot_policy(contract, contract.joint_names, model)
+    for t in range(3):
+        left, right = (policy.step(sensors, given["command"]) for policy in (quiet, loud))
+        np.testing.assert_array_equal(left.observation, right.observation)
+        shown = spoiled.step(t * 0.02, **reading(contract, t))
+        for array in (right.observation, right.action, right.target, shown.target, *vars(shown.policy).values()):
+            array[:] = 1e9
+    taken = np.zeros(18)
+    quiet.take_over(taken)
+    taken[:] = 7.0
+    assert np.abs(quiet.step(sensors, given["command"]).observation).max() < 6.0
+
+
+@pytest.mark.parametrize("batch", [(), (2,)])
+def test_a_zero_quaternion_is_not_level(contract: Contract, batch: tuple[int, ...]) -> None:
+    """Roll and pitch of nothing are zero: the policy of a robot without an IMU would walk as if it had one."""
+    policy = load_policy(contract, make_network(contract), batch)
+    standing = np.broadcast_to(contract.array("standing"), (*batch, 18))
+    for quaternion in (np.zeros((*batch, 4)), np.full((*batch, 4), 0.7)):
+        sensors = Sensors(quaternion, np.zeros((*batch, 3)), standing, np.zeros((*batch, 18)))
+        with pytest.raises(PolicyError, match="has the length"):
+            policy.step(sensors, np.zeros((*batch, 3)))
+
+
+def test_what_is_refused_does_not_enter_the_policy(contract: Contract) -> None:
+    """A frame of nonsense would stay in the history for eleven steps."""
+    hit, spared = (robot_policy(contract, contract.joint_names) for _ in range(2))
+    for policy in (hit, spared):
+        policy.step(0.0, **reading(contract))
+    bad = reading(contract, 1) | {"command": np.array([1e9, 0, 0])}
+    with pytest.raises(ImplausibleError, match=r"command: 1e\+09 m/s forward, allowed 0\.8") as caught:
+        hit.step(0.02, **bad)
+    assert caught.value.violation.rule == "command"
+    degrees = reading(contract, 2)
+    degrees["joint_position"] = np.degrees(degrees["joint_position"])
+    with pytest.raises(ImplausibleError, match="are angles in radians"):
+        hit.step(0.03, **degrees)
+    after = [policy.step(0.04, **reading(contract, 3)).policy.observation for policy in (hit, spared)]
+    np.testing.assert_array_equal(*after)
+
+
+def test_a_loop_at_another_rate_is_refused(contract: Contract) -> None:
+    """At 500 Hz eleven frames are 22 ms in place of 0.22 s; a few missed ticks are none of this."""
+
+    def steps(periods: list[float]) -> int:
+        policy, time = robot_policy(contract, contract.joint_names), 0.0
+        for count, period in enumerate(periods):
+            time += period
+            try:
+                policy.step(time, **reading(contract, count))
+            except ImplausibleError as error:
+                assert error.violation.rule == "control period"
+                return count
+        return len(periods)
+
+    assert steps([0.02] * 40) == 40
+    assert steps([0.02, 0.02, 0.04, 0.02, 0.02, 0.02, 0.04, 0.02, 0.02] * 4) == 36
+    assert steps([0.002] * 40) < 10
+    assert steps([0.04] * 40) < 12
+
+
+def test_after_a_reset_the_first_reading_counts_as_one(contract: Contract) -> None:
+    """The next start may be hours later, with a clock that began anew; what was measured before says nothing."""
+    policy = robot_policy(contract, contract.joint_names)
+    first = policy.step(5.0, **reading(contract)).policy.observation
+    policy.step(5.02, **reading(contract, 1))
+    with pytest.raises(ImplausibleError, match="time jump"):
+        policy.step(99.0, **reading(contract, 2))
+    policy.reset()
+    np.testing.assert_array_equal(policy.step(0.0, **reading(contract)).policy.observation, first)
+
+
+def test_frozen_sensors_end_the_walk(contract: Contract) -> None:
+    """They acted for 4 s, and as long as one liked."""
+    policy, frozen, acted = robot_policy(contract, contract.joint_names), reading(contract), 0
+    for step in range(200):
+        try:
+            policy.step(step * 0.02, **frozen)
+            acted += 1
+        except ImplausibleError as error:
+            assert error.violation.rule in ("frozen IMU", "control period")
+    assert acted <= 6
+
+
+def test_shapes_are_one_robots(contract: Contract) -> None:
+    """A command of one number would be broadcast to three."""
+    policy = robot_policy(contract, contract.joint_names)
+    with pytest.raises(PolicyError, match="forward, sideways, turn"):
+        policy.step(0.0, **reading(contract) | {"command": np.array([0.3])})
+    with pytest.raises(PolicyError, match="expected those of one robot"):
+        policy.step(0.0, **reading(contract) | {"quaternion": np.array([1.0, 0, 0])})
+
+
+def test_a_policy_that_nobody_tells_its_friction_does_not_start() -> None:
+    """At the first step, in the air, would be late."""
+    contract = make_contract(observation=proprioception(18, known_kinds=3))
+    with pytest.raises(PolicyError, match="told the friction"):
+        robot_policy(contract)
+
+
+def test_a_directory_is_checked_before_it_runs(tmp_path: Path, contract: Contract) -> None:
+    """What a robot is given is what `verify` passed, on the list that its owner keeps."""
+    path = make_bundle(tmp_path / "toy", contract)
+    digest = read_bundle(path).digest
+    policy = load_robot_policy(path, contract.joint_names, allowed=frozenset({digest}))
+    assert policy.step(0.0, **reading(contract)).target.shape == (18,)
+    with pytest.raises(BundleError, match="not among the 1 that are allowed"):
+        load_robot_policy(path, allowed=frozenset({"0" * 64}))
+    (path / "card.md").write_text("other")
+    with pytest.raises(BundleError, match=r"card\.md"):
+        load_robot_policy(path)
+
+
+def test_a_shipped_policy_walks_through_it() -> None:
+    """The safe step computes what the fast one does, on every recorded step; and says what it assumes of the bundle."""
+    bundle = read_bundle(shipped_bundles()["saturn_lite-flat-direct-0.2"])
+    golden, policy = bundle.golden, load_robot_policy(bundle, bundle.contract.joint_names)
+    assert policy.note is not None and "older than trained ranges" in policy.note
+    names, worst = ("quaternion", "angular_velocity", "joint_position", "joint_velocity", "command"), 0.0
+    for t in range(100):
+        given = {name: getattr(golden, name)[t] for name in names}
+        step = policy.step(float(golden.time[t]), **given, now=float(golden.time[t]) + 0.001)
+        worst = max(worst, float(np.abs(step.target - golden.target[t]).max()))
+    assert worst < 1e-4
