@@ -152,7 +152,7 @@ def test_a_target_of_training_acts_at_once() -> None:
         ("joint range", {"joint_position": np.degrees(STANDING)}),
         ("joint rate", {"joint_velocity": np.full(JOINTS, 60.0)}),
         ("joint speed", {"joint_velocity": np.full(JOINTS, 30.0)}),
-        ("attitude and gyroscope", {"quaternion": np.array([np.cos(0.45), np.sin(0.45), 0, 0])}),
+        ("orientation jump", {"quaternion": np.array([np.cos(0.45), np.sin(0.45), 0, 0])}),
         ("predicted tilt", {"angular_velocity": np.array([19.0, 0.0, 0.0])}),
         ("temperature", {"temperature": np.full(JOINTS, 120.0)}),
         ("drive torque limit", {"torque_limit": 2.0 * CONTRACT.array("torque_limit")}),

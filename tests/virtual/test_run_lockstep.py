@@ -99,7 +99,7 @@ EXPECTED = {
     "jump": {"joint jump", "joint range"},
     "quaternion": {"quaternion length"},
     "xyzw": {"orientation jump"},
-    "tilt": {"attitude and gyroscope", "tilt"},
+    "tilt": {"orientation jump"},
     "tilting": {"predicted tilt", "attitude and gyroscope"},
     "joint-speed": {"joint rate"},
     "torque": {"torque"},

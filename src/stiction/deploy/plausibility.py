@@ -78,7 +78,7 @@ RULES: dict[str, Rule] = {
         "is the gyroscope in rad/s?",
     ),
     "orientation jump": Rule(
-        "a quaternion whose order changes, a filter that starts anew: more between two readings than the turn rate allows",
+        "a quaternion whose order changes, a filter that starts anew: more than the turn rate allows",
         0.3, "rad",
         "beyond rate times time: what a filter corrects at once",
         "was the IMU restarted, or reset to another heading?",
