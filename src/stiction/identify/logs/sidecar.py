@@ -17,13 +17,19 @@ from stiction.core.cache import publish
 from stiction.core.errors import FileError, LogError
 from stiction.formats.log import JointSignals, Log, sidecar_of, suffix_of
 from stiction.identify.checks import LARGEST_REACH
-from stiction.identify.logs.naming import CURRENTS, guess_columns
+from stiction.identify.logs.naming import CURRENTS, DRIVES, guess_columns
 from stiction.identify.logs.opening import BAGS, open_log, read_rows
 
-WHOLE = ("torque_source", "test_condition", "axis", "torque_calibrated", "torque_scale", "position_scale")
+WHOLE = (
+    *("torque_source", "test_condition", "axis", "torque_calibrated", "torque_scale", "position_scale"),
+    *("torque_column", "duty_voltage"),
+)
 """What is usually the same for all joints."""
 
-EACH = ("kp", "kd", "torque_limit", "gravity", "hanging_angle", "velocity_delay")
+EACH = (
+    *("kp", "kd", "torque_limit", "gravity", "hanging_angle", "velocity_delay", "kt", "resistance", "ke"),
+    *("pendulum_mass", "pendulum_length", "pendulum_angle"),
+)
 """What joints differ in."""
 
 EXPLAINED = 0.99
@@ -68,7 +74,7 @@ def propose(
     said: list[str] = []
     chosen = dict(columns)
     given = {"names": names, "rate": rate, "time_scale": time_scale}
-    current = False
+    current, drive = False, None
     try:
         log = open_log(path, chosen, joint, **given)  # type: ignore[arg-type]
     except LogError:
@@ -81,6 +87,8 @@ def propose(
         log = open_log(path, chosen, joint, **given)  # type: ignore[arg-type]
         words = ", ".join(f"{role} is {name}" for role, name in chosen.items())
         said.append(f"columns: guessed from their names, {words}")
+        words = chosen.get("torque", "").lower().replace("{joint}", "").strip("_. ")
+        drive = DRIVES.get(words)
         current = any(word in chosen.get("torque", "").lower() for word in CURRENTS)
     data: dict[str, Any] = dict.fromkeys(WHOLE)
     data["axis"] = "rotary"
@@ -89,6 +97,12 @@ def propose(
     if current:
         data["torque_calibrated"] = False
         said.append("torque_calibrated: a current is not in N m; with a torque_scale make it true")
+    if drive is not None:
+        data["torque_column"] = drive
+        said.append(
+            f"torque_column: {chosen['torque']} is taken for a {drive}; give kt and resistance at the joint"
+            + (", and duty_voltage, without which it is not read; torque_scale 0.01 for percent" * (drive == "duty"))
+        )
     if rate is not None:
         data["rate"] = rate
     if time_scale is not None:
