@@ -133,11 +133,8 @@ def test_two_supply_voltages_tell_nothing_of_the_brake() -> None:
 
 def test_unknown_units_are_not_mixed() -> None:
     """Volts without kt and R beside a current in A: two unknown scales are no fit."""
-    first, second = (
     first = SERVO.log("voltage", torque_column="voltage")
     second = SERVO.log("current", seed=1, torque_column="current")
-        SERVO.log("current", 0.0, seed=1, torque_column="current"),
-    )
     with pytest.raises(ConfigurationError, match="several unknown units"):
         identify_joint(first, more=(second,))
 

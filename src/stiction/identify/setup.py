@@ -118,7 +118,8 @@ class IdentifySetup:
 
     def for_repeat(self) -> IdentifySetup:
         """Return the setup for another log of the same joint: what hung on it is for that log's sidecar to say."""
-        return replace(self, **dict.fromkeys((*PAYLOAD, *PENDULUM)))
+        bare = replace(self, pendulum_mass=None, pendulum_length=None, pendulum_angle=None)
+        return replace(bare, payload_mass=None, payload_distance=None, payload_angle=None)
 
     @property
     def drive(self) -> Drive:

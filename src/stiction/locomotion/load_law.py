@@ -97,7 +97,8 @@ def take_coefficients(file: JointsFile, robot: Robot, law: str) -> TakenCoeffici
 
     Raises `ConfigurationError` where a joint has none that may be used, or its ratio of loads does not hold over poses.
     """
-    values, said = [], {}
+    values: list[float] = []
+    said: dict[str, str] = {}
     for number, name in enumerate(robot.joint_names):
         key = file.key(name)
         found = None if key is None else _of(key, file.joints[key], number, robot, law)
@@ -187,7 +188,7 @@ def _left_over(record: JointRecord, number: int, robot: Robot) -> str:
         return ""
     carried, law, said = float(load.axis_torque.mean()), record.friction_law or {}, ""
     measured = [one.value for one in (record.gravity_sin, record.gravity_cos) if one is not None]
-    if measured and (most := float(np.hypot(*measured) if len(measured) == 2 else measured[0])) < carried:
+    if measured and (most := float(np.linalg.norm(measured))) < carried:
         said += f"; measured up to {most:.3g} N m of load, and the robot's stance has {carried:.3g} in the mean"
     constant = law.get("parameters", law).get("coulomb_friction")
     if constant is None or law.get("over_strength"):

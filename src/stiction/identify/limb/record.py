@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.formats.joints import ARMATURE, FitSignals, JointRecord
+from stiction.formats.joints import ARMATURE, Estimate, FitSignals, JointRecord
 from stiction.identify.back_emf import brake_summary, braking, split_viscous
 from stiction.identify.combinations import Strength, exact
 from stiction.identify.consistency import Comparison, compare_parts, find_drift, whiteness, widened
@@ -63,7 +63,8 @@ def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, rows: JointRows) ->
     found = {name: stated[name] if inflation[one] < MAX_INFLATION else None for name, one in zip(SINGLE, OWN)}
     # Without a sensor the encoder's noise is in the torque and in the acceleration: the rotor would be their product.
     coulomb, armature = found["coulomb_friction"], found["inertia"] if run.measured else None
-    together, brakes = {}, braking(run, None)
+    together: dict[str, Estimate] = {}
+    brakes = braking(run, None)
     if brakes is not None and (viscous := found["viscous_friction"]) is not None:
         strength = Strength(exact(1.0), "measured")
         brakes = brakes.scaled(run.setup.motor_strength or 1.0)
