@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from servo import SERVO
 from stiction.core.errors import ConfigurationError, LogError
+from stiction.formats.log import setup_from_dict
 from stiction.identify.drive import Drive
 from stiction.identify.runs import make_run
 from stiction.identify.setup import IdentifySetup
@@ -79,8 +82,15 @@ def test_a_duty_is_a_share() -> None:
 def test_a_drive_without_its_column() -> None:
     """A log of positions and targets has no duty: the flag is not left without effect."""
     (name, signals), *_ = SERVO.log().joints.items()
-    from dataclasses import replace
-
     log = replace(SERVO.log(), joints={name: replace(signals, torque=None, target=signals.position)})
     with pytest.raises(LogError, match="holds duty was declared, and the log has none; map it: --columns torque=NAME"):
         make_run(log, None, IdentifySetup(duty_voltage=12.0, kp=1.0, kd=0.1))
+
+
+def test_each_joint_has_its_own_motor_in_the_sidecar() -> None:
+    """One supply for all, kt and R by the kind of joint, as the sidecar has every flag."""
+    data = {"duty_voltage": 12.0, "joints": {"knee": {"kt": 1.5, "resistance": 4.0}, "hip": {"kt": 2.0}}}
+    log = replace(SERVO.log(noise=0.0), setup=setup_from_dict(data, "log.json"))
+    run = make_run(log, None, IdentifySetup())
+    assert run.setup.drive == Drive("duty", 12.0, 1.5, 4.0)
+    assert run.torque == pytest.approx(SERVO.log("torque", noise=0.0).joints["knee"].torque, abs=0.05)

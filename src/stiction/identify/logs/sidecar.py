@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +111,10 @@ def propose(
     if all(name.startswith("joint_") for name in log.joints):
         data["names"] = list(log.joints)
         said.append("names: the log numbers its joints; give them their names, in its order")
-    found = {name: _guess(name, signals, log, said) for name, signals in log.joints.items()}
+    found = {
+        name: _guess(name, signals if drive is None else replace(signals, torque=None), log, said)
+        for name, signals in log.joints.items()
+    }
     if len(found) == 1:
         data |= next(iter(found.values()))
     else:
