@@ -84,7 +84,7 @@ def test_what_has_no_position_has_no_sidecar(tmp_path: Path) -> None:
 
 
 def test_a_servo_s_duty_is_no_torque(tmp_path: Path) -> None:
-    """A column called pwm: what it holds is proposed, no gains are read off it, and the supply's voltage is asked for."""
+    """A column called pwm: what it holds is proposed, no gains are read off it, and the supply is asked for."""
     time = 0.002 * np.arange(COUNT)
     wave = np.sin(9 * time)
     path = table(tmp_path, "time,q,q_des,pwm", time, wave, wave + 0.1, np.full(COUNT, 2.0) * np.cos(9 * time))
