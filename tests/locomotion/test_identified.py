@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import StictionError
-from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord, JointsFile
-from stiction.locomotion.friction import FrictionCfg
-from stiction.locomotion.randomization import identified_joints, load_warnings
+from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.locomotion.randomization import identified_joints
 
 NAMES = ("FL_hip", "FL_shank", "FR_hip", "FR_shank")
 LINKS = np.array([0.05, 0.01, 0.05, 0.01])
@@ -96,29 +95,3 @@ def test_a_file_for_another_robot_is_refused() -> None:
     """Neither names nor kinds match."""
     with pytest.raises(StictionError, match="elbow"):
         identified_joints(JointsFile({"elbow": shank()}), NAMES, LINKS, LIMITS)
-
-
-@pytest.mark.parametrize(
-    ("regressor", "law", "level", "said"),
-    [
-        ("motor_torque", "effort", 0.2, "is of the law effort: --friction-level 0.063 trains with it"),
-        ("motor_torque", "coulomb", 0.2, "is not used: the law coulomb does not depend on load; --friction-law effort"),
-        ("gravity", "effort", 0.2, "is not used: effort means in proportion to the motor's torque; no law of training"),
-        ("gravity", "load", 0.063, None),
-        ("motor_torque", "load", 0.064, None),
-    ],
-)
-def test_a_load_coefficient_is_of_one_law(regressor: str, law: str, level: float, said: str | None) -> None:
-    """0.063 of the motor's torque, of gravity and of |F| + |T| are three laws: passed on, it trains another one."""
-    record = shank(
-        load_coefficient=Estimate(0.063, 0.001, (0.061, 0.065)), friction_law={"law": "load", "regressor": regressor}
-    )
-    file, friction = JointsFile({"shank": record}), FrictionCfg(method="direct", level=level, law=law)
-    if said is None:
-        with pytest.raises(StictionError, match=r"looks like the load_coefficient of 'shank', 0.063 of .*another law"):
-            load_warnings(file, NAMES, friction)
-    else:
-        (warning,) = load_warnings(file, NAMES, friction)
-        assert said in warning and LOAD_REGRESSORS[regressor] in warning
-    words = {"gravity": {}, "motor_torque": {"load": "|motor torque| [N m]"}}[regressor]
-    assert JointRecord(load_coefficient=record.load_coefficient, friction_law=words).load_regressor == regressor

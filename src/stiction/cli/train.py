@@ -29,7 +29,9 @@ def _identified(file: str | None, robot: str, pairs: tuple[str, ...], friction: 
         return None
     from stiction.formats.joint_map import mapped
     from stiction.formats.joints import load_joints
-    from stiction.locomotion.randomization import identified_joints, load_warnings
+    from stiction.joints.friction import has_coefficient
+    from stiction.locomotion.load_law import load_warnings, take_coefficients
+    from stiction.locomotion.randomization import identified_joints
     from stiction.robots.catalog import find_robot
     from stiction.sim.fleet import Fleet
 
@@ -37,10 +39,20 @@ def _identified(file: str | None, robot: str, pairs: tuple[str, ...], friction: 
     limits = spec.joint_values("torque_limit")
     records = mapped(load_joints(path), pairs, spec.joint_names)
     found = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
-    for warning in (*found.warnings, *load_warnings(records, spec.joint_names, friction)):
-        print(f"stiction train: warning: {warning}", file=sys.stderr)
     values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
-    return {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "values": values}
+    header = {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "values": values}
+    if friction.level is None and friction.method != "none" and has_coefficient(friction.law):
+        taken = take_coefficients(records, spec, friction.law)
+        values["load_coefficient"] = list(taken.values)
+        header["load_coefficient"] = list(taken.how)
+        for line in taken.how:
+            print(f"stiction train: {line}", file=sys.stderr)
+        said = found.warnings
+    else:
+        said = (*found.warnings, *load_warnings(records, spec, friction))
+    for warning in said:
+        print(f"stiction train: warning: {warning}", file=sys.stderr)
+    return header
 
 
 def _friction_from(path: Path, cfg: TrainCfg, arguments: list[str]) -> TrainCfg:

@@ -114,9 +114,11 @@ def stribeck_law(record: JointRecord) -> bool:
     return law.get("law") == "stribeck" and not law.get("over_strength") and record.static_friction is not None
 
 
-def _of_law(record: JointRecord, name: str) -> Estimate:
-    """Return a parameter of the law that was chosen."""
+def _of_law(record: JointRecord, name: str) -> Estimate | None:
+    """Return a parameter of the law that was chosen; None where it is not known, as a motor's brake may hide B."""
     parameters = (record.friction_law or {}).get("parameters", {})
+    if name not in parameters and getattr(record, name) is None:
+        return None
     return Estimate.from_dict(parameters.get(name), f"friction_law.parameters.{name}")
 
 

@@ -26,7 +26,15 @@ from stiction.joints.net import TORQUE_SOURCES
 TEST_CONDITIONS = ("bare_motor", "in_air", "loaded")
 AXES = ("rotary", "linear")
 
-CHOICES = {"torque_source": TORQUE_SOURCES, "test_condition": TEST_CONDITIONS, "axis": AXES}
+TORQUE_COLUMNS = ("torque", "current", "voltage", "duty")
+"""What the torque column may hold."""
+
+CHOICES = {
+    "torque_source": TORQUE_SOURCES,
+    "test_condition": TEST_CONDITIONS,
+    "axis": AXES,
+    "torque_column": TORQUE_COLUMNS,
+}
 """Field -> the words that it may be."""
 
 WHOLE_LOG = ("rate", "names", "joints", "columns", "time_scale", "begin", "end")
@@ -76,8 +84,24 @@ class LogSetup:
     """Distance of its centre of mass from the joint's axis [m]."""
     payload_angle: float | None = None
     """Angle of the joint at which the load hangs straight down [rad]."""
+    pendulum_mass: float | None = None
+    """Mass of all that hangs on the joint [kg]."""
+    pendulum_length: float | None = None
+    """Distance of its centre of mass from the joint's axis [m]."""
+    pendulum_angle: float | None = None
+    """Angle of the joint at which it hangs straight down [rad]; found from the log."""
+    torque_column: str | None = None
+    """`torque`, `current`, `voltage` or `duty`: what the torque column holds, times the scale."""
+    duty_voltage: float | None = None
+    """Voltage at a duty of 1 [V]."""
+    kt: float | None = None
+    """Torque constant at the joint, gear included [N m/A]."""
+    resistance: float | None = None
+    """Of the motor and its driver [Ω]."""
+    ke: float | None = None
+    """Back-EMF at the joint [V s/rad]; kt."""
     torque_scale: float | None = None
-    """N m (or N) per unit of the torque column."""
+    """N m (or N) per unit of the torque column; A, V or a share where it holds those."""
     disturbance_scale: float | None = None
     """N m (or N) per unit of the disturbance column."""
     feedforward_scale: float | None = None

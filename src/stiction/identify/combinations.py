@@ -125,10 +125,19 @@ def holding_torque(fit: Fit, angle: float) -> Estimate:
     return fit.combination(weights, "offset")
 
 
-def missing_experiment(strength: Strength, measured: bool) -> str | None:
-    """Return which experiment would tell what this log does not, or None where nothing is missing."""
+def missing_experiment(strength: Strength, measured: bool, lacking: tuple[str, ...] = ()) -> str | None:
+    """Return which experiment would tell what this log does not, or None where nothing is missing.
+
+    lacking: flags without which a current, a voltage or a duty is no torque.
+    """
     if strength.value is not None:
         return None
+    if lacking:
+        return (
+            f"without {' and '.join(lacking)} the torque column is not in N m, so inertia and friction are known over "
+            "k, N m per volt or ampere, only, and are null; give that, or hang all of a known weight on the joint "
+            "(--pendulum-mass, --pendulum-length), which tells k"
+        )
     what = "the torque column has no known unit" if measured else "positions and targets alone do not show the torque"
     return (
         f"{what}, so inertia and friction are known over the motor strength k only, and are null; hang a known mass on "

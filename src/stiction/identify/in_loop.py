@@ -88,6 +88,11 @@ def controller(run: Run) -> PDGains:
         LoopError: gains or target are not known, so that there is nothing to simulate.
 
     """
+    if run.setup.drive.by_voltage:
+        raise LoopError(
+            "output error is not done: what a controller asks of a motor by voltage is a duty, which its own brake "
+            "makes a torque of"
+        )
     if run.gains is None:
         raise LoopError("no kp and kd: output error is not done; give --kp and --kd")
     if run.signals.target is None:

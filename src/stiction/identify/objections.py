@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, Objection
+from stiction.identify.back_emf import VISCOUS
 from stiction.identify.checks import coupled_text, unit_warnings
 from stiction.identify.consistency import LARGEST_SIGMAS, beyond_chance
 from stiction.identify.prepare import make_rows, prepare
@@ -63,6 +64,7 @@ def find_objections(evidence: Evidence, record: JointRecord, moving: Sequence[st
     found = [
         *_units(run, record),
         *_controller(evidence),
+        *_weight(run, record),
         *_clipped(run),
         *_coupled([*_position(record), *_negative(evidence), *_rest(record)], moving),
         *_estimators(record),
@@ -137,7 +139,7 @@ def _controller(evidence: Evidence) -> list[Objection]:
 
 def _clipped(run: Run) -> list[Objection]:
     """Object to a torque that stands still at its extremes, unless that is the declared limit."""
-    if not run.measured:
+    if not run.measured or run.setup.drive.by_voltage:  # A bridge that is fully on is not a value cut off.
         return []
     torque, limit = run.torque[run.signals.valid], run.setup.torque_limit
     flat = [_flat_share(side) for side in (torque, -torque)]
@@ -204,10 +206,13 @@ def _negative(evidence: Evidence) -> list[Objection]:
     if evidence.chosen is not evidence.base:
         return []
     for name in ("coulomb_friction", "viscous_friction"):
-        low, high = evidence.symmetric()[name].interval95
+        low, high = _with_brake(evidence, name).interval95
         if high < 0:
             cause = (
-                "check that the log was made at these gains (--kp, --kd) and this rate"
+                "check --kt, --ke, --resistance and the supply's voltage: more was taken off for the motor's own brake "
+                "than there is"
+                if evidence.braking is not None and name == VISCOUS
+                else "check that the log was made at these gains (--kp, --kd) and this rate"
                 if not evidence.run.measured
                 else "check --torque-scale and the columns; log this joint alone, in the air, with --gravity if a link "
                 "hangs on it"
@@ -221,6 +226,31 @@ def _negative(evidence: Evidence) -> list[Objection]:
                 )
             ]
     return []
+
+
+def _with_brake(evidence: Evidence, name: str) -> Estimate:
+    """Return an estimate whose interval admits what is not known of a motor's brake."""
+    found = evidence.symmetric()[name]
+    return found if evidence.braking is None else evidence.braking.widened(name, found)
+
+
+def _weight(run: Run, record: JointRecord) -> list[Objection]:
+    """Object to a declared scale of torque that a pendulum's weight contradicts."""
+    strength = record.motor_strength
+    if not run.setup.pendulum or not run.setup.calibrated or not run.measured or strength is None:
+        return []
+    low, high = strength.interval95
+    if max(low - 1, 1 - high) <= SERIOUS:
+        return []
+    flags = {"torque": "--torque-scale", "current": "--kt"}.get(run.setup.drive.column, "--kt, --resistance")
+    return [
+        Objection(
+            "pendulum_weight",
+            f"by the pendulum's weight the torque is {strength.value:.3g} times ({low:.3g} to {high:.3g}) what the "
+            f"column and {flags} say: one of the two is wrong",
+            f"weigh and measure the pendulum; if it is right leave {flags} out, and the pendulum tells the scale",
+        )
+    ]
 
 
 def _rest(record: JointRecord) -> list[Objection]:

@@ -16,6 +16,7 @@ from stiction.core.parallel import spread
 from stiction.core.provenance import num_threads
 from stiction.formats.joints import FitSignals, JointRecord
 from stiction.formats.log import UNNAMED, Log
+from stiction.identify.back_emf import BackEmf, find_back_emf
 from stiction.identify.checks import PoorMotion, coupled_text, moving_beside
 from stiction.identify.choice import (
     MIN_EVIDENCE,
@@ -31,7 +32,7 @@ from stiction.identify.in_loop import InLoop, close_loop, compare_in_loop, predi
 from stiction.identify.model import GRAVITY, Model
 from stiction.identify.objections import NEGATIVE_FRICTION, find_objections
 from stiction.identify.pooling import compare_runs, pooled_rows
-from stiction.identify.prepare import make_rows
+from stiction.identify.prepare import Rows, make_rows
 from stiction.identify.record import Evidence, make_record, plain
 from stiction.identify.regression import (
     INVERSE_STRENGTH,
@@ -107,8 +108,9 @@ def _identify(
     repeats: Sequence[Log],
     more: Sequence[Log],
     moving: tuple[str, ...],
+    told: BackEmf | None = None,
 ) -> Identification:
-    """Identify one joint; arguments as of `identify_joint`."""
+    """Identify one joint; arguments as of `identify_joint`. told: ke as the data told it, already in the set-up."""
     run = make_run(log, joint, setup, alone=not more)
     gravity = choose_gravity(run)
     if gravity is not None:
@@ -120,6 +122,9 @@ def _identify(
     pooling = compare_runs(runs, base) if more else None
     rows, strength_unknown = base.rows, INVERSE_STRENGTH in base.names
     check_fit(run.where, base)
+    drive = find_back_emf(runs, base) if told is None else None
+    if drive is not None:
+        return _identify(log, joint, replace(setup, ke=drive.ke), repeats, more, moving, drive)
     _check_values(run, base)
     choice = choose_law(rows, base, strength_unknown)
     chosen = base if choice.law == "coulomb" else fit_rows(rows, choice.model, strength_unknown)
@@ -135,11 +140,11 @@ def _identify(
         choice, chosen, loop = choice.without_richer(base, negative), base, replace(loop, chosen=None)
     delay = _found_delay(run, loop)
     if delay is not None:
-        return _identify(log, joint, replace(setup, delay=delay), repeats, more, moving)
+        return _identify(log, joint, replace(setup, delay=delay), repeats, more, moving, told)
     unseen = others if rows is run.rows else ()
     comparisons = compare_parts(rows, base) if more else _comparisons(run, base, loop, unseen)
     predictions = (*_predictions(chosen, unseen), *unusable)
-    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling)
+    evidence = Evidence(run, rows, base, chosen, choice, loop, comparisons, gravity, predictions, pooling, told)
     record = make_record(evidence)
     record = replace(record, objections=find_objections(evidence, record, moving))
     if any(one.reason == NEGATIVE_FRICTION for one in record.objections):
@@ -187,15 +192,29 @@ def _pooled(runs: Sequence[Run]) -> Fit:
         for other in runs[:number]:
             if np.array_equal(one.signals.position, other.signals.position):
                 raise ConfigurationError(f"{one.source} is the same log as {other.source}: give each run once")
-    known = first.setup.motor_strength is not None or (first.measured and first.setup.torque_calibrated is not False)
+    known = first.setup.motor_strength is not None or (first.measured and all(one.setup.calibrated for one in runs))
     if any(one.measured != first.measured or one.setup.fits_gravity != first.setup.fits_gravity for one in runs):
         raise ConfigurationError(
             f"{first.source}: runs with and without torque, or gravity, in one fit; give runs of one kind"
         )
+    units = {(one.setup.drive.column, one.setup.drive.per_unit) for one in runs if not one.setup.calibrated}
+    if not known and first.measured and (len(units) > 1 or any(one.setup.calibrated for one in runs)):
+        raise ConfigurationError(
+            f"{first.source}: torque columns of several unknown units in one fit; give --kt, and --resistance for a "
+            "voltage or a duty, or runs of one kind"
+        )
     rows = pooled_rows(runs)
     check_rows(f"{first.source} and {len(runs) - 1} more", rows, first.prepared)
+    if known and first.setup.motor_strength is None and any(one.setup.pendulum for one in runs):
+        return _weighed(rows, first.model)
     scaled = not known and any(one.setup.payload for one in runs)
     return fit_rows(rows, first.model, strength_unknown=scaled)
+
+
+def _weighed(rows: Rows, model: Model) -> Fit:
+    """Fit with a pendulum, whose weight tells the scale of the torque, whatever was declared, where it can."""
+    scaled = fit_rows(rows, model, strength_unknown=True)
+    return scaled if strength_identified(scaled) else fit_rows(rows, model)
 
 
 def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
@@ -206,12 +225,14 @@ def _symmetric(run: Run, others: Sequence[Run]) -> Fit:
     model, strength = run.model, run.setup.motor_strength
     runs = (run, *others)
     payloads = [one.setup.payload for one in runs]
-    known = strength is not None or (run.measured and run.setup.torque_calibrated is not False)
+    known = strength is not None or (run.measured and run.setup.calibrated)
     pushed = [one for one in runs if one.signals.disturbance is not None]
     if len(set(payloads)) > 1 or (pushed and not known and len(others) > 0):
         rows = make_rows([one.prepared for one in runs], payloads, strength or 1.0)
     else:
         rows = run.rows
+    if known and strength is None and run.setup.pendulum:
+        return _weighed(rows, model)
     if known:
         return fit_rows(rows, model)
     if any(payloads) or pushed:

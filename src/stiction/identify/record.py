@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord
+from stiction.identify.back_emf import BackEmf, Braking, brake_summary, braking, split_viscous
 from stiction.identify.choice import Choice, GravityChoice
 from stiction.identify.combinations import (
     Strength,
@@ -110,6 +111,13 @@ class Evidence:
     `torque_error` and `simulation_errors`, shares of what was measured [1]."""
     pooling: Pooling | None = None
     """What several runs that were fitted together say one by one."""
+    told: BackEmf | None = None
+    """ke, where the data told it."""
+
+    @property
+    def braking(self) -> Braking | None:
+        """What was done about the brake of a motor that is driven by voltage."""
+        return braking(self.run, self.told)
 
     @property
     def admitted(self) -> tuple[Comparison, ...]:
@@ -187,7 +195,7 @@ def inertia_known(fit: Fit) -> bool:
 def make_record(evidence: Evidence) -> JointRecord:
     """Put everything into the record; objections, verdict and warnings come later."""
     run, base, setup = evidence.run, evidence.base, evidence.run.setup
-    strength = find_strength(base, run.measured, setup.torque_calibrated is not False, setup.motor_strength)
+    strength = find_strength(base, run.measured, setup.calibrated, setup.motor_strength)
     estimates = admitting(all_admitting(evidence, evidence.symmetric()), evidence.law())
     middle = float(run.signals.position.min() + run.signals.position.max()) / 2
     parameters, combinations = combine(base, estimates, strength, kd_assumed(run), middle)
@@ -195,12 +203,18 @@ def make_record(evidence: Evidence) -> JointRecord:
     if scaled is not None:
         strength = Strength(scaled.estimates["motor_strength"], "known_load")
         parameters |= {name: estimate for name, estimate in scaled.estimates.items() if name in base.model.names}
+    brakes = evidence.braking
+    if brakes is not None:
+        viscous, together = split_viscous(brakes, estimates["viscous_friction"], strength)
+        parameters["viscous_friction"] = viscous
+        combinations = {name: one for name, one in combinations.items() if name != "B/k"} | together
     level = estimates["coulomb_friction"]
-    limited = parameters["coulomb_friction"] if run.measured and setup.torque_calibrated is not False else level
+    in_si = run.measured and (setup.calibrated or setup.drive.column != "torque")
+    limited = parameters["coulomb_friction"] if in_si else level
     ratio = None
     if setup.torque_limit is not None and limited is not None:
         ratio = limited.scaled(friction_ratio(1.0, setup.torque_limit))
-    gains_fit = setup.kp is not None and setup.torque_calibrated is not False
+    gains_fit = setup.kp is not None and setup.calibrated
     holding = evidence.law().get("static_friction", level)
     band = holding.scaled(dead_band(1.0, setup.kp)) if gains_fit and setup.kp else None
     law = _law(evidence, strength)
@@ -231,7 +245,10 @@ def make_record(evidence: Evidence) -> JointRecord:
         kd=setup.kd,
         torque_limit=setup.torque_limit,
     )
-    return replace(record, diagnostics=plain(_diagnostics(evidence, strength)))
+    diagnostics = _diagnostics(evidence, strength)
+    if brakes is not None:
+        diagnostics["drive"] = brake_summary(brakes, combinations, strength)
+    return replace(record, diagnostics=plain(diagnostics))
 
 
 def all_admitting(evidence: Evidence, estimates: dict[str, Estimate]) -> dict[str, Estimate]:
@@ -257,7 +274,7 @@ def kd_assumed(run: Run) -> float:
 def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     """Return the law that was chosen, its parameters, and how the others fared."""
     fit = evidence.chosen
-    damping = kd_assumed(evidence.run) if strength.value is None else 0.0
+    damping, brakes = kd_assumed(evidence.run) if strength.value is None else 0.0, evidence.braking
     parameters = {}
     stated = evidence.law()
     if fit is evidence.base:
@@ -267,6 +284,10 @@ def _law(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         if name not in fit.names or name == INVERSE_STRENGTH or not identified:
             continue
         own = shifted(estimate, damping) if name.startswith("viscous_friction") else estimate
+        if brakes is not None:
+            own = brakes.widened(name, own)
+            if name.startswith("viscous_friction") and (brakes.unseen or own.interval95[0] <= 0):
+                continue
         unitless = name in UNITLESS
         parameters[name] = (own if strength.value is None or unitless else product(own, strength.value)).to_dict()
     named = {"regressor": "gravity", "load": LOAD_REGRESSORS["gravity"]} if fit.model.law == "load" else {}
@@ -335,7 +356,10 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
     return {
         "method": evidence.method,
         "seen": base.estimates(),
-        "strength": {"source": strength.source, "missing": missing_experiment(strength, run.measured)},
+        "strength": {
+            "source": strength.source,
+            "missing": missing_experiment(strength, run.measured, run.setup.drive.lacking),
+        },
         "samples": len(run.signals.time),
         "samples_used": len(rows),
         **sampling(run),

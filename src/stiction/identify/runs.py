@@ -9,9 +9,9 @@ import numpy as np
 from stiction.core.errors import LogError
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
-from stiction.identify.model import Model
-from stiction.identify.prepare import Prepared, Rows, make_rows, prepare
-from stiction.identify.regression import check_rows
+from stiction.identify.model import GRAVITY, Model
+from stiction.identify.prepare import Prepared, Rows, make_rows, prepare, slope
+from stiction.identify.regression import MAX_INFLATION, check_rows, fit_rows
 from stiction.identify.setup import IdentifySetup
 from stiction.joints.pd import PDGains
 
@@ -85,10 +85,33 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
     where = f"{log.source}: joint {name!r}"
     if alone:
         check_excitation(where, prepared.velocity, signals.step)
+    if setup.pendulum and setup.pendulum_angle is None:
+        setup = replace(setup, pendulum_angle=_hanging(where, prepared))
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
     if alone:
         check_rows(where, rows, prepared)
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
+
+
+def _hanging(where: str, prepared: Prepared) -> float:
+    """Return the angle at which a pendulum hangs straight down, from the phase of its weight [rad]."""
+    rows = make_rows([prepared], [None])
+    check_rows(where, rows, prepared)
+    fit = fit_rows(rows, Model("coulomb", True))
+    along, across = (fit.names.index(name) for name in GRAVITY)
+    largest = float(np.linalg.eigvalsh(fit.covariance[np.ix_((along, across), (along, across))])[-1])
+    size = float(np.hypot(fit.values[along], fit.values[across]))
+    if fit.inflation["inertia"] >= MAX_INFLATION or np.sqrt(largest) > LARGEST_PHASE * size:
+        raise LogError(
+            f"{where}: over this range of angles the log does not show where the pendulum hangs straight down; give "
+            "--pendulum-angle, or swing it further"
+        )
+    return float(np.arctan2(-fit.values[across], fit.values[along]))
+
+
+LARGEST_PHASE = 0.02
+"""Deviation of a pendulum's angle, found from the log, beyond which it is not known [rad]: it turns so much of the
+weight into an offset."""
 
 
 def driven_signals(log: Log, name: str, setup: IdentifySetup) -> tuple[IdentifySetup, Uniform, np.ndarray, np.ndarray]:
@@ -104,8 +127,24 @@ def driven_signals(log: Log, name: str, setup: IdentifySetup) -> tuple[IdentifyS
         signals = replace(signals, disturbance=setup.disturbance_scale * signals.disturbance)
     if signals.feedforward is not None:
         signals = _with_feedforward(signals, setup)
+    signals = _driven(f"{log.source}: joint {name!r}", signals, setup)
     torque, unusable = _driving_torque(f"{log.source}: joint {name!r}", signals, setup)
     return setup, signals, torque, unusable
+
+
+def _driven(where: str, signals: Uniform, setup: IdentifySetup) -> Uniform:
+    """Return signals whose torque is one, and not a current, a voltage or a duty."""
+    drive = setup.drive
+    if drive.column == "torque":
+        return signals
+    if signals.torque is None:
+        raise LogError(
+            f"{where}: a torque column that holds {drive.column} was declared, and the log has none; map it: --columns "
+            "torque=NAME, with position=NAME and so on"
+        )
+    velocity = slope(signals.position, signals.step)
+    scale = 1.0 if setup.torque_scale is None else setup.torque_scale
+    return replace(signals, torque=drive.torque(where, signals.torque, scale, velocity))
 
 
 def _with_feedforward(signals: Uniform, setup: IdentifySetup) -> Uniform:

@@ -8,6 +8,7 @@ from typing import Literal
 
 from stiction.core.errors import ConfigurationError
 from stiction.formats.log import LogSetup
+from stiction.identify.drive import Drive
 from stiction.robots.model import GRAVITY
 
 
@@ -53,7 +54,20 @@ class IdentifySetup:
     """Linear: read kg, N and m."""
     torque_scale: float | None = None
     """N m (or N) per unit of the torque column: a torque constant, or -1 where the sign is the other way round; 1 if
-    not given."""
+    not given. Where the column holds something else, A, V or a share of full duty per unit: 0.01 for percent."""
+    torque_column: Literal["torque", "current", "voltage", "duty"] | None = None
+    """What the torque column holds, times the scale: torque if not given, and with --duty-voltage a duty, from -1 to 1.
+    Torque is then kt current, or kt (voltage - ke speed)/R. Gains, where given, stay those of the torque."""
+    duty_voltage: float | None = None
+    """Voltage across the motor at a duty of 1, that of the supply [V]; the torque column is a duty then."""
+    kt: float | None = None
+    """Torque constant at the joint: that of the motor times the gear ratio [N m/A]."""
+    resistance: float | None = None
+    """Of the motor and its driver, for a duty or a voltage [ohm]. Without kt and this the scale of torque is not known,
+    unless a pendulum or a payload tells it."""
+    ke: float | None = None
+    """Back-EMF at the joint [V s/rad], a supply's voltage over the speed without load; kt if not given, the same in SI
+    but for what the gear loses."""
     disturbance_scale: float | None = None
     """N m (or N) per unit of the disturbance column; negative where it counts against the position; 1 if not given."""
     feedforward_scale: float | None = None
@@ -79,6 +93,13 @@ class IdentifySetup:
     """Distance of the payload's centre from the axis [m]."""
     payload_angle: float | None = None
     """Angle of the joint at which the payload hangs straight down [rad]."""
+    pendulum_mass: float | None = None
+    """Mass of all that hangs on the joint, where that is known: its weight is then the gravity of this log, none is
+    fitted, and it tells the scale of the torque [kg]."""
+    pendulum_length: float | None = None
+    """Distance of its centre of mass from the axis, which lies level [m]."""
+    pendulum_angle: float | None = None
+    """Angle of the joint at which it hangs straight down [rad]; found from the log if not given."""
     hanging_angle: float | None = None
     """Angle of the joint, known from the geometry, at which the link hangs straight down [rad]: gravity then tells
     the encoder's bias."""
@@ -97,25 +118,46 @@ class IdentifySetup:
 
     def for_repeat(self) -> IdentifySetup:
         """Return the setup for another log of the same joint: what hung on it is for that log's sidecar to say."""
-        return replace(self, payload_mass=None, payload_distance=None, payload_angle=None)
+        bare = replace(self, pendulum_mass=None, pendulum_length=None, pendulum_angle=None)
+        return replace(bare, payload_mass=None, payload_distance=None, payload_angle=None)
+
+    @property
+    def drive(self) -> Drive:
+        """What the torque column holds."""
+        column = self.torque_column or ("torque" if self.duty_voltage is None else "duty")
+        return Drive(column, self.duty_voltage, self.kt, self.resistance, self.ke)
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the torque column, if there is one, comes out in N m."""
+        return self.torque_calibrated is not False and self.drive.per_unit is not None
+
+    @property
+    def pendulum(self) -> bool:
+        """Whether all that hangs on the joint is known."""
+        return self.pendulum_mass is not None
 
     @property
     def fits_gravity(self) -> bool:
         """Whether gravity enters the torque equation."""
+        if self.pendulum:
+            return False
         if self.gravity is None:
             return self.test_condition == "in_air" and self.axis != "linear"
         return self.gravity
 
     @property
     def payload(self) -> Payload | None:
-        """The known payload, if there is one."""
+        """The known payload, if there is one; a pendulum is one, once its angle is known."""
+        if self.pendulum_mass is not None and self.pendulum_length is not None and self.pendulum_angle is not None:
+            return Payload(self.pendulum_mass, self.pendulum_length, self.pendulum_angle)
         if self.payload_mass is None or self.payload_distance is None or self.payload_angle is None:
             return None
         return Payload(self.payload_mass, self.payload_distance, self.payload_angle)
 
     def check(self) -> None:
         """Raise `StictionError` for numbers that no set-up has, and for torque from which friction cannot be found."""
-        positive = ("kp", "torque_limit", "motor_strength", "payload_mass", "payload_distance")
+        positive = ("kp", "torque_limit", "motor_strength", *PAYLOAD[:2], *PENDULUM[:2])
         for name in (*positive, "kd", "delay", "velocity_delay"):
             value, less = getattr(self, name), "" if name in positive else ", or 0"
             if value is not None and not (isfinite(value) and (value > 0 or (value == 0 and less))):
@@ -134,13 +176,31 @@ class IdentifySetup:
         if given and len(given) < len(PAYLOAD):
             missing = next(name for name in PAYLOAD if name not in given)
             raise ConfigurationError(f"{given[0]} without {missing}: a payload needs mass, distance and angle")
-        for name in ("payload_angle", "hanging_angle"):
+        self._check_pendulum(given)
+        self.drive.check()
+        for name in ("payload_angle", "pendulum_angle", "hanging_angle"):
             value = getattr(self, name)
             if value is not None and not isfinite(value):
                 raise ConfigurationError(f"{name.replace('_', ' ')} {value}: expected an angle in rad")
-        if self.axis == "linear" and (given or self.gravity or self.hanging_angle is not None):
+        if self.axis == "linear" and (given or self.pendulum or self.gravity or self.hanging_angle is not None):
             raise ConfigurationError("a linear axis has no hanging angle: payload and gravity are for rotary joints")
+
+    def _check_pendulum(self, payload: list[str]) -> None:
+        """Refuse half a pendulum, and one beside other weights; payload: what of a payload was given."""
+        given = [name for name in PENDULUM if getattr(self, name) is not None]
+        missing = [name for name in PENDULUM[:2] if name not in given]
+        if given and missing:
+            raise ConfigurationError(f"{given[0]} without {missing[0]}: a pendulum needs mass and length")
+        if given and (payload or self.gravity):
+            other = payload[0] if payload else "gravity"
+            raise ConfigurationError(
+                f"{given[0]} and {other}: a pendulum is all that hangs on the joint; leave {other} out, or give the "
+                "known part as a payload"
+            )
 
 
 PAYLOAD = ("payload_mass", "payload_distance", "payload_angle")
 """All of them, or none."""
+
+PENDULUM = ("pendulum_mass", "pendulum_length", "pendulum_angle")
+"""The first two, or none."""

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import JointRecord
+from stiction.identify.back_emf import brake_text
+from stiction.identify.combinations import OVER_K
 from stiction.identify.consistency import beyond_chance
 from stiction.identify.intervals import FEWEST_BLOCKS
 from stiction.identify.objections import SERIOUS, follows_position
@@ -89,6 +91,15 @@ def _unknown(record: JointRecord, run: Run) -> list[str]:
     strength = record.diagnostics["strength"]
     if strength["missing"]:
         found.append(strength["missing"])
+    if (drive := record.diagnostics.get("drive")) is not None:
+        told_apart = record.viscous_friction is not None or OVER_K["viscous_friction"] in record.combinations
+        found.append(brake_text(drive, told_apart))
+    if run.setup.pendulum and strength["source"] == "known_load" and record.motor_strength is not None:
+        angle = "" if run.setup.pendulum_angle is None else f"; it hangs at {run.setup.pendulum_angle:.4g} rad"
+        found.append(
+            f"the scale of the torque is that of the pendulum's weight, {record.motor_strength.value:.4g} times the "
+            f"column's{angle}"
+        )
     if not run.measured and run.setup.kd and not run.setup.velocity_delay:
         found.append(
             f"I/k holds for a controller whose velocity is not late: each millisecond of lateness adds "

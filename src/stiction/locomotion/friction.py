@@ -81,7 +81,8 @@ class FrictionCfg:
     """Training method, see `FRICTION_RANGES`."""
     level: Annotated[float | None, arg(aliases=("--friction-level",))] = None
     """Nominal friction. `coulomb`, `stribeck`: as a fraction of each joint's torque limit; None: the value measured for
-    the robot, in N m. `load`, `effort`: the law's coefficient."""
+    the robot, in N m. `load`, `effort`: the law's coefficient; None: each joint's own, from the load_coefficient of
+    --joints, by the robot's model where that multiplies something else."""
     law: Annotated[str, law_choice(), law_help("Law of the dry friction.", "--friction-law")] = "coulomb"
     """One of `simulated_laws`."""
     per: Literal["robot", "joint"] = "robot"
@@ -121,8 +122,6 @@ class FrictionCfg:
         if self.level is not None and not (number and 0.0 <= self.level < 0.8):
             unit = "a coefficient" if has_coefficient(self.law) else "a fraction of the torque limit"
             raise ConfigurationError(f"friction level {self.level!r}: expected {unit} in [0, 0.8)")
-        if self.level is None and has_coefficient(self.law) and self.method != "none":
-            raise ConfigurationError(f"the friction law {self.law!r} needs its coefficient; say --friction-level")
         if has_coefficient(self.law) and self.method == "compensation":
             raise ConfigurationError(
                 f"the friction law {self.law!r} has no nominal torque that compensation could add; use another method, "

@@ -5,15 +5,14 @@ Each draw is relative to the *nominal* value, never to the last one, so nothing 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import torch
 
 from stiction.core.errors import ConfigurationError, FileError
-from stiction.formats.joints import ARMATURE, LOAD_REGRESSORS, Estimate, JointRecord, JointsFile
-from stiction.joints.friction import find_law, has_coefficient
+from stiction.formats.joints import ARMATURE, Estimate, JointRecord, JointsFile
+from stiction.joints.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg
 from stiction.locomotion.friction import FrictionCfg, Mixture, friction_share
 from stiction.robots.model import TRUNK_LENGTH, Robot
@@ -78,14 +77,20 @@ def nominal_joints(
 ) -> NominalJoints:
     """Return the robot's own joints, overridden by an identification, its friction overridden by the level.
 
-    Of the laws with a coefficient, every joint has the same one, 0 without a level. `identified`: `armature`,
-    `damping`, `frictionloss`, each (joints,), NaN where not identified.
+    Of the laws with a coefficient, every joint has the level, or without one its own. `identified`: `armature`,
+    `damping`, `frictionloss`, each (joints,), NaN where not identified; and `load_coefficient` where those are taken.
+    Raises `ConfigurationError` for friction by a coefficient that nobody gave.
     """
     values = {name: fleet.spec.joint_values(name) for name in ("armature", "damping", "frictionloss")}
-    for name, value in (identified or {}).items():
+    given = dict(identified or {})
+    coefficients = given.pop("load_coefficient", None)
+    for name, value in given.items():
         values[name] = np.where(np.isnan(value), values[name], value)
     if has_coefficient(friction.law):
-        values["frictionloss"] = np.full(fleet.spec.num_joints, friction.level or 0.0)
+        if friction.level is None and coefficients is None and friction.method != "none":
+            raise ConfigurationError(f"the friction law {friction.law!r} has no coefficient; say --friction-level")
+        own = 0.0 if coefficients is None else coefficients
+        values["frictionloss"] = np.zeros(fleet.spec.num_joints) + (own if friction.level is None else friction.level)
     elif friction.level is not None:
         values["frictionloss"] = friction.level * fleet.torque_limit
     return NominalJoints(**values)
@@ -275,44 +280,6 @@ def identified_joints(
         )
     inertias, dampings, frictions = zip(*rows, strict=True)
     return IdentifiedJoints(inertias, dampings, frictions, tuple(warnings))
-
-
-LOAD_LAWS = {"motor_torque": "effort"}
-"""What an identified load coefficient multiplies -> the law of training that has the same regressor."""
-
-
-def load_warnings(file: JointsFile, joint_names: Sequence[str], friction: FrictionCfg) -> tuple[str, ...]:
-    """Say what becomes of the load coefficients that were identified for a robot's joints.
-
-    None is taken by itself: a law with a coefficient has one for all joints, which --friction-level says. Raises
-    `ConfigurationError` where that is an identified coefficient and the law multiplies something else with it.
-    """
-    found: dict[str, None] = {}
-    for key in dict.fromkeys(key for name in joint_names if (key := file.key(name)) is not None):
-        record = file.joints[key]
-        coefficient, regressor = record.load_coefficient, record.load_regressor
-        if coefficient is None or regressor is None:
-            continue
-        what = f"the load_coefficient of {key!r}, {coefficient.value:.4g} of {LOAD_REGRESSORS[regressor]}"
-        match = LOAD_LAWS.get(regressor)
-        instead = f"--friction-law {match} has that law" if match else "no law of training has that"
-        if not has_coefficient(friction.law):
-            found[f"{what}, is not used: the law {friction.law} does not depend on load; {instead}"] = None
-        elif friction.law == match:
-            found[f"{what}, is of the law {match}: --friction-level {coefficient.value:.4g} trains with it"] = None
-        elif friction.level is not None and abs(friction.level - coefficient.value) < SAME_NUMBER * coefficient.value:
-            raise ConfigurationError(
-                f"--friction-law {friction.law} --friction-level {friction.level:g} looks like {what}: {friction.law} "
-                "means "
-                f"{find_law(friction.law).meaning}, which is another law; {instead}, or give a coefficient of that law"
-            )
-        else:
-            found[f"{what}, is not used: {friction.law} means {find_law(friction.law).meaning}; {instead}"] = None
-    return tuple(found)
-
-
-SAME_NUMBER = 0.05
-"""Relative difference under which a coefficient that was typed is taken for one that was read from the file."""
 
 
 def _value(estimate: Estimate | None) -> float | None:

@@ -10,6 +10,7 @@ from tyro.conf import arg
 from stiction.core.errors import ConfigurationError, unknown_name
 from stiction.core.memory import check_memory
 from stiction.core.records import check_numbers
+from stiction.joints.friction import has_coefficient
 from stiction.locomotion.config import RandomizationCfg, TaskCfg
 from stiction.robots.model import Robot
 from stiction.robots.physics import EXACT, FAST
@@ -237,6 +238,17 @@ class TrainCfg:
                 f"symmetry 'half' makes half of {self.teacher.epochs} passes; use an even number of --teacher.epochs"
             )
         check_numbers(self)
+        friction = self.task.friction
+        if (
+            friction.level is None
+            and self.joints is None
+            and friction.method != "none"
+            and has_coefficient(friction.law)
+        ):
+            raise ConfigurationError(
+                f"the friction law {friction.law!r} needs its coefficient; say --friction-level, or --joints with an "
+                "identification that has a load_coefficient"
+            )
         self._check_counts()
         self._check_rates()
         self._check_phases()

@@ -10,11 +10,13 @@ import pytest
 
 import logfiles
 from stiction.cli.main import main
-from stiction.core.errors import FileError, LogError
+from stiction.core.errors import ConfigurationError, FileError, LogError
 from stiction.formats.log import read_setup, write_log
 from stiction.identify.example import example_log
 from stiction.identify.logs import open_log
 from stiction.identify.logs.sidecar import propose, write_sidecar
+from stiction.identify.runs import make_run
+from stiction.identify.setup import IdentifySetup
 
 COUNT = 400
 
@@ -79,3 +81,17 @@ def test_what_has_no_position_has_no_sidecar(tmp_path: Path) -> None:
         propose(table(tmp_path, "a,b", np.arange(9.0), np.arange(9.0)), {})
     with pytest.raises(LogError, match="no topic of"):
         propose(logfiles.mcap(tmp_path / "x.mcap", []), {})
+
+
+def test_a_servo_s_duty_is_no_torque(tmp_path: Path) -> None:
+    """A column called pwm: what it holds is proposed, no gains are read off it, and the supply is asked for."""
+    time = 0.002 * np.arange(COUNT)
+    wave = np.sin(9 * time)
+    path = table(tmp_path, "time,q,q_des,pwm", time, wave, wave + 0.1, np.full(COUNT, 2.0) * np.cos(9 * time))
+    said = write_sidecar(path, {})
+    data = json.loads((tmp_path / "log.json").read_text())
+    assert data["torque_column"] == "duty" and "pwm is taken for a duty" in said and "torque_scale 0.01" in said
+    fields = ("duty_voltage", "kt", "resistance", "ke", "pendulum_mass", "pendulum_length", "pendulum_angle", "kp")
+    assert all(name in data and data[name] is None for name in fields)
+    with pytest.raises(ConfigurationError, match="--duty-voltage"):
+        make_run(open_log(path), None, IdentifySetup())

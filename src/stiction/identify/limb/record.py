@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from stiction.formats.joints import ARMATURE, FitSignals, JointRecord
+from stiction.formats.joints import ARMATURE, Estimate, FitSignals, JointRecord
+from stiction.identify.back_emf import brake_summary, braking, split_viscous
 from stiction.identify.combinations import Strength, exact
 from stiction.identify.consistency import Comparison, compare_parts, find_drift, whiteness, widened
 from stiction.identify.limb.dynamics import MODES, corrected_torques
@@ -62,6 +63,12 @@ def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, rows: JointRows) ->
     found = {name: stated[name] if inflation[one] < MAX_INFLATION else None for name, one in zip(SINGLE, OWN)}
     # Without a sensor the encoder's noise is in the torque and in the acceleration: the rotor would be their product.
     coulomb, armature = found["coulomb_friction"], found["inertia"] if run.measured else None
+    together: dict[str, Estimate] = {}
+    brakes = braking(run, None)
+    if brakes is not None and (viscous := found["viscous_friction"]) is not None:
+        strength = Strength(exact(1.0), "measured")
+        brakes = brakes.scaled(run.setup.motor_strength or 1.0)
+        found["viscous_friction"], together = split_viscous(brakes, viscous, strength)
     limit = run.setup.torque_limit or limb.mechanism.torque_limit[rows.joint.number]
     record = JointRecord(
         viscous_friction=found["viscous_friction"],
@@ -69,7 +76,7 @@ def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, rows: JointRows) ->
         offset=found["offset"],
         friction_ratio=coulomb.scaled(friction_ratio(1.0, limit)) if coulomb is not None and limit else None,
         dead_band=coulomb.scaled(dead_band(1.0, run.setup.kp)) if coulomb is not None and run.setup.kp else None,
-        combinations={} if armature is None else {ARMATURE: armature},
+        combinations=together | ({} if armature is None else {ARMATURE: armature}),
         test_condition=run.setup.test_condition or "in_air",
         torque_source=(run.setup.torque_source or "motor_side") if run.measured else None,
         kp=run.setup.kp,
@@ -77,6 +84,8 @@ def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, rows: JointRows) ->
         torque_limit=limit,
     )
     diagnostics = _diagnostics(limb, fit, rows, own, comparisons) | {"inflation": inflation}
+    if brakes is not None and together:
+        diagnostics["drive"] = brake_summary(brakes, together, strength)
     record = replace(record, diagnostics=plain(diagnostics), friction_law=_law(record, diagnostics, own))
     record = replace(record, objections=limb_objections(record, fit, free, rows))
     verdict = judge(record, legs=is_leg(run.joint)).to_dict()

@@ -7,9 +7,9 @@ from math import isfinite
 
 from stiction.core.errors import ConfigurationError
 from stiction.formats.joint_map import parse_joint_map
-from stiction.identify.setup import IdentifySetup
+from stiction.identify.setup import PAYLOAD, PENDULUM, IdentifySetup
 
-SINGLE = ("payload_mass", "payload_distance", "payload_angle", "hanging_angle", "gravity")
+SINGLE = (*PAYLOAD, *PENDULUM, "hanging_angle", "gravity")
 """Fields of `IdentifySetup` that speak of one joint alone: with a robot's model, its links say all of that."""
 
 

@@ -163,7 +163,7 @@ def _check_joint(
             f"{log.source}: joint {recorded!r} has no torque, and the links of the robot weigh newton metres: log the "
             "motor's torque, or give --kp, --kd and --motor-strength 1, which takes the commanded torque at its word"
         )
-    if signals.torque is not None and setup.torque_calibrated is False and setup.motor_strength is None:
+    if signals.torque is not None and not setup.calibrated and setup.motor_strength is None:
         raise LogError(
             f"{log.source}: joint {recorded!r}: the torque column has no known unit, and the links weigh newton "
             "metres: give --torque-scale"

@@ -72,10 +72,27 @@ OTHER_TIMES = re.compile(
 TIME_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 """Unit in a column's name -> seconds."""
 
+DRIVES = {
+    **dict.fromkeys(("pwm", "duty", "duty_cycle", "present_pwm"), "duty"),
+    **dict.fromkeys(("voltage", "motor_voltage", "volts"), "voltage"),
+}
+"""Names of what drove a motor that are no torque -> what the column holds then."""
+
 GUESSES = {
     "position": ("q", "qm", "qpos", "pos", "angle", "theta", "joint_position", "actual_position", "present_position"),
     "target": ("qg", "q_des", "q_ref", "q_cmd", "ref", "cmd", "command", "setpoint", "target", "goal_position", "des"),
-    "torque": ("tau", "torque", "effort", "current", "iq", "load", "tau_est", "present_current", "motor_torque"),
+    "torque": (
+        "tau",
+        "torque",
+        "effort",
+        "current",
+        "iq",
+        "load",
+        "tau_est",
+        "present_current",
+        "motor_torque",
+        *DRIVES,
+    ),
     "velocity": ("dq", "qdot", "vel", "speed", "omega"),
 }
 """Role -> names that it often has, in lower case: enough for a proposal, never for an answer. Not qd, which is the

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,19 @@ from stiction.core.cache import publish
 from stiction.core.errors import FileError, LogError
 from stiction.formats.log import JointSignals, Log, sidecar_of, suffix_of
 from stiction.identify.checks import LARGEST_REACH
-from stiction.identify.logs.naming import CURRENTS, guess_columns
+from stiction.identify.logs.naming import CURRENTS, DRIVES, guess_columns
 from stiction.identify.logs.opening import BAGS, open_log, read_rows
 
-WHOLE = ("torque_source", "test_condition", "axis", "torque_calibrated", "torque_scale", "position_scale")
+WHOLE = (
+    *("torque_source", "test_condition", "axis", "torque_calibrated", "torque_scale", "position_scale"),
+    *("torque_column", "duty_voltage"),
+)
 """What is usually the same for all joints."""
 
-EACH = ("kp", "kd", "torque_limit", "gravity", "hanging_angle", "velocity_delay")
+EACH = (
+    *("kp", "kd", "torque_limit", "gravity", "hanging_angle", "velocity_delay", "kt", "resistance", "ke"),
+    *("pendulum_mass", "pendulum_length", "pendulum_angle"),
+)
 """What joints differ in."""
 
 EXPLAINED = 0.99
@@ -68,7 +75,7 @@ def propose(
     said: list[str] = []
     chosen = dict(columns)
     given = {"names": names, "rate": rate, "time_scale": time_scale}
-    current = False
+    current, drive = False, None
     try:
         log = open_log(path, chosen, joint, **given)  # type: ignore[arg-type]
     except LogError:
@@ -81,6 +88,8 @@ def propose(
         log = open_log(path, chosen, joint, **given)  # type: ignore[arg-type]
         words = ", ".join(f"{role} is {name}" for role, name in chosen.items())
         said.append(f"columns: guessed from their names, {words}")
+        words = chosen.get("torque", "").lower().replace("{joint}", "").strip("_. ")
+        drive = DRIVES.get(words)
         current = any(word in chosen.get("torque", "").lower() for word in CURRENTS)
     data: dict[str, Any] = dict.fromkeys(WHOLE)
     data["axis"] = "rotary"
@@ -89,6 +98,12 @@ def propose(
     if current:
         data["torque_calibrated"] = False
         said.append("torque_calibrated: a current is not in N m; with a torque_scale make it true")
+    if drive is not None:
+        data["torque_column"] = drive
+        said.append(
+            f"torque_column: {chosen['torque']} is taken for a {drive}; give kt and resistance at the joint"
+            + (", and duty_voltage, without which it is not read; torque_scale 0.01 for percent" * (drive == "duty"))
+        )
     if rate is not None:
         data["rate"] = rate
     if time_scale is not None:
@@ -96,7 +111,10 @@ def propose(
     if all(name.startswith("joint_") for name in log.joints):
         data["names"] = list(log.joints)
         said.append("names: the log numbers its joints; give them their names, in its order")
-    found = {name: _guess(name, signals, log, said) for name, signals in log.joints.items()}
+    found = {
+        name: _guess(name, signals if drive is None else replace(signals, torque=None), log, said)
+        for name, signals in log.joints.items()
+    }
     if len(found) == 1:
         data |= next(iter(found.values()))
     else:
