@@ -5,12 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stiction.formats.contract import Contract
+from stiction.joints.compensation import SHARES, Compensation
 
 FORWARD = "+forward"
-"""Behind the names of policy and method: with friction fed forward in the joint controllers."""
+"""Behind the names of policy and method: with friction fed forward by the position error."""
 
 FED = f"none{FORWARD}"
-"""The conventional policy with friction fed forward."""
+"""The conventional policy with friction fed forward by the position error, all of it."""
+
+FED_AS_USERS_DO = ("none+reference", "none+measured")
+"""The same as users of motors do it: by the speed of the target or of the joint, by the error while it is stuck."""
+
+
+def fed_suffix(compensation: Compensation) -> str:
+    """Return what stands behind the names of policy and method where friction is fed forward: `+reference=0.8`."""
+    return f"+{compensation.label.replace('error', FORWARD[1:])}"
 
 
 @dataclass(frozen=True)
@@ -37,6 +46,12 @@ TOLD = "told"
 METHODS = {
     "none": "conventional randomisation, without friction",
     FED: "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
+    FED_AS_USERS_DO[
+        0
+    ]: f"the same, {SHARES['reference']:g} of it, by the speed of the target, and by the error while a joint is stuck",
+    FED_AS_USERS_DO[
+        1
+    ]: f"the same, {SHARES['measured']:g} of it, by the measured speed, and by the error while a joint is stuck",
     "actuator": "Actuator Net: without friction, through a net of the torque that the motors of a robot of this kind "
     "logged while `none` walked backward",
     "deception": "friction-aware: friction from none to 1.2 of the nominal one",
