@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -10,8 +11,11 @@ from stiction.core.provenance import seed_streams
 from stiction.core.records import column
 from stiction.core.rotation import UPRIGHT
 from stiction.deploy.pilot import JointCommand
+from stiction.engines.catalog import make_engine
 from stiction.joints.compensation import Compensation
 from stiction.robots.model import Robot
+from stiction.virtual.cases import Case, parse_level
+from stiction.virtual.hidden import draw
 from stiction.virtual.sensors import INITIAL_ANGLE
 from stiction.virtual.trial import RobotCase, World
 
@@ -29,17 +33,17 @@ OFTEN = 1.0
 class Standing:
     """How a robot stood; a row of standing.csv."""
 
-    engine: str
-    """Engine and robot."""
-    robot: int | None
+    engine: str = field(metadata=column("engine"))
+    """Engine and what of the robot is real."""
+    robot: int = field(metadata=column("robot"))
     """Seed of the virtual robot."""
-    friction_level: str
-    """Of its joints."""
-    fed: str
+    friction_level: str = field(metadata=column("friction"))
+    """Of its joints, as `parse_level` reads it."""
+    fed: str = field(metadata=column("fed forward"))
     """How friction was fed forward, as `parse_compensation` reads it; none: not."""
-    rms_speed: float = field(metadata=column("joint speed, rms [rad/s]", form="{:.4f}".format))
+    rms_speed: float = field(metadata=column("joint speed, rms [rad/s]", form=".4f"))
     """Root mean square of all joints' true speeds [rad/s]."""
-    hunting: float = field(metadata=column("joints that hunt", form="{:.0%}".format))
+    hunting: float = field(metadata=column("joints that hunt", form=".0%"))
     """Share of the joints that move to and fro at least `OFTEN` [-]."""
 
 
@@ -82,3 +86,11 @@ def stand(
         speeds.append(robot.ground_truth().motion.joint_velocity)
     measured = np.array(speeds)[round(SETTLE / world.period) :]
     return float(np.sqrt(np.square(measured).mean())), float(hunting(measured, world.period).mean())
+
+
+def stand_by(engine: str, seed: int, level: str, spec: Robot, how: Compensation | None) -> Standing:
+    """Return how a virtual robot stands whose friction in motion is known. Arguments as of `stand` and `Standing`."""
+    case = Case(seed, "all", parse_level(level))
+    friction = case.level.coulomb(spec) * case.robot(draw(spec, seed)).friction.share
+    found = stand(case, World(partial(make_engine, engine)), spec, friction, how)
+    return Standing(f"{engine}+all", seed, level, "none" if how is None else how.label, *found)
