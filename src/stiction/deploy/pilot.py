@@ -14,7 +14,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, PolicyError, RobotError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, PolicyStep
-from stiction.joints.compensation import Compensation
+from stiction.joints.compensation import BY_ERROR, Compensation
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Pilot:
         port: Port,
         policy: Policy,
         friction: np.ndarray | None = None,
-        compensation: Compensation | None = None,
+        compensation: Compensation = BY_ERROR,
         load: np.ndarray | float = 0.0,
     ) -> None:
         """Connect a policy, as from `deploy.policy.load_policy`, to a robot.
@@ -114,13 +114,13 @@ class Pilot:
             raise PolicyError("the policy compensates friction in its targets; it cannot be fed forward once more")
         self._port, self._policy = port, policy
         self._kp, self._kd = contract.array("kp"), contract.array("kd")
-        how = compensation or Compensation()
-        if how.in_motor:
+        if compensation.in_motor:
             raise ConfigurationError(
-                f"the compensation {how.by!r} runs in the motors; expected {how.by.removesuffix('-motor')!r} here"
+                f"the compensation {compensation.by!r} runs in the motors' controllers, not in the computer; expected "
+                f"{compensation.by.removesuffix('-motor')!r} here"
             )
         fed = np.zeros(contract.num_joints) if friction is None else friction
-        self._against = how.controller(fed, port.period, contract.compensation_width, load)
+        self._against = compensation.controller(fed, port.period, contract.compensation_width, load)
         self._seen: Reading | None = None
 
     def reset(self) -> None:

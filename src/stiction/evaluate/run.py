@@ -29,7 +29,7 @@ from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.grid import GridCfg, Unit, Walk, plan, units
 from stiction.evaluate.metrics import Metrics, measure
 from stiction.formats.bundle import Bundle
-from stiction.joints.compensation import Compensation, parse_compensation
+from stiction.joints.compensation import BY_ERROR, Compensation, parse_compensation
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual import trial as trials
@@ -116,7 +116,7 @@ def walk_once(
     friction: np.ndarray | None = None,
     seed: int = 0,
     known: np.ndarray | None = None,
-    compensation: Compensation | None = None,
+    compensation: Compensation = BY_ERROR,
 ) -> Metrics:
     """Walk one episode with one robot, and return its metrics.
 

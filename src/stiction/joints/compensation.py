@@ -59,10 +59,10 @@ class PushCfg:
 class Compensation:
     """A way to feed friction forward, and the share of the friction that is fed."""
 
-    by: By = "error"
+    by: By
     """The way."""
-    share: float = 1.0
-    """Share of the identified friction [1]."""
+    share: float
+    """Share of the identified friction [1], see `SHARES`."""
     push: PushCfg = field(default_factory=PushCfg)
     """Of all ways but `error`."""
 
@@ -101,6 +101,10 @@ class Compensation:
 
 SHARES: dict[By, float] = {"error": 1.0} | dict.fromkeys(get_args(By)[1:], 0.75)
 """Share of the friction that is fed forward where none is named [1]: of `error` all, as it always was."""
+
+
+BY_ERROR = Compensation("error", SHARES["error"])
+"""What is done where nothing else is said."""
 
 
 def parse_compensation(text: str) -> Compensation:

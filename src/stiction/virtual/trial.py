@@ -18,7 +18,7 @@ from stiction.engines.friction import JointFriction
 from stiction.engines.ground import Ground, flat
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import Recording
-from stiction.joints.compensation import Compensation
+from stiction.joints.compensation import BY_ERROR, Compensation
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.model import Robot, leans_too_far, too_low
 from stiction.virtual.hidden import Hidden, draw
@@ -171,7 +171,7 @@ def walk(
     friction: np.ndarray | None = None,
     seed: int = 0,
     known: np.ndarray | None = None,
-    compensation: Compensation | None = None,
+    compensation: Compensation = BY_ERROR,
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
@@ -205,9 +205,9 @@ def walk(
     robot.place(standing, np.array([*world.start, height]), about(2, world.heading))
     port = robot.handle if world.noise is None else Noisy(robot.handle, world.noise, walking)
     policy = load_policy(contract, bundle.policy, known_friction=known)
-    if compensation is not None and compensation.in_motor and friction is not None:
+    if compensation.in_motor and friction is not None:
         robot.program(compensation.controller(friction, world.timestep))
-        friction, compensation = None, None
+        friction, compensation = None, BY_ERROR
     pilot = Pilot(port, policy, friction, compensation)
     recorder = TruthRecorder(robot.ground_truth, spec, contract.control_period)
     done: list[ControlStep] = []

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -44,9 +44,9 @@ class CompensationOptions(ParallelOptions):
     ways: tuple[str, ...] = WAYS
     """How friction is fed forward while robots walk, and which share of it."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3)
-    """Dry friction as fractions of each joint's torque limit [-]."""
-    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5", "stand")
-    """Commanded velocities."""
+    """Dry friction as fractions of each joint's torque limit [-]; at 0 there is nothing to feed forward."""
+    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    """Commanded velocities; with stand the page shows how much joints shake then."""
     episodes: int = 16
     """Episodes per level and command."""
     seconds: float = 10.0
@@ -86,11 +86,13 @@ def run(options: CompensationOptions, work: Work) -> Report:
     bundles = work.bundles(options.policies)
     work.begin()
     plans = [(b, how) for b in bundles for how in (ways if method_of(b.contract) == "none" else ways[:1])]
+    fed = replace(cfg, friction_levels=tuple(level for level in cfg.friction_levels if level) or (0.0,))
     walks = []
     for count, (bundle, how) in enumerate(plans, 1):
+        at = cfg if how is None else fed
         name = f"{bundle.name}--{'none' if how is None else how.label}"
-        made_from = {"bundle": bundle.digest, "cfg": asdict(cfg), "how": None if how is None else asdict(how)}
-        walks += work.cached(name, made_from, lambda b=bundle, h=how: walk_by(b, cfg, h, work.threads))["rows"]
+        made_from = {"bundle": bundle.digest, "cfg": asdict(at), "how": None if how is None else asdict(how)}
+        walks += work.cached(name, made_from, lambda b=bundle, c=at, h=how: walk_by(b, c, h, work.threads))["rows"]
         work.progress("walks", count / len(plans))
     spec = robot_of(bundles[0].contract)
     tasks = [
