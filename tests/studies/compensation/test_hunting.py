@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from synthetic import row
 from stiction.studies.compensation.standing import hunting
 from stiction.studies.compensation.walking import followed
+from synthetic import row
 
 
 def test_a_joint_that_moves_to_and_fro_once_a_second_hunts() -> None:
