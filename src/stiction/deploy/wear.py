@@ -162,7 +162,7 @@ def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
     calibration, unusual = model.calibration, is_unusual(model, mean)
     value = raw_estimate(model, mean)
     if calibration is None:
-        shift, spread = 0.0, np.array([[-1.0], [1.0]]) * np.array(model.reach)
+        shift, spread = np.zeros(len(value)), np.array([[-1.0], [1.0]]) * np.array(model.reach)
         held = np.append(np.full(len(value) - 1, np.nan), HELD_UNCALIBRATED)
     else:
         shift, spread = np.array(calibration.shift), np.array([calibration.lower, calibration.upper])

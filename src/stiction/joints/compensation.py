@@ -99,7 +99,7 @@ class Compensation:
         return DirectedController(self.share, self.push, measured, np.asarray(friction, float), period, load)
 
 
-SHARES: dict[By, float] = {"error": 1.0} | dict.fromkeys(get_args(By)[1:], 0.75)
+SHARES: dict[By, float] = {by: 1.0 if by == "error" else 0.75 for by in get_args(By)}
 """Share of the friction that is fed forward where none is named [1]: of `error` all, as it always was."""
 
 

@@ -120,9 +120,17 @@ def calibrate(
                 target, float(reach[at]), float(shift[at]), float(lower[at]), float(upper[at]), *before_after, *ends
             )
         )
-    seeds = (tuple(one.seed for one in some) for some in (robots, tested))
-    columns = (tuple(values.tolist()) for values in (shift, lower, upper, held, before))
-    return WearCalibration(*columns, *seeds, f"{engine}+all"), rows
+    calibration = WearCalibration(
+        shift=tuple(shift.tolist()),
+        lower=tuple(lower.tolist()),
+        upper=tuple(upper.tolist()),
+        held=tuple(held.tolist()),
+        held_before=tuple(before.tolist()),
+        robots=tuple(one.seed for one in robots),
+        tested=tuple(one.seed for one in tested),
+        engine=f"{engine}+all",
+    )
+    return calibration, rows
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,8 @@ def run(options: CompensationOptions, work: Work) -> Report:
     """Walk in every way, then stand still."""
     if not options.policies:
         raise UsageError("no bundle given")
+    from functools import partial
+
     from stiction.core.parallel import spread
     from stiction.core.records import part_of
     from stiction.deploy.check import robot_of
@@ -92,7 +94,7 @@ def run(options: CompensationOptions, work: Work) -> Report:
         at = cfg if how is None else fed
         name = f"{bundle.name}--{'none' if how is None else how.label}"
         made_from = {"bundle": bundle.digest, "cfg": asdict(at), "how": None if how is None else asdict(how)}
-        walks += work.cached(name, made_from, lambda b=bundle, c=at, h=how: walk_by(b, c, h, work.threads))["rows"]
+        walks += work.cached(name, made_from, partial(walk_by, bundle, at, how, work.threads))["rows"]
         work.progress("walks", count / len(plans))
     spec = robot_of(bundles[0].contract)
     tasks = [
