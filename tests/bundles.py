@@ -15,7 +15,7 @@ from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS
 from stiction.formats.bundle import listed, write_bundle
 from stiction.formats.contract import Contract, proprioception
 from stiction.formats.golden import Golden
-from stiction.formats.wear import WearModel
+from stiction.formats.wear import WearCalibration, WearModel
 from stiction.joints.pd import controller_torque
 from stiction.robots.catalog import find_robot
 
@@ -149,3 +149,20 @@ def make_wear(contract: Contract, **changes) -> WearModel:
         "student": "0" * 64,
     }
     return WearModel(**(values | changes))
+
+
+def make_calibration(contract: Contract, **changes) -> WearCalibration:
+    """What virtual robots say of `make_wear`: 0.01 too low; the second joint's interval is as wide as the map."""
+    targets = contract.num_joints + 1
+    wide = (0.0, 0.15, *(0.0,) * (targets - 2))
+    values = {
+        "shift": (0.01,) * targets,
+        "lower": tuple(-0.03 - more for more in wide),
+        "upper": tuple(0.05 + more for more in wide),
+        "held": (0.94,) * targets,
+        "held_before": (0.1,) * targets,
+        "robots": (500, 501),
+        "tested": (1100,),
+        "engine": "physx+all",
+    }
+    return WearCalibration(**(values | changes))

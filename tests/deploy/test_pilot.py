@@ -13,6 +13,7 @@ from stiction.core.errors import StictionError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import JointCommand, Pilot, Reading
 from stiction.deploy.policy import PolicyStep
+from stiction.joints.compensation import Compensation
 
 CONTRACT = make_contract()
 JOINTS = CONTRACT.num_joints
@@ -90,6 +91,20 @@ def test_noise_before_the_policy_is_not_in_the_joint_controllers() -> None:
         pilot.step(np.zeros(3))
     np.testing.assert_allclose(port.sent[1].forward, 0.6 * FRICTION, atol=1e-12)
     np.testing.assert_allclose(port.sent[5].forward, -0.2 * FRICTION, atol=1e-12)
+
+
+def test_a_stuck_joint_is_pushed_with_a_share_and_the_less_the_nearer_it_is() -> None:
+    """The target rests, the joint does too: 0.75 of what the way `error` gives."""
+    port = Approaching()
+    Pilot(port, policy(), FRICTION, Compensation("reference", 0.75)).step(np.zeros(3))
+    for command, share in zip(port.sent, (0.6, 0.45, 0.3, 0.15, 0.0), strict=True):
+        np.testing.assert_allclose(command.forward, share * FRICTION, atol=1e-12)
+
+
+def test_what_runs_in_the_motors_is_not_done_by_the_computer() -> None:
+    """It would be fed forward twice, or not at all."""
+    with pytest.raises(StictionError, match="expected 'measured' here"):
+        Pilot(Approaching(), policy(), FRICTION, Compensation("measured-motor", 0.75))
 
 
 def test_friction_is_not_compensated_twice() -> None:

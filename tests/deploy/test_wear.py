@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bundles import make_bundle, make_contract, make_golden, make_network, make_wear, repair_sums
+from bundles import make_bundle, make_calibration, make_contract, make_golden, make_network, make_wear, repair_sums
 from stiction.core.errors import BundleError, StictionError
 from stiction.deploy.check import check_bundle
 from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS, Moments, WearMonitor, estimate
@@ -83,6 +84,81 @@ def test_the_file_comes_back_as_it_was(contract: Contract) -> None:
     assert read_wear(model.to_json().encode()) == model
 
 
+def test_a_calibrated_map_comes_back_and_one_that_is_not_is_written_as_it_always_was(contract: Contract) -> None:
+    """Older programs go on reading what has no calibration; a bundle's checksum of it stays."""
+    plain, model = make_wear(contract), make_wear(contract, calibration=make_calibration(contract))
+    assert read_wear(model.to_json().encode()) == model
+    assert json.loads(plain.to_json())["schema_version"] == 1 and "calibration" not in plain.to_json()
+    assert json.loads(model.to_json())["schema_version"] == 2
+    with pytest.raises(BundleError, match="in version 1"):
+        read_wear(model.to_json().replace('"schema_version": 2', '"schema_version": 1').encode())
+
+
+def test_a_calibrated_reading_is_moved_and_as_wide_as_virtual_robots_say(contract: Contract) -> None:
+    """0.01 from the map, 0.01 more, from 0 (0.01 − 0.03 is none) to 0.06; of other robots 94 % of windows held."""
+    model = make_wear(contract, calibration=make_calibration(contract))
+    found = estimate(model, np.zeros(len(model.center)))
+    assert found.calibrated and found.level == pytest.approx(0.02)
+    assert found.level_interval95 == pytest.approx((0.0, 0.06)) and found.level_held == 0.94
+    assert found.friction[0] == pytest.approx(0.02) and found.interval95[:, 0] == pytest.approx([0.0, 0.06])
+    assert found.untold[0] is None and "as wide as all" in (found.untold[1] or "")
+
+
+def test_a_map_that_was_not_calibrated_says_how_little_its_intervals_held(contract: Contract) -> None:
+    """Who reads a number must read the 7 % beside it; nobody measured the joints."""
+    found = estimate(make_wear(contract), np.zeros(len(make_wear(contract).center)))
+    assert not found.calibrated and found.level_held == 0.07 and np.isnan(found.held).all()
+    assert "in 7 % of windows" in WearMonitor(contract, make_wear(contract)).state()["note"]
+
+
+def test_the_state_says_what_it_cannot_tell_and_why(contract: Contract) -> None:
+    """Before the first window, where the map is blind, in a strange window, beyond the map; and it is JSON."""
+    told = (False,) + (True,) * 18
+    monitor = WearMonitor(contract, make_wear(contract, told=told, intercept=(0.01, 0.3) + (0.01,) * 17))
+    still = np.zeros(726, np.float32)
+    before = monitor.state()
+    assert before["unusual"] is None and before["targets"]["level"]["why"] == "no window is full yet"
+    for _ in range(5):
+        monitor.step(still)
+    state = json.loads(json.dumps(monitor.state(), allow_nan=False))
+    first, second, third, *_ = state["targets"].values()
+    assert state["filled"] == pytest.approx(1 / 3) and state["window"] == pytest.approx(0.06)
+    assert first["value"] is None and first["interval95"] is None and "hardly depends" in first["why"]
+    assert second["value"] == pytest.approx(0.3) and not second["told"] and "above 0.24" in second["why"]
+    assert third["told"] and third["why"] is None and third["interval95"] == pytest.approx([0.0, 0.03])
+    for _ in range(3):
+        monitor.step(np.full(726, 9.0, np.float32))
+    strange = monitor.state()
+    assert strange["unusual"] and "unlike" in strange["targets"]["level"]["why"]
+    monitor.reset()
+    assert monitor.state()["unusual"] is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"shift": (0.0,)}, "several lengths"),
+        ({"lower": (0.2,) * 19}, "without its estimate"),
+        ({"held": (1.2,) * 19}, "share above 1"),
+        ({"tested": (500,)}, "each once"),
+        ({"robots": ()}, "needs robots"),
+        ({"engine": " "}, "which engine"),
+        ({"upper": (float("inf"),) * 19}, "numbers that are none"),
+    ],
+)
+def test_a_calibration_that_is_none_is_refused(contract: Contract, change: dict, message: str) -> None:
+    """Robots that tested what they calibrated would vouch for themselves."""
+    with pytest.raises(StictionError, match=message):
+        make_calibration(contract, **change)
+
+
+def test_a_calibration_of_other_targets_is_refused(contract: Contract) -> None:
+    """It would be broadcast, or cut off, in silence."""
+    other = make_calibration(make_contract("go1"))
+    with pytest.raises(StictionError, match="13 targets, not 19"):
+        make_wear(contract, calibration=other)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -98,7 +174,9 @@ def test_a_map_that_fits_nothing_is_refused(contract: Contract, change: dict, me
         replace(make_wear(contract), **change)
 
 
-@pytest.mark.parametrize("text", [b"[]", b"{}", b"\xff", b'{"schema_version": 1}', b'{"schema_version": 2}'])
+@pytest.mark.parametrize(
+    "text", [b"[]", b"{}", b"\xff", b'{"schema_version": 1}', b'{"schema_version": 2}', b'{"schema_version": 3}']
+)
 def test_a_file_that_is_none_is_refused(text: bytes) -> None:
     """With one line, whatever was in it."""
     with pytest.raises(StictionError, match=r"wear\.json"):

@@ -16,7 +16,7 @@ from stiction.evaluate.evaluate import EvaluationCfg
 from stiction.evaluate.grid import GridCfg
 from stiction.evaluate.run import WalkLedger, walk_grid
 from stiction.evaluate.summary import evaluate_all
-from stiction.evaluate.table import rows_of
+from stiction.evaluate.table import methods_of, rows_of
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.joints import Estimate, JointRecord, JointsFile, load_joints
 from stiction.robots.catalog import find_robot
@@ -59,10 +59,12 @@ def record(friction: Estimate) -> JointRecord:
 
 
 def test_on_the_data_sheet_the_friction_is_the_laws_own(still: Bundle, tmp_path: Path) -> None:
-    """20 % of 30, 30 and 45 N m; the batch is left out."""
+    """20 % of 30, 30 and 45 N m, alone and in the batch."""
     walks = forwarded([still], GRID, tmp_path)
-    assert {walk.simulator.engine for walk in walks} == {"mujoco-alone"}
-    assert [walk.level for walk in walks] == ["0", "0.2"]
+    assert [(walk.simulator.engine, walk.level) for walk in walks] == [
+        *(("mujoco", level) for level in ("0", "0.2")),
+        *(("mujoco-alone", level) for level in ("0", "0.2")),
+    ]
     assert walks[0].forward == (0.0,) * 18
     np.testing.assert_allclose(walks[1].forward, 0.2 * SPEC.joint_values("torque_limit"))
     assert (walks[1].name, walks[1].cell[0]) == ("still+forward", "still+forward")
@@ -135,20 +137,33 @@ def test_a_policy_with_friction_fed_forward_is_walked_and_named_beside_the_other
     """At 20 % the robot stands otherwise than without; at 0 % it is the same robot to the last digit."""
     done = walk_grid([still], GRID, tmp_path)
     rows, details = rows_of(done, [still])
-    alone = [row for row in rows if row.engine == "mujoco-alone"]
+    batch, alone = ([row for row in rows if row.engine == name] for name in ("mujoco", "mujoco-alone"))
+    assert batch[0].joint_jitter == batch[2].joint_jitter != batch[3].joint_jitter
     assert [(row.policy, row.method, row.friction_level) for row in alone] == [
         *(("still", still.contract.method, level) for level in (0.0, 0.2)),
         *(("still+forward", f"{still.contract.method}+forward", level) for level in (0.0, 0.2)),
     ]
-    assert len(rows) == 6 and details[-1]["method"].endswith("+forward")
+    assert len(rows) == 8 and details[-1]["method"].endswith("+forward")
     assert alone[0].joint_jitter == alone[2].joint_jitter
     assert alone[1].joint_jitter != alone[3].joint_jitter
+
+
+def test_each_way_is_a_policy_of_its_own(still: Bundle, tmp_path: Path) -> None:
+    """Under one name the rows of one way would be averaged with those of the other."""
+    cfg = replace(GRID, forward_by=("error", "measured=0.8", "measured-motor"), base=replace(BASE, seconds=1.5))
+    rows, _ = rows_of(walk_grid([still], replace(cfg, engines=("mujoco-alone",)), tmp_path), [still])
+    worn = {row.policy: row.joint_jitter for row in rows if row.friction_level}
+    assert list(worn) == ["still", "still+forward", "still+measured=0.8", "still+measured-motor"]
+    assert len({*worn.values()}) == 4
+    assert methods_of(rows, [still])["still+measured=0.8"].endswith("+measured=0.8")
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"engines": ("mujoco",)}, "give another engine"),
+        ({"base": replace(BASE, action_delay=0.01), "engines": ("mujoco",)}, "one of the two"),
+        ({"forward_by": ("error", "error=1")}, "each once"),
+        ({"forward_by": ("sign",)}, "unknown way"),
         ({"forward": ("still", "still")}, "each once"),
         ({"base": replace(BASE, friction_law="load")}, "no torque that could be fed"),
     ],

@@ -46,7 +46,12 @@ class EvaluateCfg:
     forward: tuple[str, ...] = ()
     """Names of bundles that also walk with friction fed forward in the joint controllers, as policies of their own,
     NAME+forward. Of the data sheet's robot that is the friction of the level, of a virtual robot what identify finds
-    on that robot's bench, which takes minutes a robot and level. Not in the engine mujoco."""
+    on that robot's bench, which takes minutes a robot and level."""
+    forward_by: tuple[str, ...] = ("error",)
+    """How: error, all of it in the direction of the position error; reference and measured, 75 % of it by the speed of
+    the target or of the joint, and by the error while a joint is stuck, at every reading; reference-motor and
+    measured-motor, the same in the motors' controllers. With another share: reference=0.8. Policies are called
+    NAME+forward, NAME+reference=0.8."""
     known_friction: str = "contract"
     """What policies are told that observe their joints' friction (`train --task.known-friction`), f/τ_max of each kind
     of joint. contract: what their bundles say; true: what each robot has; bench: of a virtual robot what identify finds
@@ -113,9 +118,6 @@ def main(arguments: list[str]) -> int:
 
     base = part_of(EvaluationCfg, cfg)
     settings = part_of(GridCfg, cfg, base=base)
-    if cfg.forward and any(simulator.is_batch for simulator in settings.simulators):
-        left_out = "mujoco has no joint controller to feed friction forward; +forward walks in the other engines alone"
-        print(f"stiction evaluate: {left_out}", file=sys.stderr)
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
     with output_folder(cfg.out), nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"):
         bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]

@@ -26,6 +26,15 @@ def wilson(successes: float, trials: int) -> Interval:
     return max(0.0, centre - half), min(1.0, centre + half)
 
 
+def conformal_bound(values: np.ndarray, share: float) -> np.ndarray:
+    """Return, for each column of (n, columns), the bound under which a new value lies with probability `share`.
+
+    The ⌈share (n + 1)⌉-th smallest (split conformal prediction); the largest where n is too small for that.
+    """
+    rank = min(int(np.ceil(share * (len(values) + 1))), len(values))
+    return np.asarray(np.sort(values, axis=0)[rank - 1])
+
+
 def t_interval(points: Sequence[float]) -> Interval | None:
     """Return mean ± t(n - 1) s / √n, the 95 % interval of the mean of `points`, one a seed; None for fewer than two."""
     n = len(points)

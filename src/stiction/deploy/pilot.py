@@ -11,10 +11,10 @@ from typing import Protocol
 
 import numpy as np
 
-from stiction.core.errors import PolicyError, RobotError
+from stiction.core.errors import ConfigurationError, PolicyError, RobotError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Policy, PolicyStep
-from stiction.joints.pd import fed_forward
+from stiction.joints.compensation import BY_ERROR, Compensation
 
 
 @dataclass(frozen=True)
@@ -82,15 +82,23 @@ class ControlStep:
 class Pilot:
     """One policy on one robot."""
 
-    def __init__(self, port: Port, policy: Policy, friction: np.ndarray | None = None) -> None:
+    def __init__(
+        self,
+        port: Port,
+        policy: Policy,
+        friction: np.ndarray | None = None,
+        compensation: Compensation = BY_ERROR,
+        load: np.ndarray | float = 0.0,
+    ) -> None:
         """Connect a policy, as from `deploy.policy.load_policy`, to a robot.
 
-        friction: f that the joint controllers feed forward [N m], shape (J,): at every reading they get the torque
-        f sat((a − θ)/width) beside target and gains, with the contract's `compensation_width`. None: they get none.
+        friction: f that is fed forward [N m], shape (J,): at every reading the joint controllers get a torque beside
+        target and gains. None: they get none. compensation: how; by default by the error, with the contract's
+        `compensation_width`. load: see `Compensation.controller`.
 
         Raises:
-            StictionError: the robot's joints are not the policy's, its readings do not fit the control period, or the
-                policy compensates friction itself.
+            StictionError: the robot's joints are not the policy's, its readings do not fit the control period, the
+                policy compensates friction itself, or the compensation is that of the motors.
 
         """
         contract = policy.contract
@@ -106,13 +114,19 @@ class Pilot:
             raise PolicyError("the policy compensates friction in its targets; it cannot be fed forward once more")
         self._port, self._policy = port, policy
         self._kp, self._kd = contract.array("kp"), contract.array("kd")
-        self._friction = np.zeros(contract.num_joints) if friction is None else friction
-        self._width = contract.compensation_width
+        if compensation.in_motor:
+            raise ConfigurationError(
+                f"the compensation {compensation.by!r} runs in the motors' controllers, not in the computer; expected "
+                f"{compensation.by.removesuffix('-motor')!r} here"
+            )
+        fed = np.zeros(contract.num_joints) if friction is None else friction
+        self._against = compensation.controller(fed, port.period, contract.compensation_width, load)
         self._seen: Reading | None = None
 
     def reset(self) -> None:
         """Forget the history: the robot was put in place anew."""
         self._policy.reset()
+        self._against.reset()
         self._seen = None
 
     def step(self, velocity: np.ndarray) -> ControlStep:
@@ -125,7 +139,9 @@ class Pilot:
         # Noise that is put before the policy alone, and so is in `before`, is not in the joint controllers.
         self._seen, readings = self._seen or before, []
         for _ in range(self._readings):
-            forward = fed_forward(step.target, self._seen.sensors.joint_position, self._friction, self._width)
+            angle, speed = self._seen.sensors.joint_position, self._seen.sensors.joint_velocity
+            asked = self._kp * (step.target - angle) - self._kd * speed
+            forward = self._against.torque(step.target, angle, speed, asked)
             self._seen = self._port.exchange(JointCommand(step.target, self._kp, self._kd, forward))
             readings.append(self._seen)
         return ControlStep(velocity, before, step, tuple(readings))

@@ -7,7 +7,9 @@ from the other moments, and the other joints, a linear map tells them apart.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,6 +53,11 @@ class Moments:
         return np.concatenate([*joints, command, command**2, rate**2, tilt, tilt**2], axis=-1, dtype=np.float64)
 
 
+HELD_UNCALIBRATED = 0.07
+"""Share of windows whose 95 % interval of the level held the truth on virtual robots, of a map that was not calibrated
+on any: results/wear, five robots. Of its single joints nothing is known."""
+
+
 @dataclass(frozen=True)
 class WearEstimate:
     """Dry friction as fractions of the torque limits, from one window of walking; NaN where it is not estimated."""
@@ -65,19 +72,27 @@ class WearEstimate:
     """Lower and upper end of it."""
     unusual: bool
     """Whether the window was unlike those that the map was fitted on, and the numbers are not to be trusted."""
+    calibrated: bool
+    """Whether the intervals are those of virtual robots, or of the simulator that the map was fitted in."""
+    held: np.ndarray
+    """Share of windows on virtual robots whose interval held the truth [-], shape (J,); NaN: not measured."""
+    level_held: float
+    """The same of the level [-]."""
+    untold: tuple[str | None, ...]
+    """Of each joint, then of the level: why this reading does not tell its friction; None where it does."""
 
 
 class WearMonitor:
     """Reads the policy's input and estimates the joints' friction after every window."""
 
     def __init__(self, contract: Contract, model: WearModel) -> None:
-        """Start with an empty window.
+        """Start with an empty window. model: the bundle's, or a calibrated one of the same policy.
 
         Raises `StictionError`: the map is for other joints or another layout.
         """
         self.model = model
         self._moments = Moments(contract.observation, contract.scale)
-        self._frame = contract.observation.frame_size
+        self._frame, self._period = contract.observation.frame_size, contract.control_period
         size = JOINT_MOMENTS * contract.num_joints + BODY_MOMENTS
         if model.joint_names != contract.joint_names or len(model.center) != size:
             raise BundleError(
@@ -87,9 +102,10 @@ class WearMonitor:
         self.reset()
 
     def reset(self) -> None:
-        """Empty the window: after a stop, a fall, or a pause of the loop."""
+        """Empty the window, and forget the last estimate: after a stop, a fall, or a pause of the loop."""
         self._sum, self._count = np.zeros(len(self.model.center)), 0
         self._before: np.ndarray | None = None
+        self._last: WearEstimate | None = None
 
     def step(self, observation: np.ndarray) -> WearEstimate | None:
         """Add one input of the network, shape (size,); return an estimate at the end of a window, else None."""
@@ -102,19 +118,100 @@ class WearMonitor:
             return None
         mean = self._sum / self._count
         self._sum, self._count = np.zeros_like(self._sum), 0
-        return estimate(self.model, mean)
+        self._last = estimate(self.model, mean)
+        return self._last
+
+    def state(self) -> dict[str, Any]:
+        """Return the last reading as plain data for a log: never a number without its interval, and what held.
+
+        `window`: its length [s]; `filled`: share of the one under way [-]; `unusual`: see `WearEstimate`, null before
+        the first window is full; `note`: how often such intervals held; `targets`: by name of the joint, and `level`,
+        an object of `value` and `interval95` of f/τ_max (null where there is none), `held` (null: not measured),
+        `told`, and `why` where not.
+        """
+        seen, names = self._last, self.model.targets
+        state: dict[str, Any] = {
+            "window": self.model.window * self._period,
+            "filled": self._count / self.model.window,
+            "unusual": None if seen is None else seen.unusual,
+            "calibrated": self.model.calibration is not None,
+            "note": coverage_text(self.model),
+        }
+        if seen is None:
+            nothing = {"value": None, "interval95": None, "held": None, "told": False, "why": "no window is full yet"}
+            return state | {"targets": {name: dict(nothing) for name in names}}
+        values, held = (*seen.friction.tolist(), seen.level), (*seen.held.tolist(), seen.level_held)
+        ends = (*seen.interval95.T.tolist(), list(seen.level_interval95))
+        rows = zip(names, values, ends, held, seen.untold, strict=True)
+        return state | {
+            "targets": {
+                name: {
+                    "value": value if math.isfinite(value) else None,
+                    "interval95": end if math.isfinite(value) else None,
+                    "held": share if math.isfinite(share) else None,
+                    "told": why is None,
+                    "why": why,
+                }
+                for name, value, end, share, why in rows
+            }
+        }
 
 
 def estimate(model: WearModel, mean: np.ndarray) -> WearEstimate:
     """Return the estimate of a window's mean features, shape (features,)."""
-    standard = np.clip((mean - np.array(model.center)) / np.array(model.scale), -model.limit, model.limit)
-    told = np.array(model.told)
-    value = np.where(told, np.array(model.intercept) + standard @ np.array(model.weights), np.nan)
-    ends = np.maximum(value + np.array([[-1.0], [1.0]]) * np.array(model.reach), 0.0)
+    calibration, unusual = model.calibration, is_unusual(model, mean)
+    value = raw_estimate(model, mean)
+    if calibration is None:
+        shift, spread = np.zeros(len(value)), np.array([[-1.0], [1.0]]) * np.array(model.reach)
+        held = np.append(np.full(len(value) - 1, np.nan), HELD_UNCALIBRATED)
+    else:
+        shift, spread = np.array(calibration.shift), np.array([calibration.lower, calibration.upper])
+        held = np.array(calibration.held)
+    ends, value = np.maximum(value + spread, 0.0), np.maximum(value + shift, 0.0)
     return WearEstimate(
-        friction=np.maximum(value[:-1], 0.0),
+        friction=value[:-1],
         interval95=ends[:, :-1],
-        level=float(np.maximum(value[-1], 0.0)),
+        level=float(value[-1]),
         level_interval95=(float(ends[0, -1]), float(ends[1, -1])),
-        unusual=bool((standard**2).mean() > model.unusual),
+        unusual=unusual,
+        calibrated=calibration is not None,
+        held=held[:-1],
+        level_held=float(held[-1]),
+        untold=tuple(_untold(model, unusual, *each) for each in zip(value, (spread[1] - spread[0]), strict=True)),
     )
+
+
+def coverage_text(model: WearModel) -> str:
+    """Return what must stand beside every reading: how often the level's intervals held on virtual robots."""
+    known = model.calibration
+    share, where = (HELD_UNCALIBRATED, "") if known is None else (known.held[-1], f" with {known.engine}")
+    return f"95 % intervals of the level held the truth in {100 * share:.0f} % of windows on virtual robots{where}"
+
+
+def raw_estimate(model: WearModel, mean: np.ndarray) -> np.ndarray:
+    """Return the map's own estimate of each target [-], shape (J + 1,); NaN where it does not estimate one."""
+    standard = _standard(model, mean)
+    return np.where(model.told, np.array(model.intercept) + standard @ np.array(model.weights), np.nan)
+
+
+def is_unusual(model: WearModel, mean: np.ndarray) -> bool:
+    """Return whether a window is unlike those that the map was fitted on."""
+    return bool((_standard(model, mean) ** 2).mean() > model.unusual)
+
+
+def _standard(model: WearModel, mean: np.ndarray) -> np.ndarray:
+    """Return the standardised features of a window."""
+    return np.clip((mean - np.array(model.center)) / np.array(model.scale), -model.limit, model.limit)
+
+
+def _untold(model: WearModel, unusual: bool, value: float, width: float) -> str | None:
+    """Return why a target's friction is not told by a window: its value [-] and the width of its interval [-]."""
+    if not math.isfinite(value):
+        return "the map does not estimate it: a walk hardly depends on it"
+    if unusual:
+        return "the window is unlike those that the map was fitted on"
+    if width >= model.highest:
+        return f"its interval is as wide as all that the map was fitted on, 0 to {model.highest:g}"
+    if value > model.highest:
+        return f"above {model.highest:g}, the highest friction that the map was fitted on"
+    return None

@@ -179,7 +179,7 @@ def forwarded(
     robot: str | None = None,
     progress: Callable[[str, float], None] = lambda name, share: None,
 ) -> list[Walk]:
-    """Return the walks of `cfg.forward` outside the batch, each with the friction that is fed forward.
+    """Return the walks of `cfg.forward`, each with the friction that is fed forward.
 
     Left out are those on a robot whose bench does not identify the friction of some joint: `not_forwarded` names them.
     Robots that were not on their benches yet are put there first. Arguments as of `informed`.

@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 FLEET = (
-    *("core/names.py", "core/rotation.py", "core/provenance.py", "sim/*.py", "joints/pd.py", "joints/friction.py"),
+    *(
+        "core/names.py",
+        "core/rotation.py",
+        "core/provenance.py",
+        "sim/*.py",
+        "joints/compensation.py",
+        "joints/pd.py",
+        "joints/friction.py",
+    ),
     *("robots/*.py", "robots/shipped/*.py"),
     *("locomotion/friction.py", "locomotion/terrain.py", "formats/contract.py", "formats/known_friction.py"),
     "formats/walk.py",

@@ -28,6 +28,7 @@ from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
 from stiction.formats.results import ResultRow
 from stiction.formats.walk import Recording
+from stiction.joints.compensation import FrictionController
 from stiction.joints.friction import MAX_LEVEL, Law, has_coefficient
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.model import Robot
@@ -168,9 +169,10 @@ def evaluate_bundle(
     cfg: EvaluationCfg,
     robot: str | None = None,
     threads: int = 1,
+    against: FrictionController | None = None,
 ) -> Evaluation:
     """Evaluate one bundle; arguments and errors as of `drive_bundle`."""
-    return judge(drive_bundle(bundle, cfg, robot, threads), bundle.contract, bundle.name, cfg)
+    return judge(drive_bundle(bundle, cfg, robot, threads, against=against), bundle.contract, bundle.name, cfg)
 
 
 @dataclass(frozen=True)
@@ -216,6 +218,7 @@ def drive_bundle(
     robot: str | None = None,
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
+    against: FrictionController | None = None,
 ) -> Driven:
     """Drive a bundle, as checked by `check_bundle`, over levels and commands and return what its robots did.
 
@@ -223,7 +226,7 @@ def drive_bundle(
     """
     spec = robot_of(bundle.contract, robot)
     policy = batch_policy(bundle, spec, cfg, friction_at(bundle.contract, cfg.robot_levels, cfg.law))
-    return drive(policy, bundle.contract, spec, cfg, threads, progress)
+    return drive(policy, bundle.contract, spec, cfg, threads, progress, against)
 
 
 def batch_policy(bundle: Bundle, spec: Robot, cfg: EvaluationCfg, friction: np.ndarray) -> Policy:
@@ -239,6 +242,7 @@ def drive(
     cfg: EvaluationCfg,
     threads: int = 1,
     progress: Callable[[float], None] = lambda share: None,
+    against: FrictionController | None = None,
 ) -> Driven:
     """Drive robots over levels and commands and return what they did.
 
@@ -249,6 +253,7 @@ def drive(
         cfg: levels, commands, episodes.
         threads: threads of the simulator; they do not change the result.
         progress: called with the share that is done [-].
+        against: see `Rollout`.
 
     Raises:
         StictionError: the robot does not fit, the delay is longer than its model holds, or there are too many at once.
@@ -271,6 +276,7 @@ def drive(
         cfg.action_delay,
         cfg.course.terrain(cfg.num_robots, cfg.seed),
         cfg.law,
+        against=against,
     )
     velocity = cfg.robot_commands
     along_course = course_commands(velocity[:, 0])

@@ -11,7 +11,8 @@ from stiction.core.errors import ConfigurationError, EngineError, unknown_name
 from stiction.engines.catalog import ENGINES, EngineSpec, find_engine
 from stiction.evaluate.course import parse_course
 from stiction.evaluate.evaluate import EvaluationCfg
-from stiction.evaluate.methods import FORWARD
+from stiction.evaluate.methods import fed_suffix
+from stiction.joints.compensation import parse_compensation
 from stiction.joints.friction import Law, has_coefficient
 from stiction.virtual.cases import CELLS, FIRST_REPORTED, Case, Level, factorial, parse_levels, reported
 
@@ -89,12 +90,14 @@ class GridCfg:
     """Friction of the virtual robots: fractions of the torque limit, `bench`, `bench+0.02`; none: those of `base`."""
     forward: tuple[str, ...] = ()
     """Bundles, by name, that also walk with friction fed forward, see `stiction.evaluate.benches`."""
+    forward_by: tuple[str, ...] = ("error",)
+    """How it is fed forward, as `parse_compensation` reads it; each is a policy of its own."""
     forward_only: bool = False
     """Whether the policies of `forward` walk with it alone: their walks without are in another grid."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be walked."""
-        for name in ("engines", "terrains", "robots", "robot_levels", "forward"):
+        for name in ("engines", "terrains", "robots", "robot_levels", "forward", "forward_by"):
             given = getattr(self, name)
             if len(set(given)) < len(given) or not (given or name in ("robot_levels", "forward")):
                 raise ConfigurationError(f"{name.replace('_', ' ')} {list(given)}: expected at least one, each once")
@@ -121,16 +124,16 @@ class GridCfg:
             )
 
     def _check_forward(self) -> None:
-        """Refuse friction fed forward where there is no joint controller to do it, or no one torque to feed."""
+        """Refuse friction fed forward in ways that there are not, where there is no one torque to feed, or late."""
+        labels = [parse_compensation(text).label for text in self.forward_by]
+        if len(set(labels)) < len(labels):
+            raise ConfigurationError(f"friction fed forward by {' '.join(self.forward_by)}: expected each once")
         if not self.forward:
             return
-        if all(simulator.is_batch for simulator in self.simulators):
-            raise ConfigurationError(
-                f"friction fed forward in {BATCH}: its joint controllers are the simulator's own and take no torque "
-                "beside their targets; give another engine, such as physx"
-            )
+        if self.base.action_delay:
+            raise ConfigurationError("friction fed forward with an action delay: give one of the two")
         law = self.base.law.name
-        if has_coefficient(law) and any(each.cell is None and not each.is_batch for each in self.simulators):
+        if has_coefficient(law) and any(each.cell is None for each in self.simulators):
             raise ConfigurationError(
                 f"friction fed forward under the law {law}: it has a coefficient and no torque that could be fed; "
                 "expected coulomb or stribeck"
@@ -204,6 +207,8 @@ class Walk:
     """Seed of the virtual robot."""
     forward: tuple[float, ...] | None = None
     """Friction that the joint controllers feed forward [N m], of each joint; None: they do not."""
+    forward_by: str = "error"
+    """How, as `parse_compensation` reads it."""
     known: tuple[float, ...] | None = None
     """Friction given to a policy that observes it, f/τ_max of each kind of joint [-]; None: what its contract says, or
     none."""
@@ -216,7 +221,7 @@ class Walk:
     @property
     def suffix(self) -> str:
         """Behind the names of policy and method."""
-        return "" if self.forward is None else FORWARD
+        return "" if self.forward is None else fed_suffix(parse_compensation(self.forward_by))
 
     @property
     def cell(self) -> tuple[str, ...]:
@@ -233,8 +238,8 @@ def plan(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:
 
 
 def plan_forward(cfg: GridCfg) -> list[Walk]:
-    """Return every walk that is to be walked with friction fed forward, still without it; none is in the batch."""
-    return [walk for walk in _walks(cfg.forward, cfg) if not walk.simulator.is_batch]
+    """Return every walk that is to be walked with friction fed forward, still without it."""
+    return [replace(walk, forward_by=by) for by in cfg.forward_by for walk in _walks(cfg.forward, cfg)]
 
 
 def _walks(policies: Sequence[str], cfg: GridCfg) -> list[Walk]:

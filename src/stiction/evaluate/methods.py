@@ -5,12 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stiction.formats.contract import Contract
+from stiction.joints.compensation import SHARES, By, Compensation
 
 FORWARD = "+forward"
-"""Behind the names of policy and method: with friction fed forward in the joint controllers."""
+"""Behind the names of policy and method: with friction fed forward by the position error."""
 
 FED = f"none{FORWARD}"
-"""The conventional policy with friction fed forward."""
+"""The conventional policy with friction fed forward by the position error, all of it."""
+
+FED_BY_REFERENCE, FED_BY_MEASURED = "none+reference", "none+measured"
+"""The same as users of motors do it: by the speed of the target or of the joint, by the error while it is stuck."""
+
+FED_BY: dict[By, str] = {"error": FED, "reference": FED_BY_REFERENCE, "measured": FED_BY_MEASURED}
+"""How friction is fed forward in the comparison -> method."""
+
+
+def fed_suffix(compensation: Compensation) -> str:
+    """Return what stands behind the names of policy and method where friction is fed forward: `+reference=0.8`."""
+    return f"+{compensation.label.replace('error', FORWARD[1:])}"
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,8 @@ TOLD = "told"
 METHODS = {
     "none": "conventional randomisation, without friction",
     FED: "the same policy, the friction that was identified fed forward in the joint controllers at 500 Hz",
+    FED_BY_REFERENCE: f"the same, {SHARES['reference']:g} of it, by the target's speed, and by the error while stuck",
+    FED_BY_MEASURED: f"the same, {SHARES['measured']:g} of it, by the measured speed, and by the error while stuck",
     "actuator": "Actuator Net: without friction, through a net of the torque that the motors of a robot of this kind "
     "logged while `none` walked backward",
     "deception": "friction-aware: friction from none to 1.2 of the nominal one",

@@ -16,6 +16,7 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.formats.contract import Contract
 from stiction.formats.walk import Recording
+from stiction.joints.compensation import FrictionController
 from stiction.joints.friction import Law, has_coefficient
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.model import DELAY_SAMPLES, Robot
@@ -74,6 +75,7 @@ class Rollout:
         law: Law = COULOMB,
         physics: PhysicsCfg = EXACT,
         timestep: float | None = None,
+        against: FrictionController | None = None,
     ) -> None:
         """Put the robots into their standing pose.
 
@@ -90,9 +92,10 @@ class Rollout:
             law: law of the dry friction.
             physics: how dry friction is simulated.
             timestep: physics step [s], a part of the control period; by default the contract's.
+            against: what the joint controllers add against friction at every physics step; its period is `timestep`.
 
         Raises:
-            StictionError: the delay is longer than the model holds.
+            StictionError: the delay is longer than the model holds, or delays what is fed forward too.
 
         """
         num = len(friction)
@@ -102,6 +105,11 @@ class Rollout:
         if not 0.0 <= action_delay <= longest:
             raise ConfigurationError(
                 f"action delay {action_delay} s; expected 0 to {longest:g} s, what the model holds"
+            )
+        if against is not None and action_delay:
+            raise ConfigurationError(
+                f"friction fed forward with an action delay of {action_delay} s: joint controllers feed it without; "
+                "give one of the two, or a virtual robot, which has both"
             )
         loaded = law.spec.loaded
         self.fleet = Fleet(
@@ -114,8 +122,23 @@ class Rollout:
         self.fleet.delay[:] = round(action_delay / timestep) * timestep
         self.fleet.set_const(np.arange(num))
         self._policy, self._contract, self._noise = policy, contract, noise or NoiseCfg()
+        self._target = self.fleet.targets.copy()
+        if against is not None:
+            self.fleet.before_step.append(self._feed(against))
+            self.fleet.after_reset.append(against.reset)
         self._generators, self._robots_per_generator = generators, num // len(generators)
         self.reset(np.arange(num))
+
+    def _feed(self, against: FrictionController) -> Callable[[Fleet], None]:
+        """Return what feeds friction forward: kp (a + τ_ff/kp − θ) is the controllers' torque with τ_ff beside it."""
+        kp, kd = self._contract.array("kp"), self._contract.array("kd")
+
+        def feed(fleet: Fleet) -> None:
+            angle, speed = fleet.joint_position, fleet.joint_velocity
+            asked = kp * (self._target - angle) - kd * speed
+            fleet.set_targets(self._target + against.torque(self._target, angle, speed, asked) / kp)
+
+        return feed
 
     def _uniform(self, width: int) -> np.ndarray:
         """Return numbers in [-1, 1), one row per robot, shape (N, width)."""
@@ -140,6 +163,7 @@ class Rollout:
         """Sense, and set the policy's joint targets under the commanded velocities, shape (N, 3); no time passes."""
         sensors = self.sense()
         step = self._policy.step(sensors, command)
+        self._target = step.target
         self.fleet.set_targets(step.target)
         return sensors, step
 

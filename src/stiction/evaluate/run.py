@@ -29,6 +29,7 @@ from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.grid import GridCfg, Unit, Walk, plan, units
 from stiction.evaluate.metrics import Metrics, measure
 from stiction.formats.bundle import Bundle
+from stiction.joints.compensation import BY_ERROR, Compensation, parse_compensation
 from stiction.robots.catalog import find_robot
 from stiction.robots.model import GRAVITY, Robot
 from stiction.virtual import trial as trials
@@ -75,7 +76,11 @@ def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None
     if not unit.simulator.is_batch:
         return [_walk_alone(bundle, first, cell, robot_of(bundle.contract, robot))]
     cell = replace(cell, friction_levels=(float(first.level),), episodes=episodes, first_episode=first.episode)
-    return list(evaluate_bundle(bundle, cell, robot).episodes[0])
+    against = None
+    if first.forward is not None:
+        contract, how = bundle.contract, parse_compensation(first.forward_by)
+        against = how.controller(np.array(first.forward), contract.physics_timestep, contract.compensation_width)
+    return list(evaluate_bundle(bundle, cell, robot, against=against).episodes[0])
 
 
 def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> Metrics:
@@ -97,7 +102,8 @@ def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> M
         case = Case(one.robot, one.simulator.cell, parse_level(one.level))
     friction, known = (None if given is None else np.array(given) for given in (one.forward, one.known))
     seed = 0 if one.robot is None else cfg.seed
-    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known)
+    how = parse_compensation(one.forward_by)
+    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, how)
 
 
 def walk_once(
@@ -110,6 +116,7 @@ def walk_once(
     friction: np.ndarray | None = None,
     seed: int = 0,
     known: np.ndarray | None = None,
+    compensation: Compensation = BY_ERROR,
 ) -> Metrics:
     """Walk one episode with one robot, and return its metrics.
 
@@ -118,7 +125,18 @@ def walk_once(
     (command,), period = cfg.parsed_commands, bundle.contract.control_period
     steps = round(cfg.duration / period)
     trial = trials.walk(
-        bundle, case, world, command_source(command, cfg.course), steps, episode, None, spec, friction, seed, known
+        bundle,
+        case,
+        world,
+        command_source(command, cfg.course),
+        steps,
+        episode,
+        None,
+        spec,
+        friction,
+        seed,
+        known,
+        compensation,
     )
     part = trial.recording.extended(steps).of(slice(0, 1), round(cfg.settle / period))
     return measure(part, command, spec.groups(), spec.mass * GRAVITY, cfg.course)

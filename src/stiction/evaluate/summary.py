@@ -44,6 +44,7 @@ def evaluate_all(
             *not_identified(done, bundles, cfg, out / BENCHES, robot),
         ],
         "forward": list(cfg.forward),
+        "forward_by": list(cfg.forward_by),
         "conditions": cfg.base.conditions,
         "robot": robot,
         "seconds": time.perf_counter() - start,

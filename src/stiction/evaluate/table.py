@@ -10,7 +10,7 @@ import numpy as np
 
 from stiction.core.statistics import wilson
 from stiction.deploy.check import robot_of
-from stiction.evaluate.grid import FORWARD, Walk
+from stiction.evaluate.grid import Walk
 from stiction.evaluate.methods import MethodCell, method_of
 from stiction.evaluate.metrics import Metrics, combine
 from stiction.formats.bundle import Bundle
@@ -162,5 +162,5 @@ def _sample_of(contract: Contract) -> tuple[str, ...]:
 def methods_of(rows: Sequence[OfPolicy], bundles: Sequence[Bundle]) -> dict[str, str]:
     """Return policy, as rows call it -> its method with the suffix of `sample_names`; bundles: those that walked."""
     names = sample_names({bundle.name: bundle.contract for bundle in bundles})
-    base = {row.policy: row.policy if row.policy in names else row.policy.removesuffix(FORWARD) for row in rows}
+    base = {row.policy: row.policy if row.policy in names else row.policy.rpartition("+")[0] for row in rows}
     return {row.policy: row.method + names[base[row.policy]] for row in rows}

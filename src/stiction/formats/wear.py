@@ -4,19 +4,60 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 
 from stiction.core.errors import BundleError
-from stiction.formats.plain import build, is_integer, is_number, parse_object, take_version
+from stiction.formats.plain import build, is_integer, is_number, is_text, parse_object, take_version
 
-SCHEMA_VERSION = 1
-"""Version of wear.json; any other is refused."""
+SCHEMA_VERSION, BARE_VERSION = 2, 1
+"""Versions of wear.json with and without `calibration`, which came later; any other is refused."""
 
 LARGEST, LONGEST_WINDOW = 1e9, 10**5
 """Largest number of a map, and longest window: half an hour at 50 Hz."""
 
 LEVEL = "level"
 """Name of the last target: the mean of f/τ_max over the joints."""
+
+
+@dataclass(frozen=True)
+class WearCalibration:
+    """How far a map is off on virtual robots, which have what its simulator has not: backlash, delays, load, Stribeck.
+
+    Per target of the map. Robots are the sample: of each the largest errors over its windows count.
+    """
+
+    shift: tuple[float, ...]
+    """What is added to an estimate [-]: the median over robots of truth less estimate."""
+    lower: tuple[float, ...]
+    """Lower end of the 95 % interval less the estimate [-]."""
+    upper: tuple[float, ...]
+    """Upper end less the estimate [-]; both by split conformal prediction over the calibration robots."""
+    held: tuple[float, ...]
+    """Share of the test robots' windows whose interval holds the truth [-]."""
+    held_before: tuple[float, ...]
+    """The same of the map's own intervals, before calibration [-]."""
+    robots: tuple[int, ...]
+    """Seeds of the calibration robots."""
+    tested: tuple[int, ...]
+    """Seeds of the test robots; none is a calibration robot."""
+    engine: str
+    """Engine and what of the robots is real: `physx+all`."""
+
+    def __post_init__(self) -> None:
+        """Refuse sizes that do not fit, numbers that are none, and robots that tested what they calibrated."""
+        columns = (self.shift, self.lower, self.upper, self.held, self.held_before)
+        rows = list(zip(*columns, strict=False))
+        if any(len(column) != len(self.shift) for column in columns) or not all(
+            all(is_number(number, LARGEST) for number in row) for row in rows
+        ):
+            raise BundleError("wear.json: 'calibration' has lists of several lengths, or numbers that are none")
+        if not all(low <= shift <= high and 0 <= new <= 1 and 0 <= old <= 1 for shift, low, high, new, old in rows):
+            raise BundleError("wear.json: 'calibration' has an interval without its estimate, or a share above 1")
+        seeds = (*self.robots, *self.tested)
+        if not (self.robots and self.tested and all(map(is_integer, seeds)) and len({*seeds}) == len(seeds)):
+            raise BundleError("wear.json: 'calibration' needs robots, and others to test it on, each once")
+        if not is_text(self.engine):
+            raise BundleError("wear.json: 'calibration' does not say in which engine it was made")
 
 
 @dataclass(frozen=True)
@@ -57,6 +98,8 @@ class WearModel:
     is not like those that the map was fitted on."""
     student: str
     """SHA-256 of the student's checkpoint: features of another policy's walk mean something else."""
+    calibration: WearCalibration | None = None
+    """What virtual robots say of it; None: its intervals are those of the simulator that it was fitted in."""
 
     def __post_init__(self) -> None:
         """Refuse sizes that do not fit each other and numbers that are not finite."""
@@ -68,6 +111,8 @@ class WearModel:
         for name, (found, expected) in sizes.items():
             if found != expected:
                 raise BundleError(f"wear.json: {name!r} has {found} entries; expected {expected}; export again")
+        if self.calibration is not None and len(self.calibration.shift) != targets:
+            raise BundleError(f"wear.json: 'calibration' is of {len(self.calibration.shift)} targets, not {targets}")
         lists = (self.center, self.scale, self.intercept, self.reach, self.determination, self.coverage, *self.weights)
         single = (self.threshold, self.highest, self.unusual, self.limit)
         if not all(is_number(number, LARGEST) for row in (*lists, single) for number in row):
@@ -92,7 +137,11 @@ class WearModel:
 
     def to_json(self) -> str:
         """Return the text of wear.json."""
-        return json.dumps({"schema_version": SCHEMA_VERSION} | asdict(self), allow_nan=False) + "\n"
+        data = asdict(self)
+        if self.calibration is None:  # older programs read it too
+            del data["calibration"]
+        version = BARE_VERSION if self.calibration is None else SCHEMA_VERSION
+        return json.dumps({"schema_version": version} | data, allow_nan=False) + "\n"
 
 
 def read_wear(text: bytes) -> WearModel:
@@ -102,13 +151,14 @@ def read_wear(text: bytes) -> WearModel:
         StictionError: not JSON, another version, or a field missing, unknown, or of the wrong kind or size.
 
     """
-    data = take_version(
-        parse_object(text, "wear.json", "a map of the wear monitor", BundleError),
-        SCHEMA_VERSION,
-        "wear.json",
-        BundleError,
-    )
+    data = parse_object(text, "wear.json", "a map of the wear monitor", BundleError)
+    found = data.get("schema_version")
+    bare = is_integer(found) and found == BARE_VERSION
+    data = take_version(data, BARE_VERSION if bare else SCHEMA_VERSION, "wear.json", BundleError)
+    required = {field.name for field in fields(WearModel)} - ({"calibration"} if bare else set())
+    if bare and "calibration" in data:
+        raise BundleError(f"wear.json: 'calibration' in version {BARE_VERSION}; expected version {SCHEMA_VERSION}")
     try:
-        return build(WearModel, data, "wear.json", BundleError)
+        return build(WearModel, data, "wear.json", BundleError, required)
     except (ValueError, TypeError) as error:
         raise BundleError(f"wear.json is malformed: {error}; make it again") from error

@@ -166,9 +166,11 @@ VIRTUAL = (
 
 FED_FORWARD = (
     "Policies called +forward are those of that name with dry friction fed forward in the joint controllers: f sat((a "
-    f"− θ)/{COMPENSATION_WIDTH:g} rad) is added to the motor's torque every {1000 * TIMESTEP:g} ms. f is the law's own "
-    "level on the robot of the data sheet, and on a virtual robot what was identified from the log of that robot's own "
-    "bench."
+    f"− θ)/{COMPENSATION_WIDTH:g} rad) is added to the motor's torque every {1000 * TIMESTEP:g} ms, in mujoco at its "
+    "physics step. Those called +reference or +measured get a share of f in the direction of the target's or the "
+    "joint's speed, and while a joint is stuck in that of the error; -motor: in the motors' own controllers. f is the "
+    "law's own level on the robot of the data sheet, and on a virtual robot what was identified from the log of that "
+    "robot's own bench."
 )
 """What a policy with friction fed forward is."""
 

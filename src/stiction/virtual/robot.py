@@ -3,7 +3,8 @@
 What happens in one physics step, in this order:
 
 1. the command that arrives now (sent `delays.command` ago) becomes valid;
-2. each motor controller computes its torque from its own encoder, without a delay;
+2. each motor controller computes its torque from its own encoder, without a delay, and adds what it was programmed to
+   feed forward against friction;
 3. the motor limits it by torque, speed and voltage, and scales it by its true torque constant;
 4. the gears transmit it, or cross their gap;
 5. the engine moves the body, under that torque and the bounds of dry friction;
@@ -30,6 +31,7 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import JointCommand, Reading
 from stiction.engines.engine import Engine, Motion
 from stiction.engines.friction import JointFriction
+from stiction.joints.compensation import FrictionController
 from stiction.virtual.gears import Gears
 from stiction.virtual.hidden import Hidden
 from stiction.virtual.motor import Drive, commanded_torque
@@ -192,10 +194,18 @@ class VirtualRobot:
         self._commands: DelayLine[JointCommand] = DelayLine(whole_steps(hidden.delays.command, engine.timestep))
         self._samples: DelayLine[Reading] = DelayLine(whole_steps(hidden.delays.sensors, engine.timestep))
         self._reported: deque[np.ndarray] = deque(maxlen=self._steps)
+        self._against: FrictionController | None = None
         self.handle = RobotHandle(self._names, period, lambda: self._reading, self._exchange)
         """For what drives the robot."""
         standing = spec.joint_values("default_position")
         self.place(standing, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
+
+    def program(self, against: FrictionController | None) -> None:
+        """Let the motor controllers feed friction forward by themselves, from their own encoders; None: they do not.
+
+        Their period is the engine's physics step.
+        """
+        self._against = against
 
     def place(self, joint_position: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> None:
         """Put the robot there, at rest and limp; see `Engine.reset`."""
@@ -203,6 +213,8 @@ class VirtualRobot:
         self._motion, self._tick = self._engine.motion(self._loads), 0
         for part in (self._drive, self._friction, self._imu):
             part.reset()
+        if self._against is not None:
+            self._against.reset()
         self._gears.reset(joint_position)
         self._encoders.reset(joint_position)
         zero = np.zeros_like(joint_position)
@@ -235,6 +247,9 @@ class VirtualRobot:
         commanded = commanded_torque(
             command.kp, command.kd, command.target, command.forward, encoders.angle, encoders.velocity
         )  # 2
+        if self._against is not None:  # a joint that is commanded limp stays so
+            against = self._against.torque(command.target, encoders.angle, encoders.velocity, commanded)
+            commanded = commanded + np.where(command.kp > 0.0, against, 0.0)
         last = self._given
         self._given, reported = self._drive.torque(commanded, self._gears.velocity)  # 3
         wear = 1.0 if self._wear is None else np.where(self._worn, self._wear.factor(self._time), 1.0)

@@ -18,6 +18,7 @@ from stiction.engines.friction import JointFriction
 from stiction.engines.ground import Ground, flat
 from stiction.formats.bundle import Bundle
 from stiction.formats.walk import Recording
+from stiction.joints.compensation import BY_ERROR, Compensation
 from stiction.locomotion.config import NoiseCfg
 from stiction.robots.model import Robot, leans_too_far, too_low
 from stiction.virtual.hidden import Hidden, draw
@@ -170,6 +171,7 @@ def walk(
     friction: np.ndarray | None = None,
     seed: int = 0,
     known: np.ndarray | None = None,
+    compensation: Compensation = BY_ERROR,
 ) -> Trial:
     """Let a bundle walk on a virtual robot for `steps` control periods, or until it falls or blows up, which is a fall.
 
@@ -183,9 +185,10 @@ def walk(
             training's simulator (`Rollout`) under the case's seed.
         wear: of the robot's joints.
         spec: the robot, by default the shipped one that the bundle names.
-        friction: what the joint controllers feed forward, see `Pilot`.
+        friction: what is fed forward, see `Pilot`.
         seed: 0, or of other episodes of the same robot.
         known: friction given to a policy that observes it, see `ObservationBuilder`; by default the contract's.
+        compensation: how friction is fed forward, by the computer or by the motors; see `Pilot`.
 
     Raises:
         StictionError: the bundle does not fit the robot, or friction is to be fed forward to one that compensates it.
@@ -201,7 +204,11 @@ def walk(
     height = spec.standing_height + world.height(np.array(world.start))
     robot.place(standing, np.array([*world.start, height]), about(2, world.heading))
     port = robot.handle if world.noise is None else Noisy(robot.handle, world.noise, walking)
-    pilot = Pilot(port, load_policy(contract, bundle.policy, known_friction=known), friction)
+    policy = load_policy(contract, bundle.policy, known_friction=known)
+    if compensation.in_motor and friction is not None:
+        robot.program(compensation.controller(friction, world.timestep))
+        friction, compensation = None, BY_ERROR
+    pilot = Pilot(port, policy, friction, compensation)
     recorder = TruthRecorder(robot.ground_truth, spec, contract.control_period)
     done: list[ControlStep] = []
     while len(done) < steps and recorder.upright:

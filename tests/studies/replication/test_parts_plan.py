@@ -8,6 +8,7 @@ import pytest
 from bundles import make_bundle, make_contract
 from stiction.core.statistics import wilson
 from stiction.evaluate.grid import Walk, plan
+from stiction.evaluate.methods import FED_BY
 from stiction.evaluate.metrics import Metrics
 from stiction.evaluate.samples import Evidence
 from stiction.evaluate.table import rows_of
@@ -83,7 +84,7 @@ def walked(part: Part, bundles: list[Bundle]) -> list[dict]:
     walks = plan([bundle.name for bundle in taken], part.grid)
     if part.forward:
         fed = [walk for walk in plan([b.name for b in taken if conventional(b.contract)], part.grid)]
-        walks += [replace(walk, forward=(1.0,) * 18) for walk in fed if not walk.simulator.is_batch]
+        walks += [replace(walk, forward=(1.0,) * 18, forward_by=by) for by in FED_BY for walk in fed]
     return rows_of({walk: worth(walk) for walk in walks}, taken)[1]
 
 
@@ -94,7 +95,7 @@ def test_every_sentence_is_asked_of_walks_that_are_planned(size: Size, bundles: 
     evidence = Evidence.of(row for part in parts_of(size, 2) for row in walked(part, bundles))
     verdicts, read = judge_all(evidence)
     left = [verdict.id for verdict in verdicts if verdict.outcome == "not tested"]
-    assert len(verdicts) == 30 and left == [*WITHOUT_POLICY]
+    assert len(verdicts) == 32 and left == [*WITHOUT_POLICY]
     assert {row.claim for row in read if len(row.seeds.split()) < 2} == set()
 
 

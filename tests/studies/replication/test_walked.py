@@ -158,7 +158,12 @@ def test_rows_are_planned_as_they_will_be_written(still: Bundle, tmp_path: Path)
     assert planned_rows(part, [still]) == rows_in(rows_of(dict.fromkeys(walks, METRICS), [still])[1])
     only = replace(part, forward=True, grid=replace(grid, forward_only=True))
     assert {key[:3] for key in planned_rows(only, [still])} == {
-        ("still+forward", "mujoco-alone+all", law) for law in ("real", "real-bench", "real-bench+load0.02")
+        *(
+            (f"still+{way}", "mujoco-alone+all", law)
+            for way in ("forward", "reference", "measured")
+            for law in ("real", "real-bench", "real-bench+load0.02")
+        ),
+        *((f"still+{way}", "mujoco", "coulomb") for way in ("forward", "reference", "measured")),
     }
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.statistics import t_interval
+from stiction.core.statistics import conformal_bound, t_interval
 from stiction.deploy.wear import Moments
 from stiction.evaluate.evaluate import Evaluation, EvaluationCfg
 from stiction.evaluate.trained import LATENTS, walk_run
@@ -67,7 +67,7 @@ def fit_monitor(
     fit, calibrate, test = part < TEST_OF - 2, part == TEST_OF - 2, part == TEST_OF - 1
     ridge = fit_ridge(x[fit], y[fit], number[fit])
     error = np.abs(y - ridge.predict(x))
-    reach = upper(error[calibrate], COVERED)
+    reach = conformal_bound(error[calibrate], COVERED)
     distance = (ridge.standard(x) ** 2).mean(axis=1)
     values, low = np.zeros(y.shape[1]), np.zeros(y.shape[1])
     for per, columns in (("joint", slice(None, -1)), ("robot", slice(-1, None))):
@@ -88,18 +88,9 @@ def fit_monitor(
         coverage=tuple((error[test] <= reach).mean(axis=0).tolist()),
         threshold=LEAST_R2,
         highest=highest,
-        unusual=float(upper(distance[calibrate, None], USUAL)[0]),
+        unusual=float(conformal_bound(distance[calibrate, None], USUAL)[0]),
         student=student,
     )
-
-
-def upper(values: np.ndarray, share: float) -> np.ndarray:
-    """Return, for each column of (n, columns), the bound under which a new value lies with probability `share`.
-
-    The ⌈share (n + 1)⌉-th smallest (split conformal prediction); the largest where n is too small for that.
-    """
-    rank = min(int(np.ceil(share * (len(values) + 1))), len(values))
-    return np.sort(values, axis=0)[rank - 1]
 
 
 FIGURES = ("speed_ratio", "tracking_error")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stiction.core.statistics import t_interval
-from stiction.evaluate.methods import FED, FORWARD
+from stiction.evaluate.methods import FED, FED_BY
 from stiction.evaluate.samples import Condition, Evidence
 from stiction.formats.advice import FrictionEffect
 from stiction.formats.results import FOLLOWS
@@ -24,7 +24,7 @@ from stiction.studies.replication.records import (
     Replication,
 )
 
-BESIDE = ("none", FED, "deception")
+BESIDE = ("none", *FED_BY.values(), "deception")
 """Friction fed forward between the methods that it is held against."""
 
 BARE = {ROBOT: REST, FRICTION: NOMINAL}
@@ -104,7 +104,7 @@ def _by_seed(evidence: Evidence, method: str, engine: str, law: str) -> dict[int
     for condition in conditions:
         ratios = evidence.slower(method, condition).seeds
         if not ratios and condition.level == 0.0:
-            ratios = evidence.slower(method.removesuffix(FORWARD), condition).seeds
+            ratios = evidence.slower(method.partition("+")[0], condition).seeds
         for seed, ratio in ratios.items():
             curves.setdefault(seed, {})[condition.level] = ratio
     return {seed: curve for seed, curve in curves.items() if 0.0 in curve}

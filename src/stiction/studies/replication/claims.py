@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from stiction.evaluate.grid import REAL
-from stiction.evaluate.methods import FED
+from stiction.evaluate.methods import FED, FED_BY_MEASURED
 from stiction.evaluate.samples import Condition, Evidence, each_seed
 from stiction.formats.following import LEAST
 from stiction.formats.results import DIRECTIONS
@@ -224,6 +224,18 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
         f"virtual robot: mean |speed ratio - 1| of deception is below that of {FED}, at each level, over the robots "
         "on which friction was fed forward",
         criteria.nearer_on_robot("deception", FED),
+    ),
+    Claim(
+        "X8",
+        "fed forward as users of motors do it, a conventional policy walks",
+        f"{FED_BY_MEASURED} follows on the virtual robot, as X5: {FOLLOWING}, at each level",
+        criteria.follows_on_robot(FED_BY_MEASURED),
+    ),
+    Claim(
+        "X9",
+        "and training with friction is better than that",
+        f"virtual robot: mean |speed ratio - 1| of deception is below that of {FED_BY_MEASURED}, as X6",
+        criteria.nearer_on_robot("deception", FED_BY_MEASURED),
     ),
     Claim(
         "X7",

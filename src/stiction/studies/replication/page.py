@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from stiction.evaluate.methods import FED
+from stiction.evaluate.methods import FED, FED_BY
 from stiction.evaluate.table import BOTH, Sample
 from stiction.formats.following import BAND, LEAST, MOST, Following
 from stiction.formats.results import FOLLOWS
@@ -278,20 +278,23 @@ def forward_sheet(points: Sequence[ForwardPoint], virtual: bool) -> Sheet | None
     virtual: on virtual robots, or on the robot of the data sheet. None where no friction was fed forward there.
     """
     cells = {(p.method, p.engine, p.friction_law, p.friction_level): p for p in points}
+    fed = {FED} | {p.method for p in points}
+    methods = ("none", *(method for method in FED_BY.values() if method in fed), "deception")
     rows = []
     for one in points:
         if one.method == FED and ("+" in one.engine) == virtual:
             where = one.engine, one.friction_law, one.friction_level
-            three = (cells.get((method, *where)) for method in ("none", FED, "deception"))
+            each = (cells.get((method, *where)) for method in methods)
             counts = (f"{one.robots} of {one.robots + one.left_out}",) if virtual else ()
-            rows.append((one.engine, friction_text(*where[1:]), *counts, *map(_ratio_text, three)))
-    header = ("engine", "friction", *(("robots",) if virtual else ()), "none", FED, "deception")
+            rows.append((one.engine, friction_text(*where[1:]), *counts, *map(_ratio_text, each)))
+    header = ("engine", "friction", *(("robots",) if virtual else ()), *methods)
     where_text = "on the virtual robot" if virtual else "on the robot of the data sheet"
     source = "what was identified from the log of each robot's own bench" if virtual else "the friction itself"
     left_out = " Robots whose bench does not tell it are left out, of the methods beside it too." if virtual else ""
     note = (
         "Speed reached over commanded in the slower direction, mean ± 95 % t-interval over training seeds, in brackets "
-        f"their number. Fed forward: f sat((a − θ)/{COMPENSATION_WIDTH:g} rad) in the joint controllers. f is {source}."
+        f"their number. +forward: f sat((a − θ)/{COMPENSATION_WIDTH:g} rad) in the joint controllers; +reference, "
+        f"+measured: a share of f in the direction of the target's or the joint's speed. f is {source}."
         f"{left_out}"
     )
     return Sheet(f"Friction fed forward, {where_text}", header, tuple(rows), note) if rows else None

@@ -23,7 +23,7 @@ from stiction.evaluate.benches import (
     not_identified,
 )
 from stiction.evaluate.grid import GridCfg, Walk, plan, plan_forward
-from stiction.evaluate.methods import METHODS, method_of
+from stiction.evaluate.methods import FED_BY, METHODS, method_of
 from stiction.evaluate.run import BENCHES, LEDGER, WalkLedger, walk_grid
 from stiction.evaluate.samples import Evidence, samples
 from stiction.evaluate.summary import check_names, describe
@@ -131,10 +131,11 @@ def row_key(walk: Walk, contract: Contract) -> Key:
 
 
 def _grid(part: Part, bundles: Sequence[Bundle]) -> GridCfg:
-    """Return a part's grid, with the policies that walk with friction fed forward too."""
+    """Return a part's grid, with the policies that walk with friction fed forward too, in every way."""
     if not part.forward:
         return part.grid
-    return replace(part.grid, forward=tuple(b.name for b in bundles if conventional(b.contract)))
+    fed = tuple(bundle.name for bundle in bundles if conventional(bundle.contract))
+    return replace(part.grid, forward=fed, forward_by=tuple(FED_BY))
 
 
 def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:

@@ -1,0 +1,200 @@
+"""Dry friction fed forward by a joint controller: in which direction it pushes, and how much of the friction.
+
+Friction opposes motion, so what a controller adds must point where the joint is to go. Where that is, is the question:
+
+* `error` goes by the position error alone, f sat((a − θ)/width): it also pushes a joint that swings past its target.
+* `reference` and `measured` are what a user of motors would do:
+
+      τ_ff = share (f + c |τ|) sat( sat(v/v_s) + exp(−(θ'/v_f)²) sat((a − θ)/width) )
+
+  with v the speed of the target, low-passed as a motor controller does, or the speed of the joint as measured. The
+  second term breaks away a joint that is stuck, which a measured speed of zero cannot, and a target at rest neither; it
+  fades with the measured speed. c |τ| is friction that grows with the motor's torque τ. The share is below one: what is
+  left of the friction keeps the joint from hunting about its target, and covers an error of the identification. They
+  run in the computer, at every reading; `reference-motor` and `measured-motor` do so in the motor's controller, from
+  its own encoder.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.joints.pd import COMPENSATION_WIDTH, fed_forward
+
+By = Literal["error", "reference", "measured", "reference-motor", "measured-motor"]
+"""Ways to feed friction forward, see the module."""
+
+LARGEST_SHARE = 2.0
+"""Largest share of the friction that may be fed forward [1]: over 1 it is overcompensated, to be measured, not used."""
+
+
+@dataclass(frozen=True)
+class PushCfg:
+    """How the direction of the push is found, of all ways but `error`."""
+
+    slow: float = 0.2
+    """v_s: speed, of the target or measured, from which all is fed forward [rad/s]; in proportion below."""
+    smoothing: float = 0.04
+    """Time constant of the low-pass on the target [s]: two control periods at 50 Hz, over which targets jump."""
+    width: float = COMPENSATION_WIDTH
+    """Distance of the target from which a joint at rest is pushed with all [rad]; in proportion below."""
+    fade: float = 0.3
+    """v_f: measured speed at which that push is down to 37 % [rad/s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no speed, time or angle."""
+        numbers = (self.slow, self.smoothing, self.width, self.fade)
+        if not all(0 < number < np.inf for number in numbers):
+            raise ConfigurationError(
+                f"compensation with speeds {self.slow} and {self.fade} rad/s, smoothing {self.smoothing} s, width "
+                f"{self.width} rad: expected four positive numbers"
+            )
+
+
+@dataclass(frozen=True)
+class Compensation:
+    """A way to feed friction forward, and the share of the friction that is fed."""
+
+    by: By
+    """The way."""
+    share: float
+    """Share of the identified friction [1], see `SHARES`."""
+    push: PushCfg = field(default_factory=PushCfg)
+    """Of all ways but `error`."""
+
+    def __post_init__(self) -> None:
+        """Refuse another way, or a share that is none."""
+        if self.by not in get_args(By):
+            raise ConfigurationError(f"compensation: {unknown_name('way', self.by, get_args(By))}")
+        if not 0 <= self.share <= LARGEST_SHARE:
+            raise ConfigurationError(
+                f"compensation of {self.share} of the friction; expected 0 to {LARGEST_SHARE:g}, 0.7 to 0.8 in use"
+            )
+
+    @property
+    def in_motor(self) -> bool:
+        """Whether it runs in the motor's controller."""
+        return self.by.endswith("-motor")
+
+    @property
+    def label(self) -> str:
+        """The text that `parse_compensation` reads."""
+        return self.by if self.share == SHARES[self.by] else f"{self.by}={self.share:g}"
+
+    def controller(
+        self, friction: np.ndarray, period: float, width: float = COMPENSATION_WIDTH, load: np.ndarray | float = 0.0
+    ) -> FrictionController:
+        """Return what computes the torque.
+
+        friction: f, as identified [N m], shape (..., J); period: time between two calls [s]; width: of the way `error`
+        [rad]; load: c, friction per torque of the motor, of the other ways [1], (..., J).
+        """
+        if self.by == "error":
+            return ErrorController(self.share * np.asarray(friction, float), width)
+        measured = self.by.startswith("measured")
+        return DirectedController(self.share, self.push, measured, np.asarray(friction, float), period, load)
+
+
+SHARES: dict[By, float] = {by: 1.0 if by == "error" else 0.75 for by in get_args(By)}
+"""Share of the friction that is fed forward where none is named [1]: of `error` all, as it always was."""
+
+
+BY_ERROR = Compensation("error", SHARES["error"])
+"""What is done where nothing else is said."""
+
+
+def parse_compensation(text: str) -> Compensation:
+    """Return the way that a text names, one of `By`; after a `=` the share: `reference=0.7`.
+
+    Raises `StictionError` where it names none.
+    """
+    by, equals, share = text.strip().partition("=")
+    known = next((name for name in get_args(By) if name == by), None)
+    try:
+        if known is None:
+            raise ConfigurationError(
+                f"compensation: {unknown_name('way', by, get_args(By))}; with a share: measured=0.7"
+            )
+        return Compensation(known, float(share) if equals else SHARES[known])
+    except ValueError as error:
+        raise ConfigurationError(f"compensation {text!r}: expected a share after the '=', such as {by}=0.7") from error
+
+
+class FrictionController(Protocol):
+    """Computes what is added against friction; it may remember the targets of before."""
+
+    def reset(self, ids: np.ndarray | None = None) -> None:
+        """Forget the targets of before, of the robots `ids` of a batch, or all."""
+
+    def torque(self, target: Any, position: Any, velocity: Any, given: Any = 0.0) -> np.ndarray:
+        """Return τ_ff [N m], shape (..., J), and advance by one period.
+
+        target: a [rad]; position, velocity: θ, θ' as measured [rad, rad/s]; given: τ, the torque that the gains ask
+        for [N m].
+        """
+
+
+class ErrorController:
+    """The way `error`."""
+
+    def __init__(self, friction: np.ndarray, width: float) -> None:
+        """friction: what is fed forward [N m]; width: see `fed_forward` [rad]."""
+        self._friction, self._width = friction, width
+
+    def reset(self, ids: np.ndarray | None = None) -> None:
+        """Nothing is remembered."""
+
+    def torque(self, target: Any, position: Any, velocity: Any, given: Any = 0.0) -> np.ndarray:
+        """Return f sat((a − θ)/width) [N m]."""
+        return np.asarray(fed_forward(target, position, self._friction, self._width))
+
+
+class DirectedController:
+    """All ways but `error`: see `push_direction`."""
+
+    def __init__(
+        self,
+        share: float,
+        cfg: PushCfg,
+        measured: bool,
+        friction: np.ndarray,
+        period: float,
+        load: np.ndarray | float,
+    ) -> None:
+        """measured: whether by the measured speed, or the target's; others as of `Compensation.controller`."""
+        self._share, self._cfg, self._friction, self._load = share, cfg, friction, load
+        self._measured = measured
+        self._period, self._step = period, -np.expm1(-period / cfg.smoothing)
+        self._smooth: np.ndarray | None = None
+
+    def reset(self, ids: np.ndarray | None = None) -> None:
+        """Begin with the next target at rest."""
+        if ids is None or self._smooth is None:
+            self._smooth = None
+        else:
+            self._smooth[ids] = np.nan
+
+    def torque(self, target: Any, position: Any, velocity: Any, given: Any = 0.0) -> np.ndarray:
+        """Return τ_ff [N m]; the first target after a reset is taken as if it had been there forever."""
+        if self._smooth is None:
+            self._smooth = np.array(target, float)
+        before = np.where(np.isnan(self._smooth), target, self._smooth)
+        self._smooth = before + self._step * (target - before)
+        speed = velocity if self._measured else (self._smooth - before) / self._period
+        direction = push_direction(speed, target - position, velocity, self._cfg)
+        return self._share * (self._friction + self._load * np.abs(given)) * direction
+
+
+def push_direction(speed: Any, error: Any, velocity: Any, cfg: PushCfg) -> np.ndarray:
+    """Return where, and how much of, a joint is pushed, in [−1, 1]: sat( sat(v/v_s) + exp(−(θ'/v_f)²) sat(e/w) ).
+
+    speed: v, of the low-passed target, or θ' itself [rad/s]; error: e = a − θ [rad]; velocity: θ', as measured
+    [rad/s]; any shape.
+    """
+    moving = np.clip(speed / cfg.slow, -1.0, 1.0)
+    stuck = np.exp(-np.square(velocity / cfg.fade)) * np.clip(error / cfg.width, -1.0, 1.0)
+    return np.asarray(np.clip(moving + stuck, -1.0, 1.0))

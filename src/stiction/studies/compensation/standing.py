@@ -1,0 +1,96 @@
+"""Hunting: a robot holds its standing pose on joints with friction, and what is fed forward must leave it at rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+
+from stiction.core.provenance import seed_streams
+from stiction.core.records import column
+from stiction.core.rotation import UPRIGHT
+from stiction.deploy.pilot import JointCommand
+from stiction.engines.catalog import make_engine
+from stiction.joints.compensation import Compensation
+from stiction.robots.model import Robot
+from stiction.virtual.cases import Case, parse_level
+from stiction.virtual.hidden import draw
+from stiction.virtual.sensors import INITIAL_ANGLE
+from stiction.virtual.trial import RobotCase, World
+
+SECONDS, SETTLE = 10.0, 2.0
+"""How long a robot stands, and what is not measured at the start [s]."""
+
+MOVES = 0.02
+"""Speed above which a joint moves [rad/s]: a legged robot's joint at rest is some hundred times slower."""
+
+OFTEN = 1.0
+"""A joint hunts where it moves to and fro at least this often [1/s]."""
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How a robot stood; a row of standing.csv."""
+
+    engine: str = field(metadata=column("engine"))
+    """Engine and what of the robot is real."""
+    robot: int = field(metadata=column("robot"))
+    """Seed of the virtual robot."""
+    friction_level: str = field(metadata=column("friction"))
+    """Of its joints, as `parse_level` reads it."""
+    fed: str = field(metadata=column("fed forward"))
+    """How friction was fed forward, as `parse_compensation` reads it; none: not."""
+    rms_speed: float = field(metadata=column("joint speed, rms [rad/s]", form=".4f"))
+    """Root mean square of all joints' true speeds [rad/s]."""
+    hunting: float = field(metadata=column("joints that hunt", form=".0%"))
+    """Share of the joints that move to and fro at least `OFTEN` [-]."""
+
+
+def hunting(speed: np.ndarray, period: float) -> np.ndarray:
+    """Return which joints hunt, bool, shape (J,). speed: true, at rest otherwise [rad/s], shape (T, J); period [s].
+
+    Counted are the times at which a joint that has last moved one way moves the other way, two of them to and fro.
+    """
+    found = []
+    for joint in speed.T:
+        ways = np.sign(joint[np.abs(joint) > MOVES])
+        found.append((np.diff(ways) != 0).sum() / 2 >= OFTEN * len(speed) * period)
+    return np.array(found, bool)
+
+
+def stand(
+    case: RobotCase, world: World, spec: Robot, friction: np.ndarray, how: Compensation | None
+) -> tuple[float, float]:
+    """Let a robot stand; return the rms speed of its joints [rad/s] and the share of them that hunts.
+
+    case, world: the robot and where it stands; spec: its data sheet; friction: as identified [N m], shape (J,); how:
+    it is fed forward; None: it is not.
+    """
+    start, sensing = seed_streams(case.seed, ["standing", "standing, sensors"]).values()
+    robot = world.robot(case, spec, sensing)
+    target, kp, kd = (spec.joint_values(name) for name in ("default_position", "kp", "kd"))
+    begin = target + INITIAL_ANGLE * start.uniform(-1.0, 1.0, spec.num_joints)
+    robot.place(begin, np.array([0.0, 0.0, spec.standing_height]), UPRIGHT)
+    against = None if how is None else how.controller(friction, world.timestep if how.in_motor else world.period)
+    by_computer = None if how is None or how.in_motor else against
+    if by_computer is None:
+        robot.program(against)
+    forward, speeds, port = np.zeros(spec.num_joints), [], robot.handle
+    for _ in range(round(SECONDS / world.period)):
+        seen = port.read().sensors
+        if by_computer is not None:
+            asked = kp * (target - seen.joint_position) - kd * seen.joint_velocity
+            forward = by_computer.torque(target, seen.joint_position, seen.joint_velocity, asked)
+        port.exchange(JointCommand(target, kp, kd, forward))
+        speeds.append(robot.ground_truth().motion.joint_velocity)
+    measured = np.array(speeds)[round(SETTLE / world.period) :]
+    return float(np.sqrt(np.square(measured).mean())), float(hunting(measured, world.period).mean())
+
+
+def stand_by(engine: str, seed: int, level: str, spec: Robot, how: Compensation | None) -> Standing:
+    """Return how a virtual robot stands whose friction in motion is known. Arguments as of `stand` and `Standing`."""
+    case = Case(seed, "all", parse_level(level))
+    friction = case.level.coulomb(spec) * case.robot(draw(spec, seed)).friction.share
+    found = stand(case, World(partial(make_engine, engine)), spec, friction, how)
+    return Standing(f"{engine}+all", seed, level, "none" if how is None else how.label, *found)

@@ -1,0 +1,153 @@
+"""`stiction study compensation BUNDLE...`: friction fed forward in every way, walking and standing still."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from stiction.joints.compensation import parse_compensation
+from stiction.report.terminal import RobotSeeds
+from stiction.studies.study import ParallelOptions, Report, Study, UsageError, Work
+
+if TYPE_CHECKING:
+    from stiction.studies.compensation.standing import Standing
+
+DESCRIPTION = """Feed friction forward in every way, with a right share of it and with a wrong one, and see who follows.
+
+Policies that never met friction walk in the simulator of the training, without it and with it fed forward; others walk
+as they are, to be compared. The friction that is fed is the joints' own times the share: at 0.75, 0.525 and 0.975 are
+what comes of an identification that is 30 % too low or too high. Then virtual robots, with delays, backlash and sensors
+of their own, hold their standing pose: do their joints move to and fro? The friction of each of their joints in motion
+is taken as known. With friction as benches identify it, walks are `stiction evaluate --forward --forward-by`.
+
+Example: stiction study compensation saturn_lite-flat-none-0.2 saturn_lite-flat-deception-0.2 --out compensation"""
+
+SHARES = (0.75, 0.7, 0.8, 0.525, 0.975)
+
+WAYS = ("error", "error=0.7", "error=1.3", *(f"{by}={share:g}" for by in ("reference", "measured") for share in SHARES))
+"""Ways and shares of the walks: as identified, and 30 % off."""
+
+STANDING = ("error", "error=1.3", "reference", "reference=0.975", "measured", "measured=0.975", "measured-motor=0.975")
+"""Those of the robots that stand still."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompensationOptions(ParallelOptions):
+    """Options of `stiction study compensation`."""
+
+    policies: Annotated[tuple[Path, ...], tyro.conf.Positional]
+    """Directories of the bundles, or names of shipped ones."""
+    ways: tuple[str, ...] = WAYS
+    """How friction is fed forward while robots walk, and which share of it."""
+    friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2, 0.3)
+    """Dry friction as fractions of each joint's torque limit [-]; at 0 there is nothing to feed forward."""
+    commands: tuple[str, ...] = ("vx=0.5", "vx=-0.5")
+    """Commanded velocities; with stand the page shows how much joints shake then."""
+    episodes: int = 16
+    """Episodes per level and command."""
+    seconds: float = 10.0
+    """Length of an episode [s]; its first 2 s are not measured."""
+    seed: int = 1000
+    """Seed of initial states and sensor noise; the ways were tuned with other ones, and on another policy."""
+    standing: tuple[str, ...] = STANDING
+    """How friction is fed forward while virtual robots stand still; none: nobody stands."""
+    robots: RobotSeeds = (1000, 1001)
+    robot_levels: tuple[str, ...] = ("0.2",)
+    """Friction of the virtual robots, fractions of the torque limit."""
+    engine: str = "physx"
+    """Their physics engine: physx, ode, ode-webots, mujoco."""
+    out: Path = Path("stiction-compensation")
+    """Directory for walks.csv, standing.csv, summary.json and report.html; and for parts, what was done, by which an
+    interrupted command goes on."""
+
+
+def run(options: CompensationOptions, work: Work) -> Report:
+    """Walk in every way, then stand still."""
+    if not options.policies:
+        raise UsageError("no bundle given")
+    from functools import partial
+
+    from stiction.core.parallel import spread
+    from stiction.core.records import part_of
+    from stiction.deploy.check import robot_of
+    from stiction.evaluate.evaluate import EvaluationCfg
+    from stiction.evaluate.methods import method_of
+    from stiction.evaluate.summary import describe
+    from stiction.studies.compensation.standing import stand_by
+    from stiction.studies.compensation.walking import walk_by
+    from stiction.virtual.cases import parse_levels, warnings_on
+
+    cfg = part_of(EvaluationCfg, options)
+    ways = [None, *map(parse_compensation, options.ways)]
+    stand_ways = [None, *map(parse_compensation, options.standing)] if options.standing else []
+    parse_levels(options.robot_levels)
+    bundles = work.bundles(options.policies)
+    work.begin()
+    plans = [(b, how) for b in bundles for how in (ways if method_of(b.contract) == "none" else ways[:1])]
+    fed = replace(cfg, friction_levels=tuple(level for level in cfg.friction_levels if level) or (0.0,))
+    walks = []
+    for count, (bundle, how) in enumerate(plans, 1):
+        at = cfg if how is None else fed
+        name = f"{bundle.name}--{'none' if how is None else how.label}"
+        made_from = {"bundle": bundle.digest, "cfg": asdict(at), "how": None if how is None else asdict(how)}
+        walks += work.cached(name, made_from, partial(walk_by, bundle, at, how, work.threads))["rows"]
+        work.progress("walks", count / len(plans))
+    spec = robot_of(bundles[0].contract)
+    tasks = [
+        (options.engine, seed, level, spec, how)
+        for level in options.robot_levels
+        for seed in options.robots
+        for how in stand_ways
+    ]
+    stood: dict[int, Standing] = {}
+    for number, row in spread(stand_by, tasks, work.jobs):
+        stood[number] = row
+        work.progress("standing", len(stood) / len(tasks))
+    return report(
+        walks,
+        [stood[number] for number in range(len(tasks))],
+        {
+            "settings": asdict(cfg),
+            "policies": {bundle.name: describe(bundle) for bundle in bundles},
+            "robots": list(options.robots),
+            "engine": options.engine,
+        },
+        warnings_on(options.robots if stand_ways else ()),
+    )
+
+
+def report(
+    walks: Sequence[Mapping[str, Any]], stood: Sequence[Standing], summary: Mapping[str, Any], warnings: Sequence[str]
+) -> Report:
+    """Return the tables and the page."""
+    from stiction.core.records import from_plain
+    from stiction.formats.results import ResultRow
+    from stiction.report.page import Section, row_table
+    from stiction.studies.compensation.walking import followed
+
+    rows = [from_plain(ResultRow, dict(row), "a walk of before") for row in walks]
+    who = followed(rows)
+    ok = sum(one.follows == "follows" and not one.fall_rate for one in who)
+    sections = [Section("Who follows", (row_table(who),))]
+    if stood:
+        sections.append(Section("Standing still on a virtual robot", (row_table(stood),)))
+    return Report(
+        title="Friction fed forward, as users of motors do it",
+        lead=f"{ok} of {len(who)} pairs of a policy and a friction follow in both directions, and nobody falls.",
+        tables={"walks": rows, "following": who, "standing": stood},
+        sections=sections,
+        summary=summary,
+        warnings=warnings,
+    )
+
+
+STUDY = Study(
+    "whether friction fed forward makes a policy follow, and whether it hunts at standstill",
+    DESCRIPTION,
+    CompensationOptions,
+    run,
+)

@@ -1,0 +1,65 @@
+"""Walks of one policy in the simulator of the training, friction fed forward in one way."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from stiction.core.records import column
+from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
+from stiction.evaluate.methods import fed_suffix
+from stiction.evaluate.rollout import friction_at
+from stiction.formats.bundle import Bundle
+from stiction.formats.following import pace
+from stiction.formats.results import ResultRow
+from stiction.joints.compensation import Compensation
+
+
+def walk_by(bundle: Bundle, cfg: EvaluationCfg, how: Compensation | None, threads: int) -> dict[str, Any]:
+    """Return `rows`, of results.csv, of a policy at every level and command; how: friction is fed forward, or None."""
+    contract, against, suffix = bundle.contract, None, ""
+    if how is not None:
+        friction = friction_at(contract, cfg.robot_levels, cfg.law)
+        against = how.controller(friction, contract.physics_timestep, contract.compensation_width)
+        suffix = fed_suffix(how)
+    rows = evaluate_bundle(bundle, cfg, threads=threads, against=against).rows
+    return {"rows": [asdict(replace(r, policy=r.policy + suffix, method=r.method + suffix)) for r in rows]}
+
+
+@dataclass(frozen=True)
+class Followed:
+    """Whether a policy follows at one friction; a row of the page."""
+
+    policy: str = field(metadata=column("policy"))
+    """Name of the bundle, and how friction was fed forward."""
+    friction_level: float = field(metadata=column("friction"))
+    """Of every joint, over its torque limit [-]."""
+    forward: float = field(metadata=column("forward", form=".2f"))
+    """Speed reached over commanded [-]."""
+    backward: float = field(metadata=column("backward", form=".2f"))
+    """The same backward [-]."""
+    follows: str = field(metadata=column("paces"))
+    """Of both: `follows`, or what is wrong."""
+    fall_rate: float = field(metadata=column("falls", form=".0%"))
+    """Share of episodes of both that end in a fall [-]."""
+    jitter: float | None = field(metadata=column("joint jitter told to stand [rad/s²]", form=".0f"))
+    """Root mean square joint acceleration under the command to stand; None where that was not given."""
+
+
+def followed(rows: Sequence[ResultRow]) -> list[Followed]:
+    """Return who follows, of rows of both directions; policies without both are left out."""
+    cells: dict[tuple[str, float], dict[str, ResultRow]] = {}
+    for row in rows:
+        cells.setdefault((row.policy, row.friction_level), {})[row.command] = row
+    found = []
+    for (policy, level), by in cells.items():
+        ahead = next((r for c, r in by.items() if c.startswith("vx=") and not c.startswith("vx=-")), None)
+        back = next((r for c, r in by.items() if c.startswith("vx=-")), None)
+        if ahead is None or back is None or ahead.speed_ratio is None or back.speed_ratio is None:
+            continue
+        paces = dict.fromkeys((pace(ahead.speed_ratio), pace(back.speed_ratio)))
+        falls = (ahead.fall_rate + back.fall_rate) / 2.0
+        still = by["stand"].joint_jitter if "stand" in by else None
+        found.append(Followed(policy, level, ahead.speed_ratio, back.speed_ratio, ", ".join(paces), falls, still))
+    return found

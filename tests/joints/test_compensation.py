@@ -1,0 +1,104 @@
+"""Friction fed forward: where it pushes, and how much of the friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import exp
+
+import numpy as np
+import pytest
+
+from stiction.core.errors import StictionError
+from stiction.joints.compensation import Compensation, PushCfg, parse_compensation, push_direction
+
+CFG = PushCfg(slow=0.2, smoothing=0.04, width=0.05, fade=0.3)
+
+
+def test_the_direction_by_hand() -> None:
+    """Half of v_s alone 0.5; stuck 0.02 rad beside the target 0.4; both 0.9; never over 1; both signs."""
+    speed, error = np.array([0.1, 0.0, 0.1, 1.0, -1.0, 0.1]), np.array([0.0, 0.02, 0.02, 0.5, -0.5, -0.02])
+    np.testing.assert_allclose(push_direction(speed, error, 0.0, CFG), [0.5, 0.4, 0.9, 1.0, -1.0, 0.1], atol=1e-12)
+
+
+def test_the_push_of_a_stuck_joint_fades_when_it_moves() -> None:
+    """At v_f to 37 %, at three times that to 0.01 %: a moving joint has no sign of the error pressed upon it."""
+    found = push_direction(0.0, 1.0, np.array([0.0, 0.3, -0.3, 0.9]), CFG)
+    np.testing.assert_allclose(found, [1.0, exp(-1), exp(-1), exp(-9)])
+
+
+def test_the_speed_of_a_target_that_jumps_is_its_low_pass() -> None:
+    """0.01 rad at once, read every 4 ms, T = 40 ms: the first speed is 0.01 (1 − e^−0.1)/0.004, then e^−0.1 of it."""
+    push = replace(CFG, slow=10.0)
+    controller = Compensation("reference", 0.5, push).controller(np.array([8.0]), 0.004)
+    assert controller.torque(np.zeros(1), np.zeros(1), np.full(1, 9.0)) == pytest.approx(0.0)
+    first = 0.01 * (1 - exp(-0.1)) / 0.004
+    for decay in (1.0, exp(-0.1), exp(-0.2)):
+        torque = controller.torque(np.full(1, 0.01), np.full(1, 0.01), np.full(1, 9.0))
+        assert torque == pytest.approx(0.5 * 8.0 * first * decay / 10.0)
+
+
+def test_by_the_measured_speed_the_target_plays_no_part_once_the_joint_moves() -> None:
+    """A joint that swings past its target at 3 rad/s is pushed on: 0.75 · 8 N m; the way `error` would brake it."""
+    for by, expected in (("measured", 6.0), ("error", -8.0)):
+        controller = parse_compensation(by).controller(np.array([8.0]), 0.002)
+        assert controller.torque(np.zeros(1), np.full(1, 0.2), np.full(1, 3.0)) == pytest.approx(expected)
+
+
+def test_friction_grows_with_the_motors_torque() -> None:
+    """0.75 (8 + 0.1 · 20) = 7.5 N m, whichever way the motor pulls."""
+    controller = Compensation("measured", 0.75).controller(np.array([8.0]), 0.002, load=0.1)
+    for given in (20.0, -20.0):
+        assert controller.torque(np.zeros(1), np.zeros(1), np.full(1, 3.0), given) == pytest.approx(7.5)
+
+
+def test_a_robot_of_a_batch_that_is_reset_begins_with_its_target_at_rest() -> None:
+    """The jump to the standing pose of the next episode is no motion that was wanted."""
+    controller = Compensation("reference", 0.75).controller(np.full((2, 1), 8.0), 0.002)
+    fast = np.full((2, 1), 9.0)
+    controller.torque(np.zeros((2, 1)), np.zeros((2, 1)), fast)
+    controller.reset(np.array([1]))
+    found = controller.torque(np.ones((2, 1)), np.ones((2, 1)), fast)
+    assert found[0] == pytest.approx(6.0) and found[1] == pytest.approx(0.0)
+
+
+def test_what_is_left_of_the_friction_always_holds_a_joint_at_rest() -> None:
+    """Whatever target and speed say, a share below one pushes with less than the friction: it cannot hunt by itself."""
+    generator = np.random.default_rng(0)
+    controller = Compensation("measured", 0.8).controller(np.array([5.0]), 0.002)
+    pushed = [abs(float(controller.torque(*generator.normal(0, 1, (3, 1)))[0])) for _ in range(200)]
+    assert max(pushed) <= 0.8 * 5.0
+
+
+@pytest.mark.parametrize("text", ["error", "reference", "measured=0.8", "measured-motor", "reference-motor=0.525"])
+def test_a_way_is_read_as_it_is_written(text: str) -> None:
+    """Names of policies are made of it."""
+    assert parse_compensation(text).label == text
+
+
+def test_the_default_share_is_not_written() -> None:
+    """`reference=0.75` and `reference` are one policy."""
+    assert parse_compensation("reference=0.75") == parse_compensation("reference")
+    assert parse_compensation("error").share == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("motor", "unknown way"),
+        ("measurd", "did you mean 'measured'"),
+        ("reference=much", "expected a share"),
+        ("reference=-1", "expected 0 to 2"),
+        ("reference=nan", "expected 0 to 2"),
+    ],
+)
+def test_a_way_that_is_none_is_refused(text: str, message: str) -> None:
+    """The message says what there is."""
+    with pytest.raises(StictionError, match=message):
+        parse_compensation(text)
+
+
+@pytest.mark.parametrize("name", ["slow", "smoothing", "width", "fade"])
+def test_settings_that_are_none_are_refused(name: str) -> None:
+    """A width of zero would divide by it far from its cause."""
+    with pytest.raises(StictionError, match="four positive numbers"):
+        PushCfg(**{name: 0.0})

@@ -1,0 +1,31 @@
+"""What counts as hunting, and who follows with friction fed forward."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from stiction.studies.compensation.standing import hunting
+from stiction.studies.compensation.walking import followed
+from synthetic import row
+
+
+def test_a_joint_that_moves_to_and_fro_once_a_second_hunts() -> None:
+    """At 2 Hz and 0.1 rad/s it does; at 0.5 Hz, below 0.02 rad/s, or creeping one way it does not."""
+    time = np.arange(0.0, 4.0, 0.002)
+    waves = [0.1 * np.sin(2 * np.pi * 2 * time), 0.1 * np.sin(np.pi * time), 0.019 * np.sin(20 * time)]
+    creeping = np.full_like(time, 0.1)
+    assert hunting(np.stack([*waves, creeping], axis=1), 0.002).tolist() == [True, False, False, False]
+
+
+def test_both_directions_decide_who_follows() -> None:
+    """0.9 forward and 0.7 backward is too slow; a policy that was walked one way is no row."""
+    rows = [
+        row("a-s0", 0.2, "vx=0.5", 0.9),
+        row("a-s0", 0.2, "vx=-0.5", 0.7, fall_rate=0.5),
+        row("a-s0", 0.2, "stand", None, joint_jitter=7.0),
+        row("b-s0", 0.2, "vx=0.5", 0.9),
+    ]
+    (found,) = followed(rows)
+    assert (found.policy, found.forward, found.backward, found.jitter) == ("a-s0", 0.9, 0.7, 7.0)
+    assert found.follows == "follows, too slow" and found.fall_rate == pytest.approx(0.25)
