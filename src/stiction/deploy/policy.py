@@ -113,7 +113,9 @@ class Policy:
         self.contract, self._network, self._batch = contract, network, batch
         self._standing, self._scale = contract.array("standing"), contract.scale
         known = contract.known_friction_array if known_friction is None else known_friction
-        self._builder = ObservationBuilder(contract.observation, self._standing, batch, known, contract.scale)
+        self._builder = ObservationBuilder(
+            contract.observation, self._standing, batch, known, contract.scale, contract.control_period
+        )
         self._last_action = np.zeros((*batch, contract.num_joints), dtype=np.float32)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -138,7 +140,7 @@ class Policy:
             StictionError: the policy is told the friction of its joints, and neither contract nor caller says it.
 
         """
-        for name, value in {**vars(sensors), "command": command}.items():
+        for name, value in {**sensors.arrays(), "command": command}.items():
             if not np.isfinite(value).all():
                 kind = "command" if name == "command" else f"sensor {name!r}"
                 raise PolicyError(f"the {kind} is not finite (NaN or infinite); stop the robot and find out why")

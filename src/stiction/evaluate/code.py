@@ -6,7 +6,7 @@ FLEET = (
     *("core/names.py", "core/rotation.py", "core/provenance.py", "sim/*.py", "joints/pd.py", "joints/friction.py"),
     *("robots/*.py", "robots/shipped/*.py"),
     *("locomotion/friction.py", "locomotion/terrain.py", "formats/contract.py", "formats/known_friction.py"),
-    "formats/walk.py",
+    *("formats/observation.py", "formats/walk.py"),
     *(f"evaluate/{name}.py" for name in ("command", "course", "evaluate", "known_friction", "rollout", "metrics")),
 )
 """Code that decides the motion of robots under a contract in the simulator of the training."""

@@ -13,7 +13,7 @@ import shlex
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,22 +21,20 @@ import numpy as np
 import torch
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
-from stiction.core.provenance import seed_streams
 from stiction.deploy.check import BundleCheck, check_bundle, robot_of
 from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
+from stiction.evaluate.golden import record_golden
 from stiction.evaluate.known_friction import nominal_known
-from stiction.evaluate.rollout import Driver, Rollout, RolloutStep
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.contract_rules import METHODS
-from stiction.formats.golden import Golden
 from stiction.formats.joint_map import mapped
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import TERM, bench_friction, known_friction_text
 from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.friction import LAWS, has_coefficient, level_text
-from stiction.joints.pd import COMPENSATION_WIDTH, compensated, controller_torque
+from stiction.joints.pd import COMPENSATION_WIDTH, compensated
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
 from stiction.locomotion.randomization import friction_angle, nominal_joints
@@ -44,7 +42,6 @@ from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, identified_values
 from stiction.rma.runner import load_student
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import Robot
 from stiction.sim.fleet import Fleet
 
 TEMPLATE = """\
@@ -116,47 +113,6 @@ def _known_friction_line(contract: Contract) -> str:
 def _file_text(file: Mapping[str, str]) -> str:
     """Return a file's name and digest."""
     return f"{file['name']}, SHA-256 {file['sha256']}"
-
-
-STEPS = 600
-"""Recorded steps: 12 s at 50 Hz."""
-
-RESET_EVERY, COMMAND_EVERY = 200, 50
-"""Steps between resets, and between new commands."""
-
-COMMAND_BOUND = (0.6, 0.3, 0.6)
-"""Half-widths of the random commands: forward, sideways [m/s], turn [rad/s]."""
-
-
-def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0) -> Golden:
-    """Drive one robot with the contract's nominal joints and return what it measured and what the policy computed.
-
-    policy: a batch of one; seed: of noise, initial states and commands.
-    """
-    streams = seed_streams(seed, ["golden noise", "golden commands"])
-    noise = [streams["golden noise"]]
-    rollout = Rollout(contract, policy, spec, contract.array("friction")[None], noise, law=contract.law)
-    bound = np.array(COMMAND_BOUND)
-    steps: list[RolloutStep] = []
-    resets, commands = np.zeros(STEPS, dtype=bool), np.zeros((STEPS, 3))
-    needs_reset = False
-    for t in range(STEPS):
-        resets[t] = t % RESET_EVERY == 0 or needs_reset
-        if resets[t]:
-            rollout.reset(np.array([0]))
-        fresh = t % COMMAND_EVERY == 0
-        commands[t] = streams["golden commands"].uniform(-bound, bound) if fresh else commands[t - 1]
-        steps.append(rollout.step(commands[t : t + 1]))
-        needs_reset = bool(rollout.fleet.fallen()[0]) or len(steps[-1].blown_up) > 0
-    arrays = {
-        part.name: np.concatenate([getattr(getattr(step, source), part.name) for step in steps])
-        for source, kind in (("sensors", Sensors), ("policy", PolicyStep))
-        for part in fields(kind)
-    }
-    motors = (spec.joint_values(name) for name in ("kp", "kd", "torque_limit"))
-    torque = controller_torque(arrays["target"], arrays["joint_position"], arrays["joint_velocity"], *motors)
-    time = np.arange(STEPS) * contract.control_period
-    return Golden(np.array(contract.joint_names), time, resets, commands, **arrays, torque=torque)
 
 
 OPSET = 18
