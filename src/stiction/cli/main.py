@@ -18,6 +18,7 @@ VERBS = {
     "excite": "design the log that identification needs, before the robot is touched",
     "identify": "find a joint's inertia and friction from a log, with intervals",
     "convert": "write identified joints as MuJoCo, URDF, Isaac Lab or Webots reads them",
+    "import": "turn a policy that was trained elsewhere, in ONNX, into a policy bundle",
     "train": "train a teacher and a student for a robot, with or without joint friction",
     "evaluate": "drive a policy bundle over engines, virtual robots, friction, grounds and commands, and tabulate",
     "replicate": "run the paper's comparison over engines and a virtual robot, and judge its sentences",
@@ -31,8 +32,8 @@ VERBS = {
 }
 """Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
 
-ELSEWHERE = {"replicate": "stiction.studies.replication.study"}
-"""Verbs that are studies."""
+ELSEWHERE = {"replicate": "stiction.studies.replication.study", "import": "stiction.cli.import_policy"}
+"""Verbs whose module is called otherwise: a study, and a word of Python."""
 
 USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
 EPILOG = """

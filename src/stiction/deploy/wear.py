@@ -33,7 +33,9 @@ class Moments:
         """Find the terms in a frame. `action_scale`: joint angle per unit of action [rad]."""
         ends = np.cumsum([term.size for term in layout.terms])
         if layout.layout != "frame_major" or layout.direction != "oldest_first":
-            raise BundleError("a wear monitor reads whole frames, the oldest first; this policy's are stacked otherwise")
+            raise BundleError(
+                "a wear monitor reads whole frames, the oldest first; this policy's are stacked otherwise"
+            )
         self._at = {
             t.name: (slice(end - t.size, end), t.scales if isinstance(t.scale, tuple) else t.scale)
             for t, end in zip(layout.terms, ends, strict=True)
