@@ -24,7 +24,7 @@ VERBS = {
     "replicate": "run the paper's comparison over engines and a virtual robot, and judge its sentences",
     "train-actuator": "fit an Actuator Net to logs of walks, in place of the PD law in training",
     "study": "run one of the experiments behind the results, and write its page",
-    "export": "turn a training run into a policy bundle, or a bundle into a Webots project (not run in Webots)",
+    "export": "turn a training run into a policy bundle, or a bundle into what Webots, Unitree, rl_sar or mjlab take",
     "sign": "put the maker's signature into a policy bundle, or make a key",
     "verify": "check a policy bundle: every file, the contract, and the golden vectors",
     "bench": "measure the throughput ratios on this machine, side by side in one run",
