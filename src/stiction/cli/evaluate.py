@@ -28,8 +28,8 @@ class EvaluateCfg:
     bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Directories of the bundles."""
     policy_callable: str | None = None
-    """A policy of your own in Python, `package.module:FUNCTION`, on --robot, in the engine mujoco alone: it is called as
-    FUNCTION(sensors, command, fresh) and returns joint targets, see `evaluate/own_policy.py`. For evaluation only."""
+    """A policy of your own in Python, `package.module:FUNCTION`, on --robot, in the engine mujoco alone: called as
+    FUNCTION(sensors, command, fresh), it returns joint targets, see `evaluate/own_policy.py`. For evaluation only."""
     callable_period: float = 0.02
     """Time between two calls of it [s]."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
