@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from dataclasses import dataclass, fields
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -173,6 +174,6 @@ def replay(policy: Policy, golden: Golden) -> PolicyStep:
     for t in range(len(golden)):
         if golden.reset[t]:
             policy.reset()
-        steps.append(policy.step(recorded.each(lambda rows, row=t: rows[row]), golden.command[t]))
+        steps.append(policy.step(recorded.each(partial(np.take, indices=t, axis=0)), golden.command[t]))
         policy.take_over(golden.action[t])
     return PolicyStep(*(np.stack([getattr(s, name) for s in steps]) for name in ("observation", "action", "target")))

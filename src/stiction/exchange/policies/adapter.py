@@ -160,7 +160,12 @@ def _attitude(start: int, new: ObservationLayout) -> tuple[list[Node], dict[str,
     start: where the direction of gravity begins in it.
     """
     depth = new.depth
-    constants = {"a_one": np.ones(1), "a_two": np.full(1, 2.0), "a_zero": np.zeros(1), "a_tiny": np.full(1, 1e-12)}
+    constants: dict[str, np.ndarray] = {
+        "a_one": np.ones(1),
+        "a_two": np.full(1, 2.0),
+        "a_zero": np.zeros(1),
+        "a_tiny": np.full(1, 1e-12),
+    }
     for axis, name in enumerate("xyz"):
         chosen = np.zeros((new.size, depth))
         chosen[start + 3 * np.arange(depth) + axis, np.arange(depth)] = 1.0

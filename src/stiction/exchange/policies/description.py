@@ -221,7 +221,7 @@ def robot_for(said: Said, robot: Robot) -> Robot:
     robot = reordered(robot, names)
     given: dict[str, Any] = {"kp": said.kp, "kd": said.kd, "default_position": said.default_position}
     given |= {"action_scale": said.action_scale, "torque_limit": said.torque_limit}
-    values = {name: per_joint(name, value, names) for name, value in given.items() if value is not None}
+    values: dict[str, Any] = {name: per_joint(name, value, names) for name, value in given.items() if value is not None}
     joints = tuple(
         replace(joint, **{name: value[number] for name, value in values.items()})
         for number, joint in enumerate(robot.joints)

@@ -69,7 +69,8 @@ def said_of(network: ForeignNetwork, name: str, settings: Sequence[Path], robot:
     Raises `StictionError`: an entry that is not known or not to be held, or something that nobody says.
 
     """
-    said, rl_sar, maker = Said(), {}, None if robot.vendor is None else robot.vendor.order
+    said, maker = Said(), None if robot.vendor is None else robot.vendor.order
+    rl_sar: dict[str, Any] = {}
     if is_mjlab(network.metadata):
         said = said_by_mjlab(network.metadata, name)
     elif is_holosoma(network.metadata):

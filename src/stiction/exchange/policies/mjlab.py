@@ -56,16 +56,16 @@ def said_by_mjlab(metadata: Mapping[str, str], where: str) -> Said:
         raise ConfigurationError(
             f"{where}: the command is {', '.join(commands)}; expected twist alone: forward, sideways, turn"
         )
-    scale = numbers("action_scale")
+    action_scale = numbers("action_scale")
     return Said(
         joint_names=tuple(entries("joint_names")),
         kp=numbers("joint_stiffness"),
         kd=numbers("joint_damping"),
         default_position=numbers("default_joint_pos"),
-        action_scale=scale if len(scale) > 1 else scale[0],
+        action_scale=action_scale if len(action_scale) > 1 else action_scale[0],
         observation=tuple(
-            _term(name, *parts, where)
-            for name, *parts in zip(observed, columns["scale"], columns["clip"], columns["history_length"], strict=True)
+            _term(name, scale, clip, history, where)
+            for name, scale, clip, history in zip(observed, *columns.values(), strict=True)
         ),
         history_length=1,
         history_layout="term_major",
@@ -148,5 +148,5 @@ def metadata_of(contract: Contract) -> dict[str, str]:
             str(layout.history_of(term) if layout.history_of(term) > 1 else 0) for term in layout.terms
         ),
         "observation_terms_clip": each([clip(term) for term in layout.terms]),
-        "action_scale": joined(contract.array("standing") * 0 + contract.scale),
+        "action_scale": joined((contract.array("standing") * 0 + contract.scale).tolist()),
     }
