@@ -32,8 +32,8 @@ from bundles import linear_network, make_contract, make_golden, make_wear
 from stiction.core.errors import StictionError
 from stiction.deploy.check import check_bundle
 from stiction.formats.bundle import CARD, CONTRACT, GOLDEN, POLICY, SUMS, WEAR, listed
-from stiction.formats.contract import proprioception
 from stiction.formats.golden import BOUND, Golden
+from stiction.formats.observation import proprioception
 
 LONGEST = 10.0
 """No bundle may take longer [s]."""

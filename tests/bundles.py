@@ -13,8 +13,9 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import load_policy
 from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS
 from stiction.formats.bundle import listed, write_bundle
-from stiction.formats.contract import Contract, proprioception
+from stiction.formats.contract import Contract
 from stiction.formats.golden import Golden
+from stiction.formats.observation import proprioception
 from stiction.formats.wear import WearCalibration, WearModel
 from stiction.joints.pd import controller_torque
 from stiction.robots.catalog import find_robot

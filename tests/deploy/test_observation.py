@@ -7,7 +7,7 @@ import pytest
 
 from stiction.core.errors import StictionError
 from stiction.deploy.observation import ObservationBuilder, Sensors
-from stiction.formats.contract import SLOW_TERMS, ObservationLayout, Term, proprioception
+from stiction.formats.observation import SLOW_TERMS, ObservationLayout, Term, proprioception
 
 STANDING = np.array([0.5, -1.0])
 
@@ -103,7 +103,7 @@ def test_known_friction_by_hand() -> None:
     builder = ObservationBuilder(TOLD, STANDING, (), np.array([0.1, 1.5]))
     stacked = builder.step(sensors(), np.zeros(3), np.zeros(2)).reshape(3, -1)
     np.testing.assert_allclose(stacked[:, -2:], [[0.5, 5.0]] * 3)
-    two = Sensors(*(np.stack([value] * 2) for value in vars(sensors()).values()))
+    two = Sensors(*(np.stack([value] * 2) for value in sensors().arrays().values()))
     for known, expected in (([0.1, 0.2], [[0.5, 1.0]] * 2), ([[0.1, 0.2], [0.0, 0.4]], [[0.5, 1.0], [0.0, 2.0]])):
         frame = ObservationBuilder(TOLD, STANDING, (2,), np.array(known)).frame(two, np.zeros((2, 3)), np.zeros((2, 2)))
         np.testing.assert_allclose(frame[:, -2:], expected)
@@ -171,7 +171,7 @@ def test_slow_means_tell_the_friction_of_a_joint_that_is_moved_slowly() -> None:
 
 def test_a_reset_forgets_slow_means_of_that_robot_alone() -> None:
     """A robot that was lifted and put down again would walk on the friction of its fall."""
-    two = Sensors(*(np.stack([value] * 2) for value in vars(sensors(0.3)).values()))
+    two = Sensors(*(np.stack([value] * 2) for value in sensors(0.3).arrays().values()))
     other = replace(two, joint_position=two.joint_position + 1.0)
     builder = ObservationBuilder(SLOW, STANDING, (2,), None, 0.25)
     builder.step(two, np.zeros((2, 3)), np.zeros((2, 2)))

@@ -9,7 +9,8 @@ from bundles import linear_network, make_contract, make_network
 from stiction.core.errors import BundleError, PolicyError, StictionError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import Network, load_policy
-from stiction.formats.contract import Contract, proprioception
+from stiction.formats.contract import Contract
+from stiction.formats.observation import proprioception
 
 onnx = pytest.importorskip("onnx", reason="the package onnx, of the extra 'train', is needed to make test networks")
 
@@ -87,7 +88,7 @@ def test_a_sensor_that_is_not_finite_is_named(contract: Contract, name: str) -> 
     policy = load_policy(contract, make_network(contract))
     good = policy.step(standing_still(contract), np.zeros(3)).observation
     policy.reset()
-    readings = {key: np.array(value, float) for key, value in vars(standing_still(contract)).items()}
+    readings = {key: np.array(value, float) for key, value in standing_still(contract).arrays().items()}
     readings["command"] = np.zeros(3)
     readings[name][1] = np.nan
     command = readings.pop("command")

@@ -14,7 +14,8 @@ from stiction.core.errors import BundleError, StictionError
 from stiction.deploy.check import check_bundle
 from stiction.deploy.wear import BODY_MOMENTS, JOINT_MOMENTS, Moments, WearMonitor, estimate
 from stiction.formats.bundle import read_bundle, write_bundle
-from stiction.formats.contract import Contract, proprioception
+from stiction.formats.contract import Contract
+from stiction.formats.observation import proprioception
 from stiction.formats.wear import WearModel, read_wear
 
 

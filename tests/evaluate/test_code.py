@@ -39,13 +39,13 @@ BENCHES = {
 TRAINING = {
     *(f"locomotion/{name}.py" for name in ("commands", "device", "env", "gait")),
     *(f"rma/{name}.py" for name in ("config", "figures", "health", "phase", "ppo", "quick", "run", "symmetry")),
-    *(*CHECKING, "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py"),
+    *(*CHECKING, "deploy/pilot.py", "deploy/policy.py", "virtual/sensors.py", "evaluate/golden.py"),
 }
 """Code that trained, exports and drives, which the modules around a run's policies import: weights and settings are in
 keys."""
 
 BENCHED = {
-    *("formats/contract.py", "formats/known_friction.py", "formats/walk.py"),
+    *("formats/contract.py", "formats/known_friction.py", "formats/observation.py", "formats/walk.py"),
     *(
         "locomotion/friction.py",
         "locomotion/terrain.py",

@@ -14,10 +14,10 @@ from stiction.evaluate.export import (
     export_network,
     export_policy,
     export_run,
-    record_golden,
     with_bench,
     write_card,
 )
+from stiction.evaluate.golden import record_golden
 from stiction.formats.contract import Contract
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
 from stiction.locomotion.config import CommandCfg, TaskCfg

@@ -16,8 +16,8 @@ from stiction.evaluate.grid import GridCfg, Walk, plan
 from stiction.evaluate.run import WalkLedger
 from stiction.evaluate.summary import evaluate_all
 from stiction.formats.bundle import Bundle, read_bundle
-from stiction.formats.contract import proprioception
 from stiction.formats.joints import Estimate, JointRecord, JointsFile
+from stiction.formats.observation import proprioception
 from stiction.robots.catalog import find_robot
 from stiction.virtual.bench import Bench
 from stiction.virtual.cases import Case, parse_level

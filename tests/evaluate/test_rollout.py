@@ -11,7 +11,7 @@ from stiction.core.errors import StictionError
 from stiction.core.rotation import roll_pitch, tilted
 from stiction.deploy.check import check_bundle, robot_of
 from stiction.deploy.policy import load_policy
-from stiction.evaluate.export import record_golden
+from stiction.evaluate.golden import record_golden
 from stiction.evaluate.rollout import Rollout, friction_at
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract

@@ -16,7 +16,7 @@ from stiction.evaluate.methods import METHODS, method_of
 from stiction.evaluate.rollout import friction_at
 from stiction.evaluate.walk_logs import RecordCfg, record_walks
 from stiction.formats.bundle import Bundle, read_bundle
-from stiction.formats.contract import proprioception
+from stiction.formats.observation import proprioception
 from stiction.joints.friction import Law
 from stiction.robots.catalog import find_robot
 

@@ -8,7 +8,7 @@ import pytest
 from bundles import make_contract
 from stiction.deploy.observation import ObservationBuilder, Sensors
 from stiction.deploy.policy import Network, load_policy
-from stiction.formats.contract import proprioception
+from stiction.formats.observation import proprioception
 from stiction.locomotion.config import NoiseCfg, TaskCfg
 from stiction.rma.config import StudentCfg, TeacherCfg, TrainCfg
 

@@ -6,7 +6,8 @@ import pytest
 
 from bundles import make_contract
 from stiction.core.errors import BundleError, StictionError
-from stiction.formats.contract import Contract, proprioception, read_contract
+from stiction.formats.contract import Contract, read_contract
+from stiction.formats.observation import proprioception
 from stiction.joints.friction import Law
 
 

@@ -15,7 +15,7 @@ import torch
 from actuators import pd_net
 from mirrored import mirrored_qpos, mirrored_qvel, mirrored_state
 from stiction.core.errors import StictionError
-from stiction.formats.contract import ObservationLayout, Term
+from stiction.formats.observation import ObservationLayout, Term
 from stiction.locomotion import randomization as privileged
 from stiction.locomotion import symmetry
 from stiction.locomotion.config import NoiseCfg, RandomizationCfg, TaskCfg

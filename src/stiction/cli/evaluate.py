@@ -11,11 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
+from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
 from stiction.locomotion.friction import law_choice, law_help
 from stiction.report.terminal import RobotSeeds, jobs_of
 
 if TYPE_CHECKING:
+    from stiction.formats.bundle import Bundle
     from stiction.formats.results import ResultRow
 
 
@@ -25,6 +27,11 @@ class EvaluateCfg:
 
     bundles: Annotated[tuple[Path, ...], tyro.conf.Positional]
     """Directories of the bundles."""
+    policy_callable: str | None = None
+    """A policy of your own in Python, `package.module:FUNCTION`, on --robot, in the engine mujoco alone: called as
+    FUNCTION(sensors, command, fresh), it returns joint targets, see `evaluate/own_policy.py`. For evaluation only."""
+    callable_period: float = 0.02
+    """Time between two calls of it [s]."""
     friction_levels: tuple[float, ...] = (0.0, 0.1, 0.2)
     """Dry friction in every joint, as fractions of its torque limit [-]; of the laws load and effort, coefficients."""
     friction_law: Annotated[str, law_choice(), law_help("Law of the dry friction, whatever the training's.")] = (
@@ -102,7 +109,7 @@ def main(arguments: list[str]) -> int:
         with output_folder(cfg.out):
             judge_again(cfg, command)
         return 0
-    if not cfg.bundles:
+    if not cfg.bundles and cfg.policy_callable is None:
         print("stiction evaluate: no bundle given; `stiction evaluate --help` shows the usage", file=sys.stderr)
         return 2
     jobs = jobs_of(cfg.jobs)
@@ -121,6 +128,7 @@ def main(arguments: list[str]) -> int:
     record = None if cfg.log is None else RecordCfg(cfg.log_robots, cfg.log_seconds, torque=cfg.log_torque)
     with output_folder(cfg.out), nullcontext() if cfg.log is None else output_folder(cfg.log, "--log"):
         bundles = [check_bundle(find_bundle(path)).bundle for path in cfg.bundles]
+        bundles += [] if cfg.policy_callable is None else [own(cfg, all(one.is_batch for one in settings.simulators))]
         with work_progress() as progress:
             rows, summary = evaluate_all(bundles, settings, cfg.out, cfg.robot, jobs, progress)
             if record is not None and cfg.log is not None:
@@ -128,6 +136,17 @@ def main(arguments: list[str]) -> int:
         print_warnings("evaluate", summary["warnings"])
         write_and_print(cfg, rows, {"command": command} | summary)
     return 0
+
+
+def own(cfg: EvaluateCfg, batch: bool) -> Bundle:
+    """Return the function that --policy-callable names; batch: whether the engine mujoco alone is asked for."""
+    from stiction.evaluate.own_policy import own_policy
+
+    if cfg.policy_callable is None or cfg.robot is None:
+        raise ConfigurationError("--policy-callable needs --robot, the robot whose joints it moves")
+    if not batch:
+        raise ConfigurationError("--policy-callable walks in the engine mujoco alone; leave --engines out")
+    return own_policy(cfg.policy_callable, cfg.robot, cfg.callable_period)
 
 
 def judge_again(cfg: EvaluateCfg, command: str) -> None:

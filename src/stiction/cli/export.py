@@ -1,4 +1,4 @@
-"""`stiction export`: the student of a training run as a policy bundle, or a bundle as a Webots project (not run)."""
+"""`stiction export`: the student of a training run as a policy bundle, or a bundle as others deploy it (not run)."""
 
 from __future__ import annotations
 
@@ -13,13 +13,17 @@ import tyro
 from stiction.core.errors import ConfigurationError, FileError
 from stiction.core.lock import replaced_folder
 
-DESCRIPTION = """Export a trained student as a policy bundle, or a policy bundle as a Webots project, not run in Webots.
+DESCRIPTION = """Export a trained student as a policy bundle, or a policy bundle as others deploy it, not run there.
 
 --to bundle: the network as ONNX, the contract, golden vectors recorded in MuJoCo, digests and a card. What was written
 is checked at once, as `stiction verify` does.
 
 --to webots: robot (PROTO), worlds (flat ground, stairs), a physics plugin for the rotors' inertia, and a controller
-that runs the bundle. Written and tested short of running."""
+that runs the bundle. Written and tested short of running.
+
+--to deploy.yaml, rl_sar, mjlab: the network and the file that unitree_rl_lab, rl_sar or mjlab's runtimes read,
+generated from the contract; what that file cannot say goes into the network, what neither holds is refused. Read back
+by `stiction import` it is the same policy."""
 
 
 @dataclass(frozen=True)
@@ -27,12 +31,13 @@ class ExportCfg:
     """Options of the verb."""
 
     source: Annotated[Path, tyro.conf.Positional]
-    """Directory of a run, as `stiction train` made it. With --to webots: of a bundle, or the name of a shipped one, or
-    a run with its bundle in it."""
-    to: Literal["bundle", "webots"] = "bundle"
+    """Directory of a run, as `stiction train` made it. With another --to than bundle: of a bundle, or the name of a
+    shipped one, or a run with its bundle in it."""
+    to: Literal["bundle", "webots", "deploy.yaml", "rl_sar", "mjlab"] = "bundle"
     """What to make."""
     out: Path | None = None
-    """Directory to make; by default `bundle` within the run, or `webots-NAME` here for the bundle NAME."""
+    """Directory to make; by default `bundle` within the run, or `webots-NAME`, `rl_sar-NAME` and so on here for the
+    bundle NAME."""
     wear: Path | None = None
     """Of a bundle: the RUN-wear.json that `stiction study adaptation` wrote for this run; it then also watches for
     wear."""
@@ -73,10 +78,12 @@ def main(arguments: list[str]) -> None:
     for name, target in BELONGS.items():
         if getattr(cfg, name) not in (None, ()) and cfg.to != target:
             raise ConfigurationError(f"--{name.replace('_', '-')} is for --to {target}; leave it out")
-    if cfg.to == "webots":
+    if cfg.to == "bundle":
+        _to_bundle(cfg)
+    elif cfg.to == "webots":
         _to_webots(cfg)
     else:
-        _to_bundle(cfg)
+        _to_others(cfg, cfg.to)
 
 
 def _to_bundle(cfg: ExportCfg) -> None:
@@ -117,6 +124,24 @@ def _to_webots(cfg: ExportCfg) -> None:
     else:
         print(f"{project.path}: {len(project.files)} files for {project.robot}, digest {project.bundle.digest}")
         print(f"{NOT_RUN}; {project.path / 'README.md'} says how to start it", file=sys.stderr)
+
+
+def _to_others(cfg: ExportCfg, to: Literal["deploy.yaml", "rl_sar", "mjlab"]) -> None:
+    """Export one bundle as another runtime deploys it."""
+    from stiction.exchange.policies.exporter import export_to
+
+    if cfg.robot is not None:
+        raise ConfigurationError(f"--robot is for --to bundle and webots, --to {to} takes the bundle's; leave it out")
+    source = _bundle(cfg.source)
+    out = cfg.out or Path(f"{to.removesuffix('.yaml')}-{_bundle_name(source)}")
+    with replaced_folder(out):
+        done = export_to(source, out, to)
+    if cfg.json:
+        print(json.dumps(done.summary(), indent=2))
+        return
+    for note in done.notes:
+        print(f"stiction export: {note}", file=sys.stderr)
+    print(f"{done.path}: {', '.join(done.files)}")
 
 
 def _bundle_name(folder: Path) -> str:

@@ -23,7 +23,8 @@ VERBS = {
     "replicate": "run the paper's comparison over engines and a virtual robot, and judge its sentences",
     "train-actuator": "fit an Actuator Net to logs of walks, in place of the PD law in training",
     "study": "run one of the experiments behind the results, and write its page",
-    "export": "turn a training run into a policy bundle, or a bundle into a Webots project (not run in Webots)",
+    "import": "turn a policy that was trained elsewhere, in ONNX, into a policy bundle",
+    "export": "turn a training run into a policy bundle, or a bundle into what Webots, Unitree, rl_sar or mjlab take",
     "sign": "put the maker's signature into a policy bundle, or make a key",
     "verify": "check a policy bundle: every file, the contract, and the golden vectors",
     "deploy": "run a policy bundle on a robot, real or virtual, under a supervisor that fails safe",
@@ -32,8 +33,8 @@ VERBS = {
 }
 """Verb -> what it does, in the order in which the data flows. The module is `stiction.cli.<verb>`, with _ for -."""
 
-ELSEWHERE = {"replicate": "stiction.studies.replication.study"}
-"""Verbs that are studies."""
+ELSEWHERE = {"replicate": "stiction.studies.replication.study", "import": "stiction.cli.import_policy"}
+"""Verbs whose module is called otherwise: a study, and a word of Python."""
 
 USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
 EPILOG = """

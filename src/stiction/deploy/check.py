@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Collection
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -208,12 +209,10 @@ def replay(policy: Policy, golden: Golden) -> PolicyStep:
     differently would otherwise drift apart over the steps, and the tolerance would have to allow for it.
     """
     steps = []
+    recorded = Sensors(**{part.name: getattr(golden, part.name) for part in fields(Sensors)})
     for t in range(len(golden)):
         if golden.reset[t]:
             policy.reset()
-        sensors = Sensors(
-            golden.quaternion[t], golden.angular_velocity[t], golden.joint_position[t], golden.joint_velocity[t]
-        )
-        steps.append(policy.step(sensors, golden.command[t]))
+        steps.append(policy.step(recorded.each(partial(np.take, indices=t, axis=0)), golden.command[t]))
         policy.take_over(golden.action[t])
     return PolicyStep(*(np.stack([getattr(s, name) for s in steps]) for name in ("observation", "action", "target")))

@@ -159,21 +159,21 @@ def read_network(data: bytes) -> NetworkFile:
     if data[4:8] == b"ORTM":
         # onnxruntime would read the whole file as its own format, whatever else it could be read as.
         raise BundleError("policy.onnx is in the format of onnxruntime (ORTM); expected ONNX; export the bundle again")
-    model = _message(memoryview(data), "the model", MODEL)
+    model = read_message(memoryview(data), "the model", MODEL)
     if model["ir_version"] and model["ir_version"][0] not in IR_VERSIONS:
         raise BundleError(f"policy.onnx has the layout {model['ir_version'][0]}; expected {_span(IR_VERSIONS)}")
-    operators = _message(_one(model, "opset_import", "the model"), "opset_import", OPSET)
-    domain, version = _text(operators["domain"], "opset_import.domain"), operators["version"]
+    operators = read_message(only(model, "opset_import", "the model"), "opset_import", OPSET)
+    domain, version = text_of(operators["domain"], "opset_import.domain"), operators["version"]
     if domain not in ("", "ai.onnx") or not version or version[0] not in OPSETS:
         raise BundleError(
             f"policy.onnx has operators of {domain or 'ONNX'!r}, version {version}; expected ONNX's own, version "
             f"{_span(OPSETS)}; export the bundle again"
         )
-    graph = _message(_one(model, "graph", "the model"), "graph", GRAPH)
+    graph = read_message(only(model, "graph", "the model"), "graph", GRAPH)
     constants = {tensor.name: tensor for tensor in map(_tensor, graph["initializer"])}
     if len(constants) < len(graph["initializer"]):
         raise BundleError("policy.onnx has two constants of one name; export the bundle again")
-    ports = (_port(_one(graph, name, "graph"), name) for name in ("input", "output"))
+    ports = (read_port(only(graph, name, "graph"), name) for name in ("input", "output"))
     return NetworkFile(tuple(map(_node, graph["node"])), constants, *ports)
 
 
@@ -184,8 +184,8 @@ def _span(versions: range) -> str:
 
 def _node(data: memoryview) -> Node:
     """Read one operation."""
-    found = _message(data, "node", NODE)
-    operator, domain = _text(found["op_type"], "node.op_type"), _text(found["domain"], "node.domain")
+    found = read_message(data, "node", NODE)
+    operator, domain = text_of(found["op_type"], "node.op_type"), text_of(found["domain"], "node.domain")
     if domain not in ("", "ai.onnx"):
         raise BundleError(f"policy.onnx: the operator {operator!r} is of {domain!r}; expected ONNX's own alone")
     attributes: dict[str, Attribute] = {}
@@ -194,7 +194,7 @@ def _node(data: memoryview) -> Node:
         if name in attributes:
             raise BundleError(f"policy.onnx: {operator!r} has two attributes {name!r}; export the bundle again")
         attributes[name] = value
-    inputs, outputs = (tuple(_text([part], f"node.{side}") for part in found[side]) for side in ("input", "output"))
+    inputs, outputs = (tuple(text_of([part], f"node.{side}") for part in found[side]) for side in ("input", "output"))
     if not all(outputs) or not outputs:
         raise BundleError(f"policy.onnx: {operator!r} has an output without a name; export the bundle again")
     return Node(operator, inputs, outputs, attributes)
@@ -202,8 +202,8 @@ def _node(data: memoryview) -> Node:
 
 def _attribute(data: memoryview, operator: str) -> tuple[str, Attribute]:
     """Read one attribute: a number or several integers."""
-    found = _message(data, f"attribute of {operator!r}", ATTRIBUTE)
-    name, given = _text(found["name"], "attribute.name"), [kind for kind in ATTRIBUTE_TYPES if found[kind]]
+    found = read_message(data, f"attribute of {operator!r}", ATTRIBUTE)
+    name, given = text_of(found["name"], "attribute.name"), [kind for kind in ATTRIBUTE_TYPES if found[kind]]
     # Fields of the value zero may be left out: the type says which it is.
     kind = next((kind for kind, number in ATTRIBUTE_TYPES.items() if found["type"] == [number]), None)
     if kind is None or given not in ([kind], []):
@@ -211,46 +211,53 @@ def _attribute(data: memoryview, operator: str) -> tuple[str, Attribute]:
             f"policy.onnx: attribute {name!r} of {operator!r}: expected one number, or integers; export it again"
         )
     if kind == "ints":
-        return name, tuple(map(_signed, found["ints"]))
+        return name, tuple(map(signed, found["ints"]))
     value = found[kind][0] if found[kind] else 0
-    return name, _signed(value) if kind == "i" else float(value)
+    return name, signed(value) if kind == "i" else float(value)
 
 
 def _tensor(data: memoryview) -> Tensor:
     """Read one constant."""
-    for number, _, _ in _entries(data, "tensor"):
+    for number, _, _ in entries(data, "tensor"):
         if number in EXTERNAL:
             raise BundleError("policy.onnx keeps tensors in other files; expected all within; export the bundle again")
-    found = _message(data, "tensor", TENSOR)
-    name, kind = _text(found["name"], "tensor.name"), (found["data_type"] or [0])[0]
-    shape, content = tuple(map(_signed, found["dims"])), found["raw_data"][0] if found["raw_data"] else memoryview(b"")
+    found = read_message(data, "tensor", TENSOR)
+    name, kind = text_of(found["name"], "tensor.name"), (found["data_type"] or [0])[0]
+    shape, content = tuple(map(signed, found["dims"])), found["raw_data"][0] if found["raw_data"] else memoryview(b"")
+    expect_size(name, kind, shape, content)
+    return Tensor(name, kind, shape, content)
+
+
+def expect_size(name: str, kind: int, shape: tuple[int, ...], content: memoryview) -> None:
+    """Refuse a constant of another type than ours, or of another size than its shape says."""
     if kind not in WIDTH or min(shape, default=1) < 0 or math.prod(shape) * WIDTH[kind] != len(content):
         raise BundleError(
             f"policy.onnx: the constant {name!r} of type {kind} and shape {shape} has {len(content)} bytes; expected "
             "float32 or int64, as many as its shape says"
         )
-    return Tensor(name, kind, shape, content)
 
 
-def _port(data: memoryview, side: str) -> Port:
-    """Read the input or the output."""
-    found = _message(data, side, PORT)
-    kind = _message(_one(_message(_one(found, "type", side), side, TYPE), "tensor_type", side), side, TENSOR_TYPE)
+def read_port(data: memoryview, side: str, port: Fields = PORT, dimension: Fields = DIMENSION) -> Port:
+    """Read the input or the output; port, dimension: fields that they may have."""
+    found = read_message(data, side, port)
+    kind = read_message(
+        only(read_message(only(found, "type", side), side, TYPE), "tensor_type", side), side, TENSOR_TYPE
+    )
     sizes: list[int | None] = []
-    for part in _message(_one(kind, "shape", side), side, SHAPE)["dim"]:
-        size = _message(part, f"dimension of the {side}", DIMENSION)
-        sizes.append(_signed(size["dim_value"][0]) if size["dim_value"] else None)
-    return Port(_text(found["name"], f"{side}.name"), (kind["elem_type"] or [0])[0], tuple(sizes))
+    for part in read_message(only(kind, "shape", side), side, SHAPE)["dim"]:
+        size = read_message(part, f"dimension of the {side}", dimension)
+        sizes.append(signed(size["dim_value"][0]) if size["dim_value"] else None)
+    return Port(text_of(found["name"], f"{side}.name"), (kind["elem_type"] or [0])[0], tuple(sizes))
 
 
-def _one(found: Mapping[str, list], name: str, where: str) -> memoryview:
+def only(found: Mapping[str, list], name: str, where: str) -> memoryview:
     """Return the one message of a name."""
     if not found[name]:
         raise BundleError(f"policy.onnx is not an ONNX file, or it is cut off: {where} has no {name}")
     return found[name][0]
 
 
-def _text(values: list, where: str) -> str:
+def text_of(values: list, where: str) -> str:
     """Return a text of a bounded length, empty where there is none."""
     content = bytes(values[0][: MOST_TEXT + 1]) if values else b""
     try:
@@ -262,15 +269,15 @@ def _text(values: list, where: str) -> str:
     return text
 
 
-def _signed(value: int) -> int:
+def signed(value: int) -> int:
     """Return a number of a protocol buffer as the int64 that is meant."""
     return value - 2**64 if value >= 2**63 else value
 
 
-def _message(data: memoryview, where: str, known: Fields) -> dict[str, list]:
+def read_message(data: memoryview, where: str, known: Fields) -> dict[str, list]:
     """Return name -> values of the known fields of a message; refuse any other, and too many of one."""
     found: dict[str, list] = {name: [] for name, _, _ in known.values()}
-    for number, wire, value in _entries(data, where):
+    for number, wire, value in entries(data, where):
         if number not in known:
             raise BundleError(
                 f"policy.onnx: field {number} of {where} is none that the network of a policy has; export the bundle "
@@ -279,7 +286,7 @@ def _message(data: memoryview, where: str, known: Fields) -> dict[str, list]:
         name, expected, most = known[number]
         values: list[Any] = [value]
         if isinstance(value, memoryview) and expected == VARINT and most > 1:
-            values = list(_numbers(value))
+            values = list(packed(value))
         elif wire != expected:
             raise BundleError(f"policy.onnx is not an ONNX file: {name} of {where} has the wire type {wire}")
         found[name] += values
@@ -288,7 +295,7 @@ def _message(data: memoryview, where: str, known: Fields) -> dict[str, list]:
     return found
 
 
-def _numbers(data: memoryview) -> Iterator[int]:
+def packed(data: memoryview) -> Iterator[int]:
     """Yield packed numbers, no more than a part may have and one."""
     position, count = 0, 0
     while position < len(data) and count <= MOST_PARTS:
@@ -297,7 +304,7 @@ def _numbers(data: memoryview) -> Iterator[int]:
         yield value
 
 
-def _entries(data: memoryview, where: str) -> Iterator[tuple[int, int, int | float | memoryview]]:
+def entries(data: memoryview, where: str) -> Iterator[tuple[int, int, int | float | memoryview]]:
     """Yield (field number, wire type, value) of a message; the value is a number or the bytes of a length."""
     position = 0
     while position < len(data):

@@ -5,14 +5,15 @@ One robot (shape (J,)) and a batch of N (shape (N, J)) run the same code. Golden
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from stiction.core.errors import PolicyError
 from stiction.core.rotation import roll_pitch
-from stiction.formats.contract import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
 from stiction.formats.known_friction import TERM
+from stiction.formats.observation import CLOCK_TERMS, PLACEHOLDERS, SLOW_TERMS, GaitClock, ObservationLayout
 
 
 @dataclass(frozen=True)
@@ -27,10 +28,22 @@ class Sensors:
     """Joint angles [rad], shape (..., J)."""
     joint_velocity: np.ndarray
     """Joint velocities [rad/s], shape (..., J)."""
+    base_linear_velocity: np.ndarray | None = None
+    """Velocity of the base in its own frame [m/s], shape (..., 3): of an estimator or a simulator, no sensor has it."""
+    heights: np.ndarray | None = None
+    """Of the base over the ground [m] at the points of the layout's `HeightScan`, shape (..., points)."""
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Return what was measured, by name."""
+        return {name: value for name, value in vars(self).items() if value is not None}
+
+    def each(self, change: Callable[[np.ndarray], np.ndarray]) -> Sensors:
+        """Return the measurements with a function applied to every array."""
+        return Sensors(**{name: change(value) for name, value in self.arrays().items()})
 
 
 class ObservationBuilder:
-    """Stacks frames of proprioception, o_t^H: each term is clip((raw - offset) * scale), the oldest frame first."""
+    """Stacks frames, o_t^H: each term is clip((raw - offset) * scale); the order is the layout's."""
 
     def __init__(
         self,
@@ -39,6 +52,7 @@ class ObservationBuilder:
         batch: tuple[int, ...] = (),
         known_friction: np.ndarray | None = None,
         action_scale: float | np.ndarray | None = None,
+        control_period: float | None = None,
     ) -> None:
         """Start with an empty history.
 
@@ -49,24 +63,32 @@ class ObservationBuilder:
             known_friction: f/τ_max of each kind of joint [-], shape (kinds,), or of each robot, (*batch, kinds);
                 needed by a layout with that term.
             action_scale: joint angle per unit of action [rad], for a layout with slow means.
+            control_period: time between two steps [s], for a layout with a gait clock.
 
         Raises:
             StictionError: the friction has another shape, is not finite or negative, or the layout has no term for it.
-            ValueError: the layout has slow means, and there is no scale of the action.
+            ValueError: the layout has slow means, and there is no scale of the action, or a clock, and no period.
 
         """
         self.layout = layout
         self._standing = np.asarray(standing, dtype=np.float64)
         self._batch = batch
-        self._scale = np.concatenate([np.full(term.size, term.scale) for term in layout.terms])
-        self._clip = np.concatenate([np.full(term.size, term.clip) for term in layout.terms])
-        self._history = np.zeros((*batch, layout.history_length, layout.frame_size))
+        self._scale = np.concatenate([term.scales for term in layout.terms])
+        self._clip = np.concatenate([term.clips for term in layout.terms])
+        self._history = np.zeros((*batch, layout.depth, layout.frame_size))
+        order = layout.order()
+        self._order = None if np.array_equal(order, np.arange(layout.depth * layout.frame_size)) else order
         self._empty = np.ones(batch, dtype=bool)
         self._slow: SlowMeans | None = None
         if layout.slow_kept is not None:
             if action_scale is None:
                 raise ValueError("a layout with slow means needs action_scale, the joint angle per unit of action")
             self._slow, self._action_scale = SlowMeans((*batch, len(standing)), layout.slow_kept), action_scale
+        self._clock: Clock | None = None
+        if layout.clock is not None:
+            if control_period is None:
+                raise ValueError("a layout with a gait clock needs control_period, the time between two steps")
+            self._clock = Clock(layout.clock, control_period, batch)
         self._known = None if known_friction is None else friction_of_robots(layout, known_friction, batch)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -88,13 +110,19 @@ class ObservationBuilder:
         raw = {
             "angular_velocity": sensors.angular_velocity,
             "roll_pitch": roll_pitch(sensors.quaternion),
+            "projected_gravity": gravity_direction(sensors.quaternion),
             "command": command,
+            "command_linear": command[..., :2],
+            "command_turn": command[..., 2:],
             "joint_position": sensors.joint_position,
             "joint_velocity": sensors.joint_velocity,
             "last_action": last_action,
         }
+        raw |= self._not_measured(sensors)
         if self._slow is not None:
             raw |= self._slow.terms()
+        if self._clock is not None:
+            raw |= self._clock.terms()
         if self._known is not None:
             raw[TERM] = self._known
         elif self.layout.has(TERM):
@@ -118,13 +146,70 @@ class ObservationBuilder:
         if self._slow is not None:
             error = self._standing + self._action_scale * last_action - sensors.joint_position
             self._slow.step(error, np.asarray(sensors.joint_velocity), self._empty)
+        if self._clock is not None:
+            self._clock.step(command, self._empty)
         frame = self.frame(sensors, command, last_action)
+        before = frame[..., None, :] if self.layout.fill == "first" else np.zeros(1)
+        self._history = np.where(self._empty[..., None, None], before, self._history)
         self._history[..., :-1, :] = self._history[..., 1:, :]
         self._history[..., -1, :] = frame
-        if self._empty.any():
-            self._history = np.where(self._empty[..., None, None], frame[..., None, :], self._history)
-            self._empty = np.zeros(self._batch, dtype=bool)
-        return self._history.reshape(*self._batch, self.layout.size).astype(np.float32)
+        self._empty = np.zeros(self._batch, dtype=bool)
+        stacked = self._history.reshape(*self._batch, self._history.shape[-2] * self.layout.frame_size)
+        return (stacked if self._order is None else stacked[..., self._order]).astype(np.float32)
+
+    def _not_measured(self, sensors: Sensors) -> dict[str, np.ndarray]:
+        """Return what no sensor of a robot has, where the layout observes it.
+
+        Raises `PolicyError` where nobody gives it: zeros would tell the policy that the robot stands still.
+        """
+        found: dict[str, np.ndarray] = {}
+        for term, field, what in (
+            ("base_linear_velocity", "base_linear_velocity", "the velocity of its base"),
+            ("height_scan", "heights", "the ground around it"),
+        ):
+            if (given := getattr(sensors, field)) is not None:
+                scan = self.layout.heights if term == "height_scan" else None
+                found[term] = given if scan is None else given - scan.offset
+            elif self.layout.has(term):
+                raise PolicyError(
+                    f"this policy observes {what}, which no sensor of a robot measures; it walks in the engine mujoco, "
+                    f"and on a robot only with an estimator that gives Sensors.{field}"
+                )
+        return found
+
+
+def gravity_direction(quaternion: np.ndarray) -> np.ndarray:
+    """Return the direction of gravity in the base's frame, (0, 0, -1) upright, shape (..., 3); w x y z, (..., 4)."""
+    w, x, y, z = np.moveaxis(np.asarray(quaternion, dtype=np.float64), -1, 0)
+    return np.stack([2 * (w * y - x * z), -2 * (w * x + y * z), 2 * (x * x + y * y) - 1], axis=-1)
+
+
+class Clock:
+    """The phases of a gait clock, of every robot."""
+
+    def __init__(self, clock: GaitClock, control_period: float, batch: tuple[int, ...]) -> None:
+        """Wait for the first step; control_period: time between two steps [s]; batch: leading shape."""
+        self._clock, self._turn = clock, 2 * np.pi * control_period / clock.period
+        self._count = np.zeros(batch, dtype=np.int64)
+        self._stands = np.zeros(batch, dtype=bool)
+
+    def step(self, command: np.ndarray, fresh: np.ndarray) -> None:
+        """Go on by one step under a command, (*batch, 3); fresh: robots that start anew, bool, the batch's shape."""
+        clock, stood = self._clock, self._stands & ~fresh
+        self._count = np.where(fresh, clock.first, self._count + 1)
+        if clock.standing is not None:
+            below = clock.standing_below
+            slow = np.linalg.norm(np.asarray(command)[..., :2], axis=-1) < below
+            self._stands = slow & (np.abs(np.asarray(command)[..., 2]) < below)
+            self._count = np.where(stood & ~self._stands, 0, self._count)
+
+    def terms(self) -> dict[str, np.ndarray]:
+        """Return the terms of the clock, see `CLOCK_TERMS`."""
+        phase = np.array(self._clock.offsets) + (self._turn * self._count)[..., None]
+        if self._clock.standing is not None:
+            phase = np.where(self._stands[..., None], self._clock.standing, phase)
+        sine, cosine = np.sin(phase), np.cos(phase)
+        return dict(zip(CLOCK_TERMS, (np.concatenate([sine, cosine], axis=-1), sine, cosine), strict=True))
 
 
 class SlowMeans:

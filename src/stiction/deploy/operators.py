@@ -110,6 +110,8 @@ def node_work(node: Node, inputs: Sequence[Value], outputs: Sequence[Value]) -> 
     products = math.prod(outputs[0].shape) * inputs[0].shape[-1] if node.operator in PRODUCTS else 0
     if node.operator == "Gemm" and node.attributes.get("transA"):
         products = math.prod(outputs[0].shape) * inputs[0].shape[0]
+    if node.operator == "ReduceMean":
+        products = math.prod(inputs[0].shape)
     return products + sum(10 * math.prod(value.shape) for value in outputs)
 
 
@@ -179,6 +181,32 @@ def _clip(node: Node, inputs: Sequence[Value]) -> list[Value]:
     if any(value.shape for value in inputs[1:]):
         raise UnfitError("expected bounds without dimensions")
     return [Value(inputs[0].shape)]
+
+
+def _mean(node: Node, inputs: Sequence[Value]) -> list[Value]:
+    """Means along axes, which an attribute or a second input names; never over the batch."""
+    _floats(inputs[:1], 1, 1)
+    shape, given = inputs[0].shape, node.attributes.get("axes")
+    chosen = _known(inputs[1]) if len(inputs) > 1 else given
+    if not isinstance(chosen, tuple | list) or not chosen:
+        raise UnfitError(f"axes {chosen}: expected some axes, known beforehand")
+    gone = {_axis(axis, len(shape)) for axis in chosen}
+    if 0 in gone:
+        raise UnfitError(f"axes {sorted(gone)}: a mean over the robots of a batch")
+    if node.attributes.get("keepdims", 1):
+        return [Value(tuple(1 if axis in gone else size for axis, size in enumerate(shape)))]
+    return [Value(tuple(size for axis, size in enumerate(shape) if axis not in gone))]
+
+
+def _layer_normalization(node: Node, inputs: Sequence[Value]) -> list[Value]:
+    """Numbers less their mean over their deviation, along the last axes; mean and deviation may come out too."""
+    _floats(inputs, 2, 3)
+    shape = inputs[0].shape
+    axis = _axis(_integer(node, "axis", -1), len(shape))
+    if axis == 0 or any(_broadcast(value.shape, shape) != shape for value in inputs[1:]):
+        raise UnfitError(f"axis {axis}, shapes {[value.shape for value in inputs]}")
+    kept = tuple(size if place < axis else 1 for place, size in enumerate(shape))
+    return [Value(shape), Value(kept), Value(kept)]
 
 
 def _matmul(node: Node, inputs: Sequence[Value]) -> list[Value]:
@@ -319,8 +347,10 @@ def _constant_of_shape(node: Node, inputs: Sequence[Value]) -> list[Value]:
 
 OPERATORS: dict[str, Rule] = {
     **dict.fromkeys(("Elu", "Relu", "LeakyRelu", "Selu", "Celu", "Sigmoid", "HardSigmoid"), _same),
-    **dict.fromkeys(("Softplus", "Softsign", "Tanh", "Exp", "Neg", "Abs", "Sqrt", "Identity", "Erf"), _same),
-    **dict.fromkeys(("Add", "Sub", "Mul", "Div"), _pairs),
+    **dict.fromkeys(("Softplus", "Softsign", "Tanh", "Exp", "Neg", "Abs", "Sqrt", "Identity", "Erf", "Atan"), _same),
+    **dict.fromkeys(("Add", "Sub", "Mul", "Div", "Pow", "Max", "Min"), _pairs),
+    "ReduceMean": _mean,
+    "LayerNormalization": _layer_normalization,
     "Clip": _clip,
     "MatMul": _matmul,
     "Gemm": _gemm,

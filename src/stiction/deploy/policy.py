@@ -122,7 +122,9 @@ class Policy:
         self.contract, self._network, self._batch = contract, network, batch
         self._standing, self._scale = contract.array("standing"), contract.scale
         known = contract.known_friction_array if known_friction is None else known_friction
-        self._builder = ObservationBuilder(contract.observation, self._standing, batch, known, contract.scale)
+        self._builder = ObservationBuilder(
+            contract.observation, self._standing, batch, known, contract.scale, contract.control_period
+        )
         self._last_action = np.zeros((*batch, contract.num_joints), dtype=np.float32)
 
     def reset(self, mask: np.ndarray | None = None) -> None:

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import BundleError
-from stiction.formats.contract import Contract, ObservationLayout
+from stiction.formats.contract import Contract
+from stiction.formats.observation import ObservationLayout
 from stiction.formats.wear import WearModel
 
 SOFT_SIGN = 0.5
@@ -33,7 +34,14 @@ class Moments:
     def __init__(self, layout: ObservationLayout, action_scale: float | np.ndarray) -> None:
         """Find the terms in a frame. `action_scale`: joint angle per unit of action [rad]."""
         ends = np.cumsum([term.size for term in layout.terms])
-        self._at = {t.name: (slice(end - t.size, end), t.scale) for t, end in zip(layout.terms, ends, strict=True)}
+        if layout.layout != "frame_major" or layout.direction != "oldest_first":
+            raise BundleError(
+                "a wear monitor reads whole frames, the oldest first; this policy's are stacked otherwise"
+            )
+        self._at = {
+            t.name: (slice(end - t.size, end), t.scales if isinstance(t.scale, tuple) else t.scale)
+            for t, end in zip(layout.terms, ends, strict=True)
+        }
         self._action_scale = action_scale
 
     def __call__(self, before: np.ndarray, now: np.ndarray) -> np.ndarray:

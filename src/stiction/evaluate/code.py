@@ -14,8 +14,11 @@ FLEET = (
     ),
     *("robots/*.py", "robots/shipped/*.py"),
     *("locomotion/friction.py", "locomotion/terrain.py", "formats/contract.py", "formats/known_friction.py"),
-    "formats/walk.py",
-    *(f"evaluate/{name}.py" for name in ("command", "course", "evaluate", "known_friction", "rollout", "metrics")),
+    *("formats/observation.py", "formats/walk.py"),
+    *(
+        f"evaluate/{name}.py"
+        for name in ("command", "course", "evaluate", "known_friction", "own_policy", "rollout", "metrics")
+    ),
 )
 """Code that decides the motion of robots under a contract in the simulator of the training."""
 

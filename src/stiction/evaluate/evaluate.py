@@ -17,12 +17,13 @@ import numpy as np
 from stiction.core.errors import ConfigurationError
 from stiction.core.provenance import seed_streams
 from stiction.deploy.check import robot_of
-from stiction.deploy.policy import Policy, load_policy
+from stiction.deploy.policy import load_policy
 from stiction.evaluate.command import SETTLE, Command, parse_command
 from stiction.evaluate.course import Course, course_commands, line_up, parse_course, starts
 from stiction.evaluate.known_friction import known_to, parse_source
 from stiction.evaluate.methods import method_of
 from stiction.evaluate.metrics import Metrics, measure
+from stiction.evaluate.own_policy import FunctionDriver, OwnPolicy
 from stiction.evaluate.rollout import Driver, Rollout, friction_at, record
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract import Contract
@@ -229,8 +230,10 @@ def drive_bundle(
     return drive(policy, bundle.contract, spec, cfg, threads, progress, against)
 
 
-def batch_policy(bundle: Bundle, spec: Robot, cfg: EvaluationCfg, friction: np.ndarray) -> Policy:
+def batch_policy(bundle: Bundle, spec: Robot, cfg: EvaluationCfg, friction: np.ndarray) -> Driver:
     """Return a bundle's policy for N robots; friction: of their joints, as from `friction_at`, shape (N, J)."""
+    if isinstance(bundle, OwnPolicy):
+        return FunctionDriver(bundle.function, bundle.contract, len(friction))
     known = known_to(bundle.contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
     return load_policy(bundle.contract, bundle.policy, (len(friction),), known_friction=known)
 

@@ -13,7 +13,7 @@ import shlex
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,22 +21,20 @@ import numpy as np
 import torch
 
 from stiction.core.errors import BundleError, ConfigurationError, FileError, StictionError, TrainingError
-from stiction.core.provenance import seed_streams
 from stiction.deploy.check import BundleCheck, check_bundle, robot_of
 from stiction.deploy.observation import Sensors, friction_of_robots
 from stiction.deploy.policy import INPUT, OUTPUT, PolicyStep
+from stiction.evaluate.golden import record_golden
 from stiction.evaluate.known_friction import nominal_known
-from stiction.evaluate.rollout import Driver, Rollout
 from stiction.formats.bundle import write_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.contract_rules import COMMANDS, METHODS
-from stiction.formats.golden import BEYOND, SENSED, Golden, clips
 from stiction.formats.joint_map import mapped
 from stiction.formats.joints import load_joints
 from stiction.formats.known_friction import TERM, bench_friction, known_friction_text
 from stiction.formats.wear import WearModel, read_wear
 from stiction.joints.friction import LAWS, has_coefficient, level_text
-from stiction.joints.pd import COMPENSATION_WIDTH, compensated, controller_torque
+from stiction.joints.pd import COMPENSATION_WIDTH, compensated
 from stiction.locomotion.config import TaskCfg
 from stiction.locomotion.env import to_tensor
 from stiction.locomotion.observations import FrameBuilder, History, SlowMeans, roll_pitch
@@ -46,7 +44,6 @@ from stiction.rma.config import TrainCfg
 from stiction.rma.run import RunDirectory, identified_values
 from stiction.rma.runner import load_student
 from stiction.robots.catalog import find_robot
-from stiction.robots.model import Robot
 from stiction.sim.fleet import Fleet
 
 TEMPLATE = """\
@@ -118,91 +115,6 @@ def _known_friction_line(contract: Contract) -> str:
 def _file_text(file: Mapping[str, str]) -> str:
     """Return a file's name and digest."""
     return f"{file['name']}, SHA-256 {file['sha256']}"
-
-
-STEPS = 600
-"""Recorded steps: 12 s at 50 Hz."""
-
-RESET_EVERY, COMMAND_EVERY = 200, 50
-"""Steps between resets, and between new commands."""
-
-COMMAND_BOUND = (0.6, 0.3, 0.6)
-"""Half-widths of the random commands: forward, sideways [m/s], turn [rad/s]."""
-
-
-EXTREME_STEPS = 24
-"""Recorded steps of readings that no walk has, behind those of the walk."""
-
-EXTREME_SHARES = (0.0, 0.25, 0.5, 1.0)
-"""Shares of the joints that are at their clips in such a step, in turn; at least one."""
-
-
-def record_golden(contract: Contract, policy: Driver, spec: Robot, seed: int = 0) -> Golden:
-    """Drive one robot with the contract's nominal joints and return what it measured and what the policy computed.
-
-    Behind the walk, after one more reset, come readings that drive observation, action and torque to their limits.
-
-    policy: a batch of one; seed: of noise, initial states, commands and those readings.
-    """
-    streams = seed_streams(seed, ["golden noise", "golden commands", "golden extremes"])
-    noise = [streams["golden noise"]]
-    rollout = Rollout(contract, policy, spec, contract.array("friction")[None], noise, law=contract.law)
-    bound = np.array(COMMAND_BOUND)
-    steps: list[tuple[Sensors, PolicyStep]] = []
-    total = STEPS + EXTREME_STEPS
-    resets, commands = np.zeros(total, dtype=bool), np.zeros((total, 3))
-    needs_reset = False
-    for t in range(STEPS):
-        resets[t] = t % RESET_EVERY == 0 or needs_reset
-        if resets[t]:
-            rollout.reset(np.array([0]))
-        fresh = t % COMMAND_EVERY == 0
-        commands[t] = streams["golden commands"].uniform(-bound, bound) if fresh else commands[t - 1]
-        step = rollout.step(commands[t : t + 1])
-        steps.append((step.sensors, step.policy))
-        needs_reset = bool(rollout.fleet.fallen()[0]) or len(step.blown_up) > 0
-    policy.reset()
-    resets[STEPS] = True
-    for t in range(STEPS, total):
-        seen = steps[t % RESET_EVERY][0]
-        sensors, commands[t] = extreme_reading(contract, seen, commands[t - 1], t, streams["golden extremes"])
-        steps.append((sensors, policy.step(sensors, commands[t : t + 1])))
-    arrays = {
-        part.name: np.concatenate([getattr(step[number], part.name) for step in steps])
-        for number, kind in enumerate((Sensors, PolicyStep))
-        for part in fields(kind)
-    }
-    motors = (spec.joint_values(name) for name in ("kp", "kd", "torque_limit"))
-    torque = controller_torque(arrays["target"], arrays["joint_position"], arrays["joint_velocity"], *motors)
-    time = np.arange(total) * contract.control_period
-    walked = np.arange(total) < STEPS
-    return Golden(np.array(contract.joint_names), time, resets, commands, **arrays, torque=torque, walked=walked)
-
-
-def extreme_reading(
-    contract: Contract, walked: Sensors, command: np.ndarray, step: int, generator: np.random.Generator
-) -> tuple[Sensors, np.ndarray]:
-    """Return a reading and a command, some of whose entries are beyond the clips of the observation.
-
-    Every fourth step all joints are; then the base is turned anyhow, turns fast, and is commanded to.
-
-    walked: a reading of one robot, shapes (1, ...), of which the others are; command: shape (3,); step: its number.
-    """
-    share, rest = EXTREME_SHARES[step % len(EXTREME_SHARES)], contract.array("standing")
-    readings = {part.name: getattr(walked, part.name).copy() for part in fields(Sensors)} | {"command": command[None]}
-    if share == 1.0:
-        quaternion = generator.standard_normal(4)
-        readings["quaternion"] = (quaternion / np.linalg.norm(quaternion))[None]
-    for term in contract.observation.terms:
-        whole = term.name in ("angular_velocity", "command")
-        if term.name not in SENSED or not clips(contract, term) or (whole and share < 1.0):
-            continue
-        chosen = generator.random(term.size) < share
-        chosen[generator.integers(term.size)] = True
-        side = generator.choice((-1.0, 1.0), term.size) * BEYOND * term.clip / term.scale
-        side = side + rest if term.offset == "standing" else side
-        readings[term.name] = np.where(chosen, side, readings[term.name])
-    return Sensors(*(readings[part.name] for part in fields(Sensors))), readings["command"][0]
 
 
 OPSET = 18

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from stiction.formats.contract import Contract
+from stiction.formats.contract_rules import IMPORTED
 from stiction.joints.compensation import SHARES, By, Compensation
 
 FORWARD = "+forward"
@@ -61,6 +62,7 @@ METHODS = {
     "compensation": "nominal friction added to the command, in training and after",
     "finetune": "trained without friction, then with all of it at once",
     "iterative": "trained without friction, then with more in steps",
+    IMPORTED: "trained elsewhere: what friction it met is not known",
 }
 """Training method -> what it is."""
 

@@ -6,7 +6,7 @@ Evaluation, golden vectors and clips are loops over `Rollout.step`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -155,8 +155,13 @@ class Rollout:
 
     def sense(self) -> Sensors:
         """Return what the robots measure now; roll and pitch are disturbed by a small rotation of the base."""
-        fleet = self.fleet
+        fleet, layout = self.fleet, self._contract.observation
         true = Sensors(fleet.base_quaternion, fleet.base_angular_velocity, fleet.joint_position, fleet.joint_velocity)
+        if layout.has("base_linear_velocity"):
+            true = replace(true, base_linear_velocity=fleet.base_linear_velocity)
+        if (scan := layout.heights) is not None:
+            ground = fleet.ground_around(np.array(scan.points))
+            true = replace(true, heights=fleet.base_position[:, 2:3] - ground)
         return disturbed(true, self._noise, self._uniform(drawn_width(self._contract.num_joints)))
 
     def act(self, command: np.ndarray) -> tuple[Sensors, PolicyStep]:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+from stiction.core.errors import BundleError
 from stiction.formats.plain import is_integer, is_number, is_text
 
 
@@ -53,6 +54,12 @@ def one_of(*values: Any) -> Rule:
     """Return the rule of a field that takes some values alone."""
     words = " or ".join("null" if value is None else repr(value) for value in values)
     return Rule(lambda value: value in values and not isinstance(value, bool), words, {"enum": list(values)})
+
+
+def expect(condition: bool, field: str, value: object, expected: str) -> None:
+    """Raise `BundleError` naming the field of a contract unless the condition holds."""
+    if not condition:
+        raise BundleError(f"contract field {field!r} is {repr(value)[:200]}; expected {expected}")
 
 
 def is_name(value: Any) -> bool:
@@ -113,7 +120,10 @@ FILE = Rule(
     },
 )
 
-TERRAINS = ("flat", "slopes", "rough", "stairs", "mixed")
+UNKNOWN, IMPORTED = "unknown", "imported"
+"""Ground, and method, of a policy that was trained elsewhere."""
+
+TERRAINS = ("flat", "slopes", "rough", "stairs", "mixed", UNKNOWN)
 """Grounds that there are to train on."""
 
 METHODS = {
@@ -123,6 +133,7 @@ METHODS = {
     "finetune": "without dry friction at first, then all of it at once, drawn closely around its nominal value",
     "iterative": "without dry friction at first, then more of it in equal steps, drawn closely around each",
     "deception": "dry friction in the joints, drawn from zero up to above its nominal value",
+    IMPORTED: "trained elsewhere; what friction it met is not known",
 }
 """Training method with friction -> what it means, in words for people."""
 
@@ -157,7 +168,7 @@ RULES: dict[str, Rule] = {
     ),
     "action_offset": one_of("standing"),
     "quaternion_order": one_of("wxyz"),
-    **dict.fromkeys(("joints_file", "actuator", "known_friction_file"), FILE),
+    **dict.fromkeys(("joints_file", "actuator", "known_friction_file", "imported"), FILE),
 }
 """Field -> what it may be, of those that do not depend on the number of joints."""
 

@@ -16,19 +16,17 @@ from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from stiction.formats.contract import (
+from stiction.formats.contract import LATER, MOST_JOINTS, Contract
+from stiction.formats.contract_rules import NAME, PER_JOINT, RULES, SCHEMA_VERSION, SHARE, SPEED_RATIO, TERM_RULES
+from stiction.formats.observation import (
     FRAMES,
-    LATER,
     LONGEST_HISTORY,
     MOST_ENTRIES,
-    MOST_JOINTS,
     MOST_TERMS,
     TERM_NAMES,
-    Contract,
     ObservationLayout,
     Term,
 )
-from stiction.formats.contract_rules import NAME, PER_JOINT, RULES, SCHEMA_VERSION, SHARE, SPEED_RATIO, TERM_RULES
 
 PATH = Path(__file__).with_name("contract.schema.json")
 """The copy that comes with the package."""
@@ -43,8 +41,9 @@ BESIDE = (
 
 OBSERVATION = {
     "history_length": {"type": "integer", "minimum": 1, "maximum": LONGEST_HISTORY},
-    "direction": {"const": "oldest_first"},
-    "layout": {"const": "frame_major"},
+    "direction": {"enum": ["oldest_first", "newest_first"]},
+    "layout": {"enum": ["frame_major", "term_major"]},
+    "fill": {"enum": ["first", "zero"]},
     "slow_kept": {"type": ["number", "null"], "exclusiveMinimum": 0, "exclusiveMaximum": 1},
 }
 
@@ -53,7 +52,8 @@ TERM = {
     "size": {"type": "integer", "minimum": 1, "maximum": MOST_ENTRIES},
     "frame": {"enum": sorted(set(FRAMES.values()))},
     "offset": {"enum": ["none", "standing"]},
-} | {name: rule.schema for name, rule in TERM_RULES.items()}
+    "history_length": {"type": ["integer", "null"], "minimum": 1, "maximum": LONGEST_HISTORY},
+} | {name: {"anyOf": [rule.schema, {"type": "array", "items": rule.schema}]} for name, rule in TERM_RULES.items()}
 
 
 def contract_schema() -> dict[str, Any]:

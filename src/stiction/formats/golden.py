@@ -32,6 +32,8 @@ LARGEST = {
     "joint_velocity": 1e4,
     "target": 1e3,
     "torque": 1e5,
+    "base_linear_velocity": 1e3,
+    "heights": 1e4,
 }
 """Largest number of a recording, in its SI unit: beyond what any robot does."""
 
@@ -85,6 +87,10 @@ class Golden:
     torque: np.ndarray | None = None
     """What the joint controllers ask of the motors at these targets and measurements [N m], see `controller_torque`,
     computed with the robot's gains and limits, not the contract's, shape (T, J). None: the recording is older."""
+    base_linear_velocity: np.ndarray | None = None
+    """Velocity of the base in its own frame [m/s], shape (T, 3), where the policy observes it."""
+    heights: np.ndarray | None = None
+    """Heights of the base over the ground [m], shape (T, points), where the policy observes them."""
 
     walked: np.ndarray | None = None
     """False where a reading was made up to drive something to its limit, bool, shape (T,): no robot shall be given what
@@ -138,10 +144,10 @@ def exercise_of(golden: Golden, contract: Contract) -> Exercise:
 def clips(contract: Contract, term: Term) -> bool:
     """Return whether a recording can show the clip of a term: one that some reading, or the last action, gets to."""
     if term.name in SENSED:
-        return BEYOND * term.clip / term.scale <= LARGEST[term.name]
+        return bool((BEYOND * term.clips / term.scales <= LARGEST[term.name]).all())
     if term.name == "roll_pitch":
-        return BEYOND * term.clip / term.scale < np.pi
-    return term.name == "last_action" and term.clip / term.scale <= contract.action_clip
+        return bool((BEYOND * term.clips / term.scales < np.pi).all())
+    return term.name == "last_action" and bool((term.clips / term.scales <= contract.action_clip).all())
 
 
 BEYOND = 1.2
@@ -175,7 +181,8 @@ def read_golden(data: bytes, contract: Contract) -> tuple[Golden, dict[str, str]
     except LogError as error:
         raise BundleError(f"{error}; export the bundle again") from error
     digests = {name.removeprefix(BOUND): str(arrays.pop(name)) for name in list(arrays) if name.startswith(BOUND)}
-    expected = {field.name for field in fields(Golden)}
+    unseen = {name for name in NOT_MEASURED if name not in not_measured(contract)}
+    expected = {field.name for field in fields(Golden)} - unseen
     if odd := sorted((arrays.keys() ^ expected) - ({"torque", "walked"} - arrays.keys())):
         raise BundleError(f"golden.npz: the array {odd[0]!r} is missing or unknown; export the bundle again")
     golden = Golden(**arrays)
@@ -183,6 +190,16 @@ def read_golden(data: bytes, contract: Contract) -> tuple[Golden, dict[str, str]
     _check_recording(golden, contract)
     _check_torque(golden, contract)
     return golden, digests
+
+
+NOT_MEASURED = {"base_linear_velocity": "base_linear_velocity", "heights": "height_scan"}
+"""Array of what no sensor of a robot measures -> the term that observes it."""
+
+
+def not_measured(contract: Contract) -> dict[str, int]:
+    """Return the arrays of `NOT_MEASURED` that a policy's recording has, and their widths."""
+    terms = {term.name: term.size for term in contract.observation.terms}
+    return {name: terms[term] for name, term in NOT_MEASURED.items() if term in terms}
 
 
 def _check_arrays(golden: Golden, contract: Contract) -> None:
@@ -193,7 +210,7 @@ def _check_arrays(golden: Golden, contract: Contract) -> None:
     steps, joints = golden.time.shape[0] if golden.time.ndim else 0, len(names)
     widths = {"command": 3, "quaternion": 4, "angular_velocity": 3, "observation": contract.observation.size}
     widths |= dict.fromkeys(("joint_position", "joint_velocity", "action", "target"), joints)
-    widths |= {} if golden.torque is None else {"torque": joints}
+    widths |= not_measured(contract) | ({} if golden.torque is None else {"torque": joints})
     shapes = {"time": (steps,), "reset": (steps,), **{name: (steps, width) for name, width in widths.items()}}
     shapes |= {} if golden.walked is None else {"walked": (steps,)}
     for name, shape in shapes.items():

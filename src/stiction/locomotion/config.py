@@ -9,7 +9,7 @@ from typing import Annotated
 from tyro.conf import arg
 
 from stiction.core.errors import ConfigurationError
-from stiction.formats.contract import HISTORY_LENGTH, ObservationLayout, proprioception
+from stiction.formats.observation import HISTORY_LENGTH, ObservationLayout, proprioception
 from stiction.joints.net import ActuatorNet
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.rewards import RewardCfg

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from stiction.formats.contract import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
+from stiction.formats.observation import PLACEHOLDERS, SLOW_TERMS, ObservationLayout
 
 
 def roll_pitch(quaternion: torch.Tensor) -> torch.Tensor:
@@ -21,8 +21,8 @@ class FrameBuilder:
     def __init__(self, layout: ObservationLayout, standing: torch.Tensor) -> None:
         """Precompute scale, offset and clip of every entry. `standing`: (joints,) [rad]."""
         self.layout = layout
-        self.scale = torch.cat([torch.full((term.size,), term.scale) for term in layout.terms])
-        self.clip = torch.cat([torch.full((term.size,), term.clip) for term in layout.terms])
+        self.scale = torch.cat([torch.tensor(term.scales) for term in layout.terms]).float()
+        self.clip = torch.cat([torch.tensor(term.clips) for term in layout.terms]).float()
         self.offset = torch.cat(
             [standing if term.offset == "standing" else torch.zeros(term.size) for term in layout.terms]
         ).float()

@@ -26,7 +26,7 @@ from tensordict import TensorDict
 from torch import nn
 
 from stiction.core.errors import ConfigurationError, RobotError
-from stiction.formats.contract import PLACEHOLDERS, Term
+from stiction.formats.observation import PLACEHOLDERS, Term
 from stiction.locomotion.env import LocomotionEnv
 from stiction.locomotion.randomization import MULTIPLIER_UNIT, PRIVILEGED_TERMS
 from stiction.locomotion.terrain import SCAN_POINTS

@@ -125,7 +125,7 @@ def read_description(path: Path) -> Description:
         size = path.stat().st_size
         if size > MOST_BYTES:
             raise RobotError(f"{path}: {size} bytes; a robot.yaml has at most {MOST_BYTES}")
-        content = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)
+        content = yaml.load(path.read_text(encoding="utf-8"), Loader=StrictLoader)
     except OSError as error:
         raise RobotError(f"{path}: cannot be read: {error.strerror}") from error
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
@@ -164,7 +164,7 @@ def describe(content: Any, source: str) -> Description:
     )
 
 
-class _Loader(yaml.SafeLoader):
+class StrictLoader(yaml.SafeLoader):
     """YAML without aliases, which can make a short file enormous, and without keys that stand twice."""
 
     def compose_node(self, parent: Any, index: Any) -> Any:

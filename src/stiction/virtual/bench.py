@@ -26,7 +26,6 @@ import numpy as np
 from stiction.core.cache import key_of, publish_entry
 from stiction.core.errors import ConfigurationError, FileError, RobotError, StictionError
 from stiction.core.provenance import seed_streams
-from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import ControlStep, JointCommand, Port, Reading
 from stiction.engines.catalog import binaries, make_engine
 from stiction.formats.bundle import Bundle
@@ -230,7 +229,7 @@ def walk_log(steps: Sequence[ControlStep], bundle: Bundle, spec: Robot, recorded
     return WalkLog(
         header,
         time=np.array([reading.time for reading in before]),
-        **{name: sensed(name) for name in Sensors.__dataclass_fields__},
+        **{name: sensed(name) for name in before[0].sensors.arrays()},
         joint_target=np.repeat([step.policy.target for step in steps], each, axis=0),
         joint_torque=np.stack([reading.joint_torque for reading in after]),
         foot_contact=np.stack([reading.foot_contact for reading in before]),

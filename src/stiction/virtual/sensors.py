@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,10 +13,14 @@ from stiction.locomotion.config import NoiseCfg
 
 
 def disturbed(true: Sensors, noise: NoiseCfg, drawn: np.ndarray) -> Sensors:
-    """Return noisy measurements of N robots; drawn: numbers in [-1, 1), shape (N, `drawn_width`)."""
+    """Return noisy measurements of N robots; drawn: numbers in [-1, 1), shape (N, `drawn_width`).
+
+    What no sensor measures, velocity of the base and heights, stays true.
+    """
     joints = true.joint_position.shape[-1]
     tilt = np.hstack([np.ones((len(drawn), 1)), noise.roll_pitch / 2 * drawn[:, 3:5]])
-    return Sensors(
+    return replace(
+        true,
         quaternion=tilted(true.quaternion, tilt),
         angular_velocity=true.angular_velocity + noise.angular_velocity * drawn[:, :3],
         joint_position=true.joint_position + noise.joint_position * drawn[:, 5 : 5 + joints],
@@ -130,9 +134,8 @@ class Noisy:
         """Return what came last, with noise."""
         reading = self._port.read()
         drawn = self._generator.uniform(-1.0, 1.0, (1, drawn_width(len(self.joint_names))))
-        true = Sensors(*(getattr(reading.sensors, part.name)[None] for part in fields(Sensors)))
-        noisy = disturbed(true, self._noise, drawn)
-        return replace(reading, sensors=Sensors(*(getattr(noisy, part.name)[0] for part in fields(Sensors))))
+        noisy = disturbed(reading.sensors.each(lambda value: value[None]), self._noise, drawn)
+        return replace(reading, sensors=noisy.each(lambda value: value[0]))
 
     def exchange(self, command: JointCommand) -> Reading:
         """Send a command; what comes back has no noise: joint controllers use it, no policy."""

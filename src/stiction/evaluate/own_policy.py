@@ -1,0 +1,129 @@
+"""A policy that is a function in Python: for evaluation only, and named anew each time.
+
+It gets what the robots measure and what they are told, and returns joint targets; what it computes from them is its own
+affair. It has no contract and no golden vectors, so that it cannot be exported, signed or deployed. A file never names
+it: whoever names such a function runs its module.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, PolicyError
+from stiction.core.plugins import find_named
+from stiction.deploy.observation import Sensors
+from stiction.deploy.policy import PolicyStep
+from stiction.formats.bundle import Bundle
+from stiction.formats.contract import Contract
+from stiction.formats.contract_rules import IMPORTED, UNKNOWN
+from stiction.formats.golden import Golden
+from stiction.formats.observation import NO_CLIP, ObservationLayout, Term
+from stiction.robots.catalog import find_robot
+
+TIMESTEP = 0.005
+"""Largest physics step [s]."""
+
+
+@dataclass(frozen=True)
+class OwnPolicy(Bundle):
+    """A function in the place of a bundle's network."""
+
+    function: str = ""
+    """Its name, `package.module:FUNCTION`."""
+
+
+class FunctionDriver:
+    """Drives N robots with a function of sensors, commands and who starts anew."""
+
+    def __init__(self, function: str, contract: Contract, num: int) -> None:
+        """Find the function by its name; raise `StictionError` where there is none."""
+        self._name, self._act, self._contract = function, _found(function), contract
+        self._fresh = np.ones(num, dtype=bool)
+
+    def reset(self, mask: np.ndarray | None = None) -> None:
+        """Tell the function, at the next step, that the robots in `mask` (bool, (N,)) start anew; all without it."""
+        self._fresh |= True if mask is None else np.asarray(mask, dtype=bool)
+
+    def step(self, sensors: Sensors, command: np.ndarray) -> PolicyStep:
+        """Return the function's targets.
+
+        Raises `PolicyError`: it failed, or its targets have another shape than (N, J) or are not finite.
+        """
+        try:
+            target = np.asarray(self._act(sensors, command, self._fresh), dtype=np.float64)
+        except Exception as error:  # whatever the user's code raises
+            raise PolicyError(f"{self._name} failed: {type(error).__name__}: {error}") from error
+        self._fresh = np.zeros_like(self._fresh)
+        shape = (len(self._fresh), self._contract.num_joints)
+        if target.shape != shape or not np.isfinite(target).all():
+            raise PolicyError(
+                f"{self._name} returned targets of shape {target.shape}; expected {shape}, all finite [rad]"
+            )
+        nothing = np.zeros((shape[0], 0), dtype=np.float32)
+        return PolicyStep(nothing, nothing, target)
+
+
+def own_policy(function: str, robot: str, control_period: float) -> OwnPolicy:
+    """Return a function as what an evaluation takes.
+
+    Args:
+        function: `package.module:FUNCTION`; called as `FUNCTION(sensors, command, fresh)` with `Sensors` of shapes
+            (N, ...), the base's velocity among them, commands (N, 3), and who starts anew, bool, (N,); returns joint
+            targets [rad], shape (N, J).
+        robot: the robot, see `find_robot`; its joints, gains and pose are the function's.
+        control_period: time between two calls [s].
+
+    Raises `StictionError`: there is no such function or robot.
+
+    """
+    spec, module = find_robot(robot), inspect.getmodule(_found(function))
+    decimation = max(1, int(np.ceil(control_period / TIMESTEP - 1e-9)))
+
+    def of_joints(name: str) -> tuple[float, ...]:
+        return tuple(spec.joint_values(name).tolist())
+
+    names = {"kp": "kp", "kd": "kd", "standing": "default_position", "torque_limit": "torque_limit"}
+    names |= {name: name for name in ("lower", "upper", "armature", "damping")}
+    seen = (Term("angular_velocity", 3, 1.0, NO_CLIP, "base"), Term("base_linear_velocity", 3, 1.0, NO_CLIP, "base"))
+    fixed: dict[str, Any] = {field: of_joints(name) for field, name in names.items()}
+    contract = Contract(
+        robot=spec.name,
+        terrain=UNKNOWN,
+        method=IMPORTED,
+        seed=0,
+        friction_law="coulomb",
+        friction_level=0.0,
+        friction_range=(0.0, 0.0),
+        joint_names=spec.joint_names,
+        control_period=control_period,
+        decimation=decimation,
+        physics_timestep=control_period / decimation,
+        friction=(0.0,) * spec.num_joints,
+        observation=ObservationLayout(seen, history_length=1),
+        action_scale=spec.action_scale if isinstance(spec.action_scale, float) else of_joints("action_scale"),
+        action_clip=1.0,
+        revision="none",
+        command=function,
+        anatomy=spec,
+        **fixed,
+    )
+    try:
+        source = "" if module is None else inspect.getsource(module)
+    except OSError:
+        source = ""
+    golden = Golden(**{part.name: np.zeros(0) for part in fields(Golden)})
+    digest = hashlib.sha256(f"{function}\0{robot}\0{control_period!r}\0{source}".encode()).hexdigest()
+    return OwnPolicy(function.replace(":", "."), contract, b"", golden, "", digest, 0, function=function)
+
+
+def _found(function: str) -> Any:
+    """Return the function of a name; raise `ConfigurationError` where it is none."""
+    found = find_named("policy", function)
+    if not callable(found):
+        raise ConfigurationError(f"policy {function!r} is {type(found).__name__}; expected a function")
+    return found

@@ -1,0 +1,1 @@
+"""Policies in and out: others' networks as bundles, and bundles as others deploy them."""

@@ -1,0 +1,285 @@
+"""What is said of a policy that was trained elsewhere, and how a contract follows from it.
+
+Files of others say different things. What one says is a `Said`; several are put together, later ones over earlier ones;
+what is then still missing is asked for by name. Nothing is taken for granted that could be otherwise: a wrong scale or
+order gives a robot that walks badly or falls, and blames its joints.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from stiction.core.errors import ConfigurationError, unknown_name
+from stiction.formats.contract import Contract
+from stiction.formats.contract_rules import IMPORTED, UNKNOWN
+from stiction.formats.observation import (
+    CLOCK_TERMS,
+    FRAMES,
+    NO_CLIP,
+    GaitClock,
+    HeightScan,
+    ObservationLayout,
+    Term,
+)
+from stiction.robots.model import Robot, on_its_feet
+from stiction.robots.order import reordered
+
+PerJoint = float | tuple[float, ...] | Mapping[str, float]
+"""One number, one for each joint in the policy's order, or regular expression of whole names -> number."""
+
+UNBOUNDED = 1000.0
+"""Clip of the action that stands for none [-]: the contract's largest, which no network of a policy reaches."""
+
+LARGEST_STEP = 0.005
+"""Physics step where nobody says one: the largest part of the control period that is not above this [s]."""
+
+
+@dataclass(frozen=True)
+class SaidTerm:
+    """One term of the observation, as a file says it."""
+
+    name: str
+    """Our name of it."""
+    scale: float | tuple[float, ...] = 1.0
+    clip: tuple[float, float] | None = None
+    """Lowest and highest value; None: no clip."""
+    clip_first: bool = False
+    """Whether the clip is before the scale."""
+    history: int | None = None
+    """Frames of this term; None: as many as of all."""
+    offset: str | None = None
+    """Of joint positions `standing` or `none`; None: `standing`."""
+
+    def bound(self) -> float | tuple[float, ...]:
+        """Return the symmetric bound after scaling, for each entry where scales differ.
+
+        Raises `ConfigurationError` where the clip is not symmetric.
+        """
+        if self.clip is None or self.clip == (-math.inf, math.inf):
+            return NO_CLIP
+        low, high = self.clip
+        if not (high > 0 and math.isclose(low, -high)):
+            raise ConfigurationError(
+                f"observation {self.name!r} is cut off at {low:g} and {high:g}; a contract holds symmetric bounds alone"
+            )
+        if not self.clip_first:
+            return min(high, NO_CLIP)
+        if isinstance(self.scale, tuple):
+            return tuple(min(high * scale, NO_CLIP) for scale in self.scale)
+        return min(high * self.scale, NO_CLIP)
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a file says of a policy; None: nothing."""
+
+    joint_names: tuple[str, ...] | None = None
+    control_period: float | None = None
+    physics_timestep: float | None = None
+    kp: PerJoint | None = None
+    kd: PerJoint | None = None
+    default_position: PerJoint | None = None
+    action_scale: PerJoint | None = None
+    torque_limit: PerJoint | None = None
+    action_clip: float | None = None
+    """Infinite: the action is not cut off."""
+    last_action: str | None = None
+    observation: tuple[SaidTerm, ...] | None = None
+    history_length: int | None = None
+    history_layout: str | None = None
+    history_direction: str | None = None
+    history_fill: str | None = None
+    clock: GaitClock | None = None
+    heights: HeightScan | None = None
+    notes: tuple[str, ...] = ()
+    """What a user should know of how the file was read, a sentence each."""
+
+
+MEANINGS = {
+    "joint_names": "joints: the joints in the order of the network's output",
+    "control_period": "control_period: time between two actions [s]",
+    "kp": "kp: proportional gains of the joint controllers [N m/rad]",
+    "kd": "kd: derivative gains [N m s/rad]",
+    "default_position": "default_position: angles that an action of zero asks for [rad]",
+    "action_scale": "action_scale: angle per unit of action [rad]",
+    "action_clip": "action_clip: bound of the network's output [-], or none",
+    "last_action": "last_action: clipped or raw, whether the action that is observed is the one after the clip",
+    "observation": "observation: the terms in their order, each with its scale and clip",
+    "history_length": "history.length: frames that the network sees, 1 for the present one alone",
+    "history_layout": "history.layout: term_major (of each term all frames) or frame_major (whole frames)",
+    "history_direction": "history.direction: oldest_first or newest_first",
+    "history_fill": "history.fill: first or zero, what is before the first frame",
+    "clock": "clock: the gait clock (period [s], offsets [rad], first, standing)",
+    "heights": "heights: points (forward, left [m]) and offset [m] of the height scan",
+}
+"""What has to be known -> how to say it in a file of settings, and what it means."""
+
+
+def together(first: Said, second: Said) -> Said:
+    """Return what two files say; where both say something, the second, and a note where it is something else."""
+    both, notes = {}, [*first.notes, *second.notes]
+    for part in fields(Said):
+        if part.name == "notes":
+            continue
+        before, after = getattr(first, part.name), getattr(second, part.name)
+        both[part.name] = before if after is None else after
+        if before is not None and after is not None and before != after:
+            notes.append(f"{part.name} is said twice, and differently; the later file holds")
+    return Said(**both, notes=tuple(notes))
+
+
+def missing(said: Said) -> list[str]:
+    """Return what has to be known of a policy and nobody said, names of `MEANINGS`."""
+    needed = ["joint_names", "control_period", "kp", "kd", "default_position", "action_scale", "action_clip"]
+    needed += ["observation", "history_length"]
+    names = [term.name for term in said.observation or ()]
+    longest = max([said.history_length or 1, *(term.history or 1 for term in said.observation or ())])
+    if longest > 1:
+        needed += ["history_layout", "history_direction", "history_fill"]
+    if "last_action" in names and said.action_clip is not None and said.action_clip < UNBOUNDED:
+        needed.append("last_action")
+    needed += ["clock"] if set(names) & set(CLOCK_TERMS) else []
+    needed += ["heights"] if "height_scan" in names else []
+    if said.observation is not None and all(term.history is not None for term in said.observation):
+        needed.remove("history_length")
+    return [name for name in needed if getattr(said, name) is None]
+
+
+def require(said: Said, where: str) -> None:
+    """Raise `ConfigurationError` that asks for all that is missing; `where`: the files that were read."""
+    if gaps := missing(said):
+        asked = "; ".join(MEANINGS[name] for name in gaps)
+        raise ConfigurationError(f"{where} do not say all of the policy; say in a YAML file, with --settings: {asked}")
+    raw = said.last_action == "raw" and any(term.name == "last_action" for term in said.observation or ())
+    if raw and said.action_clip is not None and said.action_clip < UNBOUNDED:
+        raise ConfigurationError(
+            f"the policy observes its action before it is cut off at {said.action_clip:g}; a contract holds the action "
+            "after the clip alone: export the network with the clip in it, and say action_clip: none"
+        )
+
+
+def per_joint(name: str, value: PerJoint, joints: tuple[str, ...]) -> tuple[float, ...]:
+    """Return a value of every joint. Raises `ConfigurationError` where a joint has none, or a name is no joint's."""
+    if isinstance(value, Mapping):
+        for pattern in value:
+            if not any(re.fullmatch(pattern, joint) for joint in joints):
+                raise ConfigurationError(f"{name}: {unknown_name('joint', pattern, joints)}")
+        found = [next((v for pattern, v in value.items() if re.fullmatch(pattern, joint)), None) for joint in joints]
+        if None in found:
+            raise ConfigurationError(f"{name}: nothing is said of the joint {joints[found.index(None)]!r}")
+        return tuple(float(number) for number in found if number is not None)
+    if isinstance(value, tuple):
+        if len(value) != len(joints):
+            raise ConfigurationError(f"{name}: {len(value)} numbers for {len(joints)} joints; expected one each")
+        return value
+    return (float(value),) * len(joints)
+
+
+def layout_of(said: Said, num_joints: int) -> ObservationLayout:
+    """Return the layout of the observation of a policy of which all is said."""
+    terms, length = said.observation or (), said.history_length or 1
+    phases, points = len(said.clock.offsets) if said.clock else 0, len(said.heights.points) if said.heights else 0
+    sizes = {"roll_pitch": 2, "command_linear": 2, "command_turn": 1, "phase": 2 * phases, "height_scan": points}
+    sizes |= dict.fromkeys(("phase_sin", "phase_cos"), phases)
+    sizes |= dict.fromkeys(("angular_velocity", "command", "projected_gravity", "base_linear_velocity"), 3)
+    sizes |= dict.fromkeys(("joint_position", "joint_velocity", "last_action"), num_joints)
+    if odd := [term.name for term in terms if term.name not in sizes]:
+        raise ConfigurationError(unknown_name("observation term", odd[0], sizes))
+    made = tuple(
+        Term(
+            name=term.name,
+            size=sizes[term.name],
+            scale=term.scale,
+            clip=term.bound(),
+            frame=FRAMES[term.name],
+            offset=(term.offset or "standing") if term.name == "joint_position" else "none",
+            history_length=term.history if term.history != length else None,
+        )
+        for term in terms
+    )
+    return ObservationLayout(
+        made,
+        history_length=length,
+        direction=said.history_direction or "oldest_first",
+        layout=said.history_layout or "frame_major",
+        fill=said.history_fill or "first",
+        clock=said.clock if {term.name for term in terms} & set(CLOCK_TERMS) else None,
+        heights=said.heights if any(term.name == "height_scan" for term in terms) else None,
+    )
+
+
+def robot_for(said: Said, robot: Robot) -> Robot:
+    """Return the robot of a policy: its joints in the policy's order, with its gains, pose and scale of the action."""
+    names = said.joint_names or ()
+    robot = reordered(robot, names)
+    given: dict[str, Any] = {"kp": said.kp, "kd": said.kd, "default_position": said.default_position}
+    given |= {"action_scale": said.action_scale, "torque_limit": said.torque_limit}
+    values: dict[str, Any] = {name: per_joint(name, value, names) for name, value in given.items() if value is not None}
+    joints = tuple(
+        replace(joint, **{name: value[number] for name, value in values.items()})
+        for number, joint in enumerate(robot.joints)
+    )
+    return on_its_feet(replace(robot, joints=joints))
+
+
+def contract_of(said: Said, robot: Robot, network: tuple[str, bytes], revision: str, command: str) -> Contract:
+    """Return the contract of a policy of which all is said.
+
+    Args:
+        said: of the policy; complete, see `require`.
+        robot: the robot that it walks on; joints, gains and pose become the policy's.
+        network: name and bytes of the file that it came from.
+        revision: of this code.
+        command: that reads it.
+
+    Raises `StictionError` where robot and policy do not fit.
+
+    """
+    robot = robot_for(said, robot)
+    period = said.control_period or 0.0
+    if not 5e-4 <= period <= 0.2:
+        raise ConfigurationError(f"control_period {period:g} s; expected 0.0005 to 0.2 s")
+    decimation = (
+        round(period / said.physics_timestep) if said.physics_timestep else math.ceil(period / LARGEST_STEP - 1e-9)
+    )
+
+    def of_joints(name: str) -> tuple[float, ...]:
+        return tuple(robot.joint_values(name).tolist())
+
+    scale = np.unique(robot.joint_values("action_scale"))
+    return Contract(
+        robot=robot.name,
+        terrain=UNKNOWN,
+        method=IMPORTED,
+        seed=0,
+        friction_law="coulomb",
+        friction_level=0.0,
+        friction_range=(0.0, 0.0),
+        joint_names=robot.joint_names,
+        control_period=period,
+        decimation=decimation,
+        physics_timestep=period / decimation,
+        kp=of_joints("kp"),
+        kd=of_joints("kd"),
+        standing=of_joints("default_position"),
+        lower=of_joints("lower"),
+        upper=of_joints("upper"),
+        torque_limit=of_joints("torque_limit"),
+        armature=of_joints("armature"),
+        damping=of_joints("damping"),
+        friction=(0.0,) * robot.num_joints,
+        observation=layout_of(said, robot.num_joints),
+        action_scale=float(scale[0]) if len(scale) == 1 else of_joints("action_scale"),
+        action_clip=min(said.action_clip or UNBOUNDED, UNBOUNDED),
+        imported={"name": network[0], "sha256": hashlib.sha256(network[1]).hexdigest()},
+        anatomy=robot,
+        revision=revision,
+        command=command,
+    )

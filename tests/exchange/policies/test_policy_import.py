@@ -1,0 +1,205 @@
+"""What files of others say of a policy, and the bundle that comes of it."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from foreign import JOINTS, MJLAB, ROBOT, network, written
+from stiction.core.errors import StictionError
+from stiction.deploy.check import check_bundle
+from stiction.exchange.policies.description import Said, contract_of, missing, require, together
+from stiction.exchange.policies.importer import import_policy
+from stiction.exchange.policies.mjlab import said_by_mjlab
+from stiction.exchange.policies.rl_sar import said_by_rl_sar
+from stiction.exchange.policies.settings import said_in_settings
+from stiction.exchange.policies.unitree import said_in_deploy
+from stiction.robots.catalog import find_robot
+from stiction.robots.order import reordered
+
+OWN = "control_period: 0.02\naction_clip: none\n"
+
+
+def test_a_policy_of_mjlab_becomes_a_bundle(tmp_path: Path) -> None:
+    """Its scales, clips, histories and gains are those of the metadata, and what they lack was said."""
+    model = written(tmp_path / "theirs.onnx", network(63, metadata=MJLAB))
+    said = written(tmp_path / "own.yaml", OWN)
+    check = import_policy(model, ROBOT, tmp_path / "bundle", [said])
+    contract = check_bundle(tmp_path / "bundle").bundle.contract
+    terms = {term.name: term for term in contract.observation.terms}
+    assert [*terms] == [
+        *("angular_velocity", "projected_gravity", "joint_position", "joint_velocity", "last_action", "command")
+    ]
+    assert terms["angular_velocity"].clip == 10.0 and terms["command"].scale == (2.0, 2.0, 0.25)
+    assert contract.observation.size == 63 and contract.observation.layout == "term_major"
+    assert contract.observation.history_of(terms["projected_gravity"]) == 3
+    assert (contract.kp[0], contract.kd[0], contract.standing[:3]) == (25.0, 0.6, (0.0, 0.9, -1.8))
+    assert contract.decimation == 4 and contract.imported is not None and contract.imported["name"] == "theirs.onnx"
+    assert (contract.method, contract.terrain) == ("imported", "unknown") and check.action_error == 0.0
+
+
+def test_what_nobody_says_is_asked_for_by_name(tmp_path: Path) -> None:
+    """A scale, an order or a period that is guessed gives a robot that walks badly, and blames its joints."""
+    model = written(tmp_path / "theirs.onnx", network(63, metadata=MJLAB))
+    with pytest.raises(StictionError, match=r"control_period: time between two actions.*action_clip: bound"):
+        import_policy(model, ROBOT, tmp_path / "bundle")
+    bare = said_in_settings({"observation": [{"term": "last_action", "history": 3}], "action_clip": 5}, "own")
+    asked = {"history_layout", "history_direction", "history_fill", "last_action", "kp", "joint_names"}
+    assert asked <= set(missing(bare))
+    with pytest.raises(StictionError, match="before it is cut off at 5"):
+        require(full(last_action="raw", action_clip=5.0), "files")
+
+
+def full(**changes) -> Said:
+    """Return a policy of which all is said."""
+    said = together(said_by_mjlab(MJLAB, "theirs"), said_in_settings(yaml.safe_load(OWN), "own"))
+    return together(said, Said(**changes))
+
+
+def test_what_is_said_twice_is_the_later_one_with_a_note() -> None:
+    """Three decimals of mjlab can be made exact; a contradiction is never silent."""
+    both = together(full(), said_in_settings({"kp": {".*_calf_joint": 20, ".*": 25.1}}, "own"))
+    assert both.notes == ("kp is said twice, and differently; the later file holds",)
+    contract = contract_of(both, find_robot(ROBOT), ("n", b""), "r", "c")
+    assert contract.kp[:3] == (25.1, 25.1, 20.0)
+
+
+def test_a_wrong_size_says_what_was_made_of_the_words(tmp_path: Path) -> None:
+    """A term too many is the first thing that goes wrong."""
+    model = written(tmp_path / "theirs.onnx", network(60, metadata=MJLAB))
+    said = written(tmp_path / "own.yaml", OWN)
+    with pytest.raises(StictionError, match=r"takes 60 numbers.*makes 63 \(angular_velocity 3, projected_gravity 3 x"):
+        import_policy(model, ROBOT, tmp_path / "bundle", [said])
+
+
+DEPLOY = f"""
+joint_ids_map: [3, 0, 6, 9, 4, 1, 7, 10, 5, 2, 8, 11]
+step_dt: 0.02
+stiffness: {[float(20 + n) for n in range(12)]}
+damping: {[float(n) for n in range(12)]}
+default_joint_pos: [0, 0, 0, 0, 0.8, 0.8, 1.0, 1.0, -1.5, -1.5, -1.5, -1.5]
+commands: {{base_velocity: {{ranges: {{lin_vel_x: [-1, 1]}}}}}}
+actions:
+  JointPositionAction:
+    {{clip: null, joint_names: [.*], scale: {[0.25] * 12}, joint_ids: null,
+     offset: [0, 0, 0, 0, 0.8, 0.8, 1.0, 1.0, -1.5, -1.5, -1.5, -1.5]}}
+observations:
+  base_ang_vel: {{params: {{}}, clip: [-100, 100], scale: [0.2, 0.2, 0.2], history_length: 5}}
+  velocity_commands: {{params: {{command_name: base_velocity}}, clip: null, scale: [1, 1, 1], history_length: 5}}
+  gait_phase: {{params: {{period: 0.8}}, clip: null, scale: [1, 1], history_length: 1}}
+"""
+"""Of unitree_rl_lab: joints side by side, gains in the maker's order, leg by leg."""
+
+
+def test_a_deploy_yaml_by_hand() -> None:
+    """The policy's second joint is the maker's first, whose gain is the first; its clip is before the scale."""
+    said = said_in_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS)
+    assert said.joint_names is not None and said.joint_names[:2] == (JOINTS[3], JOINTS[0])
+    assert said.kp == (23, 20, 26, 29, 24, 21, 27, 30, 25, 22, 28, 31)
+    assert said.observation is not None and said.observation[0].bound() == pytest.approx(20.0)
+    assert said.observation[0].history == 5 and said.action_clip == math.inf
+    assert said.clock is not None and (said.clock.period, said.clock.first) == (0.8, 1)
+
+
+def test_a_policy_with_another_order_gets_the_robot_in_its_order() -> None:
+    """Joints side by side in place of leg by leg: each stays on its own link, with its own limits."""
+    robot = find_robot(ROBOT)
+    said = together(full(), said_in_deploy(yaml.safe_load(DEPLOY), "deploy.yaml", JOINTS))
+    contract = contract_of(said, robot, ("n", b""), "r", "c")
+    assert contract.joint_names[:2] == (JOINTS[3], JOINTS[0]) and contract.anatomy is not None
+    for name, link in zip(contract.joint_names, contract.anatomy.links, strict=True):
+        assert link.origin == robot.links[robot.joint_names.index(name)].origin
+        parent = robot.links[robot.joint_names.index(name)].parent
+        expected = None if parent < 0 else robot.joint_names[parent]
+        assert (None if link.parent < 0 else contract.joint_names[link.parent]) == expected
+    assert contract.upper == tuple(robot.joints[robot.joint_names.index(n)].upper for n in contract.joint_names)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (JOINTS[:-1], "drives .*, which the policy does not move"),
+        ((*JOINTS[:-1], "tail"), "the policy moves 'tail', which robot 'go2' does not drive"),
+        ((JOINTS[1], JOINTS[0], *JOINTS[2:]), "stands before"),
+    ],
+)
+def test_a_robot_that_does_not_fit_is_refused(names: tuple[str, ...], message: str) -> None:
+    """A joint too few, one that there is not, and one before the joint that carries it."""
+    with pytest.raises(StictionError, match=message):
+        reordered(find_robot(ROBOT), names)
+
+
+RL_SAR = {
+    "dt": 0.005,
+    "decimation": 4,
+    "num_of_dofs": 12,
+    "wheel_indices": [],
+    "joint_names": [*JOINTS[3:6], *JOINTS[:3], *JOINTS[6:]],
+    "joint_mapping": [3, 4, 5, 0, 1, 2, 6, 7, 8, 9, 10, 11],
+    "observations": ["ang_vel", "gravity_vec", "commands", "dof_pos", "dof_vel", "actions"],
+    "observations_history": [5, 4, 3, 2, 1, 0],
+    "observations_history_priority": "time",
+    "clip_obs": 100.0,
+    "clip_actions_lower": [-100.0] * 12,
+    "clip_actions_upper": [100.0] * 12,
+    "rl_kp": [20.0] * 12,
+    "rl_kd": [0.5] * 12,
+    "action_scale": [0.125, 0.25, 0.25] * 4,
+    "lin_vel_scale": 2.0,
+    "ang_vel_scale": 0.25,
+    "dof_pos_scale": 1.0,
+    "dof_vel_scale": 0.05,
+    "commands_scale": [2.0, 2.0, 0.25],
+    "torque_limits": [33.5] * 12,
+    "default_dof_pos": [0.0, 0.8, -1.5] * 4,
+}
+
+
+def test_an_rl_sar_config_by_hand() -> None:
+    """The policy's first joint is the fourth of the robot's list; six whole frames, the oldest first."""
+    said = said_by_rl_sar(RL_SAR, "config.yaml")
+    require(said, "config.yaml")
+    assert said.joint_names == JOINTS and said.control_period == pytest.approx(0.02)
+    contract = contract_of(said, find_robot(ROBOT), ("n", b""), "r", "c")
+    layout = contract.observation
+    assert (layout.size, layout.layout, layout.direction, layout.fill) == (270, "frame_major", "oldest_first", "zero")
+    assert contract.action_scale == (0.125, 0.25, 0.25) * 4 and contract.torque_limit == (33.5,) * 12
+    assert contract.action_clip == 100.0 and layout.terms[2].scale == (2.0, 2.0, 0.25)
+    np.testing.assert_allclose(layout.terms[4].clips, 100.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"observations": ["ang_vel", "phase"]}, "unknown observation term 'phase'"),
+        ({"wheel_indices": [12]}, "wheels"),
+        ({"observations_history": [0, 2, 4]}, "every frame from 0 on"),
+        ({"clip_actions_upper": [100.0] * 11 + [50.0]}, "one bound of all actions"),
+        ({"joint_mapping": [0] * 12}, "12 different numbers"),
+        ({"rl_kp": "20"}, "expected a list"),
+    ],
+)
+def test_what_a_contract_cannot_hold_is_refused(change: dict, message: str) -> None:
+    """Half a policy would be worse than none."""
+    with pytest.raises(StictionError, match=message):
+        said_by_rl_sar(RL_SAR | change, "config.yaml")
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({"scale": 1}, "unknown field 'scale'"),
+        ({"observation": [{"term": "last_action", "clip": [-1, 2]}]}, "symmetric"),
+        ({"observation": [{"term": "smell"}]}, "unknown observation term 'smell'"),
+        ({"clock": {"period": 1.0, "offsets": [0]}}, "'first' is missing"),
+        ({"kp": {"(a*)*": 1}}, "could be slow"),
+        ({"kp": {"knee": 1}}, "unknown joint 'knee'"),
+        ({"control_period": "fast"}, "expected a number"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(content: dict, message: str) -> None:
+    """In one line that names the entry."""
+    with pytest.raises(StictionError, match=message):
+        contract_of(together(full(), said_in_settings(content, "own")), find_robot(ROBOT), ("n", b""), "r", "c")
