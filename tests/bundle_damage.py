@@ -65,7 +65,8 @@ def good() -> tuple[Files, Arrays]:
     files = {POLICY: model, CONTRACT: contract.to_json().encode(), CARD: b"# Toy\n"}
     files[WEAR] = make_wear(contract).to_json().encode()
     golden = make_golden(contract, model)
-    return files, {field.name: getattr(golden, field.name) for field in fields(Golden)}
+    arrays = {field.name: getattr(golden, field.name) for field in fields(Golden)}
+    return files, {name: values for name, values in arrays.items() if values is not None}
 
 
 def network(seed: int = 0) -> bytes:
