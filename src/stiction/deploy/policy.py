@@ -168,9 +168,9 @@ class Policy:
 def _check_reading(sensors: Sensors, command: np.ndarray) -> None:
     """Refuse what is no reading, of any robot of a batch; see `Policy.step`."""
     square = np.square(sensors.quaternion).sum(axis=-1)
-    total = square.sum() + sum(np.sum(value) for value in (*vars(sensors).values(), command))
+    total = square.sum() + sum(np.sum(value) for value in (*sensors.arrays().values(), command))
     if not math.isfinite(total):  # or a sum that overflowed, of numbers that are finite
-        for name, value in {**vars(sensors), "command": command}.items():
+        for name, value in {**sensors.arrays(), "command": command}.items():
             if not np.isfinite(value).all():
                 kind = "command" if name == "command" else f"sensor {name!r}"
                 raise PolicyError(f"the {kind} is not finite (NaN or infinite); stop the robot and find out why")

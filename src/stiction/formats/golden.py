@@ -122,11 +122,11 @@ class Exercise:
 def exercise_of(golden: Golden, contract: Contract) -> Exercise:
     """Return what a recording exercises."""
     layout, rounding = contract.observation, 1 - 1e-6
-    newest = np.abs(golden.observation[:, -layout.frame_size :])
+    newest = np.abs(golden.observation[:, layout.newest()])
     at, start = {}, 0
     for term in layout.terms:
         if clips(contract, term):
-            at[f"clip of {term.name}"] = bool((newest[:, start : start + term.size] >= rounding * term.clip).any())
+            at[f"clip of {term.name}"] = bool((newest[:, start : start + term.size] >= rounding * term.clips).any())
         start += term.size
     at["clip of the action"] = bool((np.abs(golden.action) >= rounding * contract.action_clip).any())
     torque = golden.torque
@@ -135,7 +135,7 @@ def exercise_of(golden: Golden, contract: Contract) -> Exercise:
     starts = np.append(np.flatnonzero(golden.reset), len(golden))
     return Exercise(
         resets=int(golden.reset[1:].sum()),
-        rolls_over=bool(np.diff(starts).max() > layout.history_length),
+        rolls_over=bool(np.diff(starts).max() > layout.depth),
         reached=tuple(name for name, reached in at.items() if reached),
         missed=tuple(name for name, reached in at.items() if not reached),
     )

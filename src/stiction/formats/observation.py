@@ -255,6 +255,12 @@ class ObservationLayout:
             return np.concatenate(blocks, axis=1).ravel()
         return np.concatenate([block.ravel() for block in blocks])
 
+    def newest(self) -> np.ndarray:
+        """Return where in the input the newest frame's entries are, in the frame's order, shape (frame_size,)."""
+        order = self.order()
+        places = np.flatnonzero(order >= self.frame_size * (self.depth - 1))
+        return places[np.argsort(order[places])]
+
     def check(self, num_joints: int, num_kinds: int) -> None:
         """Check that every term has the size and the numbers that a runtime can build; raise `BundleError` else.
 

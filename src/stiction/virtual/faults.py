@@ -163,7 +163,7 @@ class BrokenState:
 def _with(state: RobotState, **changed: object) -> RobotState:
     """Return a state with some vectors changed, of the sensors or of the state."""
     sensors = {name: changed.pop(name) for name in list(changed) if hasattr(state.sensors, name)}
-    own = vars(state) | changed | {"sensors": type(state.sensors)(**(vars(state.sensors) | sensors))}
+    own = vars(state) | changed | {"sensors": type(state.sensors)(**(state.sensors.arrays() | sensors))}
     return RobotState(**own)
 
 
@@ -185,7 +185,7 @@ Change = Callable[[RobotState, RobotState, int], "RobotState | None"]
 
 CHANGES: dict[str, Change] = {
     "stale": lambda state, first, count: None,
-    "frozen": lambda state, first, count: _with(state, **vars(first.sensors)),
+    "frozen": lambda state, first, count: _with(state, **first.sensors.arrays()),
     "frozen-clock": lambda state, first, count: _with(state, time=first.time),
     "nan": lambda state, first, count: _with(state, joint_position=_one(state.sensors.joint_position, np.nan)),
     "inf": lambda state, first, count: _with(state, angular_velocity=np.array([np.inf, 0.0, 0.0])),

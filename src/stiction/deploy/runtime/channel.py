@@ -7,6 +7,7 @@ import socket
 from collections.abc import Iterable
 from contextlib import suppress
 
+from stiction.deploy.transports.link import MEASURED as SENSORS
 from stiction.deploy.transports.messages import Layout, Message
 from stiction.formats.contract import Contract
 
@@ -16,7 +17,6 @@ SIGHT, TARGETS, ROW, STEP = 16, 17, 18, 19
 BUFFER = 2**21
 """Bytes that may wait in a channel: some seconds of the log."""
 
-SENSORS = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")
 
 IDLE, RUNNING = 0.0, 1.0
 """What the policy is asked to do: wait, or act."""

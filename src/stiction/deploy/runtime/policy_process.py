@@ -40,7 +40,7 @@ class PolicyProcess:
         self._policy, self._channel, self._faults = load_policy(contract, bundle.policy), channel, faults
         self._wear = None if bundle.wear is None else WearMonitor(contract, bundle.wear)
         self._told = None if bundle.wear is None else np.array(bundle.wear.told[:-1])
-        self._sights, self._frame = sight_layout(contract.num_joints), contract.observation.frame_size
+        self._sights, self._newest = sight_layout(contract.num_joints), contract.observation.newest()
         self._running, self._sent = False, 0.0
         self._estimate: dict[str, object] = {}
         _warm_up(self._policy, bundle)
@@ -85,7 +85,7 @@ class PolicyProcess:
             value = np.where(self._told, found.friction, np.nan)
             self._estimate = {"wear": value, "wear_low": low, "wear_high": high, "unusual": float(found.unusual)}
         target = step.target if fault != "policy-nan" else np.full_like(step.target, np.nan)
-        frame = step.observation[-self._frame :]
+        frame = step.observation[self._newest]
         return {
             "mode": RUNNING,
             "failed": 0.0,

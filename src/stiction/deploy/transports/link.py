@@ -14,6 +14,9 @@ from stiction.deploy.transports.messages import Layout, Message
 STATE, COMMAND, PLACE = 1, 2, 3
 """Kinds of messages to and from a robot."""
 
+MEASURED = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")
+"""What every robot measures, of the fields of `Sensors`."""
+
 
 @dataclass(frozen=True)
 class RobotState:
@@ -43,12 +46,6 @@ class RobotState:
     """[N m], shape (J,)."""
     command: float
     """Number of the last command that the robot took, of whoever sent it."""
-
-    @property
-    def finite(self) -> bool:
-        """Whether every sensor that a policy needs is a number."""
-        sensors = self.sensors
-        return all(np.isfinite(getattr(sensors, part.name)).all() for part in fields(Sensors))
 
 
 class Link(Protocol):
@@ -92,13 +89,13 @@ def command_layout(joints: int) -> Layout:
 def state_vectors(state: RobotState) -> dict[str, np.ndarray | float]:
     """Return a state as the vectors of its message."""
     own = {name: getattr(state, name) for name in STATE_FIELDS}
-    return own | {part.name: getattr(state.sensors, part.name) for part in fields(Sensors)}
+    return own | {name: getattr(state.sensors, name) for name in MEASURED}
 
 
 def state_of(layout: Layout, message: Message) -> RobotState:
     """Return the state that a message says."""
     vectors = layout.vectors(message)
-    sensors = Sensors(*(vectors[part.name] for part in fields(Sensors)))
+    sensors = Sensors(*(vectors[name] for name in MEASURED))
     arrays = {name: vectors[name] for name in STATE_FIELDS if name not in ("battery", "command")}
     battery, command = float(vectors["battery"][0]), float(vectors["command"][0])
     return RobotState(message.number, message.time, sensors, **arrays, battery=battery, command=command)
