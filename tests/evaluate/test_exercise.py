@@ -13,8 +13,9 @@ from stiction.core.errors import BundleError
 from stiction.deploy.check import check_bundle, robot_of
 from stiction.deploy.policy import load_policy
 from stiction.formats.bundle import write_bundle
-from stiction.formats.contract import Contract, ObservationLayout
+from stiction.formats.contract import Contract
 from stiction.formats.golden import Golden, exercise_of, read_golden, write_golden
+from stiction.formats.observation import ObservationLayout
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to record a walk")
 

@@ -12,8 +12,9 @@ from bundles import make_contract
 from json_schema import faults
 from stiction.core.errors import StictionError
 from stiction.formats.bundle import shipped_bundles
-from stiction.formats.contract import LATER, Contract, proprioception, read_contract
+from stiction.formats.contract import LATER, Contract, read_contract
 from stiction.formats.contract_schema import PATH, contract_schema, schema_text
+from stiction.formats.observation import proprioception
 from stiction.robots.catalog import find_robot
 
 SCHEMA = contract_schema()
@@ -72,7 +73,7 @@ MUTATIONS: list[tuple[str, Any]] = [
     ("command_range", {"forward": [0, 1]}), ("command_range", [[0, 1]] * 3),
     ("command_range", {"forward": [0, 1], "sideways": [0, 1], "turn": [0, 1e9]}), ("anatomy", {}), ("anatomy", "go1"),
     ("anatomy.joints.0.kp", "50"), ("anatomy.links.0.axis", [1, 0]), ("anatomy.feet.0.shapes.0.kind", "cone"),
-    ("observation", []), ("observation.history_length", 0), ("observation.direction", "newest_first"),
+    ("observation", []), ("observation.history_length", 0), ("observation.direction", "sideways"),
     ("observation.slow_kept", 1.0), ("observation.terms", []), ("observation.terms.0.name", "odometry"),
     ("observation.terms.0.size", 0), ("observation.terms.0.scale", 0), ("observation.terms.0.clip", "5"),
     ("observation.terms.0.frame", "world"), ("observation.terms.0.offset", "zero"), ("observation.terms.0.extra", 1),

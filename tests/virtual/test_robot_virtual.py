@@ -216,12 +216,12 @@ def test_the_plug_shows_sensors_and_nothing_of_the_robot() -> None:
     assert public == {"joint_names", "period", "read", "exchange"}
     assert not hasattr(handle, "__dict__")
     assert {item.name for item in fields(Reading)} == {"time", "sensors", "joint_torque", "foot_contact"}
-    assert {item.name for item in fields(Sensors)} == {
+    reading = handle.read()
+    assert reading.sensors.arrays().keys() == {
         "quaternion",
         "angular_velocity",
         "joint_position",
         "joint_velocity",
     }
-    reading = handle.read()
     reading.sensors.joint_position[:] = 99.0
     assert handle.exchange(push(0.0)).sensors.joint_position[0] == 0.0

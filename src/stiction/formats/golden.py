@@ -15,7 +15,8 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from stiction.core.errors import BundleError, LogError
-from stiction.formats.contract import Contract, Term
+from stiction.formats.contract import Contract
+from stiction.formats.observation import Term
 from stiction.formats.tables import parse_npz
 from stiction.joints.pd import controller_torque
 

@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -160,7 +161,7 @@ class BrokenState:
         return self._change(state, self._first, self._count)
 
 
-def _with(state: RobotState, **changed: object) -> RobotState:
+def _with(state: RobotState, **changed: Any) -> RobotState:
     """Return a state with some vectors changed, of the sensors or of the state."""
     sensors = {name: changed.pop(name) for name in list(changed) if hasattr(state.sensors, name)}
     own = vars(state) | changed | {"sensors": type(state.sensors)(**(state.sensors.arrays() | sensors))}

@@ -48,6 +48,7 @@ class VirtualProcess:
         machine's monotonic clock [s]; `slow`: periods that it was behind real time; `moved`: way of its base since the
         first command with gains, x and y [m], in so many `seconds`; `upright`: whether it had not fallen.
         """
+        assert self._process.stdout is not None
         ready, _, _ = select.select([self._process.stdout], [], [], LAST_LINE)
         return (self._read() or {}) if ready else {}
 

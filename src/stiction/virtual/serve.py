@@ -77,7 +77,8 @@ class RobotProcess:
         world = World(partial(make_engine, cfg.engine))
         build = world.on_bench if cfg.stand else world.robot
         self._robot: VirtualRobot = build(case, spec, noise)
-        self._port, self._spec, self._peer = port, spec, None
+        self._port, self._spec = port, spec
+        self._peer: tuple[str, int] | None = None
         self._commands = command_layout(spec.num_joints)
         self._states = state_layout(spec.num_joints, len(spec.foot_names))
         limp = np.zeros(spec.num_joints)
@@ -100,11 +101,10 @@ class RobotProcess:
                 break
             self._take(data, sender)
         reading = self._robot.handle.exchange(self._command)
-        state = self._state(reading)
+        measured = self._state(reading)
+        state = measured if self._broken is None else self._broken(measured)
         if self._broken is None:
             self._good = time.monotonic()
-        else:
-            state = self._broken(state)
         if state is not None and self._peer is not None:
             self._number += 1
             data = self._states.pack(self._number, state.time, state_vectors(state))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import socket
-from collections.abc import Iterable
 from contextlib import suppress
 
 from stiction.deploy.transports.link import MEASURED as SENSORS
@@ -86,10 +85,10 @@ class Channel:
                 return False
         return True
 
-    def receive(self) -> Iterable[Message]:
+    def receive(self) -> list[Message]:
         """Return the messages that have come, oldest first; never waits."""
         assert self._receives is not None
-        found = []
+        found: list[Message] = []
         while True:
             try:
                 data = self.end.recv(self._receives.bytes + 1)

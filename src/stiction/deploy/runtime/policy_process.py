@@ -39,7 +39,8 @@ class PolicyProcess:
         contract = bundle.contract
         self._policy, self._channel, self._faults = load_policy(contract, bundle.policy), channel, faults
         self._wear = None if bundle.wear is None else WearMonitor(contract, bundle.wear)
-        self._told = None if bundle.wear is None else np.array(bundle.wear.told[:-1])
+        told = (False,) if bundle.wear is None else bundle.wear.told[:-1]
+        self._told = np.array(told)
         self._sights, self._newest = sight_layout(contract.num_joints), contract.observation.newest()
         self._running, self._sent = False, 0.0
         self._estimate: dict[str, object] = {}
@@ -51,7 +52,7 @@ class PolicyProcess:
         lateness: behind the deadline [s]; skipped: deadlines that were missed.
         """
         begin = time.monotonic()
-        sights = list(self._channel.receive())
+        sights = self._channel.receive()
         read = time.monotonic()
         times = {"lateness": lateness, "read": read - begin, "skipped": skipped, "send": self._sent}
         answer: dict[str, object] = {"mode": IDLE, "failed": 0.0}
