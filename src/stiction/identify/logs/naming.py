@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.errors import LogError, unknown_name
-from stiction.formats.log import SIGNALS, UNNAMED, JointSignals, by_joint, listed
+from stiction.formats.log import BODY, SIGNALS, UNNAMED, JointSignals, by_joint, listed
 from stiction.formats.tables import WIDEST_MATRIX, Columns, Table
 
 PLACE = "{joint}"
@@ -22,7 +22,7 @@ PLACE = "{joint}"
 ROLES = ("time", *SIGNALS)
 """What a mapping may map in a table."""
 
-TOPICS = ("state", "command")
+TOPICS = ("state", "command", "imu")
 """What a mapping may map in a file of messages."""
 
 WIDE = {
@@ -106,12 +106,13 @@ def parse_columns(words: Sequence[str]) -> dict[str, str]:
     mapping: dict[str, str] = {}
     for word in words:
         role, equals, name = word.partition("=")
-        if equals and role not in (*ROLES, *TOPICS):
-            raise LogError(f"column mapping {word!r}: {unknown_name('role', role, (*ROLES, *TOPICS))}")
+        known = (*ROLES, *BODY, *TOPICS)
+        if equals and role not in known:
+            raise LogError(f"column mapping {word!r}: {unknown_name('role', role, known)}")
         if not equals or not name or role in mapping:
             raise LogError(
-                f"column mapping {word!r}: expected ROLE=NAME, once each, ROLE one of {', '.join(ROLES)}, or state and "
-                "command for topics"
+                f"column mapping {word!r}: expected ROLE=NAME, once each, ROLE one of {', '.join((*ROLES, *BODY))}, or "
+                "state, command and imu for topics"
             )
         mapping[role] = name
     return mapping

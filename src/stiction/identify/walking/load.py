@@ -14,7 +14,8 @@ from stiction.formats.joints import Estimate
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
 from stiction.identify.walking.body import loaded_trunk
-from stiction.identify.walking.motion import WalkMotion, carriers, feet_down, hann_weights
+from stiction.identify.walking.contact import feet_down
+from stiction.identify.walking.motion import WalkMotion, carriers, hann_weights
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.stance import BODY, FRICTION, StanceRows, stance_rows
 from stiction.identify.walking.swing import BLOCK, FEWEST_SWINGS, SwingRows
