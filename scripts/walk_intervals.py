@@ -6,6 +6,8 @@ Two robots (a Go2 in an open-loop trot, the hexapod under a trained policy, comm
 controllers at 1 kHz, targets at 50 Hz. Dry friction of each joint is drawn anew for each log, 1 to 8 % of its limit.
 What a computer on board would log is taken of it (`tests/trots.py`), at several rates, with the IMU's place declared
 and not, and contact from force, torque and height. One row per robot and condition. Walks are kept in --walks.
+`identify walk` states viscous friction and rotor from 400 Hz on, dry friction from 200 Hz on; here all are, so that the
+table shows why.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ import trots
 from stiction.core.errors import StictionError
 from stiction.formats.joints import Estimate
 from stiction.identify.setup import IdentifySetup
-from stiction.identify.walking import foreign, motion
+from stiction.identify.walking import foreign, motion, pipeline
 from stiction.identify.walking.pipeline import identify_walk
 from stiction.identify.walking.setup import RobotLogSetup, WalkSetup
 from stiction.robots.model import Robot
@@ -102,7 +104,7 @@ def row(name: str, spec: Robot, kept: dict[int, trots.Walked], condition: Condit
         gains = (contract.kp[0], contract.kd[0])
     declared = IdentifySetup(torque_source="motor_side", kp=gains[0], kd=gains[1])
     place = RobotLogSetup(imu_position=trots.IMU if condition.placed else None)
-    slowest = motion.LONGEST_PERIOD
+    slowest, pipeline.COARSE = motion.LONGEST_PERIOD, 1.0
     hits: dict[str, list[bool]] = {quantity: [] for quantity in QUANTITIES}
     errors, refused, own = [], 0, []
     for seed, truth in kept.items():

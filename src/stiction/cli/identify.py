@@ -36,12 +36,12 @@ the motor's strength. Gains, torque limit and so on come from flags or from LOG.
 may have its own; --init writes one to fill in. With --robot and a log in which all joints of a leg or an arm move,
 its base held, they are found together, what each does to the others taken off by the robot's model. A walking log
 (stiction evaluate --log) has options of its own, --robot, --mass-known and more: `stiction identify walk --help` lists
-them, and a robot's own log of a walk, joints and IMU in columns of any name, is read by `stiction identify walk LOG`."""
+them. A walk whose joints and IMU are in columns of any name is read by `stiction identify walk LOG --robot FILE`."""
 
-WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log (of evaluate --log, or with
-columns of its own, then with --robot and an IMU beside the joints, 200 Hz or more; base position and velocity are not
-needed): unloaded friction from legs in swing, and what load adds to it from the body in stance, where the robot's masses are
-declared known. Writes joints.json, fit.npz, training.json and report.html."""
+WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log: unloaded friction from legs in swing,
+and what load adds to it from the body in stance, where the robot's masses are declared known. The log is one of
+evaluate --log, or has columns of its own; then name the robot, and have an IMU beside the joints, 200 Hz or more. Base
+position and velocity are not needed. Writes joints.json, fit.npz, training.json and report.html."""
 
 WALK = "walk"
 """The word before a log that is one of a walk, in whatever form."""

@@ -129,9 +129,9 @@ def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
             _draw_law(axis, joints.joints[name], speed, color, name)
         axis.set_title(kind)
         axis.set_xlabel("speed [rad/s]")
-        if names:
+        if axis.get_legend_handles_labels()[0]:
             legend(axis)
-        else:
+        if not names:
             axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color=INK)
     return figure_block(
         figure,
@@ -144,7 +144,7 @@ def _draw_law(axis, record: JointRecord, speed: np.ndarray, color: str, name: st
     """Draw a record's law over the speeds that its swings had."""
     level, slope, offset = record.coulomb_friction, record.viscous_friction, record.offset
     if level is None or slope is None:
-        return
+        return  # a level without its slope is no law over speed
     constant = offset.value if offset is not None else 0.0
     sides = [side for side in (speed[speed > 0], speed[speed < 0]) if len(side)]
     for label, side in zip((name, None), sides, strict=False):

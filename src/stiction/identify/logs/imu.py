@@ -13,6 +13,7 @@ import numpy as np
 
 from stiction.core.errors import LogError
 from stiction.core.memory import claim
+from stiction.core.rotation import continuous
 from stiction.formats.log import BodySignals
 from stiction.identify.logs.containers import LARGEST_MESSAGE, Packet, Topic
 from stiction.identify.logs.unitree import BODY_PLACES, decode_body
@@ -68,35 +69,29 @@ def read_body(
     count = len(received)
     if not count:
         raise LogError(f"{source}: {topic.name}: no messages")
+    stamped = bool(np.all(headers))
+    times = np.array(headers if stamped else received, dtype=np.int64)
+    order = np.argsort(times, kind="stable")
+    times = times[order]
     arrays = {
-        name: np.array(values).reshape(count, WIDTHS[name])
+        name: np.array(values).reshape(count, WIDTHS[name])[order]
         for name, values in numbers.items()
         if len(values) == count * WIDTHS[name]
     }
     if not arrays["quaternion"].any():
-        del arrays["quaternion"]  # the type's word for an orientation that is not known
-    stamped = bool(np.all(headers))
-    times = np.array(headers if stamped else received, dtype=np.int64)
+        del arrays["quaternion"]  # how the types say that the orientation is not known
+    else:
+        arrays["quaternion"] = continuous(arrays["quaternion"])
     notes = []
     if stamped == by_receipt:
         notes.append(f"{topic.name} and the joints are stamped by different clocks: a delay between them is not seen")
-    order = np.argsort(times, kind="stable")
-    times = times[order]
     covered = (stamps >= times[0]) & (stamps <= times[-1])
     if not covered.any():
         raise LogError(f"{source}: {topic.name} and the joints do not overlap in time; are the clocks set?")
     since, wanted = (times - times[0]) * 1e-9, (stamps - times[0]) * 1e-9
     body = BodySignals(**arrays, period=float(np.median(np.diff(since))) if count > 1 else None)
-    if "quaternion" in arrays:
-        body = BodySignals(**vars(body) | {"quaternion": _continuous(arrays["quaternion"])})
-    moved = body.each(lambda values: np.stack([np.interp(wanted, since, one) for one in values[order].T], axis=1))
+    moved = body.each(lambda values: np.stack([np.interp(wanted, since, one) for one in values.T], axis=1))
     return moved, covered, tuple(notes)
-
-
-def _continuous(quaternion: np.ndarray) -> np.ndarray:
-    """Return quaternions without jumps of sign, which interpolation would turn into turns, shape (T, 4)."""
-    turned = np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0
-    return quaternion * np.concatenate([[1.0], np.where(np.cumsum(turned) % 2, -1.0, 1.0)])[:, None]
 
 
 def _decode(kind: str, data: bytes) -> tuple[int, dict[str, list[float]]]:

@@ -49,6 +49,9 @@ log for actuator networks, where `torques` is what the controller asked for and 
 `motor_state` and `motor_cmd` Unitree's, `field.position0` what `rostopic echo -p` writes. In a name, [0] may be .0 or
 /0, and what follows may begin with a slash; a topic may stand in front."""
 
+MEASURED = ("position", "velocity", "torque")
+"""Roles of which an idle motor, as makers' messages have them in numbers, says zero throughout."""
+
 OF_TOPIC = {"position": "position", "velocity": "velocity", "effort": "torque"}
 """Field of a joint state -> role, in columns `/joint_states/JOINT/position`, as PlotJuggler has them."""
 
@@ -240,6 +243,10 @@ def _by_usual_names(table: Columns) -> tuple[dict[str, JointSignals], tuple[str,
                 break
     if not any("position" in signals for signals in found.values()):
         return {}, ()
+    idle = [index for index, signals in found.items() if not any(np.any(signals.get(role, 0)) for role in MEASURED)]
+    if 0 < len(idle) < len(found):
+        found = {index: signals for index, signals in found.items() if index not in idle}
+        notes.append(f"{len(idle)} motors say zero in every row and are left out: numbers {', '.join(map(str, idle))}")
     return {f"joint_{index}": JointSignals(**found[index]) for index in sorted(found)}, tuple(notes)
 
 

@@ -6,12 +6,12 @@ of the motors comes from flags or its sidecar; torque limits, where nobody said 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.core.rotation import up_in_frames
+from stiction.core.rotation import continuous, up_in_frames
 from stiction.formats.joint_map import parse_joint_map
 from stiction.formats.log import BODY, BodySignals, JointSignals, Log
 from stiction.formats.walk import LARGEST, WalkHeader, WalkLog
@@ -26,6 +26,9 @@ from stiction.robots.model import Robot
 
 SUFFIXES = ("_joint", "_foot")
 """What many models end names with, and many logs do not."""
+
+FEWEST_SAMPLES = 100
+"""Fewer are no second of a walk at any rate that is admitted."""
 
 LOUDEST = 1.5
 """Torque over the motor's limit beyond which it is not in N m, or not this robot's [1]."""
@@ -83,7 +86,9 @@ def foreign_walk(
             "reconstructed; log the motors' torque"
         )
     target = even(_column(signals, "target"), True) if _has(signals, "target") else position
-    measured = body.each(lambda values: even(values))
+    if body.quaternion is not None:
+        body = replace(body, quaternion=continuous(body.quaternion))
+    measured = body.each(even)
     imu = base_imu(log.source, measured, grid.step, setup.imu_position)
     contact, said = _contact(log.source, measured, position, imu, spec)
     walk = WalkLog(
@@ -149,7 +154,9 @@ def _bare(name: str) -> str:
 
 
 def _refuse_holes(log: Log, names: list[str], body: BodySignals) -> None:
-    """Refuse signals without a position, and numbers that are none."""
+    """Refuse a log of next to nothing, joints without a position, and numbers that are none."""
+    if len(log.time) < FEWEST_SAMPLES:
+        raise LogError(f"{log.source}: {len(log.time)} samples; expected at least {SHORTEST:g} s of a walk")
     arrays = [("time", log.time)]
     for name in names:
         if log.joints[name].position is None:
@@ -184,9 +191,9 @@ def _refuse_slow(log: Log, names: list[str], body: BodySignals, step: float, len
     for what, period in periods.items():
         if period > 1.01 * LONGEST_PERIOD:
             raise LogError(
-                f"{log.source}: {what} came {1 / period:.0f} times a second; expected {1 / LONGEST_PERIOD:.0f} or more: "
-                "a swing lasts some 0.2 s and the joint's controller changes its torque within milliseconds, so that "
-                "between slower samples neither the acceleration nor the torque is known, and friction would be stated "
+                f"{log.source}: {what} came {1 / period:.0f} times a second; expected {1 / LONGEST_PERIOD:.0f} or "
+                "more: a swing lasts some 0.2 s and the joint's controller changes its torque within milliseconds, so "
+                "that between slower samples neither acceleration nor torque is known, and friction would be stated "
                 "wrongly: log at the rate of the joint controllers, 200 to 1000 Hz"
             )
     if length < SHORTEST:
@@ -233,8 +240,8 @@ def _refuse_loud(source: str, torque: np.ndarray, header: WalkHeader) -> None:
         joint = header.joint_names[int(share.argmax())]
         raise LogError(
             f"{source}: the torque of {joint} reaches {share.max():.3g} times its limit, "
-            f"{header.torque_limit[int(share.argmax())]:g} N m; expected newton metres at the joint: --torque-scale, or "
-            "say the limit, --torque-limit"
+            f"{header.torque_limit[int(share.argmax())]:g} N m; expected newton metres at the joint: --torque-scale, "
+            "or say the limit, --torque-limit"
         )
 
 

@@ -115,8 +115,9 @@ def _refuse_missing(source: str, body: BodySignals) -> None:
     names = ("quaternion", "gyroscope", "accelerometer")
     missing = [name for name in names if getattr(body, name) is None]
     raise LogError(
-        f"{source}: no {', no '.join(missing)}: how the base turns and which way is up is not known, so that the torque "
-        "of the moving links cannot be told from friction, and of no joint can anything be said: log the IMU, at least "
+        f"{source}: no {', no '.join(missing)}: how the base turns and which way is up is not known, so that the "
+        "torque of the moving links cannot be told from friction, and of no joint can anything be said: log the IMU, "
+        "at least "
         "gyroscope and orientation or accelerometer (other names: --columns gyroscope=NAME), or let the legs move in "
         "the air with the base held, identify --robot"
     )

@@ -205,7 +205,7 @@ def _warnings(
     elif log.header.torque_source is None:
         found.append(
             "where torque was measured was not declared: taken as the motor's side (current or command, joint friction "
-            "not in it); declare it in the log's header, torque_source"
+            "not in it); declare it, --torque-source, or torque_source in the header of a log of evaluate --log"
         )
     if not motion.measured_acceleration:
         found.append("there was no accelerometer: the base's acceleration is neglected, and intervals are wide for it")
