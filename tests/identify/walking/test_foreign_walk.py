@@ -68,6 +68,8 @@ def test_friction_of_a_trot_is_within_its_intervals(raw: Raw) -> None:
     assert np.mean(inside) >= 0.9
     assert np.mean(rates) >= 0.8
     assert len([name for name in joints.joints if name in trots.GO2.joint_names]) >= 8
+    loaded = identify_walk(read(raw).log, trots.GO2, WalkSetup(mass_known=True), sampled=True).load
+    assert not loaded.laws and "torques as they were at its stamps" in loaded.refusal
     record = next(iter(joints.joints.values()))
     assert "as logged" in record.diagnostics["contact"]
     assert any("foot forces were taken in the robot's order" in text for text in record.warnings)

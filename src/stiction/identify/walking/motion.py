@@ -49,6 +49,8 @@ class WalkMotion:
     """Whether the torque was logged; else it is that of the PD law with the log's gains."""
     measured_acceleration: bool
     """Whether there was an accelerometer."""
+    sampled_torque: bool
+    """Whether the torque is that at the stamp, as a robot's messages have it; else the mean over the period after it."""
     jumps: np.ndarray
     """Change of the torque by the target's, kp times its rate, where torque was sampled [N m/s], shape (T, J): a torque
     that jumps with every target is not known between two samples. Zero where the torque is a mean."""
@@ -102,6 +104,7 @@ def walk_motion(log: WalkLog, spec: Robot, sampled: bool = False) -> WalkMotion:
         upward=up,
         measured_torque=torque is not None,
         measured_acceleration=log.specific_force is not None,
+        sampled_torque=sampled,
         jumps=np.array(log.header.kp) * forward_difference(log.joint_target, period) * sampled,
     )
 
