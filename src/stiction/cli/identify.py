@@ -41,7 +41,8 @@ them. A walk whose joints and IMU are in columns of any name is read by `stictio
 WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log: unloaded friction from legs in swing,
 and what load adds to it from the body in stance, where the robot's masses are declared known. The log is one of
 evaluate --log, or has columns of its own; then name the robot, and have an IMU beside the joints, 200 Hz or more. Base
-position and velocity are not needed, and of load nothing is told then. Writes joints.json, fit.npz, training.json and report.html."""
+position and velocity are not needed, and of load nothing is told then. Writes joints.json, fit.npz, training.json and
+report.html."""
 
 WALK = "walk"
 """The word before a log that is one of a walk, in whatever form."""

@@ -273,7 +273,8 @@ class BodySignals:
     def each(self, change: Callable[[np.ndarray], np.ndarray]) -> BodySignals:
         """Return the signals with every one changed."""
         found = {name: getattr(self, name) for name in BODY}
-        return replace(self, **{name: change(values) for name, values in found.items() if values is not None})
+        changed: dict[str, Any] = {name: change(values) for name, values in found.items() if values is not None}
+        return replace(self, **changed)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -47,7 +48,9 @@ def find_body(source: str, table: Table, columns: Mapping[str, str]) -> tuple[Bo
         if name in table.faults:
             fault = table.faults[name]
             raise LogError(fault if fault.startswith(f"{source}:") else f"{source}: {fault}")
-    arrays = {role: np.stack([names[name] for name in matches.values()], axis=1) for role, matches in chosen.items()}
+    arrays: dict[str, Any] = {
+        role: np.stack([names[name] for name in matches.values()], axis=1) for role, matches in chosen.items()
+    }
     labels = tuple(chosen.get("foot_force", {}))
     feet = () if all(label.isdigit() for label in labels) else labels
     used = tuple(name for matches in chosen.values() for name in matches.values())

@@ -8,6 +8,7 @@ from __future__ import annotations
 import struct
 from array import array
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -73,7 +74,7 @@ def read_body(
     times = np.array(headers if stamped else received, dtype=np.int64)
     order = np.argsort(times, kind="stable")
     times = times[order]
-    arrays = {
+    arrays: dict[str, Any] = {
         name: np.array(values).reshape(count, WIDTHS[name])[order]
         for name, values in numbers.items()
         if len(values) == count * WIDTHS[name]

@@ -110,8 +110,8 @@ def _missing(motion: WalkMotion, setup: WalkSetup) -> str:
     """Return what must be there and is not, or nothing."""
     if motion.sampled_torque:
         return (
-            "the log has torques as they were at its stamps; what they did in between, which jumps with every target, is "
-            "small beside a leg's links but not beside the balance of the body, and no interval was found that holds: "
+            "the log has torques as they were at its stamps; what they did in between, with every new target, is small "
+            "beside a leg's links but not beside the balance of the body, and no interval was found that holds: "
             "log the mean torque of each period, in the form of evaluate --log"
         )
     if not setup.mass_known:

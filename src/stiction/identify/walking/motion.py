@@ -50,7 +50,7 @@ class WalkMotion:
     measured_acceleration: bool
     """Whether there was an accelerometer."""
     sampled_torque: bool
-    """Whether the torque is that at the stamp, as a robot's messages have it; else the mean over the period after it."""
+    """Whether the torque is that at the stamp, as a robot says it; else the mean over the period that follows."""
     jumps: np.ndarray
     """Change of the torque by the target's, kp times its rate, where torque was sampled [N m/s], shape (T, J): a torque
     that jumps with every target is not known between two samples. Zero where the torque is a mean."""
