@@ -113,7 +113,7 @@ def row(name: str, spec: Robot, kept: dict[int, trots.Walked], condition: Condit
         try:
             walk = foreign.foreign_walk(trots.opened(spec, raw), spec, declared, place)
             setup = WalkSetup(contact=condition.contact)  # type: ignore[arg-type]
-            joints = identify_walk(walk.log, spec, setup, walk.notes, sampled=True).joints
+            joints = identify_walk(walk.log, spec, setup, walk.notes, True, walk.unplaced).joints
         except StictionError as error:
             print(name, seed, error, file=sys.stderr)
             refused += 1

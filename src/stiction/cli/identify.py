@@ -264,7 +264,7 @@ def _identify_walk(arguments: list[str]) -> int:
             declared = IdentifySetup(**{name: getattr(options, name) for name in DECLARED})
             spec = find_robot(options.robot)
             foreign = foreign_walk(log, spec, declared, part_of(RobotLogSetup, options))
-            found = identify_walk(foreign.log, spec, setup, foreign.notes, sampled=True)
+            found = identify_walk(foreign.log, spec, setup, foreign.notes, True, foreign.unplaced)
         _write_results(options.out, found.joints, lambda path: write_walk_fit(path, found.fit), write_walking_page)
     _print_results(options, found.joints, _show_walk)
     return 0

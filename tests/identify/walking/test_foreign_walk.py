@@ -48,7 +48,8 @@ def read(raw: Raw, declared: IdentifySetup = DECLARED, **body: np.ndarray | None
 
 def found(walk: ForeignWalk, **setup: str) -> JointsFile:
     """Identify it."""
-    return identify_walk(walk.log, trots.GO2, WalkSetup(**setup), walk.notes, sampled=True).joints  # type: ignore
+    chosen = WalkSetup(**setup)  # type: ignore[arg-type]
+    return identify_walk(walk.log, trots.GO2, chosen, walk.notes, True, walk.unplaced).joints
 
 
 def holds(estimate: Estimate | None, truth: float) -> bool:
@@ -80,7 +81,8 @@ def test_friction_of_a_hexapod_is_within_its_intervals() -> None:
     (walked,) = trots.hexapods(HEXAPOD_FRICTION[None], (0.5, 0.0, 0.0), 5.0)
     log = trots.opened(trots.HEXAPOD, trots.sampled(trots.HEXAPOD, walked, every=5))
     walk = foreign_walk(log, trots.HEXAPOD, IdentifySetup(torque_source="motor_side"))
-    joints = identify_walk(walk.log, trots.HEXAPOD, notes=walk.notes, sampled=True).joints
+    assert walk.unplaced > 0
+    joints = identify_walk(walk.log, trots.HEXAPOD, None, walk.notes, True, walk.unplaced).joints
     known = [
         holds(joints.record(name).coulomb_friction, friction)
         for name, friction in zip(trots.HEXAPOD.joint_names, HEXAPOD_FRICTION, strict=True)

@@ -33,6 +33,10 @@ FEWEST_SAMPLES = 100
 LOUDEST = 1.5
 """Torque over the motor's limit beyond which it is not in N m, or not this robot's [1]."""
 
+UNPLACED = 0.05
+"""How far from the base's origin an IMU may be along each axis where nobody said where it is [m]; 95 % bound. A Go2's
+is 4 cm above it and 3 cm behind. A choice."""
+
 UNLOADED = 0.2
 """Where between the least and the largest force of a foot it begins to bear load [1]."""
 
@@ -48,6 +52,8 @@ class ForeignWalk:
     """The log."""
     notes: tuple[str, ...]
     """What a reader of the results should know about how it was read; each one sentence."""
+    unplaced: float = 0.0
+    """How far from the base's origin the IMU may be along each axis, for want of its place [m]; 95 % bound."""
 
 
 def foreign_walk(
@@ -103,7 +109,9 @@ def foreign_walk(
         specific_force=imu.accelerometer,
         foot_contact=contact,
     )
-    return ForeignWalk(walk, (*log.notes, *timing.warnings(), *cut, *imu.notes, *said))
+    notes = (*log.notes, *timing.warnings(), *cut, *imu.notes, *said)
+    unplaced = setup.imu_position is None and imu.accelerometer is not None
+    return ForeignWalk(walk, notes, UNPLACED if unplaced else 0.0)
 
 
 def match_names(log: Log, spec: Robot, pairs: tuple[str, ...] = ()) -> list[str]:

@@ -92,20 +92,25 @@ def base_imu(source: str, body: BodySignals, step: float, place: tuple[float, fl
     notes.append("the IMU's axes were taken to be the base's, x forward, y left")
     if force is not None:
         if place is None:
-            notes.append("the IMU was taken to sit at the base's origin; say where it is: --imu-position")
+            notes.append("the IMU was taken to sit within centimetres of the base's origin; say where: --imu-position")
         else:
             force = at_origin(force, gyroscope, step, np.array(place))
     return BaseImu(quaternion, gyroscope, force, tuple(notes))
 
 
 def at_origin(force: np.ndarray, rate: np.ndarray, step: float, place: np.ndarray) -> np.ndarray:
-    """Return the specific force at the base's origin, f - ω' × r - ω × (ω × r) [m/s²], shape (T, 3).
+    """Return the specific force at the base's origin [m/s²], shape (T, 3), from that at `place` [m]; see `at_place`."""
+    return force - at_place(rate, step, place)
 
-    force: at `place` r [m]; rate: ω [rad/s]. ω' is a central difference, smoothed over 10 ms.
+
+def at_place(rate: np.ndarray, step: float, place: np.ndarray) -> np.ndarray:
+    """Return what the base's turns add to the specific force at `place` r [m]: ω' × r + ω × (ω × r) [m/s²], (T, 3).
+
+    rate: ω [rad/s], shape (T, 3). ω' is a central difference, smoothed over 10 ms.
     """
     turning = smooth(np.gradient(rate, step, axis=0), hann_weights(0.01, step))
     arm = np.broadcast_to(place, rate.shape)
-    return force - crosses(turning, arm) - crosses(rate, crosses(rate, arm))
+    return crosses(turning, arm) + crosses(rate, crosses(rate, arm))
 
 
 def _refuse_missing(source: str, body: BodySignals) -> None:

@@ -51,6 +51,8 @@ class WalkMotion:
     """Whether there was an accelerometer."""
     sampled_torque: bool
     """Whether the torque is that at the stamp, as a robot says it; else the mean over the period that follows."""
+    unplaced: float
+    """How far from the base's origin the accelerometer may be along each axis [m]; 95 % bound."""
     jumps: np.ndarray
     """Change of the torque by the target's, kp times its rate, where torque was sampled [N m/s], shape (T, J): a torque
     that jumps with every target is not known between two samples. Zero where the torque is a mean."""
@@ -60,8 +62,10 @@ class WalkMotion:
         return len(self.torque)
 
 
-def walk_motion(log: WalkLog, spec: Robot, sampled: bool = False) -> WalkMotion:
-    """Return the motion in a log of the robot `spec`. sampled: the torque is that at the stamp, no mean over a period.
+def walk_motion(log: WalkLog, spec: Robot, sampled: bool = False, unplaced: float = 0.0) -> WalkMotion:
+    """Return the motion in a log of the robot `spec`.
+
+    sampled: the torque is that at the stamp, no mean over a period; unplaced: see `WalkMotion`.
 
     Raises `LogError` where the log is not of this robot, too short or too slow, or its torque has the joint friction
     in it.
@@ -105,6 +109,7 @@ def walk_motion(log: WalkLog, spec: Robot, sampled: bool = False) -> WalkMotion:
         measured_torque=torque is not None,
         measured_acceleration=log.specific_force is not None,
         sampled_torque=sampled,
+        unplaced=unplaced,
         jumps=np.array(log.header.kp) * forward_difference(log.joint_target, period) * sampled,
     )
 

@@ -49,8 +49,10 @@ def identify_walk(
     setup: WalkSetup | None = None,
     notes: tuple[str, ...] = (),
     sampled: bool = False,
+    unplaced: float = 0.0,
 ) -> WalkIdentification:
-    """Identify the joints of a walking robot. notes: on how the log was read, for whoever reads the result.
+    """Identify the joints of a walking robot. notes: on how the log was read, for whoever reads the result; sampled,
+    unplaced: see `walk_motion`.
 
     A joint's own swings are asked first. Where they do not tell, the joints of its kind are taken to be alike and their
     swings are put together, under the kind's name. Where those do not tell either, the kind's record says why, and its
@@ -58,7 +60,7 @@ def identify_walk(
     """
     setup = setup or WalkSetup()
     contact = contact_source(log, setup)
-    motion = walk_motion(log, spec, sampled)
+    motion = walk_motion(log, spec, sampled, unplaced)
     fine = not sampled or rates_are_known(log)
     rows = swing_rows(log, motion, spec, setup)
     limits = log.header.torque_limit

@@ -21,6 +21,7 @@ from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
 from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
 from stiction.identify.walking.contact import feet_down
+from stiction.identify.walking.imu import at_place
 from stiction.identify.walking.motion import (
     WalkMotion,
     carriers,
@@ -69,7 +70,8 @@ class SwingRows:
     """Rate of τ [N m/s], shape (R,)."""
     systematic: np.ndarray
     """Change of `torque` by links that are heavier by `link_mass_error`, by the error of the specific force along x, y,
-    z, and by half a period in which a sampled torque is not known [N m], shape (5, R)."""
+    z, by half a period in which a sampled torque is not known, and, where the IMU's place is not, by that along x, y, z
+    [N m], shape (5 or 8, R)."""
     swing: np.ndarray
     """Number of the swing, different between legs, shape (R,)."""
     sample: np.ndarray
@@ -106,7 +108,7 @@ def _joint_rows(
     phase: np.ndarray,
     setup: WalkSetup,
 ) -> SwingRows:
-    """Return the equations of joint `number`; links: τ_links, (T,); errors: systematic, (5, T); phase: swings, (T,)."""
+    """Return the equations of joint `number`; links: τ_links, (T,); errors: systematic, (S, T); phase: swings, (T,)."""
     joint, rate = spec.joints[number], motion.rate[:, number]
     angle = motion.joints.position[:, number]
     stopped = (angle < joint.lower + setup.limit_margin) | (angle > joint.upper - setup.limit_margin)
@@ -136,11 +138,16 @@ def _joint_rows(
 
 
 def _systematic(spec: Robot, motion: WalkMotion, links: np.ndarray, setup: WalkSetup) -> np.ndarray:
-    """Return the change of the torques left for the joints by all that `SwingRows.systematic` names, (5, T, J)."""
+    """Return the change of the torques left for the joints by all that `SwingRows.systematic` names, (S, T, J)."""
     share = setup.link_mass_error if motion.measured_torque else np.hypot(setup.link_mass_error, setup.strength_error)
     error = setup.specific_force_error if motion.measured_acceleration else setup.neglected_acceleration
-    pushes = error * _specific_force_effects(spec, motion.joints.position)
-    return np.concatenate([share * links[None], pushes, motion.period / 2 * motion.jumps[None]])
+    effects = _specific_force_effects(spec, motion.joints.position)
+    found = [share * links[None], error * effects, motion.period / 2 * motion.jumps[None]]
+    if motion.unplaced:
+        rate = motion.base.angular_velocity
+        pulls = [at_place(rate, motion.period, motion.unplaced * axis) for axis in np.eye(3)]
+        found.append(np.stack([np.einsum("atj,ta->tj", effects, pull) for pull in pulls]))
+    return np.concatenate(found)
 
 
 def _specific_force_effects(spec: Robot, position: np.ndarray) -> np.ndarray:
