@@ -116,8 +116,8 @@ def read_ros(path: Path, topics: Mapping[str, str], body: bool = False) -> Log:
     if imu is None:
         return replace(log, body=BodySignals()) if body else log
     packets = (packet for packet in read_packets(path) if packet.topic == imu)
-    measured, covered, said = read_body(path.name, packets, imu, stamps, states.by_receipt)
-    return take(replace(log, body=measured), covered, said)
+    measured, covered, warned = read_body(path.name, packets, imu, stamps, states.by_receipt)
+    return take(replace(log, body=measured), covered, warned)
 
 
 def _with_targets(

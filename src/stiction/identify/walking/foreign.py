@@ -128,10 +128,10 @@ def match_names(log: Log, spec: Robot, pairs: tuple[str, ...] = ()) -> list[str]
         wanted[recorded] = known[_bare(joint)]
     held = {_bare(joint.name) for joint in spec.held}
     found: dict[str, str] = {}
-    strangers = []
+    strangers: list[str] = []
     for recorded in log.joints:
-        joint = wanted.get(recorded, known.get(_bare(recorded)))
-        if joint is None:
+        joint = wanted.get(recorded) or known.get(_bare(recorded), "")
+        if not joint:
             strangers += [] if _bare(recorded) in held else [recorded]
         elif joint in found:
             raise LogError(f"{log.source}: {found[joint]!r} and {recorded!r} are both {joint!r} of the robot")
