@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import walks
@@ -13,6 +14,7 @@ from stiction.cli import evaluate
 from stiction.cli.identify import RESULTS
 from stiction.cli.main import main
 from stiction.formats.joints import load_joints, read_training
+from stiction.formats.tables import write_csv
 from stiction.formats.walk import read_walk, write_walk
 
 
@@ -116,3 +118,64 @@ def test_evaluate_refuses_logs_that_cannot_be(tmp_path: Path, capsys: pytest.Cap
     arguments = ["evaluate", "saturn_lite-flat-deception-0.2", "--log", str(tmp_path / "file" / "logs")]
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 1
     assert "choose another --log" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def table(log: Path) -> dict[str, np.ndarray]:
+    """The signals of the same walk in columns, as somebody's logger writes them."""
+    walk = read_walk(log)
+    assert walk.joint_torque is not None and walk.specific_force is not None
+    columns = {"time": walk.time}
+    for index, name in enumerate(walk.header.joint_names):
+        columns |= {f"position.{name}": walk.joint_position[:, index], f"torque.{name}": walk.joint_torque[:, index]}
+    for role, labels, values in (
+        ("quaternion", "wxyz", walk.quaternion),
+        ("gyroscope", "xyz", walk.angular_velocity),
+        ("accelerometer", "xyz", walk.specific_force),
+    ):
+        columns |= {f"{role}.{label}": column for label, column in zip(labels, values.T, strict=True)}
+    return columns
+
+
+def test_a_walk_in_others_columns(table: dict[str, np.ndarray], tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """`identify walk LOG --robot` writes what a walking log gives, and says where contact is known from."""
+    write_csv(tmp_path / "walk.csv", table)
+    out = tmp_path / "out"
+    arguments = ["identify", "walk", str(tmp_path / "walk.csv"), "--out", str(out)]
+    assert main(arguments) == 1
+    assert "of which robot is this walk? Its masses and lengths: --robot FILE" in capsys.readouterr().err
+    assert main([*arguments, "--robot", "saturn_lite", "--torque-source", "motor_side", "--contact", "torque"]) == 0
+    said = capsys.readouterr()
+    assert "feet on the ground, from the motors' torque" in said.out
+    assert "inertia and viscous friction are not stated" in said.out
+    assert "No artists" not in said.err
+    assert {path.name for path in out.iterdir()} == set(RESULTS)
+    ratio = load_joints(out / "joints.json").record("ML_shank").friction_ratio
+    assert ratio is not None and ratio.value == pytest.approx(0.1, abs=0.02)
+    assert "Feet on the ground, from the motors" in (out / "report.html").read_text()
+
+
+def test_what_a_walk_in_others_columns_lacks_is_one_line(
+    table: dict[str, np.ndarray], log: Path, tmp_path: Path, capsys: pytest.CaptureFixture
+) -> None:
+    """What cannot be known is said with what to log; nothing is written."""
+
+    def refused(columns: dict[str, np.ndarray], *more: str) -> str:
+        write_csv(tmp_path / "walk.csv", columns)
+        out = str(tmp_path / "out")
+        assert (
+            main(["identify", "walk", str(tmp_path / "walk.csv"), "--robot", "saturn_lite", "--out", out, *more]) == 1
+        )
+        assert not (tmp_path / "out").exists()
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1
+        return error
+
+    joints = {
+        name: values for name, values in table.items() if name.partition(".")[0] in ("time", "position", "torque")
+    }
+    assert "no quaternion, no gyroscope, no accelerometer" in refused(joints)
+    assert "expected 200 or more" in refused({name: values[::4] for name, values in table.items()})
+    assert "is not in both; name the robot that walked" in refused(table, "--robot", "go2")
+    assert main(["identify", "walk", str(log), "--kp", "3", "--out", str(tmp_path / "out")]) == 1
+    assert "--kp with walk.npz, a log of evaluate --log, which says that itself" in capsys.readouterr().err

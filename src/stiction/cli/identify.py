@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
@@ -22,7 +22,7 @@ from stiction.formats.plain import object_text
 from stiction.formats.walk import is_walk
 from stiction.identify.limb.setup import LimbSetup
 from stiction.identify.setup import IdentifySetup
-from stiction.identify.walking.setup import WalkSetup
+from stiction.identify.walking.setup import RobotLogSetup, WalkSetup
 from stiction.report.terminal import Terminal
 
 DESCRIPTION = """Find the inertia, viscous and dry friction of joints from a log, with intervals; say if it matters, and
@@ -35,12 +35,17 @@ With torque: inertia and friction in SI units. With positions and targets alone:
 the motor's strength. Gains, torque limit and so on come from flags or from LOG.json beside the log, where each joint
 may have its own; --init writes one to fill in. With --robot and a log in which all joints of a leg or an arm move,
 its base held, they are found together, what each does to the others taken off by the robot's model. A walking log
-(stiction evaluate --log) has options of its own, --robot, --mass-known and more: `stiction identify WALK.npz --help`
-lists them."""
+(stiction evaluate --log) has options of its own, --robot, --mass-known and more: `stiction identify walk --help` lists
+them. A walk whose joints and IMU are in columns of any name is read by `stiction identify walk LOG --robot FILE`."""
 
-WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log (of evaluate --log, or of deploy):
-unloaded friction from legs in swing, and what load adds to it from the body in stance, where the robot's masses are
-declared known. Writes joints.json, fit.npz, training.json and report.html."""
+WALK_DESCRIPTION = """Find the friction of a walking robot's joints in its log: unloaded friction from legs in swing,
+and what load adds to it from the body in stance, where the robot's masses are declared known. The log is one of
+evaluate --log, or has columns of its own; then name the robot, and have an IMU beside the joints, 200 Hz or more. Base
+position and velocity are not needed, and of load nothing is told then. Writes joints.json, fit.npz, training.json and
+report.html."""
+
+WALK = "walk"
+"""The word before a log that is one of a walk, in whatever form."""
 
 PLAIN_WIDTH = 120
 """Columns of a table where nobody says how wide the terminal is."""
@@ -51,12 +56,38 @@ COUPLED = (
 )
 """What is said of a log with several joints and no robot."""
 
+DECLARED = ("kp", "kd", "torque_limit", "torque_source", "torque_scale", "position_scale")
+"""What may be declared of the motors in the log of a walk."""
+
 RESULTS = ("joints.json", "fit.npz", "training.json", "report.html")
 """What is written into --out."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdentifyConfig(IdentifySetup, LimbSetup):
+class ReadOptions:
+    """How a log is read that is not in our own form."""
+
+    names: tuple[str, ...] = ()
+    """Names of the joints, in order, for a log that only numbers them."""
+    columns: tuple[str, ...] = ()
+    """ROLE=NAME pairs for logs with other column names; roles: time, position, velocity, target, torque, disturbance
+    (torque from outside), feedforward (torque that the controller adds, and that a torque column has in it already);
+    position=q_{joint} or position=1,2,3 for several joints; state=TOPIC command=TOPIC for bags;
+    of a walk also quaternion, gyroscope, accelerometer and foot_force, as quaternion=W,X,Y,Z, and imu=TOPIC."""
+    time_scale: float | None = None
+    """Seconds per unit of the time stamps, 1e-3 for milliseconds; by default found from them, and said."""
+    begin: Annotated[float | None, tyro.conf.arg(name="from")] = None
+    """Where to begin in the log, from its first stamp [s]."""
+    end: Annotated[float | None, tyro.conf.arg(name="to")] = None
+    """Where to end in the log, from its first stamp [s]."""
+    rate: float | None = None
+    """Samples per second of a log without time stamps [Hz]."""
+    sidecar: Path | None = None
+    """A sidecar that does not lie beside the log as LOG.json: gains, limits and so on, for all joints and for each."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdentifyConfig(ReadOptions, IdentifySetup, LimbSetup):
     """Options of the verb; those of `LimbSetup` count with --robot."""
 
     log: Annotated[tuple[Path, ...], tyro.conf.Positional]
@@ -68,22 +99,6 @@ class IdentifyConfig(IdentifySetup, LimbSetup):
     """Write the sidecar to fill in, with what can be guessed from the log, and identify nothing."""
     joint: tuple[str, ...] = ()
     """Joints to identify, every one of the log's by default; the name to give the joint of a log without names."""
-    names: tuple[str, ...] = ()
-    """Names of the joints, in order, for a log that only numbers them."""
-    columns: tuple[str, ...] = ()
-    """ROLE=NAME pairs for logs with other column names; roles: time, position, velocity, target, torque, disturbance
-    (torque from outside), feedforward (torque that the controller adds, and that a torque column has in it already);
-    position=q_{joint} or position=1,2,3 for several joints; state=TOPIC command=TOPIC for bags."""
-    time_scale: float | None = None
-    """Seconds per unit of the time stamps, 1e-3 for milliseconds; by default found from them, and said."""
-    begin: Annotated[float | None, tyro.conf.arg(name="from")] = None
-    """Where to begin in the log, from its first stamp [s]."""
-    end: Annotated[float | None, tyro.conf.arg(name="to")] = None
-    """Where to end in the log, from its first stamp [s]."""
-    rate: float | None = None
-    """Samples per second of a log without time stamps [Hz]."""
-    sidecar: Path | None = None
-    """A sidecar that does not lie beside the log as LOG.json: gains, limits and so on, for all joints and for each."""
     robot: str | None = None
     """The robot whose leg or arm moves in the log, its base held: a MuJoCo or URDF file, a robot.yaml, or the name of a
     shipped one. All joints are then identified together, with the links' torques from the model."""
@@ -100,13 +115,26 @@ class IdentifyConfig(IdentifySetup, LimbSetup):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkOptions(WalkSetup):
-    """Options for a walking log."""
+class WalkOptions(ReadOptions, WalkSetup, RobotLogSetup):
+    """Options for the log of a walk; those on columns, time and motors are for logs that are not of evaluate --log."""
 
     log: Annotated[Path, tyro.conf.Positional]
-    """The log, NPZ."""
+    """The log: of evaluate --log, or one with columns of its own, of any kind that identify reads."""
     robot: str | None = None
-    """The robot, with its masses and link lengths; by default the shipped one that the log names."""
+    """The robot, with its masses and link lengths: a MuJoCo or URDF file, a robot.yaml, or the name of a shipped one;
+    by default the shipped one that a log of evaluate --log names."""
+    kp: float | None = None
+    """Proportional gain of the joint controllers during the walk [N m/rad]; the sidecar can say it joint by joint."""
+    kd: float | None = None
+    """Derivative gain [N m s/rad]."""
+    torque_limit: float | None = None
+    """Largest torque of the motors [N m]; by default the robot's."""
+    torque_source: Literal["motor_side", "output_side"] | None = None
+    """Where torque was measured: motor_side is current or command, output_side a sensor behind the gear."""
+    torque_scale: float | None = None
+    """N m per unit of the torque column."""
+    position_scale: float | None = None
+    """rad per unit of position, velocity and target."""
     out: Path = Path("identified")
     """Folder for joints.json, fit.npz, training.json and report.html."""
     json: bool = False
@@ -117,6 +145,8 @@ class WalkOptions(WalkSetup):
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
+    if arguments[:1] == [WALK]:
+        return _identify_walk(arguments[1:])
     if any(text.endswith(".npz") and is_walk(Path(text)) for text in arguments):
         return _identify_walk(arguments)
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
@@ -210,22 +240,62 @@ def memory_of(limit: float) -> int:
 
 
 def _identify_walk(arguments: list[str]) -> int:
-    """Identify a walking log; return the exit status."""
-    options = tyro.cli(WalkOptions, args=arguments, prog="stiction identify", description=WALK_DESCRIPTION)
+    """Identify the log of a walk; return the exit status."""
+    options = tyro.cli(WalkOptions, args=arguments, prog="stiction identify walk", description=WALK_DESCRIPTION)
     from stiction.formats.walk import read_walk, write_walk_fit
+    from stiction.identify.walking.foreign import foreign_walk
     from stiction.identify.walking.pipeline import identify_walk
     from stiction.report.walking import write_walking_page
     from stiction.robots.catalog import find_robot
 
     _keep_inputs(options.log, options.out)
+    setup = part_of(WalkSetup, options)
     with limit_memory(memory_of(options.memory_limit)), Terminal(stderr=True).status("reading, fitting"):
-        walk = read_walk(options.log)
-        if options.robot is None and not walk.header.robot.isidentifier():
-            raise RobotError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
-        found = identify_walk(walk, find_robot(options.robot or walk.header.robot), part_of(WalkSetup, options))
+        if is_walk(options.log):
+            _refuse_declared(options)
+            walk = read_walk(options.log)
+            if options.robot is None and not walk.header.robot.isidentifier():
+                raise RobotError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
+            found = identify_walk(walk, find_robot(options.robot or walk.header.robot), setup)
+        else:
+            log = _open_walk(options)
+            if options.robot is None:
+                raise RobotError(f"{log.source}: of which robot is this walk? Its masses and lengths: --robot FILE")
+            declared = IdentifySetup(**{name: getattr(options, name) for name in DECLARED})
+            spec = find_robot(options.robot)
+            foreign = foreign_walk(log, spec, declared, part_of(RobotLogSetup, options))
+            found = identify_walk(foreign.log, spec, setup, foreign.notes, True, foreign.unplaced)
         _write_results(options.out, found.joints, lambda path: write_walk_fit(path, found.fit), write_walking_page)
     _print_results(options, found.joints, _show_walk)
     return 0
+
+
+def _open_walk(options: WalkOptions) -> Log:
+    """Open the log of a walk that has columns of its own."""
+    from stiction.identify.logs import open_log, parse_columns
+
+    return open_log(
+        options.log,
+        parse_columns(options.columns),
+        names=options.names,
+        rate=options.rate,
+        sidecar=options.sidecar,
+        time_scale=options.time_scale,
+        begin=options.begin,
+        end=options.end,
+        body=True,
+    )
+
+
+def _refuse_declared(options: WalkOptions) -> None:
+    """Refuse what a log of our own form says itself."""
+    names = [item.name for part in (ReadOptions, RobotLogSetup) for item in fields(part)] + list(DECLARED)
+    for name in names:
+        if getattr(options, name) not in (None, ()):
+            raise ConfigurationError(
+                f"--{name.replace('_', '-')} with {options.log.name}, a log of evaluate --log, which says that itself: "
+                "leave it out"
+            )
 
 
 def _keep_inputs(log: Path, out: Path) -> None:
@@ -366,7 +436,7 @@ def _show_limb(console: Console, joints: JointsFile, model_error: float) -> None
 def _show_walk(console: Console, joints: JointsFile) -> None:
     """Print what was found in a walk, and the warnings, for a person."""
     from stiction.report.identification import lead_lines
-    from stiction.report.walking import VALUE_CAPTION, VALUE_COLUMNS, grouped_warnings, value_rows
+    from stiction.report.walking import VALUE_CAPTION, VALUE_COLUMNS, contact_line, grouped_warnings, value_rows
 
     table = Table("", *VALUE_COLUMNS, caption=VALUE_CAPTION)
     for line in lead_lines(joints):
@@ -374,5 +444,6 @@ def _show_walk(console: Console, joints: JointsFile) -> None:
     for row in value_rows(joints):
         table.add_row(*row)
     console.print(table)
+    console.print(contact_line(joints), highlight=False, soft_wrap=True)
     for text in grouped_warnings(joints):
         console.print(f"warning: {text}", highlight=False, soft_wrap=True)

@@ -124,6 +124,12 @@ def cross_matrix(vector: np.ndarray) -> np.ndarray:
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
+def continuous(quaternion: np.ndarray) -> np.ndarray:
+    """Return T quaternions in time without jumps of sign, which interpolation would take for turns, shape (T, 4)."""
+    turned = np.sum(quaternion[1:] * quaternion[:-1], axis=1) < 0
+    return quaternion * np.concatenate([[1.0], np.where(np.cumsum(turned) % 2, -1.0, 1.0)])[:, None]
+
+
 def quaternion_of(rotation: np.ndarray) -> tuple[float, float, float, float]:
     """Return the quaternion w, x, y, z of a rotation matrix, shape (3, 3); w is not negative.
 

@@ -9,7 +9,7 @@ controller), those that exist; a log of a single joint may drop the joint's name
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -232,7 +232,7 @@ def _names(field: str, value: Any, source: str) -> tuple[str, ...]:
 def _columns(value: Any, source: str) -> dict[str, str]:
     """Return a mapping of columns."""
     plain = isinstance(value, dict) and all(isinstance(name, str) and name for name in value.values())
-    if not plain or len(value) > 2 * len(SIGNALS):
+    if not plain or len(value) > 2 * len(SIGNALS + BODY):
         raise LogError(
             f"{source}: columns is {str(value)[:80]}; expected an object: role -> column, as --columns has it"
         )
@@ -273,6 +273,34 @@ class JointSignals:
     """u, torque that the controller adds to that of its gains; a logged torque has it in it already [N m]."""
 
 
+BODY = ("quaternion", "gyroscope", "accelerometer", "foot_force")
+"""What a log of a walk may hold of the robot's body."""
+
+
+@dataclass(frozen=True)
+class BodySignals:
+    """What the body of a walking robot measured, as logged, T samples; what was not logged is None."""
+
+    quaternion: np.ndarray | None = None
+    """Orientation as the IMU estimates it, w x y z, shape (T, 4)."""
+    gyroscope: np.ndarray | None = None
+    """Angular velocity in the IMU's frame [rad/s], shape (T, 3)."""
+    accelerometer: np.ndarray | None = None
+    """Specific force in the IMU's frame [m/s²], shape (T, 3)."""
+    foot_force: np.ndarray | None = None
+    """What grows with the load of each foot, in any unit, or 1 where it touches, shape (T, F)."""
+    foot_names: tuple[str, ...] = ()
+    """The feet, F of them; none where the log only numbers them."""
+    period: float | None = None
+    """Time between two messages of the IMU where those came apart from the joints' [s]."""
+
+    def each(self, change: Callable[[np.ndarray], np.ndarray]) -> BodySignals:
+        """Return the signals with every one changed."""
+        found = {name: getattr(self, name) for name in BODY}
+        changed: dict[str, Any] = {name: change(values) for name, values in found.items() if values is not None}
+        return replace(self, **changed)
+
+
 @dataclass(frozen=True)
 class Log:
     """A log as read: nothing resampled, nothing filtered."""
@@ -289,6 +317,8 @@ class Log:
     """What a reader of the results should know about how the file was read; each one sentence."""
     start: float = 0.0
     """What was taken off the time stamps of the file [s]: those of another part of the same log count on from there."""
+    body: BodySignals | None = None
+    """What the body measured; None where nobody asked for it."""
 
     def joint(self, name: str | None) -> tuple[str, JointSignals]:
         """Return a joint by name, or the only one for None; raise `LogError` naming what there is."""

@@ -95,14 +95,22 @@ def value_rows(joints: JointsFile) -> list[list[str]]:
     ]
 
 
+def contact_line(joints: JointsFile) -> str:
+    """Say where it is known from which feet bore load."""
+    said = {record.diagnostics["contact"] for record in joints.joints.values() if "contact" in record.diagnostics}
+    return f"feet on the ground, from {'; '.join(sorted(said))}" if said else ""
+
+
 def _condition(joints: JointsFile) -> Markup:
     """Say what the numbers rest on."""
     merged = [name for name, record in joints.joints.items() if name not in record.diagnostics.get("joints", [name])]
     note = f" Rows named by kind ({', '.join(merged)}) put the swings of all legs together." if merged else ""
+    contact = contact_line(joints)
+    said = f" {contact[0].upper()}{contact[1:]}." if contact else ""
     return paragraph(
         "Dry and viscous friction are those of legs in swing, without load. An interval covers the spread between "
         "swings, links up to a few per cent heavier or lighter than stated, and constant errors of the accelerometer "
-        "and the current sensor." + note
+        "and the current sensor." + said + note
     )
 
 
@@ -121,9 +129,9 @@ def _clouds(joints: JointsFile, fit: WalkFit) -> Markup:
             _draw_law(axis, joints.joints[name], speed, color, name)
         axis.set_title(kind)
         axis.set_xlabel("speed [rad/s]")
-        if names:
+        if axis.get_legend_handles_labels()[0]:
             legend(axis)
-        else:
+        if not names:
             axis.text(0.5, 0.5, "not known", transform=axis.transAxes, ha="center", color=INK)
     return figure_block(
         figure,
@@ -136,7 +144,7 @@ def _draw_law(axis, record: JointRecord, speed: np.ndarray, color: str, name: st
     """Draw a record's law over the speeds that its swings had."""
     level, slope, offset = record.coulomb_friction, record.viscous_friction, record.offset
     if level is None or slope is None:
-        return
+        return  # a level without its slope is no law over speed
     constant = offset.value if offset is not None else 0.0
     sides = [side for side in (speed[speed > 0], speed[speed < 0]) if len(side)]
     for label, side in zip((name, None), sides, strict=False):

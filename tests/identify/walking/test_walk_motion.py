@@ -8,9 +8,9 @@ import pytest
 import walks
 from stiction.core.errors import StictionError
 from stiction.formats.walk import WalkLog
+from stiction.identify.walking.contact import feet_down
 from stiction.identify.walking.motion import (
     asked_torque,
-    feet_down,
     forward_difference,
     grow,
     hann_weights,

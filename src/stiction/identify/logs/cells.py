@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from stiction.core.errors import LogError
-from stiction.formats.log import SIGNALS, JointSignals, Log
+from stiction.formats.log import BODY, SIGNALS, JointSignals, Log
 from stiction.identify.logs.naming import unit_of_time
 from stiction.identify.timing import LONGEST_STEP, SHORTEST_STEP
 
@@ -92,16 +92,17 @@ def cut(log: Log, begin: float | None, end: float | None) -> Log:
             f"{log.source}: nothing between {first:g} and {last:g} s; the log goes from 0 to {np.nanmax(since):.6g} s"
         )
     note = f"{int(kept.sum())} of {len(kept)} samples are used, from {first:g} to {min(last, np.nanmax(since)):.6g} s"
-    return _take(log, kept, (note,))
+    return take(log, kept, (note,))
 
 
-def _take(log: Log, kept: np.ndarray, notes: tuple[str, ...]) -> Log:
+def take(log: Log, kept: np.ndarray, notes: tuple[str, ...] = ()) -> Log:
     """Return some samples of a log."""
     joints = {
         name: JointSignals(**{role: None if values is None else values[kept] for role, values in vars(signals).items()})
         for name, signals in log.joints.items()
     }
-    return replace(log, time=log.time[kept], joints=joints, notes=(*log.notes, *notes))
+    body = None if log.body is None else log.body.each(lambda values: values[kept])
+    return replace(log, time=log.time[kept], joints=joints, notes=(*log.notes, *notes), body=body)
 
 
 def complete_rows(log: Log) -> Log:
@@ -131,6 +132,15 @@ def complete_rows(log: Log) -> Log:
             filled[name][role] = found
             interpolated.add(role)
             there &= np.isfinite(found)
+    body = log.body
+    if body is not None:
+        known = [getattr(body, name) for name in BODY if getattr(body, name) is not None]
+        if not all(np.isfinite(values[there]).all() for values in known):
+            interpolated.add("body's signals")
+            body = body.each(lambda values: np.stack([_between(log.time, one, there) for one in values.T], axis=1))
+            known = [getattr(body, name) for name in BODY if getattr(body, name) is not None]
+        for values in known:
+            there &= np.isfinite(values).all(axis=1)
     if not there.any():
         raise LogError(
             f"{log.source}: no row is left in which every signal is known; its columns do not overlap in time"
@@ -139,7 +149,7 @@ def complete_rows(log: Log) -> Log:
     note = f"{int((~there).sum())} of {len(there)} rows have empty cells and are left out"
     for role in sorted(interpolated):
         note += f"; the {role} stands in other rows: {'held' if role in HELD else 'interpolated'} between them"
-    return _take(replace(log, joints=joints), there, (note,))
+    return take(replace(log, joints=joints, body=body), there, (note,))
 
 
 def _held(values: np.ndarray) -> np.ndarray:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.errors import LogError, unknown_name
-from stiction.formats.log import SIGNALS, UNNAMED, JointSignals, by_joint, listed
+from stiction.formats.log import BODY, SIGNALS, UNNAMED, JointSignals, by_joint, listed
 from stiction.formats.tables import WIDEST_MATRIX, Columns, Table
 
 PLACE = "{joint}"
@@ -22,7 +22,7 @@ PLACE = "{joint}"
 ROLES = ("time", *SIGNALS)
 """What a mapping may map in a table."""
 
-TOPICS = ("state", "command")
+TOPICS = ("state", "command", "imu")
 """What a mapping may map in a file of messages."""
 
 WIDE = {
@@ -48,6 +48,9 @@ log for actuator networks, where `torques` is what the controller asked for and 
 `dof_pos` and `des_dof_pos` are the matrices of PACE's files; `observation.state` and `action` the lists of LeRobot;
 `motor_state` and `motor_cmd` Unitree's, `field.position0` what `rostopic echo -p` writes. In a name, [0] may be .0 or
 /0, and what follows may begin with a slash; a topic may stand in front."""
+
+MEASURED = ("position", "velocity", "torque")
+"""Roles of which an idle motor, as makers' messages have them in numbers, says zero throughout."""
 
 OF_TOPIC = {"position": "position", "velocity": "velocity", "effort": "torque"}
 """Field of a joint state -> role, in columns `/joint_states/JOINT/position`, as PlotJuggler has them."""
@@ -123,12 +126,13 @@ def parse_columns(words: Sequence[str]) -> dict[str, str]:
     mapping: dict[str, str] = {}
     for word in words:
         role, equals, name = word.partition("=")
-        if equals and role not in (*ROLES, *TOPICS):
-            raise LogError(f"column mapping {word!r}: {unknown_name('role', role, (*ROLES, *TOPICS))}")
+        known = (*ROLES, *BODY, *TOPICS)
+        if equals and role not in known:
+            raise LogError(f"column mapping {word!r}: {unknown_name('role', role, known)}")
         if not equals or not name or role in mapping:
             raise LogError(
-                f"column mapping {word!r}: expected ROLE=NAME, once each, ROLE one of {', '.join(ROLES)}, or state and "
-                "command for topics"
+                f"column mapping {word!r}: expected ROLE=NAME, once each, ROLE one of {', '.join((*ROLES, *BODY))}, or "
+                "state, command and imu for topics"
             )
         mapping[role] = name
     return mapping
@@ -256,6 +260,10 @@ def _by_usual_names(table: Columns) -> tuple[dict[str, JointSignals], tuple[str,
                 break
     if not any("position" in signals for signals in found.values()):
         return {}, ()
+    idle = [index for index, signals in found.items() if not any(np.any(signals.get(role, 0)) for role in MEASURED)]
+    if 0 < len(idle) < len(found):
+        found = {index: signals for index, signals in found.items() if index not in idle}
+        notes.append(f"{len(idle)} motors say zero in every row and are left out: numbers {', '.join(map(str, idle))}")
     return {f"joint_{index}": JointSignals(**found[index]) for index in sorted(found)}, tuple(notes)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from stiction.core.errors import LogError
 from stiction.formats.log import (
+    BODY,
     TEXT,
     JointSignals,
     Log,
@@ -24,6 +25,7 @@ from stiction.formats.log import (
     suffix_of,
 )
 from stiction.formats.tables import Table
+from stiction.identify.logs.body import find_body
 from stiction.identify.logs.cells import complete_rows, cut, seconds
 from stiction.identify.logs.matlab import read_mat
 from stiction.identify.logs.naming import TOPICS, find_signals
@@ -65,6 +67,7 @@ def open_log(
     time_scale: float | None = None,
     begin: float | None = None,
     end: float | None = None,
+    body: bool = False,
 ) -> Log:
     """Read a log and its sidecar.
 
@@ -72,7 +75,8 @@ def open_log(
     give a joint whose columns carry none. names: the joints' names, in order, for a log that only numbers them. rate:
     samples per second [Hz] of a log without time stamps. time_scale: seconds per unit of the stamps. begin, end: what
     to take of the log, from its first stamp [s]. Each of these is the sidecar's where it is not given. sidecar: where
-    that is, by default beside the log. Raises `LogError` with one line for whatever is wrong with the file.
+    that is, by default beside the log. body: whether to look for the IMU and the feet of a walking robot. Raises
+    `LogError` with one line for whatever is wrong with the file.
     """
     if path.is_dir():
         raise LogError(_of_directory(path))
@@ -84,12 +88,14 @@ def open_log(
     columns = columns or setup.columns
     suffix = suffix_of(path)
     topics = sorted(set(columns) & set(TOPICS))
+    if not body and (odd := sorted({*columns} & {*BODY, "imu"})):
+        raise LogError(f"{path.name}: {odd[0]}= is of a walking robot's body; for that kind of log: identify walk")
     if suffix in BAGS:
-        log = read_ros(path, columns)
+        log = read_ros(path, columns, body)
     elif topics:
         raise LogError(f"{path.name}: {topics[0]}= names a topic of an MCAP file; for this kind of log map columns")
     else:
-        log = _from_table(path, columns, joint, setup)
+        log = _from_table(path, columns, joint, setup, body)
     log = cut(log, setup.begin, setup.end)
     return replace(log, setup=setup, joints=_named(path.name, log.joints, names or setup.names))
 
@@ -119,10 +125,12 @@ def read_rows(path: Path) -> Table:
     )
 
 
-def _from_table(path: Path, columns: Mapping[str, str], joint: str | None, setup: LogSetup) -> Log:
+def _from_table(path: Path, columns: Mapping[str, str], joint: str | None, setup: LogSetup, body: bool) -> Log:
     """Read a log whose samples are rows of a table."""
     table = read_rows(path)
-    found = find_signals(path.name, table, columns, joint)
+    of_body = {role: name for role, name in columns.items() if role in BODY}
+    found = find_signals(path.name, table, {role: columns[role] for role in columns if role not in BODY}, joint)
+    measured, used = find_body(path.name, table, of_body) if body else (None, ())
     notes = (*table.notes, *found.notes)
     if found.time is None:
         rate = setup.rate
@@ -139,8 +147,9 @@ def _from_table(path: Path, columns: Mapping[str, str], joint: str | None, setup
     else:
         time, start, said = seconds(path.name, found.time, found.time_name, setup.time_scale)
         start += table.starts.get(found.time_name, 0.0)
-    log = Log(path.name, time, _named(path.name, found.joints, table.names), notes=(*notes, *said), start=start)
-    blank = {name: table.blanks[name] for name in found.used if name in table.blanks}
+    joints = _named(path.name, found.joints, table.names)
+    log = Log(path.name, time, joints, notes=(*notes, *said), start=start, body=measured)
+    blank = {name: table.blanks[name] for name in (*found.used, *used) if name in table.blanks}
     return complete_rows(log) if blank else log
 
 

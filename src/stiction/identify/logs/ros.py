@@ -11,7 +11,7 @@ from __future__ import annotations
 import struct
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,12 @@ import numpy as np
 
 from stiction.core.errors import LogError
 from stiction.core.memory import claim
-from stiction.formats.log import JointSignals, Log
+from stiction.formats.log import BodySignals, JointSignals, Log
 from stiction.formats.tables import WIDEST_MATRIX
+from stiction.identify.logs.cells import take
 from stiction.identify.logs.containers import LARGEST_MESSAGE, Packet, Topic, read_packets
-from stiction.identify.logs.naming import COMMAND_WORDS
+from stiction.identify.logs.imu import choose_imu, read_body
+from stiction.identify.logs.naming import COMMAND_WORDS, TOPICS
 from stiction.identify.logs.unitree import LAYOUTS, decode_motors
 
 STATE, ARRAY, TRAJECTORY = (
@@ -77,18 +79,19 @@ class Series:
     """What a reader should know about them."""
 
 
-def read_ros(path: Path, topics: Mapping[str, str]) -> Log:
-    """Read the joints of an MCAP file or a rosbag2 database.
+def read_ros(path: Path, topics: Mapping[str, str], body: bool = False) -> Log:
+    """Read the joints of an MCAP file or a rosbag2 database, and what is known of the body where that is asked for.
 
-    topics: `state` and `command` -> topic; what is not named is chosen if there is only one candidate. The log's time
-    is that of the states' headers, or of their receipt where the headers have none, in seconds from the first; the
+    topics: `state`, `command` and `imu` -> topic; what is not named is chosen if there is only one candidate. The log's
+    time is that of the states' headers, or of their receipt where the headers have none, in seconds from the first; the
     command is held from its stamp to the next. Raises `LogError`.
     """
-    wrong = sorted(set(topics) - {"state", "command"})
+    wrong = sorted(set(topics) - set(TOPICS))
     if wrong:
         raise LogError(f"{path.name}: {wrong[0]}= maps a column; an MCAP file has topics: state=TOPIC command=TOPIC")
     found = list(dict.fromkeys(packet.topic for packet in read_packets(path)))
-    state, command = choose_topics(path.name, found, topics)
+    asked = {role: name for role, name in topics.items() if role != "imu"}
+    state, command = choose_topics(path.name, found, asked)
     wanted = [state] if command is None else [state, command]
     series = read_series(path.name, (packet for packet in read_packets(path) if packet.topic in wanted), wanted)
     states = state_series(series[state])
@@ -108,7 +111,13 @@ def read_ros(path: Path, topics: Mapping[str, str]) -> Log:
         stamps, joints, said = _with_targets(path.name, states, joints, command, series[command])
         notes += said
     first = int(stamps.min())
-    return Log(path.name, (stamps - first) * 1e-9, joints, notes=tuple(notes), start=first * 1e-9)
+    log = Log(path.name, (stamps - first) * 1e-9, joints, notes=tuple(notes), start=first * 1e-9)
+    imu = choose_imu(path.name, found, topics.get("imu"), state) if body else None
+    if imu is None:
+        return replace(log, body=BodySignals()) if body else log
+    packets = (packet for packet in read_packets(path) if packet.topic == imu)
+    measured, covered, warned = read_body(path.name, packets, imu, stamps, states.by_receipt)
+    return take(replace(log, body=measured), covered, warned)
 
 
 def _with_targets(

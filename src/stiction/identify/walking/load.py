@@ -14,7 +14,8 @@ from stiction.formats.joints import Estimate
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
 from stiction.identify.walking.body import loaded_trunk
-from stiction.identify.walking.motion import WalkMotion, carriers, feet_down, hann_weights
+from stiction.identify.walking.contact import feet_down
+from stiction.identify.walking.motion import WalkMotion, carriers, hann_weights
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.stance import BODY, FRICTION, StanceRows, stance_rows
 from stiction.identify.walking.swing import BLOCK, FEWEST_SWINGS, SwingRows
@@ -107,6 +108,12 @@ def fit_load(log: WalkLog, motion: WalkMotion, spec: Robot, swing: list[SwingRow
 
 def _missing(motion: WalkMotion, setup: WalkSetup) -> str:
     """Return what must be there and is not, or nothing."""
+    if motion.sampled_torque:
+        return (
+            "the log has torques as they were at its stamps; what they did in between, with every new target, is small "
+            "beside a leg's links but not beside the balance of the body, and no interval was found that holds: "
+            "log the mean torque of each period, in the form of evaluate --log"
+        )
     if not setup.mass_known:
         return (
             "in stance the forces on the feet, which nobody measured, absorb the joints' friction, and what the body's "

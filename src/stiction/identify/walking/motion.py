@@ -14,7 +14,7 @@ import numpy as np
 from stiction.core.errors import LogError
 from stiction.core.rotation import up_in_frames
 from stiction.formats.walk import WalkLog
-from stiction.identify.walking.body import BaseMotion, JointMotion, foot_positions
+from stiction.identify.walking.body import BaseMotion, JointMotion
 from stiction.identify.walking.setup import WalkSetup
 from stiction.joints.pd import controller_torque
 from stiction.robots.model import GRAVITY, Robot
@@ -49,14 +49,23 @@ class WalkMotion:
     """Whether the torque was logged; else it is that of the PD law with the log's gains."""
     measured_acceleration: bool
     """Whether there was an accelerometer."""
+    sampled_torque: bool
+    """Whether the torque is that at the stamp, as a robot says it; else the mean over the period that follows."""
+    unplaced: float
+    """How far from the base's origin the accelerometer may be along each axis [m]; 95 % bound."""
+    jumps: np.ndarray
+    """Change of the torque by the target's, kp times its rate, where torque was sampled [N m/s], shape (T, J): a torque
+    that jumps with every target is not known between two samples. Zero where the torque is a mean."""
 
     def __len__(self) -> int:
         """Return the number of samples."""
         return len(self.torque)
 
 
-def walk_motion(log: WalkLog, spec: Robot) -> WalkMotion:
+def walk_motion(log: WalkLog, spec: Robot, sampled: bool = False, unplaced: float = 0.0) -> WalkMotion:
     """Return the motion in a log of the robot `spec`.
+
+    sampled: the torque is that at the stamp, no mean over a period; unplaced: see `WalkMotion`.
 
     Raises `LogError` where the log is not of this robot, too short or too slow, or its torque has the joint friction
     in it.
@@ -99,6 +108,9 @@ def walk_motion(log: WalkLog, spec: Robot) -> WalkMotion:
         upward=up,
         measured_torque=torque is not None,
         measured_acceleration=log.specific_force is not None,
+        sampled_torque=sampled,
+        unplaced=unplaced,
+        jumps=np.array(log.header.kp) * forward_difference(log.joint_target, period) * sampled,
     )
 
 
@@ -159,15 +171,6 @@ def grow(mask: np.ndarray, samples: int) -> np.ndarray:
     grown = np.convolve(mask, np.ones(2 * samples + 1), "same") > 0.5
     grown[:samples] = grown[-samples:] = True
     return grown
-
-
-def feet_down(log: WalkLog, motion: WalkMotion, spec: Robot, setup: WalkSetup) -> np.ndarray:
-    """Return whether each foot may bear load, bool, shape (T, L): as logged, else by height above the lowest foot."""
-    if log.foot_contact is not None:
-        return log.foot_contact
-    height = np.einsum("tli,ti->tl", foot_positions(spec, motion.joints.position), motion.upward)
-    height -= [foot.radius for foot in spec.feet]
-    return height - height.min(axis=1, keepdims=True) < setup.clearance
 
 
 def carriers(spec: Robot) -> np.ndarray:

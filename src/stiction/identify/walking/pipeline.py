@@ -15,8 +15,9 @@ from stiction.identify.objections import no_friction_shown
 from stiction.identify.record import plain
 from stiction.identify.verdict import judge
 from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
+from stiction.identify.walking.contact import SOURCES, contact_source, feet_down
 from stiction.identify.walking.load import LoadFit, fit_load
-from stiction.identify.walking.motion import WalkMotion, feet_down, walk_motion
+from stiction.identify.walking.motion import WalkMotion, walk_motion
 from stiction.identify.walking.setup import WalkSetup
 from stiction.identify.walking.swing import PARAMETERS, SwingFit, SwingRows, fit_swing, swing_rows
 from stiction.joints.friction import dead_band, friction_ratio
@@ -27,7 +28,7 @@ GAIT_SHOWN = 4.0
 
 COARSE = 0.0025
 """Period beyond which a robot's accelerations are blurred [s]: intervals of inertia and viscous friction then hold the
-truth too seldom, those of dry friction do not."""
+truth too seldom, those of dry friction do not. Where the torque was sampled they are not stated then."""
 
 
 @dataclass(frozen=True)
@@ -42,15 +43,25 @@ class WalkIdentification:
     """For the page."""
 
 
-def identify_walk(log: WalkLog, spec: Robot, setup: WalkSetup | None = None) -> WalkIdentification:
-    """Identify the joints of a walking robot.
+def identify_walk(
+    log: WalkLog,
+    spec: Robot,
+    setup: WalkSetup | None = None,
+    notes: tuple[str, ...] = (),
+    sampled: bool = False,
+    unplaced: float = 0.0,
+) -> WalkIdentification:
+    """Identify the joints of a walking robot. notes: on how the log was read, for whoever reads the result; sampled,
+    unplaced: see `walk_motion`.
 
     A joint's own swings are asked first. Where they do not tell, the joints of its kind are taken to be alike and their
     swings are put together, under the kind's name. Where those do not tell either, the kind's record says why, and its
     numbers are null. Raises `StictionError` where the log is not of this robot, or no joint is told.
     """
     setup = setup or WalkSetup()
-    motion = walk_motion(log, spec)
+    contact = contact_source(log, setup)
+    motion = walk_motion(log, spec, sampled, unplaced)
+    fine = not sampled or rates_are_known(log)
     rows = swing_rows(log, motion, spec, setup)
     limits = log.header.torque_limit
     own = [fit_swing([joint], limit, motion.period, setup) for joint, limit in zip(rows, limits, strict=True)]
@@ -67,9 +78,21 @@ def identify_walk(log: WalkLog, spec: Robot, setup: WalkSetup | None = None) -> 
         raise LogError(f"this walk tells nothing about any joint: {name}: {chosen[name].refusal}")
     for name, fit in chosen.items():
         number = _number(name, spec)
-        record = _record(fit, log.header, spec, number, float(links[number]), load, motion)
-        records[name] = replace(record, warnings=_warnings(name, fit, record, own, spec, log, motion, load))
+        record = _record(fit, log.header, spec, number, float(links[number]), load, motion, fine)
+        record.diagnostics["contact"] = SOURCES[contact]
+        warnings = _warnings(name, fit, record, own, spec, log, motion, load, contact, fine)
+        records[name] = replace(record, warnings=(*warnings, *notes))
     return WalkIdentification(JointsFile(records), load, _walk_fit(log, motion, spec, setup, rows, chosen, load))
+
+
+def rates_are_known(log: WalkLog) -> bool:
+    """Return whether inertia and viscous friction may be stated where the torque was sampled.
+
+    A torque that jumps with every target is not known between its samples, which looks like viscous friction and rotor:
+    the bound of that takes the targets and the gains, and holds at short periods alone.
+    """
+    told = bool(np.ptp(log.joint_target - log.joint_position, axis=0).all()) and min(log.header.kp) > 0
+    return told and log.header.period <= 1.001 * COARSE
 
 
 def _number(name: str, spec: Robot) -> int:
@@ -86,9 +109,16 @@ def standing_inertia(spec: Robot) -> np.ndarray:
 
 
 def _record(
-    swing: SwingFit, header: WalkHeader, spec: Robot, number: int, links: float, load: LoadFit, motion: WalkMotion
+    swing: SwingFit,
+    header: WalkHeader,
+    spec: Robot,
+    number: int,
+    links: float,
+    load: LoadFit,
+    motion: WalkMotion,
+    fine: bool,
 ) -> JointRecord:
-    """Return a joint's record, warnings apart.
+    """Return a joint's record, warnings apart. fine: inertia and viscous friction are told too.
 
     The inertia is that of a leg in the air: rotor, and links in the standing pose, whoever uses it takes those off.
     Where no torque was logged, the motor's strength is unknown: newton metres are null, the ratios stay.
@@ -128,15 +158,17 @@ def _record(
         diagnostics |= {
             "scaled_condition_number": swing.fit.condition,
             "rms_residual": float(np.std(swing.fit.residual)),
-            "rotor_inertia": rotor,
             "lateness": swing.fit.estimate(PARAMETERS.index("lateness")),
             "coulomb_friction_by_heavier_links": float(swing.fit.shifts[0, 2]),
         }
+        if fine:
+            diagnostics["rotor_inertia"] = rotor
         settings["friction_ratio"] = coulomb.scaled(friction_ratio(1.0, limit))
         settings["dead_band"] = coulomb.scaled(dead_band(1.0, kp)) if kp > 0 else None
         if motion.measured_torque:
-            settings |= {"viscous_friction": viscous, "coulomb_friction": coulomb}
-            settings["inertia"] = shifted(rotor, links)
+            settings["coulomb_friction"] = coulomb
+            if fine:
+                settings |= {"viscous_friction": viscous, "inertia": shifted(rotor, links)}
             settings["offset"] = swing.fit.estimate(len(PARAMETERS)) if len(swing.joints) == 1 else None
         else:
             settings["combinations"] = {"f/k": coulomb, "B/k": viscous}
@@ -154,6 +186,8 @@ def _warnings(
     log: WalkLog,
     motion: WalkMotion,
     load: LoadFit,
+    contact: str,
+    fine: bool,
 ) -> tuple[str, ...]:
     """Return what a reader should know before trusting a record."""
     found: list[str] = []
@@ -173,16 +207,21 @@ def _warnings(
     elif log.header.torque_source is None:
         found.append(
             "where torque was measured was not declared: taken as the motor's side (current or command, joint friction "
-            "not in it); declare it in the log's header, torque_source"
+            "not in it); declare it, --torque-source, or torque_source in the header of a log of evaluate --log"
         )
     if not motion.measured_acceleration:
         found.append("there was no accelerometer: the base's acceleration is neglected, and intervals are wide for it")
-    if log.header.recorded_in == "robot" and motion.period > COARSE:
+    if not fine:
+        found.append(
+            "inertia and viscous friction are not stated: between samples of the torque it is not known when it jumps "
+            f"with the target; that takes {1 / COARSE:.0f} samples a second, the targets, and the gains --kp and --kd"
+        )
+    elif log.header.recorded_in == "robot" and motion.period > COARSE:
         found.append(
             f"sampled at {1 / motion.period:.0f} Hz: inertia and viscous friction may be off by a tenth, dry friction "
             "is not; log at 500 Hz"
         )
-    if log.foot_contact is None:
+    if log.foot_contact is None and contact == "height":
         found.append("foot contact was not logged: feet clear of the lowest one are taken to swing, as on flat ground")
     refusal = load.refusal or load.refused.get(kind, "")
     if refusal:

@@ -4,8 +4,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from math import isfinite
+from typing import Literal
 
 from stiction.core.errors import ConfigurationError
+
+CONTACTS = ("auto", "logged", "torque", "height")
+"""Where foot contact may come from."""
+
+
+@dataclass(frozen=True)
+class RobotLogSetup:
+    """What is declared about a log that is not in our own form."""
+
+    joint_map: tuple[str, ...] = ()
+    """RECORDED=JOINT pairs where the log's names of joints are not the robot's."""
+    imu_position: tuple[float, float, float] | None = None
+    """Where the IMU is in the base's frame [m]: its accelerometer feels the base's turns there."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is no place."""
+        if not all(map(isfinite, self.imu_position or ())) or max(map(abs, self.imu_position or (0,))) > 10:
+            raise ConfigurationError(f"IMU position {self.imu_position}: expected three numbers in metres")
 
 
 @dataclass(frozen=True)
@@ -57,11 +76,17 @@ class WalkSetup:
     """Height of a foot above the lowest one from which it is in swing, where the log has no contacts [m]. It takes
     ground that is nearly flat."""
 
+    contact: Literal["auto", "logged", "torque", "height"] = "auto"
+    """Which feet may bear load: as logged (contact or force), by the motors' torque, which needs no flat ground, or by
+    height, as of `clearance`; auto: as logged where it was, else by height."""
+
     def __post_init__(self) -> None:
         """Refuse what has no meaning."""
+        if self.contact not in CONTACTS:
+            raise ConfigurationError(f"contact {self.contact!r}: expected one of {', '.join(CONTACTS)}")
         for item in fields(WalkSetup):
             value = getattr(self, item.name)
-            if item.name in ("mass_known", "payload", "centre_of_mass"):
+            if item.name in ("mass_known", "payload", "centre_of_mass", "contact"):
                 continue
             if not (isfinite(value) and value >= 0):
                 raise ConfigurationError(f"{item.name} {value}: expected a number that is not negative")

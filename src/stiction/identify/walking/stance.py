@@ -28,7 +28,8 @@ import numpy as np
 
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.body import foot_jacobians, foot_positions, legs, link_effort, trunk_wrench
-from stiction.identify.walking.motion import WalkMotion, feet_down, grow, hann_weights, slow_samples, smooth
+from stiction.identify.walking.contact import feet_down
+from stiction.identify.walking.motion import WalkMotion, grow, hann_weights, slow_samples, smooth
 from stiction.identify.walking.setup import WalkSetup
 from stiction.robots.model import Body, Foot, Robot
 

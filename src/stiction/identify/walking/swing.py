@@ -20,10 +20,11 @@ import numpy as np
 from stiction.formats.walk import WalkLog
 from stiction.identify.walking.blocks import BlockFit, fit_blocks
 from stiction.identify.walking.body import BaseMotion, JointMotion, link_effort
+from stiction.identify.walking.contact import feet_down
+from stiction.identify.walking.imu import at_place
 from stiction.identify.walking.motion import (
     WalkMotion,
     carriers,
-    feet_down,
     grow,
     hann_weights,
     slow_samples,
@@ -68,8 +69,9 @@ class SwingRows:
     slope: np.ndarray
     """Rate of τ [N m/s], shape (R,)."""
     systematic: np.ndarray
-    """Change of `torque` by links that are heavier by `link_mass_error`, and by the error of the specific force along
-    x, y, z [N m], shape (4, R)."""
+    """Change of `torque` by links that are heavier by `link_mass_error`, by the error of the specific force along x, y,
+    z, by half a period in which a sampled torque is not known, and, where the IMU's place is not, by that along x, y, z
+    [N m], shape (5 or 8, R)."""
     swing: np.ndarray
     """Number of the swing, different between legs, shape (R,)."""
     sample: np.ndarray
@@ -106,7 +108,7 @@ def _joint_rows(
     phase: np.ndarray,
     setup: WalkSetup,
 ) -> SwingRows:
-    """Return the equations of joint `number`; links: τ_links, (T,); errors: systematic, (4, T); phase: swings, (T,)."""
+    """Return the equations of joint `number`; links: τ_links, (T,); errors: systematic, (S, T); phase: swings, (T,)."""
     joint, rate = spec.joints[number], motion.rate[:, number]
     angle = motion.joints.position[:, number]
     stopped = (angle < joint.lower + setup.limit_margin) | (angle > joint.upper - setup.limit_margin)
@@ -116,7 +118,7 @@ def _joint_rows(
     torque, direction = motion.torque[:, number], np.sign(rate)
     if not motion.measured_acceleration:
         # What is neglected keeps step with the legs, so at worst it has friction's own sign throughout.
-        errors = np.concatenate([errors[:1], np.abs(errors[1:]) * direction])
+        errors = np.concatenate([errors[:1], np.abs(errors[1:4]) * direction, errors[4:]])
     slope = np.gradient(torque, motion.period)
     load = np.abs(torque) * direction
     signals = (motion.joints.acceleration[:, number], rate, direction, load, torque - links, slope, *errors)
@@ -136,10 +138,16 @@ def _joint_rows(
 
 
 def _systematic(spec: Robot, motion: WalkMotion, links: np.ndarray, setup: WalkSetup) -> np.ndarray:
-    """Return the change of the torques left for the joints by heavier links and wrong specific force, (4, T, J)."""
+    """Return the change of the torques left for the joints by all that `SwingRows.systematic` names, (S, T, J)."""
     share = setup.link_mass_error if motion.measured_torque else np.hypot(setup.link_mass_error, setup.strength_error)
     error = setup.specific_force_error if motion.measured_acceleration else setup.neglected_acceleration
-    return np.concatenate([share * links[None], error * _specific_force_effects(spec, motion.joints.position)])
+    effects = _specific_force_effects(spec, motion.joints.position)
+    found = [share * links[None], error * effects, motion.period / 2 * motion.jumps[None]]
+    if motion.unplaced:
+        rate = motion.base.angular_velocity
+        pulls = [at_place(rate, motion.period, motion.unplaced * axis) for axis in np.eye(3)]
+        found.append(np.stack([np.einsum("atj,ta->tj", effects, pull) for pull in pulls]))
+    return np.concatenate(found)
 
 
 def _specific_force_effects(spec: Robot, position: np.ndarray) -> np.ndarray:
