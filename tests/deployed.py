@@ -9,7 +9,8 @@ import numpy as np
 
 from bundles import make_contract
 from stiction.deploy.observation import Sensors
-from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor, SupervisorCfg
+from stiction.deploy.runtime.config import SupervisorCfg
+from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor
 from stiction.deploy.transports.link import RobotState
 
 CONTRACT = make_contract()

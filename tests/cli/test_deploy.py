@@ -77,7 +77,7 @@ def test_a_fault_ends_in_one_line_and_status_1(tmp_path: Path, fault: str, said:
 def test_without_arming_nothing_reaches_the_robot(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """A robot moves in a dry run."""
     out = tmp_path / "run"
-    assert main(["deploy", POLICY, "--duration", "0.3", "--out", str(out), *PATIENT, *ON_STAND]) == 0
+    assert main(["deploy", POLICY, "--duration", "0.3", "--out", str(out), *PATIENT]) == 0
     assert "a dry run" in capsys.readouterr().err
     report = json.loads((out / "report.json").read_text())
     assert not report["armed"] and report["virtual"] == {}

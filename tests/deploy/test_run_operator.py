@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from stiction.core.errors import ConfigurationError
-from stiction.deploy.runtime.operator import ALIVE, Operator, OperatorCfg, parse_velocity
+from stiction.deploy.runtime.config import OperatorCfg
+from stiction.deploy.runtime.operator import ALIVE, Operator, parse_velocity
 
 
 def free_port() -> int:

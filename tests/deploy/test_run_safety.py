@@ -7,7 +7,8 @@ import pytest
 
 from deployed import CONTRACT, JOINTS, PERIOD, state
 from stiction.core.errors import ConfigurationError
-from stiction.deploy.runtime.safety import RULES, Safety, SafetyCfg, tilt
+from stiction.deploy.runtime.config import SafetyCfg
+from stiction.deploy.runtime.safety import RULES, Safety, tilt
 
 CFG = SafetyCfg()
 

@@ -9,8 +9,9 @@ import pytest
 
 from deployed import CONTRACT, JOINTS, PERIOD, SHORT, STANDING, Run, state
 from stiction.core.errors import ConfigurationError
+from stiction.deploy.runtime.config import SupervisorCfg
 from stiction.deploy.runtime.limits import RANGE, SLEW, TORQUE
-from stiction.deploy.runtime.supervisor import Stage, SupervisorCfg
+from stiction.deploy.runtime.supervisor import Stage
 from stiction.deploy.violation import Violation
 
 

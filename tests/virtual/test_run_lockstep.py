@@ -11,7 +11,8 @@ import pytest
 
 from stiction.core.errors import ConfigurationError
 from stiction.deploy.policy import load_policy
-from stiction.deploy.runtime.supervisor import Stage, Supervisor, SupervisorCfg
+from stiction.deploy.runtime.config import SupervisorCfg
+from stiction.deploy.runtime.supervisor import Stage, Supervisor
 from stiction.deploy.transports.udp import LOOPBACK, UdpLink
 from stiction.formats.bundle import find_bundle, read_bundle
 from stiction.robots.catalog import find_robot

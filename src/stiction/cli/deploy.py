@@ -13,9 +13,7 @@ import tyro
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
-from stiction.deploy.runtime.limits import LimitsCfg
-from stiction.deploy.runtime.operator import OperatorCfg
-from stiction.deploy.runtime.safety import SafetyCfg
+from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
 
 DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
 
@@ -122,10 +120,10 @@ def _run(cfg: DeployCfg, bundle: Any, folder: Path) -> dict[str, Any]:
     import numpy as np
 
     from stiction.deploy.plausibility import command_range
+    from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
     from stiction.deploy.runtime.operator import AXES
-    from stiction.deploy.runtime.runtime import RunCfg, run
-    from stiction.deploy.runtime.supervisor import SupervisorCfg
+    from stiction.deploy.runtime.runtime import run
     from stiction.evaluate.command import parse_command
 
     settings = SupervisorCfg(

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stiction.core.errors import ConfigurationError
+from stiction.deploy.runtime.config import LimitsCfg
 from stiction.formats.contract import Contract
 
 FREE, SLEW, RANGE, TORQUE = 0, 1, 2, 3
@@ -22,24 +23,6 @@ LIMITED_BY = ("", "slew", "range", "torque")
 
 LEAST_CHANGE = 1e-9
 """Change of a target that counts as one [rad]."""
-
-
-@dataclass(frozen=True)
-class LimitsCfg:
-    """How far and how fast targets may go."""
-
-    slew: float = 40.0
-    """Largest speed of a joint's target [rad/s]: 0.8 rad in a control period of 20 ms. The shipped policies ask for up
-    to 0.64 rad in one."""
-    margin: float = 0.02
-    """Distance that targets keep from the joint's limits [rad]."""
-
-    def __post_init__(self) -> None:
-        """Refuse limits that leave nothing, or are none."""
-        if not (0 < self.slew <= 1000 and 0 <= self.margin <= 1):
-            raise ConfigurationError(
-                f"slew {self.slew} rad/s and margin {self.margin} rad: expected up to 1000 rad/s and 0 to 1 rad"
-            )
 
 
 @dataclass(frozen=True)

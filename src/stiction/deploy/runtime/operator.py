@@ -17,14 +17,13 @@ import termios
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import numpy as np
 
 from stiction.core.errors import ConfigurationError
+from stiction.deploy.runtime.config import OperatorCfg
 
 KEYS = b" q\r\n"
 """Keys that stop the robot."""
@@ -39,27 +38,6 @@ AXES = ("vx", "vy", "wz")
 
 LARGEST_COMMAND = 512
 """Bytes of a velocity command."""
-
-
-@dataclass(frozen=True)
-class OperatorCfg:
-    """Ways in which somebody may stop or steer a run."""
-
-    stop_file: Path | None = None
-    """The run stops when this file appears."""
-    heartbeat: str | None = None
-    """HOST:PORT of this machine at which a second one says `alive` by UDP; the run stops when it no longer does. It
-    listens at that address alone."""
-    heartbeat_timeout: float = 0.5
-    """Time without `alive` after which the run stops [s]."""
-    command_from: str | None = None
-    """HOST:PORT of this machine at which velocity commands come by UDP, JSON such as {"vx": 0.5}, some ten times a
-    second. Without them the robot stands, then stops."""
-
-    def __post_init__(self) -> None:
-        """Refuse times that are none."""
-        if not 0.05 <= self.heartbeat_timeout <= 60:
-            raise ConfigurationError(f"heartbeat_timeout of {self.heartbeat_timeout} s: expected 0.05 to 60 s")
 
 
 class Operator:

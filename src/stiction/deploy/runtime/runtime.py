@@ -17,7 +17,6 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +38,11 @@ from stiction.deploy.runtime.channel import (
     socket_pair,
     targets_layout,
 )
-from stiction.deploy.runtime.operator import Operator, OperatorCfg
+from stiction.deploy.runtime.config import RunCfg
+from stiction.deploy.runtime.operator import Operator
 from stiction.deploy.runtime.recorder import PART_SECONDS, Rows
 from stiction.deploy.runtime.report import Timing, summary
-from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor, SupervisorCfg
+from stiction.deploy.runtime.supervisor import Out, Source, Stage, Supervisor
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import Link, RobotState
 from stiction.deploy.violation import Violation
@@ -63,29 +63,6 @@ LOG = "log"
 
 LAST_WORDS = 2000
 """Characters of a process's errors that are kept."""
-
-
-@dataclass(frozen=True)
-class RunCfg:
-    """What a run is, besides its robot and its policy."""
-
-    out: Path
-    """Folder of the run: `log/`, `report.json`."""
-    supervisor: SupervisorCfg = field(default_factory=SupervisorCfg)
-    """When what happens, and what ends it."""
-    operator: OperatorCfg = field(default_factory=OperatorCfg)
-    """Who may stop or steer it."""
-    keep_minutes: float = 120.0
-    """Minutes of the log that are kept, the newest; 0: no log."""
-    realtime: int | None = None
-    """Priority of supervisor and policy under SCHED_FIFO, 1 to 99; None: as all processes."""
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be."""
-        if not 0 <= self.keep_minutes <= 24 * 60:
-            raise ConfigurationError(f"a log of {self.keep_minutes} minutes: expected 0 to 1440, one day")
-        if self.realtime is not None and not 1 <= self.realtime <= 99:
-            raise ConfigurationError(f"a real-time priority of {self.realtime}: expected 1 to 99")
 
 
 class Injected:
@@ -148,35 +125,14 @@ def run(
             say(effect)
         supervisor = Supervisor(contract, cfg.supervisor, link.period, time.monotonic(), source)
         loop = _Loop(supervisor, link, channel, policy, rows, operator, timing, injected, say)
-        loop.begin(velocity)
-        gc.collect()
-        gc.freeze()
-        try:
-            while not supervisor.ended:
-                loop.turn()
-        except BaseException as error:
-            loop.fail(error)
-            if not isinstance(error, Exception):
-                raise
-        finally:
-            gc.unfreeze()
-        loop.end()
+        loop.run(velocity)
         if operator.complaint:
             say(f"the last velocity command was none: {operator.complaint}")
-    more: dict[str, Any] = {
-        "armed": cfg.supervisor.armed,
-        "stage": supervisor.stage.name.lower(),
-        "sent": loop.sent_at,
-        "states": loop.states,
-        "malformed": getattr(link, "malformed", 0),
-        "log": None if rows is None else LOG,
-        "log_lost": 0 if rows is None else rows.lost + (0 if rows.alive else 1),
-        "realtime": effect or None,
-        "bundle": bundle.name,
-        "digest": bundle.digest,
-        "robot": contract.robot,
-    }
-    return summary(supervisor, timing, more)
+    of_bundle = {"bundle": bundle.name, "digest": bundle.digest, "robot": contract.robot}
+    log = {"log": None if rows is None else LOG, "log_lost": 0 if rows is None else rows.lost + (not rows.alive)}
+    of_run = {"armed": cfg.supervisor.armed, "stage": supervisor.stage.name.lower(), "sent": loop.sent_at}
+    of_link = {"states": loop.states, "malformed": getattr(link, "malformed", 0), "realtime": effect or None}
+    return summary(supervisor, timing, of_run | of_link | log | of_bundle)
 
 
 class _Loop:
@@ -206,7 +162,23 @@ class _Loop:
         self.sent_at: float | None = None
         """When the damping frame of a stop was sent [s]."""
 
-    def begin(self, velocity: np.ndarray) -> None:
+    def run(self, velocity: np.ndarray) -> None:
+        """Go on until the run has ended, however it does; velocity: commanded at first."""
+        self._begin(velocity)
+        gc.collect()
+        gc.freeze()
+        try:
+            while not self._supervisor.ended:
+                self._turn()
+        except BaseException as error:
+            self._fail(error)
+            if not isinstance(error, Exception):
+                raise
+        finally:
+            gc.unfreeze()
+        self._end()
+
+    def _begin(self, velocity: np.ndarray) -> None:
         """Take the first velocity command; what the robot said while the processes started is old, and dropped."""
         until = time.monotonic() + DRAIN_SECONDS
         while self._link.receive() is not None and time.monotonic() < until:
@@ -214,7 +186,7 @@ class _Loop:
         remote = self._operator.remote
         self._supervisor.command_velocity(velocity, time.monotonic(), remote)
 
-    def turn(self) -> None:
+    def _turn(self) -> None:
         """Wait for something to come, at most one tick, and do what follows from it."""
         select.select(self._files, [], [], TICK)
         now = time.monotonic()
@@ -229,7 +201,7 @@ class _Loop:
         self._emit(self._supervisor.tick(time.monotonic()), None)
         self._announce()
 
-    def fail(self, error: BaseException) -> None:
+    def _fail(self, error: BaseException) -> None:
         """Damp the robot before an error of our own goes on its way."""
         said = f"{type(error).__name__}: {' '.join(str(error).split())}"
         violation = Violation("policy failed", None, np.nan, np.nan)
@@ -310,7 +282,7 @@ class _Loop:
         at, old, decided = before
         self._rows.reading(at, row(old, state.joint_torque, decided, self._supervisor.velocity))
 
-    def end(self) -> None:
+    def _end(self) -> None:
         """Log the last reading, whose period's torque nobody will say, and that it was the last."""
         if self._rows is not None:
             if self._last is not None:

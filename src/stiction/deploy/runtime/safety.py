@@ -7,51 +7,17 @@ a limit with its unit, and why the limit is what it is, in `RULES`.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError
 from stiction.core.rotation import into_frame
+from stiction.deploy.runtime.config import SafetyCfg
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.violation import Violation
 from stiction.formats.contract import Contract
 
 DOWN = np.array([0.0, 0.0, -1.0])
 """Direction of gravity in the world."""
-
-
-@dataclass(frozen=True)
-class SafetyCfg:
-    """What a robot may do before it is stopped."""
-
-    tilt: float = 0.8
-    """Largest angle between the base's z axis and the vertical [rad]. Training counts 1.05 rad as a fall; level walks
-    of the shipped policies stay below 0.3."""
-    predicted_tilt: float = 1.05
-    """Largest tilt after `horizon` if the base goes on turning as it does [rad]."""
-    horizon: float = 0.3
-    """How far ahead a tilt is predicted [s]: gravity in the base's frame turns by −ω × g."""
-    joint_speed: float = 25.0
-    """Largest speed of a joint [rad/s]; the shipped policies reach 12."""
-    torque: float = 1.3
-    """Largest measured torque over the motor's limit [1], as a mean over `torque_seconds`: beyond, drive and data sheet
-    disagree."""
-    torque_seconds: float = 0.1
-    """[s]."""
-    temperature: float = 80.0
-    """Hottest motor [°C]; not judged where a robot does not say its temperatures."""
-    flailing: float = 8.0
-    """Largest root mean square of all joints' speeds over `flailing_seconds` [rad/s]; walks of the shipped policies
-    stay below 4."""
-    flailing_seconds: float = 0.3
-    """[s]."""
-
-    def __post_init__(self) -> None:
-        """Refuse limits that are none."""
-        for name, value in vars(self).items():
-            if not 0 < value < 1e4:
-                raise ConfigurationError(f"safety {name} of {value}: expected a positive number")
 
 
 RULES = {

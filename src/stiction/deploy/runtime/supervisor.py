@@ -10,18 +10,18 @@ In every stage the reading is judged first. A stop is latched: nothing but a per
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
 
-from stiction.core.errors import ConfigurationError
 from stiction.deploy.pilot import JointCommand
 from stiction.deploy.plausibility import RULES as PLAUSIBLE
 from stiction.deploy.plausibility import ReadingGuard, compare_drive
-from stiction.deploy.runtime.limits import FREE, Limited, Limits, LimitsCfg
-from stiction.deploy.runtime.safety import Safety, SafetyCfg
+from stiction.deploy.runtime.config import SupervisorCfg
+from stiction.deploy.runtime.limits import FREE, Limited, Limits
+from stiction.deploy.runtime.safety import Safety
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.violation import Violation
 from stiction.formats.contract import Contract
@@ -39,65 +39,6 @@ class Stage(IntEnum):
     DAMP = 3
     DONE = 4
     STOPPED = 5
-
-
-@dataclass(frozen=True)
-class SupervisorCfg:
-    """When what happens, and what ends it."""
-
-    armed: bool = False
-    """Whether anything is sent to the robot."""
-    duration: float | None = None
-    """Length of the run after standing up [s]; None: until somebody stops it."""
-    ramp: float = 2.0
-    """Time from the measured pose to the standing pose [s], at least 2."""
-    hold: float = 0.5
-    """Time in the standing pose before the run [s]."""
-    settle: float = 1.0
-    """Time that damping goes on after a run that ended as asked [s]."""
-    first_target: float = 0.1
-    """Largest distance of the first target from the measured pose [rad]."""
-    standing_error: float = 0.5
-    """Largest distance of a joint from the standing pose when the run begins [rad]."""
-    stale: float = 0.03
-    """Age from which on a state is stale [s]: at 500 Hz fifteen were missed."""
-    frozen: float = 0.03
-    """Time from which on an IMU that says the same to the last bit is frozen [s]: as of a stale state."""
-    silence: float = 0.06
-    """Time after the policy's last answer from which on it hangs [s]: three control periods of 20 ms."""
-    command_timeout: float = 0.5
-    """Time after the last velocity command from elsewhere from which on the robot stands [s]."""
-    command_stop: float = 3.0
-    """Time after it from which on it is stopped [s]."""
-    ready_timeout: float = 30.0
-    """Time within which policy and robot must be there [s]."""
-    limits: LimitsCfg = field(default_factory=LimitsCfg)
-    """Of what goes out."""
-    safety: SafetyCfg = field(default_factory=SafetyCfg)
-    """Of what the robot does."""
-
-    def __post_init__(self) -> None:
-        """Refuse times that are none, and a ramp that throws the robot up."""
-        if not 2.0 <= self.ramp <= 60.0:
-            raise ConfigurationError(f"a ramp of {self.ramp} s to stand up: expected 2 to 60 s")
-        if self.duration is not None and not 0 < self.duration <= 86400:
-            raise ConfigurationError(f"a duration of {self.duration} s: expected up to 86,400 s, one day")
-        for name in (
-            "hold",
-            "settle",
-            "first_target",
-            "standing_error",
-            "stale",
-            "frozen",
-            "silence",
-            "command_timeout",
-        ):
-            if not 0 < getattr(self, name) <= 10:
-                raise ConfigurationError(f"{name} of {getattr(self, name)}: expected a positive number of at most 10")
-        if not self.command_timeout < self.command_stop <= 600:
-            raise ConfigurationError(
-                f"command_stop of {self.command_stop} s: expected more than command_timeout, {self.command_timeout} s"
-            )
 
 
 RULES = {

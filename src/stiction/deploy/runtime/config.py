@@ -1,0 +1,162 @@
+"""The settings of a run. They load neither a network nor a simulator: `--help` must be quick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from stiction.core.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class LimitsCfg:
+    """How far and how fast targets may go."""
+
+    slew: float = 40.0
+    """Largest speed of a joint's target [rad/s]: 0.8 rad in a control period of 20 ms. The shipped policies ask for up
+    to 0.64 rad in one."""
+    margin: float = 0.02
+    """Distance that targets keep from the joint's limits [rad]."""
+
+    def __post_init__(self) -> None:
+        """Refuse limits that leave nothing, or are none."""
+        if not (0 < self.slew <= 1000 and 0 <= self.margin <= 1):
+            raise ConfigurationError(
+                f"slew {self.slew} rad/s and margin {self.margin} rad: expected up to 1000 rad/s and 0 to 1 rad"
+            )
+
+
+@dataclass(frozen=True)
+class SafetyCfg:
+    """What a robot may do before it is stopped."""
+
+    tilt: float = 0.8
+    """Largest angle between the base's z axis and the vertical [rad]. Training counts 1.05 rad as a fall; level walks
+    of the shipped policies stay below 0.3."""
+    predicted_tilt: float = 1.05
+    """Largest tilt after `horizon` if the base goes on turning as it does [rad]."""
+    horizon: float = 0.3
+    """How far ahead a tilt is predicted [s]: gravity in the base's frame turns by −ω × g."""
+    joint_speed: float = 25.0
+    """Largest speed of a joint [rad/s]; the shipped policies reach 12."""
+    torque: float = 1.3
+    """Largest measured torque over the motor's limit [1], as a mean over `torque_seconds`: beyond, drive and data sheet
+    disagree."""
+    torque_seconds: float = 0.1
+    """[s]."""
+    temperature: float = 80.0
+    """Hottest motor [°C]; not judged where a robot does not say its temperatures."""
+    flailing: float = 8.0
+    """Largest root mean square of all joints' speeds over `flailing_seconds` [rad/s]; walks of the shipped policies
+    stay below 4."""
+    flailing_seconds: float = 0.3
+    """[s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse limits that are none."""
+        for name, value in vars(self).items():
+            if not 0 < value < 1e4:
+                raise ConfigurationError(f"safety {name} of {value}: expected a positive number")
+
+
+@dataclass(frozen=True)
+class SupervisorCfg:
+    """When what happens, and what ends it."""
+
+    armed: bool = False
+    """Whether anything is sent to the robot."""
+    duration: float | None = None
+    """Length of the run after standing up [s]; None: until somebody stops it."""
+    ramp: float = 2.0
+    """Time from the measured pose to the standing pose [s], at least 2."""
+    hold: float = 0.5
+    """Time in the standing pose before the run [s]."""
+    settle: float = 1.0
+    """Time that damping goes on after a run that ended as asked [s]."""
+    first_target: float = 0.1
+    """Largest distance of the first target from the measured pose [rad]."""
+    standing_error: float = 0.5
+    """Largest distance of a joint from the standing pose when the run begins [rad]."""
+    stale: float = 0.03
+    """Age from which on a state is stale [s]: at 500 Hz fifteen were missed."""
+    frozen: float = 0.03
+    """Time from which on an IMU that says the same to the last bit is frozen [s]: as of a stale state."""
+    silence: float = 0.06
+    """Time after the policy's last answer from which on it hangs [s]: three control periods of 20 ms."""
+    command_timeout: float = 0.5
+    """Time after the last velocity command from elsewhere from which on the robot stands [s]."""
+    command_stop: float = 3.0
+    """Time after it from which on it is stopped [s]."""
+    ready_timeout: float = 30.0
+    """Time within which policy and robot must be there [s]."""
+    limits: LimitsCfg = field(default_factory=LimitsCfg)
+    """Of what goes out."""
+    safety: SafetyCfg = field(default_factory=SafetyCfg)
+    """Of what the robot does."""
+
+    def __post_init__(self) -> None:
+        """Refuse times that are none, and a ramp that throws the robot up."""
+        if not 2.0 <= self.ramp <= 60.0:
+            raise ConfigurationError(f"a ramp of {self.ramp} s to stand up: expected 2 to 60 s")
+        if self.duration is not None and not 0 < self.duration <= 86400:
+            raise ConfigurationError(f"a duration of {self.duration} s: expected up to 86,400 s, one day")
+        for name in (
+            "hold",
+            "settle",
+            "first_target",
+            "standing_error",
+            "stale",
+            "frozen",
+            "silence",
+            "command_timeout",
+        ):
+            if not 0 < getattr(self, name) <= 10:
+                raise ConfigurationError(f"{name} of {getattr(self, name)}: expected a positive number of at most 10")
+        if not self.command_timeout < self.command_stop <= 600:
+            raise ConfigurationError(
+                f"command_stop of {self.command_stop} s: expected more than command_timeout, {self.command_timeout} s"
+            )
+
+
+@dataclass(frozen=True)
+class OperatorCfg:
+    """Ways in which somebody may stop or steer a run."""
+
+    stop_file: Path | None = None
+    """The run stops when this file appears."""
+    heartbeat: str | None = None
+    """HOST:PORT of this machine at which a second one says `alive` by UDP; the run stops when it no longer does. It
+    listens at that address alone."""
+    heartbeat_timeout: float = 0.5
+    """Time without `alive` after which the run stops [s]."""
+    command_from: str | None = None
+    """HOST:PORT of this machine at which velocity commands come by UDP, JSON such as {"vx": 0.5}, some ten times a
+    second. Without them the robot stands, then stops."""
+
+    def __post_init__(self) -> None:
+        """Refuse times that are none."""
+        if not 0.05 <= self.heartbeat_timeout <= 60:
+            raise ConfigurationError(f"heartbeat_timeout of {self.heartbeat_timeout} s: expected 0.05 to 60 s")
+
+
+@dataclass(frozen=True)
+class RunCfg:
+    """What a run is, besides its robot and its policy."""
+
+    out: Path
+    """Folder of the run: `log/`, `report.json`."""
+    supervisor: SupervisorCfg = field(default_factory=SupervisorCfg)
+    """When what happens, and what ends it."""
+    operator: OperatorCfg = field(default_factory=OperatorCfg)
+    """Who may stop or steer it."""
+    keep_minutes: float = 120.0
+    """Minutes of the log that are kept, the newest; 0: no log."""
+    realtime: int | None = None
+    """Priority of supervisor and policy under SCHED_FIFO, 1 to 99; None: as all processes."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        if not 0 <= self.keep_minutes <= 24 * 60:
+            raise ConfigurationError(f"a log of {self.keep_minutes} minutes: expected 0 to 1440, one day")
+        if self.realtime is not None and not 1 <= self.realtime <= 99:
+            raise ConfigurationError(f"a real-time priority of {self.realtime}: expected 1 to 99")
