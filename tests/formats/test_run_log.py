@@ -20,12 +20,16 @@ from stiction.formats.run_log import (
     READINGS,
     RunLogHeader,
     check_empty,
+    find_run_log,
+    is_walk_log,
     joint_log,
     parts_of,
     read_run_log,
+    read_walk_log,
     walk_log,
     write_run_header,
 )
+from stiction.identify.logs.opening import open_log
 
 HEADER = RunLogHeader(
     robot="saturn_lite",
@@ -92,6 +96,31 @@ def test_identification_gets_the_run_itself(folder: Path) -> None:
     assert walk.header.kp == CONTRACT.kp and len(walk) == 900
     assert walk.foot_contact is not None and walk.foot_contact.dtype == bool
     np.testing.assert_allclose(walk.velocity_command, np.tile([0.5, 0.0, 0.0], (900, 1)), atol=1e-7)  # type: ignore[arg-type]
+
+
+def test_a_run_is_opened_by_its_folder_as_what_it_is(folder: Path) -> None:
+    """`identify RUN` takes a played motion for a walk, a walk for a motion, or only the folder within."""
+    run = folder.parent / "run"
+    run.mkdir()
+    folder.rename(run / "log")
+    assert is_walk_log(run) and is_walk_log(run / "log") and find_run_log(run) == run / "log"
+    assert len(read_walk_log(run)) == 900
+    write_run_header(run / "log", replace(HEADER, policy="", digest=""))
+    assert not is_walk_log(run)
+    assert set(open_log(run).joints) == set(CONTRACT.joint_names)
+    assert len(open_log(run, begin=0.5).time) == 650
+    assert not is_walk_log(folder / "nothing") and find_run_log(folder) is None
+
+
+def test_a_walk_is_the_longest_part_without_a_gap(folder: Path) -> None:
+    """Readings that the supervisor had no time for are bridged, and a velocity is made of the jump."""
+    log = read_run_log(folder)
+    keep = np.ones(1000, dtype=bool)
+    keep[[300, 700]] = False
+    readings = {name: values[keep] for name, values in log.readings.items()}
+    walk = walk_log(replace(log, readings=readings))
+    assert len(walk) == 399
+    np.testing.assert_allclose(walk.joint_position[0, 0], STANDING[0] + 0.301, atol=1e-6)
 
 
 def test_a_minute_becomes_one_file_and_covered_parts_do_not_count(tmp_path: Path) -> None:

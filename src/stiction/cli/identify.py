@@ -19,7 +19,7 @@ from stiction.core.records import part_of
 from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile, write_fit
 from stiction.formats.log import Log, sidecar_of
 from stiction.formats.plain import object_text
-from stiction.formats.walk import is_walk
+from stiction.formats.run_log import is_walk_log
 from stiction.identify.limb.setup import LimbSetup
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.walking.setup import RobotLogSetup, WalkSetup
@@ -147,7 +147,7 @@ def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     if arguments[:1] == [WALK]:
         return _identify_walk(arguments[1:])
-    if any(text.endswith(".npz") and is_walk(Path(text)) for text in arguments):
+    if any(is_walk_log(Path(text)) for text in arguments if not text.startswith("-")):
         return _identify_walk(arguments)
     config = tyro.cli(IdentifyConfig, args=arguments, prog="stiction identify", description=DESCRIPTION)
     with limit_memory(memory_of(config.memory_limit)):
@@ -242,7 +242,8 @@ def memory_of(limit: float) -> int:
 def _identify_walk(arguments: list[str]) -> int:
     """Identify the log of a walk; return the exit status."""
     options = tyro.cli(WalkOptions, args=arguments, prog="stiction identify walk", description=WALK_DESCRIPTION)
-    from stiction.formats.walk import read_walk, write_walk_fit
+    from stiction.formats.run_log import read_walk_log
+    from stiction.formats.walk import write_walk_fit
     from stiction.identify.walking.foreign import foreign_walk
     from stiction.identify.walking.pipeline import identify_walk
     from stiction.report.walking import write_walking_page
@@ -251,9 +252,9 @@ def _identify_walk(arguments: list[str]) -> int:
     _keep_inputs(options.log, options.out)
     setup = part_of(WalkSetup, options)
     with limit_memory(memory_of(options.memory_limit)), Terminal(stderr=True).status("reading, fitting"):
-        if is_walk(options.log):
+        if is_walk_log(options.log):
             _refuse_declared(options)
-            walk = read_walk(options.log)
+            walk = read_walk_log(options.log)
             if options.robot is None and not walk.header.robot.isidentifier():
                 raise RobotError(f"the log is of the robot {walk.header.robot!r}, not a shipped one; name it: --robot")
             found = identify_walk(walk, find_robot(options.robot or walk.header.robot), setup)

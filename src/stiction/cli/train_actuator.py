@@ -32,6 +32,13 @@ class TrainActuator:
     """Print summary.json on standard output, and nothing else."""
 
 
+def _logs_in(path: Path) -> list[Path]:
+    """Return the logs that a path names: itself, or those in a folder that is not the log of a run."""
+    from stiction.formats.run_log import find_run_log
+
+    return sorted(path.glob("*.npz")) if path.is_dir() and find_run_log(path) is None else [path]
+
+
 def main(arguments: list[str]) -> int:
     """Run the verb."""
     options = tyro.cli(TrainActuator, args=arguments, prog="stiction train-actuator", description=DESCRIPTION)
@@ -48,7 +55,7 @@ def main(arguments: list[str]) -> int:
     from stiction.rma.actuator_data import read_run
 
     torch.set_num_threads(num_threads())
-    files = [file for path in options.logs for file in (sorted(path.glob("*.npz")) if path.is_dir() else [path])]
+    files = [file for path in options.logs for file in _logs_in(path)]
     if not files:
         raise ConfigurationError(
             "no log given; expected files, or folders with the NPZ logs of `stiction evaluate --log`"

@@ -25,7 +25,7 @@ from stiction.core.memory import claim
 from stiction.formats.log import JointSignals, Log, LogSetup
 from stiction.formats.plain import build, read_object, take_version, write_object
 from stiction.formats.tables import Columns, read_npz_arrays
-from stiction.formats.walk import WalkHeader, WalkLog
+from stiction.formats.walk import LARGEST_JITTER, WalkHeader, WalkLog, is_walk, read_walk
 
 HEADER = "log.json"
 SCHEMA, SCHEMA_VERSION = "stiction-run-log", 1
@@ -102,6 +102,25 @@ def is_run_log(path: Path) -> bool:
     return (path / HEADER).is_file()
 
 
+def find_run_log(path: Path) -> Path | None:
+    """Return the folder of the log where a path is one, or the folder of a run that has one; else None."""
+    return next((folder for folder in (path, path / "log") if is_run_log(folder)), None)
+
+
+def is_walk_log(path: Path) -> bool:
+    """Return whether a path is a walking log by its looks: of our own form, or the log of a run with a policy."""
+    folder = find_run_log(path)
+    if folder is None:
+        return path.suffix == ".npz" and path.is_file() and is_walk(path)
+    return read_run_header(folder).policy != ""
+
+
+def read_walk_log(path: Path) -> WalkLog:
+    """Read a walking log, see `is_walk_log`; raises `LogError`."""
+    folder = find_run_log(path)
+    return read_walk(path) if folder is None else walk_log(read_run_log(folder))
+
+
 def parts_of(names: Iterable[str], table: str) -> list[tuple[int, int, str]]:
     """Return first and last half second, and name, of the parts that count, in order: no part covers another."""
     found = [match for name in names if (match := PART.fullmatch(name)) and match[1] == table]
@@ -120,10 +139,7 @@ def read_run_log(folder: Path) -> RunLog:
         LogError: no such log, another version, a field of the wrong kind, no readings, or parts that do not fit.
 
     """
-    data = read_object(folder / HEADER, "the header of a run's log", LogError, 2**20)
-    if data.pop("schema", None) != SCHEMA:
-        raise LogError(f"{folder / HEADER}: does not say {SCHEMA!r}; expected the log of `stiction deploy`")
-    header = build(RunLogHeader, take_version(data, SCHEMA_VERSION, HEADER, LogError), HEADER, LogError)
+    header = read_run_header(folder)
     names = _names_in(folder)
     tables, notes = {}, []
     for table in (READINGS, STEPS):
@@ -142,6 +158,14 @@ def read_run_log(folder: Path) -> RunLog:
         if shape != (len(tables[READINGS]["time"]), wide):
             raise LogError(f"{folder}: {name!r} has the shape {shape}; expected a row a reading and {wide} joints")
     return RunLog(header, tables[READINGS], tables[STEPS], tuple(notes))
+
+
+def read_run_header(folder: Path) -> RunLogHeader:
+    """Read `log.json`; raise `LogError` where it is none."""
+    data = read_object(folder / HEADER, "the header of a run's log", LogError, 2**20)
+    if data.pop("schema", None) != SCHEMA:
+        raise LogError(f"{folder / HEADER}: does not say {SCHEMA!r}; expected the log of `stiction deploy`")
+    return build(RunLogHeader, take_version(data, SCHEMA_VERSION, HEADER, LogError), HEADER, LogError)
 
 
 def _names_in(folder: Path) -> list[str]:
@@ -191,8 +215,12 @@ def joint_log(source: str, log: RunLog) -> Log:
 
 
 def walk_log(log: RunLog) -> WalkLog:
-    """Return a run as a walking log; raise `LogError` where it is none."""
-    used, rows, header = _of_run(log), log.readings, log.header
+    """Return a run as a walking log, the longest part of it in which no reading is missing.
+
+    Raises `LogError` where it is none.
+    """
+    rows, header = log.readings, log.header
+    used = _longest(np.flatnonzero(_of_run(log)), rows["robot_time"], header.period)
     own: dict[str, Any] = {name: getattr(header, name) for name in ("robot", "joint_names", "foot_names", "period")}
     own |= {name: getattr(header, name) for name in ("kp", "kd", "torque_limit", "torque_source", "policy")}
     optional = {}
@@ -214,6 +242,13 @@ def walk_log(log: RunLog) -> WalkLog:
         velocity_command=rows["velocity_command"][used],
         **optional,
     )
+
+
+def _longest(used: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:
+    """Return the longest part of the used readings, by their numbers, that are one period apart."""
+    away = np.abs(np.diff(time[used]) / period - 1.0)
+    ends = np.flatnonzero((np.diff(used) != 1) | (away > LARGEST_JITTER)) + 1
+    return max(np.split(used, ends), key=len)
 
 
 def check_empty(folder: Path) -> None:

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from stiction.core.errors import LogError, StictionError
-from stiction.formats.walk import LARGEST_JITTER, is_walk, read_walk
+from stiction.formats.run_log import is_walk_log, read_walk_log
+from stiction.formats.walk import LARGEST_JITTER
 from stiction.identify.logs.opening import open_log
 
 UNNAMED = "unnamed"
@@ -60,7 +61,7 @@ def read_run(path: Path) -> LoggedRun:
     Raises `StictionError` for what is no log, has no torque, velocity or target, or does not say on which side of the
     joint's friction the torque was measured.
     """
-    return _from_walk(path) if path.suffix == ".npz" and path.is_file() and is_walk(path) else _from_joints(path)
+    return _from_walk(path) if is_walk_log(path) else _from_joints(path)
 
 
 def _undeclared(path: Path, how: str) -> StictionError:
@@ -73,7 +74,7 @@ def _undeclared(path: Path, how: str) -> StictionError:
 
 def _from_walk(path: Path) -> LoggedRun:
     """Read a walking log."""
-    log = read_walk(path)
+    log = read_walk_log(path)
     header = log.header
     if header.torque_source is None:
         raise _undeclared(path, "declare it in the header's torque_source, or log with evaluate --log-torque")

@@ -24,6 +24,7 @@ from stiction.formats.log import (
     read_table,
     suffix_of,
 )
+from stiction.formats.run_log import find_run_log, joint_log, read_run_log
 from stiction.formats.tables import Table
 from stiction.identify.logs.body import find_body
 from stiction.identify.logs.cells import complete_rows, cut, seconds
@@ -78,6 +79,10 @@ def open_log(
     that is, by default beside the log. body: whether to look for the IMU and the feet of a walking robot. Raises
     `LogError` with one line for whatever is wrong with the file.
     """
+    run = find_run_log(path)
+    if run is not None and not body:
+        log = joint_log(path.name, read_run_log(run))
+        return cut(log, begin, end)
     if path.is_dir():
         raise LogError(_of_directory(path))
     if not path.is_file():
