@@ -48,7 +48,7 @@ class Lockstep:
         self.robot.period()
         self.now += PERIOD
         ticks = round(self.now / PERIOD)
-        state, supervisor = self.link.receive(), self.supervisor
+        state, supervisor = next(iter(self.link.receive()[-1:]), None), self.supervisor
         outs = [] if state is None else [supervisor.state(state, self.now)]
         if ticks % 10 == 0:
             if supervisor.stage is not Stage.RUN:

@@ -39,6 +39,9 @@ PART = re.compile(r"(readings|steps)-(\d{6})-(\d{6})\.npz")
 MOST_PARTS = 200_000
 """More than a day of half seconds, twice."""
 
+MOVED = 1e-3
+"""Range of a target beyond which its joint was moved [rad]."""
+
 RUN_STAGE = 2
 """Stage of the supervisor in which policy or motion had the robot, see `deploy.runtime.supervisor.Stage`."""
 
@@ -201,17 +204,26 @@ def _of_run(log: RunLog) -> np.ndarray:
 
 
 def joint_log(source: str, log: RunLog) -> Log:
-    """Return a run as a log of its joints, as `identify` reads one: the run itself, without standing up and damping."""
+    """Return a run as a log of its joints, as `identify` reads one: the run itself, without standing up and damping.
+
+    Joints whose target stood still are left out, and said. Raises `LogError` where no target moved.
+    """
     used, rows, header = _of_run(log), log.readings, log.header
-    signals = {
-        name: JointSignals(*(rows[role][used, number] for role in ("position", "velocity", "target", "torque")))
-        for number, name in enumerate(header.joint_names)
-    }
+    signals, still = {}, []
+    for number, name in enumerate(header.joint_names):
+        if np.ptp(rows["target"][used, number]) > MOVED:
+            roles = ("position", "velocity", "target", "torque")
+            signals[name] = JointSignals(*(rows[role][used, number] for role in roles))
+        else:
+            still.append(name)
+    if not signals:
+        raise LogError(f"{source}: no target moved in this run; play a motion: deploy --excitation trajectory.csv")
+    notes = (*log.notes, *([f"left out, as their targets stood still: {', '.join(still)}"] if still else []))
     own = zip(header.joint_names, header.kp, header.kd, header.torque_limit, strict=True)
     joints = {name: LogSetup(kp=kp, kd=kd, torque_limit=limit) for name, kp, kd, limit in own}
     setup = LogSetup(torque_source=header.torque_source, joints=joints)
     time = rows["robot_time"][used]
-    return Log(source, time - time[0], signals, setup, log.notes, float(time[0]))
+    return Log(source, time - time[0], signals, setup, notes, float(time[0]))
 
 
 def walk_log(log: RunLog) -> WalkLog:

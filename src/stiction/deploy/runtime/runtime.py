@@ -181,7 +181,7 @@ class _Loop:
     def _begin(self, velocity: np.ndarray) -> None:
         """Take the first velocity command; what the robot said while the processes started is old, and dropped."""
         until = time.monotonic() + DRAIN_SECONDS
-        while self._link.receive() is not None and time.monotonic() < until:
+        while self._link.receive() and time.monotonic() < until:
             pass
         remote = self._operator.remote
         self._supervisor.command_velocity(velocity, time.monotonic(), remote)
@@ -191,8 +191,11 @@ class _Loop:
         select.select(self._files, [], [], TICK)
         now = time.monotonic()
         self._told(now)
-        if not self._supervisor.ended and (state := self._link.receive()) is not None:
-            self.states += 1
+        if not self._supervisor.ended and (states := self._link.receive()):
+            self.states += len(states)
+            *older, state = states
+            for passed in older:
+                self._passed(passed)
             now = time.monotonic()
             self._emit(self._supervisor.state(state, now), state)
             self._timing.reading.add(time.monotonic() - now)
@@ -273,6 +276,11 @@ class _Loop:
             self.sent_at = time.monotonic()
         if state is not None and self._rows is not None:
             self._log(state, out)
+
+    def _passed(self, state: RobotState) -> None:
+        """Log a state that was no longer the newest when it was read: what went out last was in force."""
+        if self._rows is not None and self._last is not None:
+            self._log(state, self._last[2])
 
     def _log(self, state: RobotState, out: Out) -> None:
         """Log the reading before this one: the torque of its period has come with this one, see `formats.walk`."""

@@ -63,8 +63,8 @@ class Link(Protocol):
     def fileno(self) -> int:
         """Return the file that is readable when a state has come."""
 
-    def receive(self) -> RobotState | None:
-        """Return the newest state that has come, None where there is no new one; never waits."""
+    def receive(self) -> list[RobotState]:
+        """Return the states that have come, oldest first; never waits."""
 
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number. Never waits."""

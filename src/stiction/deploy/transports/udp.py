@@ -52,9 +52,9 @@ class UdpLink:
         """Return the socket's file."""
         return self._socket.fileno()
 
-    def receive(self) -> RobotState | None:
-        """Return the newest whole state that has come, None where there is none."""
-        newest = None
+    def receive(self) -> list[RobotState]:
+        """Return the whole states that have come, oldest first."""
+        found = []
         for _ in range(MOST_AT_ONCE):
             try:
                 data = self._socket.recv(self._states.bytes + 1)
@@ -64,8 +64,8 @@ class UdpLink:
             if message is None:
                 self.malformed += 1
             else:
-                newest = message
-        return None if newest is None else state_of(self._states, newest)
+                found.append(state_of(self._states, message))
+        return found
 
     def send(self, command: JointCommand) -> int:
         """Send a command; return its number. What cannot be sent is lost, as a datagram is."""
