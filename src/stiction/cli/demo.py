@@ -59,6 +59,9 @@ class DemoCfg:
     """Episodes per policy, level and command."""
     seconds: float = 12.0
     """Length of an episode [s]."""
+    loop: bool = False
+    """The loop of a robot in place of the page: motions on a virtual robot's bench, identify, deploy a policy, identify
+    its walk; beside what the robot really has. Some four minutes, in real time."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -69,6 +72,9 @@ def main(arguments: list[str]) -> None:
     from stiction.core.lock import output_folder
     from stiction.formats.results import summary_text
 
+    if cfg.loop:
+        _loop(cfg)
+        return
     with output_folder(cfg.out):
         page, summary, warnings = _run(cfg, arguments)
     for text in warnings:
@@ -94,6 +100,21 @@ def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list
     page, summary = _evaluate(cfg, arguments, joints, bundles, checks, warnings)
     summary |= {"report": str(page), "warnings": warnings, "total_seconds": time.perf_counter() - start}
     return page, summary, warnings
+
+
+def _loop(cfg: DemoCfg) -> None:
+    """Run the loop on a virtual robot and print what agrees."""
+    from stiction.cli.loop import LoopCfg, run_loop, shares, show
+    from stiction.core.lock import output_folder
+
+    with output_folder(cfg.out):
+        rows = run_loop(LoopCfg(cfg.out))
+    if cfg.json:
+        print((cfg.out / "loop.json").read_text(encoding="utf-8"), end="")
+        return
+    show(rows)
+    for name, (held, found) in shares(rows).items():
+        print(f"{name.split('_')[0]}: {held} of {found} intervals of 95 % hold what the joint really has")
 
 
 def _say(text: str) -> None:

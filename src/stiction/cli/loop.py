@@ -1,0 +1,159 @@
+"""`stiction demo --loop`: the whole loop on a virtual robot, each step the command that a user would type.
+
+bench (motions under the supervisor) → identify → what to train → deploy a policy → identify its walk, and compare with
+what the robot really has.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from stiction.core.errors import FileError, StictionError
+from stiction.core.records import column, header, texts
+
+
+@dataclass(frozen=True)
+class LoopCfg:
+    """A loop on one virtual robot."""
+
+    out: Path
+    """Folder of everything that is made."""
+    policy: str = "saturn_lite-flat-deception-0.2"
+    """Bundle that is deployed."""
+    robot: str = "saturn_lite"
+    """Its robot."""
+    kinds: tuple[str, ...] = ("hip", "thigh", "shank")
+    """Kinds of joints that go on the bench, one after the other."""
+    seed: int = 3
+    """Of the virtual robot."""
+    level: str = "0.1"
+    """Its dry friction."""
+    seconds: float = 12.0
+    """Length of the walk [s]."""
+    patient: bool = False
+    """Whether the supervisor waits longer than it would on a robot: for machines that do other work."""
+
+
+def _yes(holds: bool) -> str:
+    """Return whether an interval holds the truth, in a word."""
+    return "yes" if holds else "no"
+
+
+@dataclass(frozen=True)
+class JointRow:
+    """One joint before and after deployment. Friction as the motors' own torque tells it, f/k [N m]."""
+
+    joint: str = field(metadata=column("joint", form=str))
+    """Its name."""
+    own: float = field(metadata=column("the robot's own f/k", "N m", ".3g"))
+    """What the virtual robot really has, over the true torque constant in units of the data sheet's."""
+    bench: str = field(metadata=column("on the bench, 95 %", "N m", str))
+    """Interval that the bench's log gave."""
+    walk: str = field(metadata=column("after deployment, 95 %", "N m", str))
+    """Interval that the walk's log gave."""
+    bench_holds: bool | None = field(metadata=column("bench holds", form=_yes))
+    """Whether the robot's own is in the bench's interval; None where nothing was found."""
+    walk_holds: bool | None = field(metadata=column("walk holds", form=_yes))
+    """The same of the walk."""
+
+
+def run_loop(cfg: LoopCfg) -> list[JointRow]:
+    """Run the loop, write `loop.json`, and return a row a joint.
+
+    Raises `StictionError` where a step fails: what it said stands on standard error.
+    """
+    found: dict[str, tuple[float, float]] = {}
+    virtual = ["--robot", "virtual", "--armed", "--robot-seed", str(cfg.seed), "--friction-level", cfg.level]
+    virtual += ["--silence", "2", "--stale", "0.5"] if cfg.patient else []
+    for kind in cfg.kinds:
+        motion, bench = cfg.out / f"excite-{kind}", cfg.out / f"bench-{kind}"
+        _step("excite", "--robot", cfg.robot, "--joint", kind, "--out", motion)
+        played = ("--stand", "--excitation", motion / "trajectory.csv", "--out", bench)
+        _step("deploy", cfg.policy, *virtual, *played)
+        _step("identify", bench, "--test-condition", "in_air", "--out", cfg.out / f"identified-{kind}")
+        found |= friction_in(cfg.out / f"identified-{kind}" / "joints.json")
+    walk = cfg.out / "walk"
+    _step("deploy", cfg.policy, *virtual, "--command", "vx=0.4", "--duration", cfg.seconds, "--out", walk)
+    _step("identify", "walk", walk, "--out", cfg.out / "identified-walk")
+    after = friction_in(cfg.out / "identified-walk" / "joints.json")
+    rows = compared(own_friction(cfg), found, after)
+    summary = {"joints": [vars(row) for row in rows], **shares(rows)}
+    (cfg.out / "loop.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    return rows
+
+
+def own_friction(cfg: LoopCfg) -> dict[str, float]:
+    """Return what the joints of the virtual robot have, f/k [N m]: the truth, which no step above was told."""
+    from stiction.robots.catalog import find_robot
+    from stiction.virtual.cases import parse_level
+    from stiction.virtual.hidden import draw
+
+    spec = find_robot(cfg.robot)
+    hidden = draw(spec, cfg.seed)
+    own = parse_level(cfg.level).coulomb(spec) * hidden.friction.share / hidden.motors.strength
+    return {name: float(value) for name, value in zip(spec.joint_names, own, strict=True)}
+
+
+def friction_in(path: Path) -> dict[str, tuple[float, float]]:
+    """Return joint -> 95 % interval of its dry friction [N m], of those that have one, in a joints.json."""
+    try:
+        joints = json.loads(path.read_text(encoding="utf-8"))["joints"]
+    except (OSError, ValueError, KeyError) as error:
+        raise FileError(f"{path} is not what identify writes: {error}") from error
+    found = {}
+    for name, record in joints.items():
+        friction = record.get("coulomb_friction")
+        if friction and friction.get("interval95") and not record.get("objections"):
+            low, high = friction["interval95"]
+            found[name] = (float(low), float(high))
+    return found
+
+
+def compared(
+    own: dict[str, float], bench: dict[str, tuple[float, float]], walk: dict[str, tuple[float, float]]
+) -> list[JointRow]:
+    """Return a row a joint; `own`: what each really has, bench and walk: what was found, where something was."""
+    rows = []
+    for joint, value in own.items():
+        ends = [interval.get(joint) for interval in (bench, walk)]
+        said = ["" if pair is None else f"{pair[0]:.3g} to {pair[1]:.3g}" for pair in ends]
+        holds = [None if pair is None else pair[0] <= value <= pair[1] for pair in ends]
+        rows.append(JointRow(joint, value, said[0], said[1], holds[0], holds[1]))
+    return rows
+
+
+def shares(rows: list[JointRow]) -> dict[str, list[int]]:
+    """Return of bench and walk how many intervals hold what the robot has, and how many there are."""
+    return {
+        name: [sum(bool(getattr(row, name)) for row in rows), sum(getattr(row, name) is not None for row in rows)]
+        for name in ("bench_holds", "walk_holds")
+    }
+
+
+def show(rows: list[JointRow]) -> None:
+    """Print the rows as a table."""
+    from rich.table import Table
+
+    from stiction.report.terminal import Terminal
+
+    table = Table(*header(JointRow))
+    for row in rows:
+        table.add_row(*texts(row))
+    Terminal().print(table)
+
+
+def _step(verb: str, *words: object) -> None:
+    """Run one verb as a user would, in this process; what it prints goes to standard error."""
+    from contextlib import redirect_stdout
+
+    from stiction.cli.main import main
+
+    said = [verb, *map(str, words)]
+    print(f"$ stiction {' '.join(said)}", file=sys.stderr)
+    with redirect_stdout(sys.stderr):
+        status = main(said)
+    if status:
+        raise StictionError(f"`stiction {' '.join(said)}` ended with status {status}; its own line above says why")
