@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -20,3 +22,12 @@ def contract() -> Contract:
 def bundle(tmp_path: Path, contract: Contract) -> Path:
     """A complete bundle that passes every check."""
     return make_bundle(tmp_path / "toy", contract)
+
+
+@pytest.fixture(autouse=True)
+def search_path_of_children() -> Iterator[None]:
+    """A test that isolates the processes it starts leaves those of the next test as they were."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    yield
+    if before is None:
+        os.environ.pop("PYTHONSAFEPATH", None)

@@ -72,7 +72,8 @@ def test_the_comparison_is_judged_from_its_summary_alone(tmp_path: Path, capsys:
     assert read_advice(tmp_path / "advice.json") == {TRANSFER: shipped()[TRANSFER]}
     before, now = (json.loads((folder / "summary.json").read_text()) for folder in (RESULTS / "replication", out))
     judged = [{one["id"]: one["outcome"] for one in summary["verdicts"]} for summary in (before, now)]
-    assert judged[0] == judged[1]
+    # Sentences that came later were not walked for.
+    assert judged[1] == judged[0] | dict.fromkeys(judged[1].keys() - judged[0].keys(), "not tested")
     assert (now["revision"], now["command"], now["changed"]) == (
         before["revision"],
         before["command"],

@@ -261,6 +261,17 @@ def test_a_robot_or_policy_that_never_comes_ends_the_run() -> None:
     assert stop is not None and stop.violation.rule == "not ready" and "policy" in stop.sentence()
 
 
+def test_a_state_that_came_too_late_to_act_on_is_judged_too() -> None:
+    """A fault that shows in one reading passes, because two came at once."""
+    run = Run().until(Stage.RUN)
+    good = state(run.number + 1, run.now + PERIOD, joint_position=run.position.copy())
+    assert run.supervisor.passed(good, run.now + PERIOD) is None
+    bad = state(run.number + 2, run.now + 2 * PERIOD, joint_velocity=np.full(JOINTS, 60.0))
+    out = run.supervisor.passed(bad, run.now + 2 * PERIOD)
+    assert out is not None and out.command is not None and not out.command.kp.any()
+    assert run.supervisor.passed(good, run.now + 3 * PERIOD) is None
+
+
 def test_without_arming_nothing_is_judged_that_only_moving_changes() -> None:
     """A dry run ends because the robot, to which nothing was sent, did not stand up."""
     run = Run(replace(SHORT, armed=False))

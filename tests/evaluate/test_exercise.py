@@ -19,7 +19,7 @@ from stiction.formats.observation import ObservationLayout
 
 pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to record a walk")
 
-from stiction.evaluate.export import EXTREME_STEPS, STEPS, record_golden
+from stiction.evaluate.golden import EXTREME_STEPS, STEPS, record_golden
 
 CLIPS = ("clip of angular_velocity", "clip of command", "clip of joint_position", "clip of joint_velocity")
 

@@ -118,7 +118,7 @@ def test_the_evaluation_tells_what_the_log_of_it_does(listener: Bundle, monkeypa
     """The rows and the logs of one command must be of the same robots."""
     seen: list[np.ndarray] = []
 
-    def stop(policy, contract, spec, cfg, threads, progress):
+    def stop(policy, contract, spec, cfg, threads, progress, against):
         still = np.zeros((2, 18))
         upright = np.tile([1.0, 0.0, 0.0, 0.0], (2, 1))
         seen.append(policy.step(Sensors(upright, np.zeros((2, 3)), still, still), np.zeros((2, 3))).action[:, 0])

@@ -312,7 +312,7 @@ def test_a_term_without_a_rule_is_an_error(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(symmetry, "PRIVILEGED_TERMS", privileged.PRIVILEGED_TERMS[:-1])
     with pytest.raises(StictionError, match="group 'privileged' has 38 entries and its mirror rule 26"):
         task_mirror(env)
-    monkeypatch.setattr("stiction.formats.contract.TERM_NAMES", ("height",))
+    monkeypatch.setattr("stiction.formats.observation.TERM_NAMES", ("height",))
     env.layout = ObservationLayout((Term("height", 1, 1.0, 1.0, "base"),))
     with pytest.raises(StictionError, match="term 'height' has no mirror rule"):
         task_mirror(env)

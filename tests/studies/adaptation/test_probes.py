@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from stiction.studies.adaptation.monitor import fit_monitor, upper
+from stiction.core.statistics import conformal_bound
+from stiction.studies.adaptation.monitor import fit_monitor
 from stiction.studies.adaptation.probes import HISTORIES, FrictionWalk, held_out, histories, probe, probe_walk, windows
 
 STEPS, ROBOTS, JOINTS = 120, 200, 3
@@ -72,9 +73,9 @@ def test_windows_and_histories_by_hand() -> None:
 
 def test_the_reach_of_an_interval_by_hand() -> None:
     """Of 1..19, 95 % of 20 is the 19th; of 1..99 the 95th; too few for it: the largest."""
-    assert upper(np.arange(1.0, 20.0)[:, None], 0.95).tolist() == [19.0]
-    assert upper(np.arange(1.0, 100.0)[::-1, None], 0.95).tolist() == [95.0]
-    assert upper(np.array([[1.0], [2.0]]), 0.95).tolist() == [2.0]
+    assert conformal_bound(np.arange(1.0, 20.0)[:, None], 0.95).tolist() == [19.0]
+    assert conformal_bound(np.arange(1.0, 100.0)[::-1, None], 0.95).tolist() == [95.0]
+    assert conformal_bound(np.array([[1.0], [2.0]]), 0.95).tolist() == [2.0]
 
 
 def test_the_monitors_intervals_hold_on_robots_it_never_met() -> None:

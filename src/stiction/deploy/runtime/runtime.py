@@ -278,7 +278,8 @@ class _Loop:
             self._log(state, out)
 
     def _passed(self, state: RobotState) -> None:
-        """Log a state that was no longer the newest when it was read: what went out last was in force."""
+        """Judge and log a state that was no longer the newest when it was read: what went out last was in force."""
+        self._emit(self._supervisor.passed(state, time.monotonic()), None)
         if self._rows is not None and self._last is not None:
             self._log(state, self._last[2])
 

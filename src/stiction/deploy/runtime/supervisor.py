@@ -244,6 +244,16 @@ class Supervisor:
             self.stage = Stage.DONE
         return self._out(self._damp())
 
+    def passed(self, state: RobotState, now: float) -> Out | None:
+        """Judge a state behind which a newer one has come already; it decides nothing but a stop."""
+        if self.ended:
+            return None
+        broken = self._judge(state, now)
+        if broken is not None:
+            return self.stop(broken, now)
+        self._seen = now
+        return None
+
     # The stages.
 
     def _passive(self, now: float) -> Out:
