@@ -262,7 +262,7 @@ class _Loop:
         os.set_blocking(self._policy.stderr.fileno(), False)
         said = (self._policy.stderr.read() or b"").decode(errors="replace")
         status = self._policy.poll()
-        ended = "" if status is None else f"its process ended with status {status}"
+        ended = "its channel is closed" if status is None else f"its process ended with status {status}"
         lines = said.strip().splitlines()
         return "; ".join(text for text in (lines[-1][:LAST_WORDS] if lines else "", ended) if text)
 

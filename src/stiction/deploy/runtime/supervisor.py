@@ -86,8 +86,8 @@ class Stop:
 
     def sentence(self) -> str:
         """Return the stop in one line."""
-        if math.isnan(self.violation.limit) and self.detail:
-            return f"{self.violation.rule}: {self.detail}"
+        if math.isnan(self.violation.limit):
+            return self.violation.rule + (f": {self.detail}" if self.detail else "")
         return self.violation.sentence() + (f" ({self.detail})" if self.detail else "")
 
     def summary(self) -> dict[str, object]:
