@@ -191,6 +191,7 @@ class _Loop:
         select.select(self._files, [], [], TICK)
         now = time.monotonic()
         self._told(now)
+        self._answered()  # Before anything is sent: Linux drops what a process that is gone had said last.
         if not self._supervisor.ended and (states := self._link.receive()):
             self.states += len(states)
             *older, state = states
@@ -231,7 +232,6 @@ class _Loop:
         told = {"velocity": self._supervisor.velocity, "robot_time": state.time, "fault": float(fault)}
         mode = RUNNING if running else IDLE
         if not self._channel.send(now, sensors | told | {"mode": mode}):
-            self._answered()  # It may have said why before it went.
             self._emit(self._supervisor.policy_failed("policy gone", self._last_words(), time.monotonic()), None)
 
     def _answered(self) -> None:
