@@ -58,7 +58,6 @@ def test_a_run_ends_as_asked_and_leaves_report_and_log(tmp_path: Path) -> None:
         ("policy-kill", "policy gone: its "),
         ("policy-exception", "RuntimeError: injected"),
         ("sigterm", "operator: SIGTERM"),
-        ("second-writer", "second writer"),
     ],
 )
 def test_a_fault_ends_in_one_line_and_status_1(tmp_path: Path, fault: str, said: str) -> None:
