@@ -13,6 +13,7 @@ import tyro
 
 from stiction.core.errors import ConfigurationError
 from stiction.core.lock import output_folder
+from stiction.core.records import part_of
 from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
 
 DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
@@ -122,19 +123,10 @@ def _run(cfg: DeployCfg, bundle: Any, folder: Path) -> dict[str, Any]:
     from stiction.deploy.plausibility import command_range
     from stiction.deploy.runtime.config import RunCfg, SupervisorCfg
     from stiction.deploy.runtime.motion import Motion
-    from stiction.deploy.runtime.operator import AXES
     from stiction.deploy.runtime.runtime import run
-    from stiction.evaluate.command import parse_command
+    from stiction.evaluate.command import AXES, parse_command
 
-    settings = SupervisorCfg(
-        armed=cfg.armed,
-        duration=cfg.duration,
-        ramp=cfg.ramp,
-        silence=cfg.silence,
-        stale=cfg.stale,
-        limits=cfg.limits,
-        safety=cfg.safety,
-    )
+    settings = part_of(SupervisorCfg, cfg)
     velocity = np.array(parse_command(cfg.command).velocity)
     low, high = command_range(bundle.contract)
     if not ((low <= velocity) & (velocity <= high)).all():
@@ -154,7 +146,7 @@ def _run(cfg: DeployCfg, bundle: Any, folder: Path) -> dict[str, Any]:
         faults = [parse_fault(text) for text in cfg.fault]
         if any(fault.name == "stop-file" for fault in faults) and operator.stop_file is None:
             operator = replace(operator, stop_file=cfg.out / "stop")
-        run_cfg = RunCfg(cfg.out, settings, operator, cfg.keep_minutes, cfg.realtime)
+        run_cfg = part_of(RunCfg, cfg, supervisor=settings, operator=operator)
         virtual = VirtualCfg(cfg.robot_seed, cfg.engine, cfg.friction_level, cfg.robot_cell, cfg.stand)
         robot = stack.enter_context(virtual_robot(folder, virtual))
         injected = Faults(faults, robot.address, operator.stop_file, bundle.contract.num_joints) if faults else None

@@ -27,6 +27,9 @@ from stiction.formats.plain import build, read_object, take_version, write_objec
 from stiction.formats.tables import Columns, read_npz_arrays
 from stiction.formats.walk import LARGEST_JITTER, WalkHeader, WalkLog, is_walk, read_walk
 
+LOG = "log"
+"""Folder of the log in that of a run."""
+
 HEADER = "log.json"
 SCHEMA, SCHEMA_VERSION = "stiction-run-log", 1
 
@@ -107,7 +110,7 @@ def is_run_log(path: Path) -> bool:
 
 def find_run_log(path: Path) -> Path | None:
     """Return the folder of the log where a path is one, or the folder of a run that has one; else None."""
-    return next((folder for folder in (path, path / "log") if is_run_log(folder)), None)
+    return next((folder for folder in (path, path / LOG) if is_run_log(folder)), None)
 
 
 def is_walk_log(path: Path) -> bool:

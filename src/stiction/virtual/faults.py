@@ -106,8 +106,6 @@ class Faults(Injected):
         self._of_policy = 0
         self.times: dict[str, float] = {}
         """Fault -> when it was injected, on the monotonic clock [s]."""
-        self.silenced: set[str] = set()
-        """Who is to say nothing any more: `heartbeat`, `command-loss`."""
 
     def due(self, elapsed: float, policy: subprocess.Popen[bytes] | None) -> int:
         """Inject what is due; see `Injected.due`."""
@@ -127,8 +125,6 @@ class Faults(Injected):
             self._tell(command_layout(self._joints).pack(1, 0.0, vars(JointCommand(zero, zero, zero, zero))))
         elif name == "stop-file" and self._stop_file is not None:
             self._stop_file.touch()
-        elif name in ("heartbeat", "command-loss"):
-            self.silenced.add(name)
         elif name in SIGNALS and (target := os.getpid() if name.startswith("sig") else policy and policy.pid):
             os.kill(target, SIGNALS[name])
 

@@ -27,7 +27,7 @@ from stiction.deploy.check import robot_of
 from stiction.deploy.pilot import JointCommand, Reading
 from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import RobotState, command_layout, command_of, state_layout, state_vectors
-from stiction.deploy.transports.udp import LOOPBACK
+from stiction.deploy.transports.udp import HELLO, LOOPBACK
 from stiction.engines.catalog import make_engine
 from stiction.engines.engine import BlownUp
 from stiction.formats.bundle import read_bundle
@@ -46,9 +46,6 @@ ROOM_TEMPERATURE = 30.0
 
 BATTERY = 48.0
 """Nominal voltage [V]."""
-
-HELLO = b"STCN?"
-"""Asks for states."""
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ from stiction.deploy.runtime.ticker import Ticker
 from stiction.deploy.transports.link import Link, RobotState
 from stiction.deploy.violation import Violation
 from stiction.formats.bundle import Bundle
-from stiction.formats.run_log import RunLogHeader, check_empty, write_run_header
+from stiction.formats.run_log import LOG, RunLogHeader, check_empty, write_run_header
 
 TICK = 0.002
 """How often the supervisor looks at what did not come [s]."""
@@ -57,9 +57,6 @@ PROBE_SECONDS = 1.0
 
 DRAIN_SECONDS = 0.1
 """Longest time for old states [s]."""
-
-LOG = "log"
-"""Folder of the log in that of the run."""
 
 LAST_WORDS = 2000
 """Characters of a process's errors that are kept."""
@@ -249,7 +246,7 @@ class _Loop:
                 if self._supervisor.stage is Stage.RUN:
                     self._timing.answer(now, times, int(answer["skipped"][0]))
                 if self._rows is not None:
-                    self._rows.step(self._answers.pack(message.number, message.time, answer))
+                    self._rows.step(message.data)
             else:
                 self._supervisor.policy_waits(now)
         if self._policy is not None and self._policy.poll() is not None:

@@ -25,6 +25,7 @@ from stiction.deploy.runtime.safety import Safety
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.violation import Violation
 from stiction.formats.contract import Contract
+from stiction.formats.run_log import RUN_STAGE
 
 GAINS_AFTER = 0.5
 """Time after the first command with gains at which a robot that says its gains says ours [s]."""
@@ -35,7 +36,7 @@ class Stage(IntEnum):
 
     PASSIVE = 0
     STAND = 1
-    RUN = 2
+    RUN = RUN_STAGE
     DAMP = 3
     DONE = 4
     STOPPED = 5
@@ -151,8 +152,7 @@ class Supervisor:
         self._began, self._since, self._seen = now, now, math.nan
         self._from: np.ndarray | None = None
         self._answered, self._asked = now, now
-        self._requested: np.ndarray | None = None
-        self._let_through: Limited | None = None
+        self._answer: tuple[np.ndarray, Limited] | None = None
         self._commanded, self._remote = now, False
         self._ours: tuple[float, float] = (math.nan, math.nan)
         self._position = standing
@@ -184,9 +184,10 @@ class Supervisor:
             joint = self.contract.joint_names[int(np.argmin(np.isfinite(target)))]
             return self.stop(Violation("target not finite", joint, math.nan, math.nan), now, f"target of {joint}")
         if self.stage is Stage.RUN and self._source is None:
-            self._requested = np.array(target, float)
+            requested = np.array(target, float)
             # As in training a target acts at once; so the slew is of one answer to the next, not of readings.
-            self._let_through = self._limits.step(self._requested, min(elapsed, 2.0 * self.contract.control_period))
+            within = self._limits.step(requested, min(elapsed, 2.0 * self.contract.control_period))
+            self._answer = requested, within
         return None
 
     def policy_failed(self, rule: str, detail: str, now: float) -> Out | None:
@@ -195,8 +196,10 @@ class Supervisor:
 
     def stop(self, violation: Violation, now: float, detail: str = "") -> Out | None:
         """Stop for good; return the one damping frame, or None where all had ended before."""
-        if self.ended:
-            return None
+        return None if self.ended else self._stop(violation, now, detail)
+
+    def _stop(self, violation: Violation, now: float, detail: str = "") -> Out:
+        """Stop a run that has not ended; return the one damping frame."""
         self.stop_record = Stop(violation, detail, now, self._seen)
         self.stage = Stage.STOPPED
         return self._out(self._damp())
@@ -231,7 +234,7 @@ class Supervisor:
             return self._out(None)
         broken = self._judge(state, now)
         if broken is not None:
-            return self.stop(broken, now) or self._out(None)
+            return self._stop(broken, now)
         self._seen = now
         self._position = state.sensors.joint_position
         if self.stage is Stage.PASSIVE:
@@ -264,12 +267,9 @@ class Supervisor:
         self._limits.begin(self._from)
         self._asked = now
         first = self._limits.step(self._from, 0.0)
-        far = np.abs(first.target - self._position)
-        if far.max() > self.cfg.first_target:
-            joint = int(np.argmax(far))
-            name = self.contract.joint_names[joint]
-            broken = Violation("first target", name, float(far[joint]), self.cfg.first_target, "rad")
-            return self.stop(broken, now, "move it by hand to within its limits, then start again") or self._out(None)
+        broken = self._far("first target", first.target, self.cfg.first_target)
+        if broken is not None:
+            return self._stop(broken, now, "move it by hand to within its limits, then start again")
         return self._out(self._hold(first.target), self._from, first)
 
     def _stand(self, state: RobotState, now: float) -> Out:
@@ -280,14 +280,11 @@ class Supervisor:
         requested = self._from + share * (self._standing - self._from)
         if elapsed < self.cfg.ramp + self.cfg.hold:
             return self._limit(requested, state, now)
-        far = np.abs(self._position - self._standing)
-        if self.cfg.armed and far.max() > self.cfg.standing_error:
-            joint = int(np.argmax(far))
-            name = self.contract.joint_names[joint]
-            broken = Violation("did not stand up", name, float(far[joint]), self.cfg.standing_error, "rad")
-            return self.stop(broken, now) or self._out(None)
+        broken = self._far("did not stand up", self._standing, self.cfg.standing_error)
+        if self.cfg.armed and broken is not None:
+            return self._stop(broken, now)
         self.stage, self._since = Stage.RUN, now
-        self._requested, self._let_through, self._commanded = None, None, now
+        self._answer, self._commanded = None, now
         self._safety.reset()
         return self._limit(requested, state, now)
 
@@ -300,12 +297,20 @@ class Supervisor:
             return self._out(self._damp())
         if self._source is not None:
             out = self._limit(self._source.target(elapsed), state, now)
-        elif self._requested is None or self._let_through is None:
+        elif self._answer is None:
             return self._limit(self._standing, state, now)
         else:
-            out = self._within_torque(self._requested, self._let_through, state)
+            out = self._within_torque(*self._answer, state)
         self.limited_counts[np.arange(len(out.limited.by)), out.limited.by] += 1
         return out
+
+    def _far(self, rule: str, pose: np.ndarray, limit: float) -> Violation | None:
+        """Return that a joint is further than a limit from a pose [rad], None where none is."""
+        far = np.abs(pose - self._position)
+        joint = int(np.argmax(far))
+        if not far[joint] > limit:
+            return None
+        return Violation(rule, self.contract.joint_names[joint], float(far[joint]), limit, "rad")
 
     # What goes out.
 

@@ -11,7 +11,7 @@ from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import JointCommand
 from stiction.deploy.transports.messages import Layout, Message
 
-STATE, COMMAND, PLACE = 1, 2, 3
+STATE, COMMAND = 1, 2
 """Kinds of messages to and from a robot."""
 
 MEASURED = ("quaternion", "angular_velocity", "joint_position", "joint_velocity")

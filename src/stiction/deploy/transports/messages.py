@@ -32,6 +32,8 @@ class Message:
     """On the sender's clock [s]."""
     values: np.ndarray
     """All values, shape (size,), read-only."""
+    data: bytes
+    """As it came, to be passed on."""
 
 
 class Layout:
@@ -68,7 +70,7 @@ class Layout:
             return None
         if TAIL.unpack_from(data, len(data) - TAIL.size)[0] != zlib.crc32(data[: -TAIL.size]):
             return None
-        return Message(number, time, np.frombuffer(data, "<f8", self.size, HEAD.size))
+        return Message(number, time, np.frombuffer(data, "<f8", self.size, HEAD.size), data)
 
     def vectors(self, message: Message) -> dict[str, np.ndarray]:
         """Return the vectors of a message by name."""

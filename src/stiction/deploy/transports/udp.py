@@ -13,6 +13,9 @@ from stiction.deploy.transports.link import RobotState, command_layout, state_la
 
 LOOPBACK = "127.0.0.1"
 
+HELLO = b"STCN?"
+"""Asks a robot for its states."""
+
 MOST_AT_ONCE = 256
 """Datagrams that are read in one go; whoever floods the port does not hold up the supervisor."""
 
@@ -46,7 +49,7 @@ class UdpLink:
     def hello(self) -> None:
         """Ask the robot for its states; it moves nothing."""
         with suppress(OSError):
-            self._socket.send(b"STCN?")
+            self._socket.send(HELLO)
 
     def fileno(self) -> int:
         """Return the socket's file."""
