@@ -19,6 +19,7 @@ from stiction.deploy.wear import WearMonitor
 from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.contract import Contract
 from stiction.formats.golden import Golden, exercise_of
+from stiction.formats.plain import read_bounded
 from stiction.formats.signature import check_signature
 from stiction.robots.catalog import find_robot, is_shipped
 from stiction.robots.model import Robot
@@ -183,13 +184,7 @@ def read_allowed(path: Path) -> frozenset[str]:
 
     Raises `FileError`: it cannot be read, is too large, or a line is no digest.
     """
-    try:
-        with path.open("rb") as file:
-            content = file.read(LARGEST_LIST + 1)
-    except OSError as error:
-        raise FileError(f"cannot read {path}: {error.strerror or error}; expected a list of digests") from error
-    if len(content) > LARGEST_LIST:
-        raise FileError(f"{path}: over {LARGEST_LIST} bytes; expected a list of digests")
+    content = read_bounded(path, "a list of digests", FileError, LARGEST_LIST)
     found = set()
     for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
         if digest := line.partition("#")[0].strip():

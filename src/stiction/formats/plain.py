@@ -30,6 +30,11 @@ def read_object(
         most: its largest size [B].
 
     """
+    return parse_object(read_bounded(path, expected, error, most), path.name, expected, error)
+
+
+def read_bounded(path: Path, expected: str, error: type[FileError], most: int) -> bytes:
+    """Return the content of a file of at most `most` bytes; raises `error` as `read_object` does."""
     try:
         with path.open("rb") as file:
             content = file.read(most + 1)
@@ -37,7 +42,7 @@ def read_object(
         raise error(f"cannot read {path}: {fault.strerror or fault}; expected {expected}") from fault
     if len(content) > most:
         raise error(f"{path.name}: over {most} bytes; expected {expected}")
-    return parse_object(content, path.name, expected, error)
+    return content
 
 
 def parse_object(content: bytes | str, where: str, expected: str, error: type[FileError] = FileError) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -283,3 +283,12 @@ def contract_of(said: Said, robot: Robot, network: tuple[str, bytes], revision: 
         revision=revision,
         command=command,
     )
+
+
+def unlike(term: Term, own: Container[str]) -> str | None:
+    """Return what of a term no format says that has the terms `own`, angles about the standing pose; None: nothing."""
+    if term.name not in own:
+        return f"the term {term.name}"
+    if term.name == "joint_position" and term.offset != "standing":
+        return "joint angles that are not about the standing pose"
+    return None

@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 
 from stiction.core.errors import ConfigurationError, FileError, unknown_name
 from stiction.exchange.policies import values as take
-from stiction.exchange.policies.description import Said, SaidTerm
+from stiction.exchange.policies.description import Said, SaidTerm, unlike
 from stiction.formats.contract import Contract
 from stiction.formats.observation import NO_CLIP, ObservationLayout, Term
 
@@ -98,10 +98,8 @@ def _term(name: str, scale: str, clip: str, history: str, where: str) -> SaidTer
 def holds(layout: ObservationLayout) -> str | None:
     """Return what of a layout mjlab's metadata cannot say; None where they can say all of it."""
     for term in layout.terms:
-        if term.name not in OWN:
-            return f"the term {term.name}"
-        if term.name == "joint_position" and term.offset != "standing":
-            return "joint angles that are not about the standing pose"
+        if (odd := unlike(term, OWN)) is not None:
+            return odd
         if (term.clips < NO_CLIP).any() and (isinstance(term.scale, tuple) or isinstance(term.clip, tuple)):
             return f"a clip after different scales of {term.name}"
     if layout.heights is not None:

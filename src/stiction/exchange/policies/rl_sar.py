@@ -16,7 +16,7 @@ import numpy as np
 
 from stiction.core.errors import ConfigurationError, FileError, unknown_name
 from stiction.exchange.policies import values as take
-from stiction.exchange.policies.description import UNBOUNDED, Said, SaidTerm
+from stiction.exchange.policies.description import UNBOUNDED, Said, SaidTerm, unlike
 from stiction.formats.contract import Contract
 from stiction.formats.observation import NO_CLIP, GaitClock, ObservationLayout
 
@@ -147,10 +147,8 @@ def _observations(entries: Mapping[str, Any], where: str) -> dict[str, Any]:
 def holds(layout: ObservationLayout) -> str | None:
     """Return what of a layout rl_sar cannot say; None where it can say all of it."""
     for term in layout.terms:
-        if term.name not in OWN:
-            return f"the term {term.name}"
-        if term.name == "joint_position" and term.offset != "standing":
-            return "joint angles that are not about the standing pose"
+        if (odd := unlike(term, OWN)) is not None:
+            return odd
         if layout.history_of(term) != layout.history_length:
             return "histories of different lengths"
         if term.name not in SCALES and not np.array_equal(term.scales, np.ones(term.size)):

@@ -14,7 +14,7 @@ from typing import Any
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
 from stiction.exchange.policies import values as take
-from stiction.exchange.policies.description import Said, SaidTerm
+from stiction.exchange.policies.description import Said, SaidTerm, unlike
 from stiction.formats.contract import Contract
 from stiction.formats.observation import NO_CLIP, GaitClock, ObservationLayout, Term
 
@@ -139,10 +139,8 @@ def _observations(
 def holds(layout: ObservationLayout) -> str | None:
     """Return what of a layout a deploy.yaml cannot say; None where it can say all of it."""
     for term in layout.terms:
-        if term.name not in OWN:
-            return f"the term {term.name}"
-        if term.name == "joint_position" and term.offset != "standing":
-            return "joint angles that are not about the standing pose"
+        if (odd := unlike(term, OWN)) is not None:
+            return odd
         if isinstance(term.clip, tuple):
             return f"different clips within {term.name}"
     clock = layout.clock
