@@ -20,7 +20,7 @@ from stiction.studies.claims import Verdict, rejudged_summary
 from stiction.studies.friction.claims import CLAIMS, DECEPTION, DIRECT, NONE
 from stiction.studies.friction.evaluation import CANDIDATES, COMMANDS, collapse, learning_curve, onsets, training_mean
 from stiction.studies.friction.evidence import TrainingEvidence, median_seed, parse_policy, seed_means
-from stiction.studies.friction.manifest import PARTS, TWO_PHASE, PlannedRun
+from stiction.studies.friction.manifest import PARTS, TWO_PHASE, PlannedRun, State
 from stiction.studies.friction.records import (
     STUDENT,
     Collapse,
@@ -57,6 +57,9 @@ def source_of(experiment: Experiment) -> Source:
     policies = sorted({row.policy for row in experiment.rows if _condition_and_policy(row) in names})
     return Source(experiment.summary["command"], experiment.summary["revision"], tuple(policies), methods, tuple(cells))
 
+
+EVALUATED: tuple[State, ...] = ("exported", "finished")
+"""States of runs that have rows."""
 
 LISTS = {
     "conditions": ConditionRecord,
@@ -124,9 +127,10 @@ def assemble(
         if run.state() == "finished"
     }
     records = {run.run.name: _record(run) for run in planned}
+    here = {name for name, record in records.items() if record.state in EVALUATED}
     conditions = {run.run.condition.name: _condition(run) for run in planned}
     if before is not None:
-        elsewhere = {one.name: one for one in before.runs if one.state == "finished" and one.name not in curves}
+        elsewhere = {one.name: one for one in before.runs if one.state in EVALUATED and one.name not in here}
         records |= elsewhere
         used = {one.condition for one in elsewhere.values()} - conditions.keys()
         conditions |= {one.name: one for one in before.conditions if one.name in used}
@@ -205,12 +209,15 @@ def _condition(planned: PlannedRun) -> ConditionRecord:
 def _record(planned: PlannedRun) -> RunRecord:
     """Return the record of one run."""
     state, run = planned.state(), planned.run
-    header = RunDirectory(planned.path).header() if state != "missing" else {}
-    minutes = None
+    revision, minutes = "", None
+    if state == "exported":
+        revision = planned.bundle().contract.revision
+    elif state != "missing":
+        revision = str(RunDirectory(planned.path).header().get("revision", ""))
     if state == "finished":
         rows = read_metrics(planned.path / "metrics.jsonl")
         minutes = round(sum(row["seconds"] for row in rows) / 60, 1)
-    return RunRecord(run.name, run.condition.name, run.seed, state, str(header.get("revision", "")), minutes)
+    return RunRecord(run.name, run.condition.name, run.seed, state, revision, minutes)
 
 
 def ship(planned: Sequence[PlannedRun], rows: Iterable[ResultRow], out: Path) -> list[Path]:

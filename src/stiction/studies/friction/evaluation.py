@@ -18,7 +18,7 @@ from stiction.core.cache import entry_file, key_of, publish
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError
 from stiction.core.parallel import spread
 from stiction.evaluate.code import RUN_WALK_CODE
-from stiction.evaluate.evaluate import EvaluationCfg
+from stiction.evaluate.evaluate import EvaluationCfg, evaluate_bundle
 from stiction.evaluate.grid import BATCH
 from stiction.evaluate.samples import SeedValues
 from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow, read_results, write_results
@@ -86,8 +86,8 @@ def settings_for(cfg: TrainCfg, base: EvaluationCfg = BASE) -> EvaluationCfg:
 class Task:
     """One policy to evaluate."""
 
-    path: Path
-    """Folder of its run."""
+    run: PlannedRun
+    """Its run, finished or exported."""
     who: Who
     settings: EvaluationCfg
     cache: Path
@@ -96,7 +96,7 @@ class Task:
     @property
     def name(self) -> str:
         """Name of the policy in results.csv."""
-        return f"{self.path.resolve().name}/{self.who}"
+        return f"{self.run.run.name}/{self.who}"
 
     @property
     def file(self) -> Path:
@@ -104,28 +104,49 @@ class Task:
 
         Raises `StictionError` where the run has no such policy.
         """
-        checkpoint = latest_checkpoint(self.path / "checkpoints", self.who)
+        return entry_file(
+            self.cache, self.who, key_of([self._weights(), asdict(self.settings)], *RUN_WALK_CODE), ".csv"
+        )
+
+    def _weights(self) -> str:
+        """Return the digest of what walks."""
+        if self.run.state() == "exported":
+            return self.run.bundle().digest
+        checkpoint = latest_checkpoint(self.run.path / "checkpoints", self.who)
         if checkpoint is None:
-            raise TrainingError(f"{self.path} has no {self.who}; finish it with `stiction train --resume {self.path}`")
-        weights = hashlib.sha256(checkpoint.read_bytes()).hexdigest()
-        return entry_file(self.cache, self.who, key_of([weights, asdict(self.settings)], *RUN_WALK_CODE), ".csv")
+            path = self.run.path
+            raise TrainingError(f"{path} has no {self.who}; finish it with `stiction train --resume {path}`")
+        return hashlib.sha256(checkpoint.read_bytes()).hexdigest()
+
+    def walk(self) -> list[ResultRow]:
+        """Return its rows, walked on this thread, by the network of its run or by the policy that was exported."""
+        if self.run.state() == "exported":
+            rows = evaluate_bundle(self.run.bundle(), self.settings).rows
+            return [replace(row, policy=self.name) for row in rows]
+        import torch
+
+        from stiction.evaluate.trained import evaluate_run
+
+        torch.set_num_threads(1)
+        return evaluate_run(self.run.path, self.who, self.settings)
 
 
 def tasks_for(planned: Sequence[PlannedRun], base: EvaluationCfg = BASE, cache: Path | None = None) -> list[Task]:
-    """Return the policies of finished runs, of one phase the student alone: no teacher walked in its training.
+    """Return the policies of finished and exported runs, of one phase the student alone: no teacher walked in its
+    training, and none is exported.
 
     cache: a folder for the rows; by default `evaluation` in each run's.
     """
     return [
         Task(
-            run.path,
+            run,
             who,
             replace(settings_for(run.cfg, base), commands=COMMANDS[who]),
             run.path / "evaluation" if cache is None else cache / run.run.name,
         )
         for run in planned
         for who in get_args(Who)
-        if who == STUDENT or run.cfg.teacher.latent != "history"
+        if who == STUDENT or (run.cfg.teacher.latent != "history" and run.state() == "finished")
     ]
 
 
@@ -133,12 +154,7 @@ def evaluate_task(task: Task) -> list[ResultRow]:
     """Evaluate one policy on one thread, unless its rows are there; return them."""
     file = task.file
     if not file.exists():
-        import torch
-
-        from stiction.evaluate.trained import evaluate_run
-
-        torch.set_num_threads(1)
-        rows = [_rounded(row) for row in evaluate_run(task.path, task.who, task.settings)]
+        rows = [_rounded(row) for row in task.walk()]
         with publish(file) as partial:
             write_results(partial, rows)
     return read_results(file)

@@ -21,6 +21,7 @@ from typing import Any, Literal, Self
 
 from stiction.core.errors import ConfigurationError, FileError, TrainingError, unknown_name
 from stiction.formats.actuator import read_actuator
+from stiction.formats.bundle import Bundle, read_bundle
 from stiction.formats.results import read_metrics
 from stiction.joints.net import ActuatorNet
 from stiction.rma.arguments import parse
@@ -193,7 +194,8 @@ def runs_of(parts: Collection[str], preset: str = TWO_PHASE) -> list[Run]:
     return sorted(chosen, key=lambda run: (order.index(run.condition.part), run.seed))
 
 
-State = Literal["missing", "interrupted", "finished"]
+State = Literal["missing", "interrupted", "exported", "finished"]
+"""`exported`: its folder is elsewhere, its policy is here."""
 
 
 @dataclass(frozen=True)
@@ -203,11 +205,15 @@ class PlannedRun:
     run: Run
     cfg: TrainCfg
     path: Path
+    policy: Path | None = None
+    """Its exported policy, where there is one."""
 
     @classmethod
-    def of(cls, run: Run, runs: Path) -> Self:
-        """Return a run as `stiction train` reads its arguments. runs: folder of all runs."""
-        return cls(run, parse([*run.arguments]).config, runs / run.name)
+    def of(cls, run: Run, runs: Path, policies: Path | None = None) -> Self:
+        """Return a run as `stiction train` reads its arguments; runs and policies are the folders of all of them."""
+        bundle = None if policies is None else policies / run.name
+        policy = bundle if bundle is not None and bundle.is_dir() else None
+        return cls(run, parse([*run.arguments]).config, runs / run.name, policy)
 
     @property
     def iterations(self) -> int:
@@ -234,7 +240,7 @@ class PlannedRun:
 
         """
         if not (self.path / "config.json").exists():
-            return "missing"
+            return "missing" if self.policy is None else "exported"
         run = RunDirectory(self.path)
         found, expected = (replace(cfg, joints=None, actuator=None) for cfg in (run.config_to_train(), self.cfg))
         if other := [*differences(found, expected), *self._other_files(run)]:
@@ -245,6 +251,23 @@ class PlannedRun:
         newest = latest_checkpoint(self.path / "checkpoints", "student")
         last = newest is not None and int(newest.stem.rpartition("_")[2]) == self.cfg.student.iterations
         return "finished" if last and (self.path / "summary.json").is_file() else "interrupted"
+
+    def bundle(self) -> Bundle:
+        """Return the exported policy.
+
+        Raises `StictionError` where there is none, it is damaged, or it says that it is of another run.
+        """
+        if self.policy is None:
+            raise FileError(f"{self.run.name} has no exported policy; name the folder of the policies with --policies")
+        bundle = read_bundle(self.policy)
+        contract, friction = bundle.contract, self.cfg.task.friction
+        found = contract.robot, contract.method, contract.seed, contract.friction_law, contract.friction_level
+        expected = self.cfg.task.robot, friction.method, self.run.seed, friction.law, friction.level
+        if found != expected:
+            raise TrainingError(
+                f"{self.policy} is another policy than the manifest's: it is {found}, expected {expected}"
+            )
+        return bundle
 
     def _other_files(self, run: RunDirectory) -> list[str]:
         """Return in which of the files that a training starts from a run differs from the manifest."""

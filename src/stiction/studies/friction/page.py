@@ -376,10 +376,10 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
 
 def lead(experiment: Experiment) -> str:
     """Return how far it has come, and how many sentences came out how."""
-    finished = sum(run.state == "finished" for run in experiment.runs)
+    finished = sum(run.state in ("exported", "finished") for run in experiment.runs)
     outcomes = Counter(verdict.outcome for verdict in experiment.verdicts)
     counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     return (
-        f"{finished} of {len(experiment.runs)} runs are finished. Of {len(experiment.verdicts)} sentences of the paper "
-        f"on training with friction: {counts}."
+        f"{finished} of {len(experiment.runs)} runs are finished and evaluated. Of {len(experiment.verdicts)} sentences "
+        f"of the paper on training with friction: {counts}."
     )

@@ -29,6 +29,9 @@ class FrictionOptions(ParallelOptions):
     """How the runs are trained. The first part alone has presets of one phase, and then no teacher."""
     runs: Path = Path("runs")
     """Folder of the training runs, one folder each."""
+    policies: Path | None = None
+    """Folder of exported policies, one folder each, named like the runs: a run that is not in --runs is evaluated by
+    its policy here, and has no learning curve. With --add those that --out has already are not evaluated again."""
     add: bool = False
     """Add to what --out has: results of runs that are not in --runs, but were in --runs when --out was written, stay.
     Trainings on several machines, or over several days, then make one experiment."""
@@ -59,28 +62,31 @@ class FrictionOptions(ParallelOptions):
 
 def run(options: FrictionOptions, work: Work) -> Report | int:
     """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
-    from stiction.studies.friction.assemble import assemble, judge_again, read_earlier, ship
+    from stiction.studies.friction.assemble import EVALUATED, assemble, judge_again, read_earlier, ship
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
     from stiction.studies.friction.manifest import PlannedRun, runs_of
     from stiction.studies.friction.training import train
 
     if options.judge_again:
         return report_of(options, judge_again(options.out, work.provenance))
-    planned = [PlannedRun.of(run, options.runs) for run in runs_of(options.parts, options.preset)]
+    planned = [PlannedRun.of(run, options.runs, options.policies) for run in runs_of(options.parts, options.preset)]
     states = {run.run.name: run.state() for run in planned}
     if options.list:
         print_runs(planned, states)
         return 0
-    if not options.train and "finished" not in states.values():
+    if not options.train and not {"finished", "exported"} & {*states.values()}:
         raise TrainingError(
-            f"no run of the experiment in {options.runs} is finished; train them with --train, or name their folder "
-            "with --runs"
+            f"no run of the experiment in {options.runs} is finished; train them with --train, name their folder with "
+            "--runs, or that of their policies with --policies"
         )
     before = read_earlier(options.out, options.preset) if options.add else None
+    if before is not None:
+        have = {one.name for one in before.runs if one.state in EVALUATED}
+        planned = [replace(run, policy=None) if run.run.name in have else run for run in planned]
     work.begin()
     failed = train(planned, work.jobs, work.progress, work.say) if options.train else {}
     base = replace(BASE, episodes=options.episodes, seconds=options.seconds)
-    finished = [run for run in planned if run.state() == "finished"]
+    finished = [run for run in planned if run.state() in EVALUATED]
     rows, unevaluated = evaluate_tasks(tasks_for(finished, base, options.cache), work.jobs, work.progress)
     failed |= unevaluated
     for name, reason in failed.items():

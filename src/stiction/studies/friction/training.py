@@ -86,7 +86,7 @@ def train_missing(
         StictionError: a folder holds a run with another configuration; nothing was started then.
 
     """
-    waiting = [run for run in planned if run.state() != "finished"]
+    waiting = [run for run in planned if run.state() in ("missing", "interrupted")]
     shares = Shares(waiting, progress)
     running: list[Job] = []
     failed: dict[str, str] = {}
