@@ -1,6 +1,7 @@
 """Evaluation of runs: what is asked of each, what is kept, and what is read again."""
 
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -8,8 +9,10 @@ import pytest
 from stiction.core import cache
 from stiction.core.errors import StictionError
 from stiction.evaluate import trained as run_evaluation
+from stiction.formats.bundle import read_bundle
 from stiction.rma.arguments import parse
 from stiction.studies.friction.evaluation import BASE, LEVELS, Task, evaluate_tasks, settings_for, tasks_for
+from stiction.studies.friction.manifest import Condition, PlannedRun, Run
 from synthetic import place, row, write_run
 
 
@@ -45,7 +48,7 @@ def test_an_evaluation_is_done_once_and_again_when_what_it_depends_on_changes(
     assert evaluate_tasks([task], 1) == (rows, {}) and len(walked) == 1
     evaluate_tasks([replace(task, settings=replace(task.settings, episodes=17))], 1)
     assert len(walked) == 2
-    (task.path / "checkpoints/student_000001.safetensors").write_text("other weights")
+    (task.run.path / "checkpoints/student_000001.safetensors").write_text("other weights")
     evaluate_tasks([task], 1)
     assert len(walked) == 3
     monkeypatch.setattr(cache, "made_by", lambda *code: {"code": "other"})
@@ -72,6 +75,29 @@ def test_the_cache_can_lie_elsewhere(tmp_path: Path, walked: list) -> None:
     evaluate_tasks(found, 1)
     assert len(list((tmp_path / "cache/toy-s0").glob("*.csv"))) == 2
     assert len(sorted((tmp_path / "runs").rglob("*"))) == len(before) + 2
+
+
+SHIPPED = Path(str(files("stiction"))) / "policies/saturn_lite-flat-none-0.2"
+"""A policy that is always here."""
+
+
+def exported(tmp_path: Path, seed: int) -> PlannedRun:
+    """The run of the shipped policy as the manifest has it, its folder elsewhere."""
+    words = ("--method", "none", "--friction-level", "0.2")
+    run = Run(Condition("coulomb20-none", "1", "a test", words, (seed,)), seed, "quick")
+    return PlannedRun(run, parse([*run.arguments]).config, tmp_path / run.name, SHIPPED)
+
+
+def test_a_run_that_is_elsewhere_is_evaluated_by_its_policy(tmp_path: Path) -> None:
+    """If this failed, results would need the machine of the training, or be called after the bundle's folder."""
+    seed = read_bundle(SHIPPED).contract.seed
+    at = exported(tmp_path, seed)
+    (task,) = tasks_for([at], replace(BASE, friction_levels=(0.2,), episodes=1, seconds=3.0), tmp_path / "cache")
+    task = replace(task, settings=replace(task.settings, commands=("vx=0.5",), friction_levels=(0.2,)))
+    rows, failed = evaluate_tasks([task], 1)
+    assert not failed and [r.policy for r in rows] == [f"coulomb20-none-s{seed}/student"]
+    with pytest.raises(StictionError, match="is another policy than the manifest's"):
+        evaluate_tasks([replace(task, run=exported(tmp_path, seed + 1))], 1)
 
 
 def test_levels_follow_the_torque_and_hold_the_mean_of_training() -> None:

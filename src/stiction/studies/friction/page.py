@@ -380,6 +380,6 @@ def lead(experiment: Experiment) -> str:
     outcomes = Counter(verdict.outcome for verdict in experiment.verdicts)
     counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
     return (
-        f"{finished} of {len(experiment.runs)} runs are finished and evaluated. Of {len(experiment.verdicts)} sentences "
-        f"of the paper on training with friction: {counts}."
+        f"{finished} of {len(experiment.runs)} runs are finished. Of {len(experiment.verdicts)} sentences of the paper "
+        f"on training with friction: {counts}."
     )
