@@ -64,6 +64,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
     """Train, evaluate and judge; the exit status is 1 if a run could not be trained or evaluated."""
     from stiction.studies.friction.assemble import EVALUATED, assemble, judge_again, read_earlier, ship
     from stiction.studies.friction.evaluation import BASE, evaluate_tasks, tasks_for
+    from stiction.studies.friction.evidence import parse_policy
     from stiction.studies.friction.manifest import PlannedRun, runs_of
     from stiction.studies.friction.training import train
 
@@ -81,7 +82,7 @@ def run(options: FrictionOptions, work: Work) -> Report | int:
         )
     before = read_earlier(options.out, options.preset) if options.add else None
     if before is not None:
-        have = {one.name for one in before.runs if one.state in EVALUATED}
+        have = {parse_policy(row.policy)[0] for row in before.rows}
         planned = [replace(run, policy=None) if run.run.name in have else run for run in planned]
     work.begin()
     failed = train(planned, work.jobs, work.progress, work.say) if options.train else {}
