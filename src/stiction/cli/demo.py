@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 
+from stiction.core.files import write_text
+
 if TYPE_CHECKING:
     from stiction.deploy.check import BundleCheck
     from stiction.formats.results import ResultRow
@@ -128,7 +130,6 @@ def _identify_example(out: Path) -> DemoJoint:
     from stiction.identify.example import SATURN_LITE, example_log
 
     log = out / "example" / "shank.csv"
-    log.parent.mkdir(exist_ok=True)
     write_log(log, example_log(SATURN_LITE))
     title = "the paper's shank motor, simulated with the noise of real sensors"
     return _identify(title, [str(log), "--out", str(log.parent)])
@@ -223,7 +224,7 @@ def _evaluate(
         for check, clip in zip(checks, clips, strict=True)
     ]
     page = cfg.out / "report.html"
-    page.write_text(render_demo(joints, policies, rows, summary, shown, warnings), encoding="utf-8")
+    write_text(page, render_demo(joints, policies, rows, summary, shown, warnings))
     return page, summary
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from stiction.core.errors import FileError, StictionError
+from stiction.core.files import write_text
 from stiction.core.records import column, header, texts
 
 
@@ -81,7 +82,7 @@ def run_loop(cfg: LoopCfg) -> list[JointRow]:
     after = friction_in(cfg.out / "identified-walk" / "joints.json")
     rows = compared(own_friction(cfg), found, after)
     summary = {"joints": [vars(row) for row in rows], **shares(rows)}
-    (cfg.out / "loop.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+    write_text(cfg.out / "loop.json", json.dumps(summary, indent=2) + "\n")
     return rows
 
 

@@ -11,6 +11,7 @@ import tyro
 from tyro.conf import Positional, subcommand
 
 from stiction.core.errors import RobotError
+from stiction.core.files import write_text
 from stiction.core.lock import output_folder
 
 
@@ -131,8 +132,8 @@ def _show(cfg: ShowCfg) -> None:
     from stiction.robots.picture import draw
 
     with output_folder(cfg.out):
-        (cfg.out / "robot.xml").write_text(build(robot).to_xml(), encoding="utf-8")
-        (cfg.out / "robot.yaml").write_text(complete_text(robot, "robot.xml"), encoding="utf-8")
+        write_text(cfg.out / "robot.xml", build(robot).to_xml())
+        write_text(cfg.out / "robot.yaml", complete_text(robot, "robot.xml"))
         draw(robot, cfg.out / "robot.png")
     if not cfg.json:
         print(f"written: {cfg.out}/robot.png, robot.yaml (complete), robot.xml (what is simulated)")

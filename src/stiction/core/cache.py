@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import FileError
+from stiction.core.files import publish, unwritten, write_text
 from stiction.core.provenance import made_by
 
 ENTRY = "entry.json"
@@ -38,40 +38,6 @@ def entry_file(folder: Path, name: str, key: str, suffix: str) -> Path:
     return folder / f"{name}-{key[:12]}{suffix}"
 
 
-@contextmanager
-def publish(path: Path) -> Iterator[Path]:
-    """Yield a path beside `path` to write a file or a folder to, which then replaces `path` atomically.
-
-    Where the writing fails, `path` stays as it was. Raises `OSError` as the writing does.
-    """
-    partial, before = (path.with_name(f".{path.name}.{os.getpid()}.{kind}") for kind in ("part", "before"))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        yield partial
-        for written in (partial, *partial.rglob("*")):
-            _sync(written)
-        if path.is_dir():
-            # A folder that is not empty cannot be renamed over, and half of one may not stay under its name.
-            path.rename(before)
-        partial.replace(path)
-        _sync(path.parent)
-    finally:
-        for left in (partial, before):
-            if left.is_dir():
-                shutil.rmtree(left, ignore_errors=True)
-            else:
-                left.unlink(missing_ok=True)
-
-
-def _sync(path: Path) -> None:
-    """Bring a file, or the names in a folder, to the disk."""
-    number = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(number)
-    finally:
-        os.close(number)
-
-
 def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
     """Return the entry of a key from its JSON file (see `entry_file`), written from `make` where there is none.
 
@@ -82,11 +48,7 @@ def cached(folder: Path, name: str, key: str, make: Callable[[], dict[str, Any]]
     if found is not None:
         return found
     text = json.dumps(sealed(make()), allow_nan=False)
-    try:
-        with publish(file) as partial:
-            partial.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise FileError(f"{file} cannot be written: {error}; give another --out") from error
+    write_text(file, text)
     return {name: value for name, value in json.loads(text).items() if name != DIGEST}
 
 
@@ -114,7 +76,7 @@ def has_entry(folder: Path, key: str) -> bool:
 def publish_entry(folder: Path, key: str, label: str) -> Iterator[Path]:
     """Yield an empty folder to fill; it then replaces `folder`, as the entry of `key` with a readable `label`.
 
-    Raises `OSError` as the writing does.
+    Raises `FileError` as `publish`.
     """
     with publish(folder) as partial:
         partial.mkdir()
@@ -199,7 +161,7 @@ class Ledger:
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
-            raise FileError(f"{self._path} cannot be written: {error}; give another --out") from error
+            raise unwritten(self._path, error) from error
         self._end += len(content)
         self._entries |= {entry["key"]: entry for entry in entries}
 

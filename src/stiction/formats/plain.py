@@ -11,6 +11,7 @@ from types import UnionType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from stiction.core.errors import FileError
+from stiction.core.files import write_text
 
 Record = TypeVar("Record")
 
@@ -120,7 +121,7 @@ def _value(hint: Any, value: Any, where: str, error: type[FileError]) -> Any:
 
 def write_object(path: Path, data: dict[str, Any]) -> None:
     """Write a JSON object for people to read too; a number that is not finite is refused (`ValueError`)."""
-    path.write_text(object_text(data), encoding="utf-8")
+    write_text(path, object_text(data))
 
 
 def object_text(data: dict[str, Any]) -> str:

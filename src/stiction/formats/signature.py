@@ -9,10 +9,12 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.errors import FileError
+from stiction.core.files import unwritten
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
@@ -38,8 +40,14 @@ def make_key(path: Path) -> Path:
         try:
             with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as opened:
                 opened.write(text)
+        except FileExistsError as error:
+            raise FileError(f"{file} cannot be written: {error.strerror}; choose another name") from error
         except OSError as error:
-            raise FileError(f"{file} cannot be written: {error.strerror or error}; choose another name") from error
+            # Half a key is none, and neither is one without its other half.
+            for half in {path, file}:
+                with suppress(OSError):
+                    half.unlink()
+            raise unwritten(file, error) from error
     return public
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import RobotError
+from stiction.core.files import write_text
 from stiction.core.records import from_plain
 from stiction.robots.model import Robot
 
@@ -25,7 +26,7 @@ VERSION = 1
 def write_robot(robot: Robot, path: Path) -> None:
     """Write a robot to a JSON file."""
     content = {"version": VERSION, **asdict(robot)}
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(content, indent=1) + "\n")
 
 
 def read_robot(path: Path) -> Robot:

@@ -21,8 +21,8 @@ from typing import Any
 
 import torch
 
-from stiction.core.cache import publish
 from stiction.core.errors import ConfigurationError, FileError, PolicyError
+from stiction.core.files import publish
 from stiction.core.provenance import num_threads
 from stiction.core.records import to_plain
 from stiction.deploy.check import check_bundle
@@ -72,11 +72,7 @@ class ActuatorLoop:
         else:
             if cfg.policy is not None:
                 self._check_given(find_bundle(cfg.policy))
-            try:
-                out.mkdir(parents=True, exist_ok=True)
-                write_json(file, {"options": self.options, "command": command})
-            except OSError as error:
-                raise FileError(f"{out} cannot be written: {error.strerror or error}; choose another --out") from error
+            write_json(file, {"options": self.options, "command": command})
 
     def _check_given(self, path: Path) -> None:
         """Refuse a first policy that is damaged, or was made for another robot or physics step."""

@@ -14,8 +14,8 @@ from statistics import median
 
 import numpy as np
 
-from stiction.core.cache import has_entry, publish, publish_entry
-from stiction.core.errors import EngineError, FileError, StictionError
+from stiction.core.cache import has_entry, publish_entry
+from stiction.core.errors import EngineError, StictionError, UnwrittenError
 from stiction.core.parallel import spread
 from stiction.core.records import column, read_rows, write_rows
 from stiction.deploy.pilot import JointCommand, Reading
@@ -190,8 +190,8 @@ def judge_bench(bench: Bench, folder: Path, workers: int = 1) -> list[Identified
             write_log(partial / LOG, log)
             write_found(joints, partial)
         return referee(bench, joints, meter.load)
-    except OSError as error:
-        return f"{folder} cannot be written: {error}; choose another --out"
+    except UnwrittenError:
+        raise
     except StictionError as error:
         return str(error)
 
@@ -242,8 +242,4 @@ def _read(table: Path) -> list[IdentifiedFriction]:
 
 def _write(table: Path, rows: Sequence[IdentifiedFriction]) -> None:
     """Write the table so that an interruption leaves the old one."""
-    try:
-        with publish(table) as partial:
-            write_rows(partial, rows)
-    except OSError as error:
-        raise FileError(f"{table} cannot be written: {error}; choose another --out") from error
+    write_rows(table, rows)

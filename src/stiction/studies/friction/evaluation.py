@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from stiction.core.cache import entry_file, key_of, publish
+from stiction.core.cache import entry_file, key_of
 from stiction.core.errors import ConfigurationError, StictionError, TrainingError
 from stiction.core.parallel import spread
 from stiction.evaluate.code import RUN_WALK_CODE
@@ -155,8 +155,7 @@ def evaluate_task(task: Task) -> list[ResultRow]:
     file = task.file
     if not file.exists():
         rows = [_rounded(row) for row in task.walk()]
-        with publish(file) as partial:
-            write_results(partial, rows)
+        write_results(file, rows)
     return read_results(file)
 
 
