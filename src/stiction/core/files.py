@@ -1,15 +1,20 @@
-"""How a file or folder is written: under another name, synced, and renamed; whole under its name, or not there."""
+"""How files are written, whole under their name or not at all, and how those of others are opened: bounded, no pipe.
+
+What is written goes under another name, is synced, and renamed.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from stiction.core.errors import UnwrittenError
+from stiction.core.errors import StictionError, UnwrittenError
 
 
 @contextmanager
@@ -39,7 +44,8 @@ def publish(path: Path) -> Iterator[Path]:
             if left.is_dir():
                 shutil.rmtree(left, ignore_errors=True)
             else:
-                left.unlink(missing_ok=True)
+                with suppress(OSError):
+                    left.unlink()
 
 
 LONGEST = 200
@@ -78,6 +84,29 @@ def published(path: Path) -> Iterator[BinaryIO]:
     """Yield a file to write bytes to, which then replaces `path`. Raises `UnwrittenError` as `publish`."""
     with publish(path) as partial, partial.open("wb") as file:
         yield file
+
+
+def open_regular(path: Path) -> BinaryIO:
+    """Open a file to read bytes. Raises `OSError`, also for a pipe or device, which may have no end, or never begin."""
+    number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    mode = os.fstat(number).st_mode
+    if stat.S_ISREG(mode):
+        return os.fdopen(number, "rb")
+    os.close(number)
+    code = errno.EISDIR if stat.S_ISDIR(mode) else errno.EINVAL
+    raise OSError(code, os.strerror(code) if stat.S_ISDIR(mode) else "it is a pipe or a device, no file", str(path))
+
+
+def read_bounded(path: Path, expected: str, error: type[StictionError], most: int) -> bytes:
+    """Return the content of a file of at most `most` bytes; raise `error`, which names what was `expected`, else."""
+    try:
+        with open_regular(path) as file:
+            content = file.read(most + 1)
+    except OSError as fault:
+        raise error(f"cannot read {path}: {fault.strerror or fault}; expected {expected}") from fault
+    if len(content) > most:
+        raise error(f"{path.name}: over {most} bytes; expected {expected}")
+    return content
 
 
 def _sync(path: Path) -> None:

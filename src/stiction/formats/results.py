@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, get_args, get_type_hints
 
 from stiction.core.errors import FileError
-from stiction.core.files import publish, write_text
+from stiction.core.files import open_regular, publish, write_text
 from stiction.core.records import column
 from stiction.formats.plain import is_integer, is_number, read_object, take_version
 
@@ -156,7 +156,7 @@ def read_metrics(path: Path) -> list[dict[str, Any]]:
     """
     rows: list[dict[str, Any]] = []
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             for line in file:
                 if not _is_row(row := json.loads(line)):
                     break

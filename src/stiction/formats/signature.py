@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.errors import FileError
-from stiction.core.files import unwritten
+from stiction.core.files import read_bounded, unwritten
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
@@ -94,7 +94,7 @@ def _private_key(path: Path, passphrase: Callable[[], str]) -> Ed25519PrivateKey
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
-    content = _content(path)
+    content = read_bounded(path, f"a key, PEM: {MADE}", FileError, MOST_BYTES)
     try:
         secret = passphrase().encode() if b"ENCRYPTED" in content else None
         key: Any = load_pem_private_key(content, secret)
@@ -110,7 +110,7 @@ def _public_key(path: Path) -> Ed25519PublicKey:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
     from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
-    content = _content(path)
+    content = read_bounded(path, f"a key, PEM: {MADE}", FileError, MOST_BYTES)
     if b"PRIVATE KEY" in content:
         raise FileError(f"{path} is a private key, its owner's secret; name the public one, {path.with_suffix('.pub')}")
     try:
@@ -124,18 +124,6 @@ def _public_key(path: Path) -> Ed25519PublicKey:
 
 MADE = "stiction sign --new-key maker.pem makes maker.pem and maker.pub"
 """How keys are made, for messages."""
-
-
-def _content(path: Path) -> bytes:
-    """Return a key file."""
-    try:
-        with path.open("rb") as file:
-            content = file.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise FileError(f"cannot read the key {path}: {error.strerror or error}; {MADE}") from error
-    if len(content) > MOST_BYTES:
-        raise FileError(f"{path}: over {MOST_BYTES} bytes; expected a key, PEM: {MADE}")
-    return content
 
 
 def _line(error: Exception) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import os
 import tokenize
 import warnings
 import zipfile
@@ -22,7 +23,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from stiction.core.errors import FileError, LogError
-from stiction.core.files import publish, published
+from stiction.core.files import open_regular, publish, published
 from stiction.core.memory import allowance, claim
 from stiction.formats.plain import parse_object, take_version
 
@@ -54,8 +55,9 @@ class Table:
 def read_bytes(path: Path) -> bytes:
     """Read a file of a bounded size; raise `LogError` where that cannot be done."""
     try:
-        claim(path.name, path.stat().st_size, "the file has", LogError)
-        return path.read_bytes()
+        with open_regular(path) as file:
+            claim(path.name, os.fstat(file.fileno()).st_size, "the file has", LogError)
+            return file.read()
     except OSError as error:
         raise LogError(f"cannot read {path}: {error.strerror or error}") from error
 

@@ -22,6 +22,7 @@ from markupsafe import Markup, escape
 
 from stiction import __version__
 from stiction.core import records
+from stiction.core.errors import escaped
 from stiction.core.files import publish
 from stiction.formats.joints import Estimate, JointRecord
 
@@ -161,7 +162,7 @@ def new_figure(
 
 def labelled(axis: Axes) -> dict[str, Any]:
     """Return what was drawn on an axis by its label; `_a`, which matplotlib would hide, is a name too."""
-    drawn = [*axis.lines, *axis.patches, *axis.collections, *axis.containers]
+    drawn: list[Any] = [*axis.lines, *axis.patches, *axis.collections, *axis.containers]
     return {label: one for one in drawn if not UNNAMED.fullmatch(label := str(one.get_label()))}
 
 
@@ -180,7 +181,7 @@ def legend(axis: Axes | Figure, drawn: dict[str, Any] | None = None, **settings:
 
 
 def name_plainly(figure: Figure) -> Figure:
-    """Take every text of a figure as it is, and return the figure: names come from files, and `$` is no formula.
+    """Make no text of a figure do anything, and return the figure: names come from files, and `$` is no formula.
 
     Numbers of a logarithmic axis stay formulas: matplotlib writes them itself.
     """
@@ -196,6 +197,7 @@ def name_plainly(figure: Figure) -> Figure:
         for text in axis.get_ticklabels(minor=minor)
     }
     for text in figure.findobj(Text):
+        text.set_text(escaped(text.get_text()))
         text.set_usetex(False)
         text.set_parse_math(id(text) in own)
     return figure

@@ -19,7 +19,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load, save
 
 from stiction.core.errors import FileError, TrainingError, UnwrittenError
-from stiction.core.files import write_bytes, write_text
+from stiction.core.files import read_bounded, write_bytes, write_text
 from stiction.core.lock import output_folder
 from stiction.core.provenance import git_revision, machine
 from stiction.core.records import from_plain, to_plain
@@ -108,9 +108,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     """
     try:
         header = read_object(path.with_suffix(".json"), "that of a checkpoint")
-        if path.stat().st_size > LARGEST_CHECKPOINT:
-            raise ValueError(f"{path.stat().st_size} bytes; expected at most {LARGEST_CHECKPOINT}")
-        content = path.read_bytes()
+        content = read_bounded(path, "tensors of a checkpoint", FileError, LARGEST_CHECKPOINT)
         if header["tensors"] != (count := _count(content)):
             raise TrainingError(f"checkpoint {path}: {count} tensors, expected {header['tensors']}; it is incomplete")
         if "sha256" not in header:

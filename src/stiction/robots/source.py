@@ -14,6 +14,7 @@ from pathlib import Path, PurePosixPath
 import mujoco
 
 from stiction.core.errors import RobotError
+from stiction.core.files import read_bounded
 
 MOST_BYTES = 16 * 2**20
 """Size of the largest XML file that is read."""
@@ -79,13 +80,7 @@ def compile_source(spec: mujoco.MjSpec, name: str, path: Path | None = None, not
 
 def _read_text(path: Path) -> str:
     """Return a file's XML; refuse one that is enormous, or could grow while it is parsed."""
-    try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            raise RobotError(f"{path}: {size} bytes; a robot's XML has at most {MOST_BYTES}")
-        content = path.read_bytes()
-    except OSError as error:
-        raise RobotError(f"{path}: cannot be read: {error.strerror}") from error
+    content = read_bounded(path, "a robot's XML", RobotError, MOST_BYTES)
     if b"<!ENTITY" in content or b"<!DOCTYPE" in content:
         raise RobotError(f"{path}: declares XML entities, which are not read; write them out")
     try:

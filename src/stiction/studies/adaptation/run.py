@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from stiction.core.cache import key_of, read_entry
+from stiction.core.cache import key_of, read_entry, sealed
 from stiction.core.errors import ConfigurationError
 from stiction.core.files import write_text
 from stiction.deploy.wear import Moments
@@ -142,7 +142,7 @@ def study_run(run: Path, out: Path, cfg: AdaptationCfg, threads: int, progress: 
         "fallen": {per: walk.fallen for per, walk in walks.items()},
         "wear": {"targets": list(wear.targets), "window": wear.window * contract.control_period} | per_target,
     }
-    write_json(file, part)
+    write_json(file, sealed(part))
     return part
 
 

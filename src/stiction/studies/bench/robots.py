@@ -186,10 +186,12 @@ def judge_bench(bench: Bench, folder: Path, workers: int = 1) -> list[Identified
         # The log of a robot that cannot be identified is there to look into.
         write_log(folder / LOG, log)
         joints = identified(log, workers)
+        rows = referee(bench, joints, meter.load)
         with publish_entry(folder, bench.key, bench.label) as partial:
             write_log(partial / LOG, log)
             write_found(joints, partial)
-        return referee(bench, joints, meter.load)
+            write_rows(partial / TABLE, rows)
+        return rows
     except UnwrittenError:
         raise
     except StictionError as error:
@@ -219,7 +221,12 @@ def study_benches(
     for row in _read(table):
         rows.setdefault(row.robot, []).append(row)
     failed: dict[str, str] = {}
-    new = [bench for bench in benches if not (rows.get(bench.label) and has_entry(out / bench.label, bench.key))]
+    there = {bench.label for bench in benches if has_entry(out / bench.label, bench.key)}
+    # From where digests vouch for them: the table of all is for people, and may be edited.
+    rows |= {label: _read(out / label / TABLE) for label in there}
+    new = [bench for bench in benches if bench.label not in there]
+    if there:
+        _write(table, list(chain.from_iterable(rows.values())))
     workers = max(1, jobs // max(1, len(new)))
     tasks = [(bench, out / bench.label, workers) for bench in new]
     for left, (number, found) in zip(reversed(range(len(new))), spread(judge_bench, tasks, jobs), strict=True):
