@@ -9,6 +9,7 @@ import ctypes
 import os
 import resource
 import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -123,12 +124,17 @@ def prepare(name: str, given: Path, out: Path) -> list[str]:
 @contextmanager
 def full(bytes_left: int) -> Iterator[None]:
     """Let no file grow beyond a size: what the system then says of a file is what it says of a full disk."""
+    # What Python compiles now would be cut off too, and be found so by the next process.
+    patch = pytest.MonkeyPatch()
+    patch.setattr(sys, "dont_write_bytecode", True)
+    patch.setenv("PYTHONDONTWRITEBYTECODE", "1")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (bytes_left, hard))
     try:
         yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        patch.undo()
 
 
 @contextmanager

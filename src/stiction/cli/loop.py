@@ -11,9 +11,10 @@ import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from stiction.core.errors import FileError, StictionError
+from stiction.core.errors import StictionError
 from stiction.core.files import write_text
 from stiction.core.records import column, header, texts
+from stiction.formats.plain import read_object
 
 
 @dataclass(frozen=True)
@@ -100,10 +101,7 @@ def own_friction(cfg: LoopCfg) -> dict[str, float]:
 
 def friction_in(path: Path) -> dict[str, tuple[float, float]]:
     """Return joint -> 95 % interval of its dry friction [N m], of those that have one, in a joints.json."""
-    try:
-        joints = json.loads(path.read_text(encoding="utf-8"))["joints"]
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"{path} is not what identify writes: {error}") from error
+    joints = read_object(path, "what identify writes").get("joints", {})
     found = {}
     for name, record in joints.items():
         friction = record.get("coulomb_friction")

@@ -15,9 +15,7 @@ import mujoco
 
 from stiction.core.errors import RobotError
 from stiction.core.files import read_bounded
-
-MOST_BYTES = 16 * 2**20
-"""Size of the largest XML file that is read."""
+from stiction.robots.survey import MOST_BYTES, survey
 
 MOST_MESH_BYTES = 1024 * 2**20
 """Size of all meshes together."""
@@ -62,7 +60,17 @@ def read_spec(path: Path) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
     if path.suffix == ".urdf":
         # A link without inertia has none; MuJoCo would weigh its shapes.
         spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
+    _drop_looks(spec)
     return spec, _mend_meshes(spec, path)
+
+
+def _drop_looks(spec: mujoco.MjSpec) -> None:
+    """Leave out pictures, which are only seen, and the memory that a file asks for: neither is bounded."""
+    for material in spec.materials:
+        material.textures = [""] * len(material.textures)
+    for texture in list(spec.textures):
+        spec.delete(texture)
+    spec.memory = -1
 
 
 def compile_source(spec: mujoco.MjSpec, name: str, path: Path | None = None, notes: tuple[str, ...] = ()) -> Source:
@@ -81,8 +89,7 @@ def compile_source(spec: mujoco.MjSpec, name: str, path: Path | None = None, not
 def _read_text(path: Path) -> str:
     """Return a file's XML; refuse one that is enormous, or could grow while it is parsed."""
     content = read_bounded(path, "a robot's XML", RobotError, MOST_BYTES)
-    if b"<!ENTITY" in content or b"<!DOCTYPE" in content:
-        raise RobotError(f"{path}: declares XML entities, which are not read; write them out")
+    survey(path, content)
     try:
         return _without_floating_root(content) if path.suffix == ".urdf" else content.decode()
     except (ElementTree.ParseError, UnicodeDecodeError) as error:
