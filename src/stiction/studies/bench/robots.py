@@ -6,16 +6,18 @@ have what a person with such a robot would have: `bench.npz` and its sidecar, `j
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from itertools import chain
 from pathlib import Path
 from statistics import median
 
 import numpy as np
 
-from stiction.core.cache import has_entry, publish_entry
+from stiction.core.cache import has_entry, publish_entry, read_entry, sealed
 from stiction.core.errors import EngineError, StictionError, UnwrittenError
+from stiction.core.files import write_text
 from stiction.core.parallel import spread
 from stiction.core.records import column, read_rows, write_rows
 from stiction.deploy.pilot import JointCommand, Reading
@@ -190,7 +192,6 @@ def judge_bench(bench: Bench, folder: Path, workers: int = 1) -> list[Identified
         with publish_entry(folder, bench.key, bench.label) as partial:
             write_log(partial / LOG, log)
             write_found(joints, partial)
-            write_rows(partial / TABLE, rows)
         return rows
     except UnwrittenError:
         raise
@@ -221,9 +222,13 @@ def study_benches(
     for row in _read(table):
         rows.setdefault(row.robot, []).append(row)
     failed: dict[str, str] = {}
-    there = {bench.label for bench in benches if has_entry(out / bench.label, bench.key)}
     # From where digests vouch for them: the table of all is for people, and may be edited.
-    rows |= {label: _read(out / label / TABLE) for label in there}
+    there = {
+        bench.label: done["rows"]
+        for bench in benches
+        if has_entry(out / bench.label, bench.key) and (done := read_entry(_judged(out, bench), bench.key))
+    }
+    rows |= {label: [IdentifiedFriction(**row) for row in found] for label, found in there.items()}
     new = [bench for bench in benches if bench.label not in there]
     if there:
         _write(table, list(chain.from_iterable(rows.values())))
@@ -235,11 +240,18 @@ def study_benches(
             rows[label], failed[label] = [], found
         else:
             rows[label] = found
+            entry = sealed({"key": new[number].key, "rows": [asdict(row) for row in found]})
+            write_text(_judged(out, new[number]), json.dumps(entry) + "\n")
             _write(table, list(chain.from_iterable(rows.values())))
         progress("benches", 1.0 - left / len(benches))
     # From the file, whose numbers have nine digits: the same command again gives the same.
     done, identified_robots = _read(table), [bench.label for bench in benches if bench.label not in failed]
     return [row for label in identified_robots for row in done if row.robot == label], failed
+
+
+def _judged(out: Path, bench: Bench) -> Path:
+    """Return the file of a robot's rows: not in its own folder, which nothing but what was found may be in."""
+    return out / "judged" / f"{bench.label}.json"
 
 
 def _read(table: Path) -> list[IdentifiedFriction]:
