@@ -58,7 +58,7 @@ class _Callable(ModuleType):
 
 
 class _Root(ModuleType):
-    """This package: what Python binds to it when a package of `ROOMS` is imported, can be called."""
+    """The whole package: what Python binds to it when a package of `ROOMS` is imported, can be called."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Bind a name."""
@@ -68,7 +68,7 @@ class _Root(ModuleType):
 
     def __dir__(self) -> list[str]:
         """Return the public names."""
-        return sorted({*self.__dict__, *__all__})
+        return sorted(__all__)
 
 
 def __getattr__(name: str) -> Any:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
@@ -14,16 +14,16 @@ from stiction.api.options import options_of
 from stiction.api.policy import Verified, verify
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError
+from stiction.core.extras import says_what_is_missing
 from stiction.core.lock import output_folder
 from stiction.core.provenance import num_threads
 from stiction.core.records import header, texts
 from stiction.core.scratch import scratch
-from stiction.evaluate.evaluate import EvaluationCfg
-from stiction.evaluate.grid import GridCfg
-from stiction.evaluate.own_policy import OwnPolicy, own_policy
-from stiction.evaluate.summary import evaluate_all
 from stiction.formats.bundle import Bundle
 from stiction.formats.results import SCHEMA_VERSION, ResultRow
+
+if TYPE_CHECKING:
+    from stiction.evaluate.grid import GridCfg
 
 OF_WALK = ("settle", "action_delay", "static_ratio", "stribeck_velocity", "known_friction")
 """Fields of `EvaluationCfg` that are options without a parameter of their own."""
@@ -52,7 +52,7 @@ class Evaluated(Result):
         return len(self.rows)
 
     def columns(self) -> dict[str, list[Any]]:
-        """Return column -> values, a value a row, as any data frame takes them: `pandas.DataFrame(result.columns())`."""
+        """Return column -> values, a value a row, for `pandas.DataFrame(result.columns())`."""
         return {name: [getattr(row, name) for row in self.rows] for name in ResultRow.__dataclass_fields__}
 
     def lines(self) -> Sequence[str]:
@@ -89,6 +89,7 @@ class Evaluated(Result):
         write_evaluation(folder, list(self.rows), self.summary, samples_of(self.summary["rows"], ways) if ways else ())
 
 
+@says_what_is_missing
 def evaluate(
     *policies: Verified | str | Path | Callable[..., Any],
     robot: str | Path | None = None,
@@ -136,17 +137,25 @@ def evaluate(
     0.0
 
     """
+    from stiction.evaluate.evaluate import EvaluationCfg
+    from stiction.evaluate.grid import GridCfg
+    from stiction.evaluate.summary import evaluate_all
+
     if not policies:
         raise ConfigurationError("evaluate: no policy; expected one of load_policy, list_policies, or a function")
     known = {name: options.pop(name) for name in list(options) if name in OF_WALK}
-    walked = {"friction_levels": tuple(friction_levels), "friction_law": friction_law, "commands": tuple(commands)}
+    walked: dict[str, Any] = {
+        "friction_levels": tuple(friction_levels),
+        "friction_law": friction_law,
+        "commands": tuple(commands),
+    }
     walked |= {"episodes": episodes, "seconds": seconds, "seed": seed}
     base = options_of(EvaluationCfg, known | walked, "evaluate")
     asked = options | {"engines": tuple(engines), "terrains": tuple(terrains)}
     cfg = replace(options_of(GridCfg, asked, "evaluate"), base=base)
     named = None if robot is None else str(robot)
     bundles = [_bundle(policy, named, callable_period, cfg) for policy in policies]
-    if any(isinstance(bundle, OwnPolicy) for bundle in bundles):
+    if any(callable(policy) for policy in policies):
         jobs = 1  # the function is in this process
     folder = Path(out) if out is not None else None
     with scratch() if folder is None else nullcontext(folder) as work, output_folder(work):
@@ -165,6 +174,8 @@ def _bundle(policy: Any, robot: str | None, period: float, cfg: GridCfg) -> Bund
         return verify(policy).bundle
     if robot is None:
         raise ConfigurationError("evaluate: a function needs robot, the robot whose joints it moves")
+    from stiction.evaluate.own_policy import own_policy
+
     if not all(simulator.is_batch for simulator in cfg.simulators):
         raise ConfigurationError("evaluate: a function walks in the engine mujoco alone; leave engines out")
     return own_policy(policy, robot, period)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,9 @@ from markupsafe import Markup
 from stiction.api.options import options_of
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError, RobotError, unknown_name
+from stiction.core.extras import says_what_is_missing
 from stiction.core.records import header, texts
-from stiction.formats.design import ExcitationDesign, Predicted, write_signals
+from stiction.formats.design import ExcitationDesign, Predicted, percent, write_signals
 from stiction.formats.log import Log, write_log
 from stiction.formats.plain import write_object
 from stiction.identify.excite.plan import Excitation, design_excitation
@@ -54,15 +55,30 @@ class Designed(Result):
         """What must be known before it is played, a sentence each."""
         return self.design.warnings
 
+    def simulate(self, seed: int = 0) -> Log:
+        """Return the log that a joint as guessed would give, with noise of sensors like small geared actuators.
+
+        For trying what follows before there is a robot. seed: of the noise.
+        """
+        from stiction.identify.example import Motor, Played, example_log
+        from stiction.joints.friction import Coulomb
+        from stiction.joints.pd import PDGains
+        from stiction.joints.simulate import Joint as Simulated
+
+        setup, gains = self.design.setup, self.design.gains
+        joint = Simulated(setup["inertia"], setup["viscous"], Coulomb(setup["coulomb"]))
+        motor = Motor(self.design.joint, joint, PDGains(gains["kp"], gains["kd"], self.design.limits["torque"]))
+        log = example_log(motor, Played(self.time, self.target), seed=seed)
+        return replace(log, joints={self.design.joint: log.joint(None)[1]})
+
     def lines(self) -> Sequence[str]:
         """Return how to run it, and what it will tell."""
         gains, design = self.design.gains, self.design
-        told = ", ".join(f"{cells[0]} {cells[1]}" for cells in map(texts, design.predicted))
         return (
             f"{design.joint}: play {design.duration:g} s at {design.setup['rate']:g} Hz with kp {gains['kp']:g} and kd "
             f"{gains['kd']:g}",
             design.advice,
-            f"{header(Predicted)[1]}: {told}",
+            f"largest relative deviation to expect, over the range of guesses: {percent(design.worst)}",
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -83,6 +99,7 @@ class Designed(Result):
         write_excitation_page(folder)
 
 
+@says_what_is_missing
 def excite(
     *,
     robot: str | Path | None = None,

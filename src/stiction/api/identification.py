@@ -13,6 +13,7 @@ from stiction.api.logs import Log, as_log
 from stiction.api.options import options_of
 from stiction.api.result import Progress, Result, html_table, silent
 from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.extras import says_what_is_missing
 from stiction.formats import joints as files
 from stiction.formats.joints import FitSignals, JointRecord, JointsFile, write_fit
 from stiction.identify.limb.setup import LimbSetup
@@ -107,6 +108,7 @@ class Identified(Result):
         write_identification_page(folder)
 
 
+@says_what_is_missing
 def identify(
     log: Log | str | Path | Any,
     *more_logs: Log | str | Path | Any,
@@ -147,14 +149,14 @@ def identify(
     >>> from stiction.identify.example import Excitation, example_log
     >>> import stiction
     >>> found = stiction.identify(example_log(excitation=Excitation(duration=10.0)), torque_limit=45.0)
-    >>> friction = found["joint"].coulomb_friction  # the truth is 0.442 N m
+    >>> friction = found["shank"].coulomb_friction  # the truth is 0.442 N m
     >>> friction.interval95[0] < 0.442 < friction.interval95[1]
     True
     >>> len(found.verdict)
     3
 
     """
-    named = {"kp": kp, "kd": kd, "torque_limit": torque_limit}
+    named: dict[str, Any] = {"kp": kp, "kd": kd, "torque_limit": torque_limit}
     named |= {"torque_source": torque_source, "test_condition": test_condition}
     limb = {name: options.pop(name) for name in list(options) if name in LimbSetup.__dataclass_fields__}
     setup = options_of(IdentifySetup, named | options, "identify")
@@ -165,7 +167,7 @@ def identify(
             raise ConfigurationError(
                 "robot with several runs, joint or repeat: expected one log, for all its joints at once"
             )
-        found = _limb(first, str(robot), setup, options_of(LimbSetup, limb, "identify"))
+        found = identify_limb(first, str(robot), setup, options_of(LimbSetup, limb, "identify"))
     elif limb:
         raise ConfigurationError(f"{next(iter(limb))} is for the log of a whole limb; name its robot too")
     else:
@@ -199,17 +201,17 @@ def identify_joints(
     return Identified(JointsFile(records), {name: result.fit for name, result in found.items()})
 
 
-def _limb(log: Log, robot: str, declared: IdentifySetup, setup: LimbSetup) -> Identified:
-    """Identify all joints of a leg or an arm at once."""
-    from stiction.identify.limb.pipeline import identify_limb
+def identify_limb(log: Log, robot: str, declared: IdentifySetup, setup: LimbSetup) -> Identified:
+    """Identify all joints of a leg or an arm at once; see `identify`."""
+    from stiction.identify.limb import pipeline
     from stiction.robots.catalog import find_mechanism
 
-    found = identify_limb(log, find_mechanism(robot), declared, setup)
+    found = pipeline.identify_limb(log, find_mechanism(robot), declared, setup)
     return Identified(found.joints, found.signals)
 
 
 def load_joints(path: str | Path) -> Identified:
-    """Return what an earlier identification wrote: its `joints.json`, or the folder with it; signals too if they are there.
+    """Return an earlier identification: its `joints.json`, or the folder with it; signals too, where they lie there.
 
     Raises `FileError` that names the field that is wrong.
 
@@ -226,4 +228,4 @@ def load_joints(path: str | Path) -> Identified:
     return Identified(joints, signals)
 
 
-__all__ = ["Identified", "identify", "identify_joints", "load_joints"]
+__all__ = ["Identified", "identify", "identify_joints", "identify_limb", "load_joints"]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError
+from stiction.core.extras import says_what_is_missing
 from stiction.formats.log import SIGNALS, UNNAMED, Log, LogSetup, by_joint, setup_from_dict
 from stiction.identify.logs import open_log, parse_columns
 
@@ -23,6 +24,7 @@ LONGEST_JOINT_POSITION = 1000.0
 """Angles beyond this are hardly radians [rad]."""
 
 
+@says_what_is_missing
 def load_log(
     path: str | Path,
     *,

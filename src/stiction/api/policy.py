@@ -11,6 +11,7 @@ import numpy as np
 from markupsafe import Markup
 
 from stiction.api.result import Result, html_table
+from stiction.core.extras import says_what_is_missing
 from stiction.deploy.check import BundleCheck, check_bundle, read_allowed, robot_of
 from stiction.deploy.policy import Policy
 from stiction.deploy.policy import load_policy as open_policy
@@ -36,7 +37,7 @@ class Verified(Result):
 
     @property
     def contract(self) -> Contract:
-        """What the policy expects: joint_names, control_period [s], kp, kd, standing [rad], torque_limit [N m], ..."""
+        """What the policy expects: joint_names, control_period [s], kp, kd, standing [rad], torque_limit [N m]."""
         return self.bundle.contract
 
     @property
@@ -53,8 +54,8 @@ class Verified(Result):
         """Return what it is, what was checked, and its digest."""
         contract, check = self.contract, self.check
         return (
-            f"{self.name}: {contract.robot}, {contract.num_joints} joints, every {contract.control_period:g} s, trained "
-            f"with {contract.method!r} at friction of {100 * contract.friction_level:g} % of the torque limit",
+            f"{self.name}: {contract.robot}, {contract.num_joints} joints, every {contract.control_period:g} s, "
+            f"trained with {contract.method!r} at friction of {100 * contract.friction_level:g} % of the torque limit",
             f"every check passed; {check.steps} steps replayed, largest difference {check.target_error:.1e} rad",
             f"digest {self.digest}",
         )
@@ -109,6 +110,7 @@ def list_policies() -> list[str]:
     return list(shipped_bundles())
 
 
+@says_what_is_missing
 def verify(
     bundle: str | Path,
     *,
@@ -134,9 +136,10 @@ def verify(
     0.02
 
     """
-    return Verified(*_checked(bundle, against, key, expect_digest, allow))
+    return verified(bundle, against, key, expect_digest, allow)
 
 
+@says_what_is_missing
 def load_policy(
     bundle: str | Path,
     *,
@@ -153,28 +156,29 @@ def load_policy(
     'saturn_lite'
     >>> stiction.load_policy("saturn_lite-flat-non")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    stiction.core.errors.BundleError: unknown policy 'saturn_lite-flat-non'; did you mean 'saturn_lite-flat-none-0.2'? ...
+    stiction.core.errors.BundleError: unknown policy 'saturn_lite-flat-non'; did you mean ...
 
     """
-    return LoadedPolicy(*_checked(bundle, against, key, expect_digest, allow))
+    found = verified(bundle, against, key, expect_digest, allow)
+    return LoadedPolicy(found.check, found.against)
 
 
-def _checked(
+def verified(
     bundle: str | Path,
     against: str | Path | None,
     key: str | Path | None,
     expect_digest: str | None,
     allow: str | Path | None,
-) -> tuple[BundleCheck, str | None]:
+) -> Verified:
     """Check a bundle; see `verify`."""
     allowed = None if allow is None else read_allowed(Path(allow))
     check = check_bundle(find_bundle(Path(bundle)), expect_digest, None if key is None else Path(key), allowed)
     if against is None:
-        return check, None
+        return Verified(check)
     from stiction.robots.compare import check_against
 
     check_against(robot_of(check.bundle.contract), Path(against))
-    return check, Path(against).name
+    return Verified(check, Path(against).name)
 
 
-__all__ = ["LoadedPolicy", "Verified", "list_policies", "load_policy", "verify"]
+__all__ = ["LoadedPolicy", "Verified", "list_policies", "load_policy", "verified", "verify"]

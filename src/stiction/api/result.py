@@ -57,7 +57,7 @@ class Result(ABC):
         return "\n".join(map(escaped, self.lines()))
 
     def _repr_html_(self) -> str:
-        """Return lines and table for a notebook; everything that came from a file is escaped, and there is no script."""
+        """Return lines and table for a notebook, everything escaped, without any script."""
         lines = Markup("<br>").join(escape(escaped(line)) for line in self.lines())
         return str(Markup("<div><p>{}</p>{}</div>").format(lines, self.table()))
 

@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from stiction.api.result import Result, html_table
+from stiction.core.extras import says_what_is_missing
 from stiction.robots.catalog import FILES, find_robot, robot_names
-from stiction.robots.derive import Derived
 from stiction.robots.model import Robot
+
+if TYPE_CHECKING:
+    from stiction.robots.derive import Derived
 
 
 @dataclass(frozen=True, repr=False)
@@ -94,13 +97,16 @@ def list_robots() -> list[str]:
 
 def read(name: str | Path) -> Derived:
     """Return a robot with the origins of its values; a shipped one has none to tell."""
+    from stiction.robots.derive import Derived
+    from stiction.robots.load import load_robot as from_file
+
     if not str(name).endswith(FILES):
         return Derived(find_robot(str(name)), (), ())
-    from stiction.robots.load import load_robot as from_file
 
     return from_file(Path(name))
 
 
+@says_what_is_missing
 def load_robot(robot: str | Path) -> Robot:
     """Return a robot: a shipped one by its name, or one's own from a file.
 
@@ -118,14 +124,15 @@ def load_robot(robot: str | Path) -> Robot:
     stiction.core.errors.RobotError: unknown robot 'go3'; did you mean 'go2'? known: ...
 
     """
-    return read(robot).robot
+    return find_robot(str(robot))
 
 
+@says_what_is_missing
 def check_robot(robot: Robot | str | Path) -> RobotCheck:
-    """Check a robot before it is simulated, trained or trusted: masses, limits, motors, pose, mirror, and that it stands.
+    """Check a robot before it is trusted: masses, inertias, limits, motors, pose, feet, mirror, and that it stands.
 
-    robot: what `load_robot` takes or returns. It needs the extra `sim`. Raises `RobotError` where it cannot be read; what
-    the checks find is returned, not raised.
+    robot: what `load_robot` takes or returns. It needs the extra `sim`. Raises `RobotError` where it cannot be read;
+    what the checks find is returned, not raised.
 
     >>> import stiction
     >>> stiction.check_robot("go1").ok
@@ -134,7 +141,9 @@ def check_robot(robot: Robot | str | Path) -> RobotCheck:
     """
     from stiction.robots.check import check_robot as findings_of
 
-    derived = Derived(robot, (), ()) if isinstance(robot, Robot) else read(robot)
+    if isinstance(robot, Robot):
+        return RobotCheck(robot, findings_of(robot))
+    derived = read(robot)
     return RobotCheck(derived.robot, findings_of(derived.robot), derived.notes)
 
 

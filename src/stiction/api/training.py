@@ -14,8 +14,10 @@ from stiction.api.identification import Identified
 from stiction.api.policy import LoadedPolicy, load_policy
 from stiction.api.result import Result, html_table
 from stiction.core.errors import ConfigurationError
+from stiction.core.extras import says_what_is_missing
 from stiction.core.lock import output_folder, replaced_folder
 from stiction.formats.joints import read_training
+from stiction.locomotion.friction import FrictionMethod
 from stiction.rma.config import TrainCfg
 from stiction.rma.config import preset as preset_of
 
@@ -59,11 +61,12 @@ class Trained(Result):
         raise ConfigurationError(f"the run is in {self.path} already; export(run) makes its bundle")
 
 
+@says_what_is_missing
 def train(
     out: str | Path,
     *,
     robot: str | Path = "saturn_lite",
-    method: str | None = None,
+    method: FrictionMethod | None = None,
     friction_level: float | None = None,
     friction_from: Identified | str | Path | None = None,
     joints: str | Path | None = None,
@@ -75,7 +78,7 @@ def train(
     say: Callable[[str], None] = lambda line: None,
     progress: Watch = lambda *_: None,
 ) -> Trained:
-    """Train a policy that walks, with or without friction in its joints, into the folder of a run. Needs the extra `train`.
+    """Train a policy that walks, with or without friction in its joints. Needs the extra `train`.
 
     Args:
         out: folder of the run. One that was interrupted goes on with `stiction train --resume`.
@@ -134,6 +137,7 @@ def _proposal(given: Identified | str | Path) -> tuple[dict[str, Any], str]:
     return proposed, "the identification"
 
 
+@says_what_is_missing
 def export(
     run: Trained | str | Path,
     *,
@@ -144,7 +148,9 @@ def export(
     robot: str | None = None,
     say: Callable[[str], None] = lambda line: None,
 ) -> LoadedPolicy:
-    """Export the student of a run as a policy bundle, check it as `verify` does, and return it. Needs the extra `train`.
+    """Export the student of a run as a policy bundle, check it as `verify` does, and return it.
+
+    It needs the extra `train`.
 
     Args:
         run: from `train`, or its folder.

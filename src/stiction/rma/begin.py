@@ -32,8 +32,8 @@ def begin_run(
 ) -> tuple[RunDirectory, TrainCfg]:
     """Make the folder of a new run; return it with the configuration that it trains.
 
-    command: by which the run was asked for; joint_map: RECORDED=JOINT pairs for `cfg.joints`. Raises `StictionError` for
-    whatever cannot be trained, before the folder is made.
+    command: by which the run was asked for; joint_map: RECORDED=JOINT pairs for `cfg.joints`. Raises `StictionError`
+    for whatever cannot be trained, before the folder is made.
     """
     if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
         raise ConfigurationError(
