@@ -20,7 +20,7 @@ result = stiction.evaluate(
 print(f"standing, falls: {result.rows[0].fall_rate:.0%}")
 
 # What identification proposes to train with; multiply each joint's torque limit with a draw from it, once an episode.
-proposed = stiction.identify(example_log(seed=2), test_condition="loaded").training
+proposed = stiction.identify(example_log(seed=2), test_condition="loaded", torque_limit=5.0).training
 low, high = proposed["range"]
 print(proposed["text"])
 draws = np.random.default_rng(0).uniform(low, high, size=(4096, 1)) * robot.joint_values("torque_limit")

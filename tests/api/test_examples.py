@@ -70,7 +70,8 @@ def test_a_notebook_runs(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
         last = tree.body.pop() if isinstance(tree.body[-1], ast.Expr) else None
         exec(compile(tree, file.name, "exec"), namespace)
         if last is not None:
-            value = eval(compile(ast.Expression(last.value), file.name, "eval"), namespace)
+            exec(compile(f"shown_ = {ast.unparse(last)}", file.name, "exec"), namespace)
+            value = namespace["shown_"]
             shown += hasattr(value, "_repr_html_") and "<table>" in value._repr_html_()
     assert shown >= 1
     assert not list(tmp_path.iterdir())

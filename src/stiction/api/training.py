@@ -166,12 +166,14 @@ def export(
     >>> import stiction
     >>> stiction.export("runs/none")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    stiction.core.errors....
+    stiction.core.errors.FileError: cannot read runs/none/config.json: ...
 
     """
     from stiction.evaluate.export import export_run
+    from stiction.rma.run import RunDirectory
 
     folder = run.path if isinstance(run, Trained) else Path(run)
+    RunDirectory(folder).header()  # where there is no run, no folder is made beside it
     target = folder / "bundle" if out is None else Path(out)
     known, monitor = (None if path is None else Path(path) for path in (joints, wear))
     with replaced_folder(target):

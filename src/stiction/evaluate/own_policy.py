@@ -77,8 +77,8 @@ def own_policy(function: str | Callable[..., Any], robot: str, control_period: f
 
     Args:
         function: `package.module:FUNCTION`, or the function, which is called in this process alone; called as
-            `FUNCTION(sensors, command, fresh)` with `Sensors` of shapes (N, ...), the base's velocity among them, commands
-            (N, 3), and who starts anew, bool, (N,); returns joint targets [rad], shape (N, J).
+            `FUNCTION(sensors, command, fresh)` with `Sensors` of shapes (N, ...), the base's velocity among them,
+            commands (N, 3), and who starts anew, bool, (N,); returns joint targets [rad], shape (N, J).
         robot: the robot, see `find_robot`; its joints, gains and pose are the function's.
         control_period: time between two calls [s].
 
