@@ -19,9 +19,9 @@ result = stiction.evaluate(
 )
 print(f"standing, falls: {result.rows[0].fall_rate:.0%}")
 
-# What identification proposes to train with; multiply each joint's torque limit with a draw from it, once an episode.
-proposed = stiction.identify(example_log(seed=2), test_condition="loaded", torque_limit=5.0).training
-low, high = proposed["range"]
-print(proposed["text"])
-draws = np.random.default_rng(0).uniform(low, high, size=(4096, 1)) * robot.joint_values("torque_limit")
-print(f"Coulomb friction of 4096 robots: {draws.min():.3g} to {draws.max():.3g} N m")
+# The level of friction to cover, from a log; each robot draws its own, once an episode, from none up to it.
+found = stiction.identify(example_log(seed=2), test_condition="loaded")
+level = found.training["joints"]["shank"]["friction_level"]
+share = np.random.default_rng(0).uniform(0.0, level, size=(4096, 1))
+friction = share * robot.joint_values("torque_limit")
+print(f"level {level:g}; Coulomb friction of {friction.shape} joints: {friction.min():.3f} to {friction.max():.3f} N m")

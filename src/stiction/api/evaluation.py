@@ -160,7 +160,7 @@ def evaluate(
     folder = Path(out) if out is not None else None
     with scratch() if folder is None else nullcontext(folder) as work, output_folder(work):
         rows, summary = evaluate_all(bundles, cfg, work, named, jobs or num_threads(), progress)
-        result = Evaluated(tuple(rows), summary)
+        result = Evaluated(tuple(rows), {"command": "stiction.evaluate(...)"} | summary)
         if folder is not None:
             result.write(folder)
     return result
