@@ -14,7 +14,9 @@ found = stiction.identify(log)
 print(found)
 
 for name, joint in found.joints.items():
-    low, high = joint.coulomb_friction.interval95
-    print(f"{name}: Coulomb friction {joint.coulomb_friction.value:.3f} N m, 95 %: {low:.3f} to {high:.3f}")
+    friction = joint.coulomb_friction
+    if friction is not None:  # what a log does not show is None, and a warning says why
+        low, high = friction.interval95
+        print(f"{name}: Coulomb friction {friction.value:.3f} N m, 95 %: {low:.3f} to {high:.3f}")
 
 print("written:", found.save("identified") / "report.html")

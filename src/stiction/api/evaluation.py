@@ -139,7 +139,6 @@ def evaluate(
     """
     from stiction.evaluate.evaluate import EvaluationCfg
     from stiction.evaluate.grid import GridCfg
-    from stiction.evaluate.summary import evaluate_all
 
     if not policies:
         raise ConfigurationError("evaluate: no policy; expected one of load_policy, list_policies, or a function")
@@ -154,15 +153,31 @@ def evaluate(
     asked = options | {"engines": tuple(engines), "terrains": tuple(terrains)}
     cfg = replace(options_of(GridCfg, asked, "evaluate"), base=base)
     named = None if robot is None else str(robot)
-    bundles = [_bundle(policy, named, callable_period, cfg) for policy in policies]
+    return _walk(
+        policies, cfg, named, callable_period, jobs or num_threads(), progress, None if out is None else Path(out)
+    )
+
+
+def _walk(
+    policies: Sequence[Any],
+    cfg: GridCfg,
+    robot: str | None,
+    period: float,
+    jobs: int,
+    progress: Progress,
+    out: Path | None,
+) -> Evaluated:
+    """Walk the grid, in a folder of which nothing is left where none is asked for; see `evaluate`."""
+    from stiction.evaluate.summary import evaluate_all
+
+    bundles = [_bundle(policy, robot, period, cfg) for policy in policies]
     if any(callable(policy) for policy in policies):
         jobs = 1  # the function is in this process
-    folder = Path(out) if out is not None else None
-    with scratch() if folder is None else nullcontext(folder) as work, output_folder(work):
-        rows, summary = evaluate_all(bundles, cfg, work, named, jobs or num_threads(), progress)
+    with scratch() if out is None else nullcontext(out) as work, output_folder(work):
+        rows, summary = evaluate_all(bundles, cfg, work, robot, jobs, progress)
         result = Evaluated(tuple(rows), {"command": "stiction.evaluate(...)"} | summary)
-        if folder is not None:
-            result.write(folder)
+        if out is not None:
+            result.write(out)
     return result
 
 
