@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from stiction.cli.excite import robot_joint, run_lines
+from stiction.api.excitation import robot_joint
+from stiction.cli.excite import run_lines
 from stiction.cli.main import main
 from stiction.formats.design import load_design
 from stiction.identify.excite import design

@@ -84,7 +84,7 @@ def test_a_damaged_entry_is_made_again(damage: str, tmp_path: Path) -> None:
 def test_a_file_that_cannot_be_written_is_said_in_one_line(tmp_path: Path) -> None:
     """With the way out."""
     (tmp_path / "file").write_text("")
-    with pytest.raises(FileError, match="give another --out"):
+    with pytest.raises(FileError, match="choose another --out"):
         made(tmp_path / "file", 1.0)
 
 

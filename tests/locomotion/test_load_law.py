@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stiction.cli.train import _identified
 from stiction.core.errors import ConfigurationError
 from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord, JointsFile
 from stiction.joints.friction import Law
 from stiction.locomotion.friction import FrictionCfg
 from stiction.locomotion.load_law import converted, load_warnings, take_coefficients
 from stiction.locomotion.randomization import nominal_joints
+from stiction.rma.begin import nominal_of
 from stiction.rma.run import identified_values
 from stiction.robots.catalog import find_robot
 from stiction.robots.statics import HingeLoad
@@ -133,10 +133,10 @@ def test_training_has_each_joints_own_coefficient(tmp_path: Path, capsys: pytest
     """No --friction-level: the file's go into the run's record with a line a kind on how, and into every robot."""
     JointsFile({"hip": record(0.05), "thigh": record(0.063), "calf": record(0.09)}).write(tmp_path / "joints.json")
     friction = FrictionCfg(method="direct", law="effort")
-    header = _identified(str(tmp_path / "joints.json"), "go2", (), friction)
+    said: list[str] = []
+    header = nominal_of(str(tmp_path / "joints.json"), "go2", (), friction, said.append)
     assert header is not None and header["values"]["load_coefficient"] == pytest.approx([0.05, 0.063, 0.09] * 4)
-    lines = capsys.readouterr().err.splitlines()
-    assert len(header["load_coefficient"]) == 3 and "at rest the motor's torque is the load" in lines[0]
+    assert len(header["load_coefficient"]) == 3 and "at rest the motor's torque is the load" in said[0]
     nominal = nominal_joints(Fleet(GO2, 1), friction, identified_values({"identified": header}))
     assert nominal.frictionloss == pytest.approx([0.05, 0.063, 0.09] * 4)
     with pytest.raises(ConfigurationError, match="say --friction-level"):

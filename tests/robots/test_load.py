@@ -200,7 +200,7 @@ def test_what_is_wrong_is_said_by_name(said: str, message: str, tmp_path: Path) 
         ),
         ('<geom name="hull" type="box" size=".2 .05 .06"/>', '<geom type="mesh" mesh="gone"/>', "gone"),
         ("<mujoco", '<!DOCTYPE x [<!ENTITY a "b">]><mujoco', "entities"),
-        ("</mujoco>", "", "cannot read it"),
+        ("</mujoco>", "", "is no XML"),
     ],
 )
 def test_a_broken_copy_is_refused_by_name(old: str, new: str, message: str, tmp_path: Path) -> None:

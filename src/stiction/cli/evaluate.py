@@ -163,12 +163,11 @@ def judge_again(cfg: EvaluateCfg, command: str) -> None:
 
 def write_and_print(cfg: EvaluateCfg, rows: list[ResultRow], summary: dict[str, Any]) -> None:
     """Write the files and the page; print the rows."""
-    from stiction.evaluate.samples import samples_of
+    from stiction.api.evaluation import Evaluated
     from stiction.formats.results import summary_text
-    from stiction.report.evaluation import write_evaluation
     from stiction.report.terminal import print_rows
 
-    write_evaluation(cfg.out, rows, summary, samples_of(summary["rows"], summary["ways"]) if summary["ways"] else ())
+    Evaluated(tuple(rows), summary).write(cfg.out)
     if cfg.json:
         print(summary_text(summary), end="")
     else:

@@ -10,15 +10,10 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from stiction.core.errors import ConfigurationError, RobotError, unknown_name
-from stiction.core.files import write_text
-from stiction.core.lock import output_folder
 from stiction.core.records import header, part_of, texts
-from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits, write_signals
-from stiction.formats.log import write_log
+from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits
 from stiction.formats.plain import object_text
 from stiction.identify.excite.setup import ExciteSetup
-from stiction.robots.model import Joint
 
 DESCRIPTION = """Design a log that shows a joint's inertia and friction well: a motion within limits of angle, speed and
 torque, how long to run it, and at which gains. Predicts the standard deviation of each parameter, and shows what a
@@ -45,44 +40,18 @@ class ExciteConfig(ExciteSetup):
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     config = tyro.cli(ExciteConfig, args=arguments, prog="stiction excite", description=DESCRIPTION)
-    given = part_of(ExciteSetup, config)
-    check_name(config.joint)
-    setup = given.filled(robot_joint(config.robot, config.joint) if config.robot else None)
-    from stiction.identify.excite.plan import design_excitation
-    from stiction.report.excitation import write_excitation_page
+    from stiction.api.excitation import design
     from stiction.report.terminal import Terminal, work_progress
 
     command = shlex.join(["stiction", "excite", *arguments])
     with work_progress() as progress:
-        designed = design_excitation(setup, config.joint, command, progress)
-    text = object_text(designed.record.to_dict())
-    with output_folder(config.out):
-        write_log(config.out / "trajectory.csv", designed.trajectory)
-        write_signals(config.out / "design.npz", designed.signals)
-        write_text(config.out / "design.json", text)
-        write_excitation_page(config.out)
+        designed = design(part_of(ExciteSetup, config), config.joint, config.robot, command, progress)
+    designed.save(config.out)
     if config.json:
-        print(text, end="")
+        print(object_text(designed.to_dict()), end="")
     else:
-        show(Terminal(), designed.record, config.out)
+        show(Terminal(), designed.design, config.out)
     return 0
-
-
-def check_name(joint: str) -> None:
-    """Raise `StictionError` for a name that cannot stand in the header of a log."""
-    if not joint.strip() or any(mark in joint for mark in ',"\r\n'):
-        raise ConfigurationError(f"--joint {joint!r}: expected a name without commas, quotes and line breaks: FL_shank")
-
-
-def robot_joint(robot: str, joint: str) -> Joint:
-    """Return a robot's joint by its name, or the first of a kind; raise `RobotError` if it has none such."""
-    from stiction.robots.catalog import find_robot
-
-    spec = find_robot(robot)
-    for found in spec.joints:
-        if joint in (found.name, found.kind):
-            return found
-    raise RobotError(f"robot {spec.name!r}: {unknown_name('joint', joint, (*spec.joint_kinds, *spec.joint_names))}")
 
 
 def show(console: Console, design: ExcitationDesign, out: Path) -> None:

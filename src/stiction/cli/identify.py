@@ -16,7 +16,7 @@ from stiction.core.errors import ConfigurationError, RobotError
 from stiction.core.lock import output_folder
 from stiction.core.memory import DEFAULT_LIMIT, limit_memory
 from stiction.core.records import part_of
-from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile, write_fit
+from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile
 from stiction.formats.log import Log, sidecar_of
 from stiction.formats.plain import object_text
 from stiction.formats.run_log import is_walk_log
@@ -156,10 +156,9 @@ def main(arguments: list[str]) -> int:
 
 def _identify_joints(config: IdentifyConfig) -> int:
     """Identify the joints of one log or of several; return the exit status."""
+    from stiction.api.identification import identify_joints
     from stiction.identify.logs import join_logs, parse_columns
     from stiction.identify.logs.sidecar import write_sidecar
-    from stiction.identify.pipeline import identify_log
-    from stiction.report.identification import write_identification_page
     from stiction.report.terminal import work_progress
 
     if not config.log:
@@ -179,30 +178,20 @@ def _identify_joints(config: IdentifyConfig) -> int:
     logs = [join_logs(runs)] if config.join else runs[:1]
     logs += [_open(config, path, repeat=True) for path in config.repeat]
     with work_progress() as progress:
-        several = len(config.joint or logs[0].joints) > 1
-        found, refused = identify_log(
-            logs[0],
-            setup,
-            config.joint,
-            logs[1:],
-            lambda joint: progress(f"identifying {joint}", 1.0) if several else None,
-            more=() if config.join else runs[1:],
+        found = identify_joints(
+            logs[0], setup, config.joint, logs[1:], () if config.join else runs[1:], progress=progress
         )
-    joints = JointsFile({name: result.record for name, result in found.items()} | refused)
-    fits = {name: result.fit for name, result in found.items()}
-    _write_results(config.out, joints, lambda path: write_fit(path, fits), write_identification_page)
-    _print_results(config, joints, show)
-    if len(found) > 1 and setup.test_condition != "bare_motor":
+    found.save(config.out)
+    _print_results(config, found.file, show)
+    if len(found.signals) > 1 and setup.test_condition != "bare_motor":
         Terminal(stderr=True).print(COUPLED, highlight=False, soft_wrap=True)
     return 0
 
 
 def _identify_limb(config: IdentifyConfig, robot: str) -> int:
     """Identify all joints of a leg or an arm at once; return the exit status."""
-    from stiction.identify.limb.pipeline import identify_limb
+    from stiction.api.identification import identify_limb
     from stiction.identify.logs import join_logs
-    from stiction.report.identification import write_identification_page
-    from stiction.robots.catalog import find_mechanism
 
     several = len(config.log) > 1 and not config.join
     for given, what in ((config.joint, "--joint"), (config.repeat, "--repeat"), (several, "several runs")):
@@ -213,9 +202,9 @@ def _identify_limb(config: IdentifyConfig, robot: str) -> int:
     log = join_logs([_open(config, path) for path in config.log]) if config.join else _open(config, config.log[0])
     setup = part_of(LimbSetup, config)
     with Terminal(stderr=True).status("fitting all joints at once"):
-        found = identify_limb(log, find_mechanism(robot), part_of(IdentifySetup, config), setup)
-        _write_results(config.out, found.joints, lambda path: write_fit(path, found.signals), write_identification_page)
-    _print_results(config, found.joints, lambda console, joints: _show_limb(console, joints, setup.model_error))
+        found = identify_limb(log, robot, part_of(IdentifySetup, config), setup)
+        found.save(config.out)
+    _print_results(config, found.file, lambda console, joints: _show_limb(console, joints, setup.model_error))
     return 0
 
 

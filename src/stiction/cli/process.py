@@ -11,12 +11,8 @@ from types import FrameType
 from typing import Any, TextIO
 
 from stiction.core.errors import FileError, StictionError, escaped
+from stiction.core.extras import missing_extra
 from stiction.core.lifeline import follow_parent
-
-EXTRAS = {"mujoco": "sim", "PIL": "sim", "yaml": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
-EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tensorboard": "train"}
-EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu", "cryptography": "sign"}
-"""Package -> the extra that installs it."""
 
 DEBUG = "--debug"
 """Word that adds the traceback to the line of an error, with any verb."""
@@ -119,12 +115,9 @@ def explained(error: Exception, verb: str) -> str:
     if isinstance(error, StictionError):
         return " ".join(str(error).split())
     if isinstance(error, ModuleNotFoundError):
-        extra = EXTRAS.get((error.name or "").split(".")[0])
-        if extra is not None:
-            return (
-                f"the package {error.name!r} is not installed; this verb needs the extra {extra!r}: "
-                f'pip install "stiction[{extra}]"'
-            )
+        missing = missing_extra(error, "this verb")
+        if missing is not None:
+            return missing
     said = " ".join(escaped(str(error)).split())[:LONGEST]
     if isinstance(error, OSError) and error.strerror:
         return f"{error.filename or 'a file'}: {error.strerror}; expected one that can be read or written"

@@ -11,7 +11,6 @@ import tyro
 from tyro.conf import Positional, subcommand
 
 from stiction.core.errors import RobotError
-from stiction.core.files import write_text
 from stiction.core.lock import output_folder
 
 
@@ -70,25 +69,14 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _load(name: str) -> Any:
-    """Return a robot with the origins of its values; a shipped one has none to tell."""
-    from stiction.robots.catalog import FILES, find_robot
-    from stiction.robots.derive import Derived
-    from stiction.robots.load import load_robot
-
-    return load_robot(Path(name)) if name.endswith(FILES) else Derived(find_robot(name), (), ())
-
-
 def _check(cfg: CheckCfg) -> int:
     """Print what the checks found; return 1 where one is bad."""
-    from stiction.robots.check import check_robot
+    from stiction.api.robot import check_robot
 
-    derived = _load(cfg.robot)
-    findings = check_robot(derived.robot)
-    bad = [finding for finding in findings if finding.state == "bad"]
+    found = check_robot(cfg.robot)
+    findings, bad = found.findings, found.bad
     if cfg.json:
-        content = {"robot": derived.robot.name, "ok": not bad, "notes": derived.notes}
-        print(json.dumps(content | {"findings": [asdict(finding) for finding in findings]}, indent=2))
+        print(json.dumps(found.to_dict(), indent=2))
         return int(bool(bad))
     from rich.table import Table
     from rich.text import Text
@@ -96,7 +84,7 @@ def _check(cfg: CheckCfg) -> int:
     from stiction.report.terminal import Terminal
 
     table = Table(
-        "check", "", "found", "what mends it", title=f"{derived.robot.name} ({cfg.robot})", title_justify="left"
+        "check", "", "found", "what mends it", title=f"{found.robot.name} ({cfg.robot})", title_justify="left"
     )
     styles = {"good": "green", "note": "yellow", "bad": "bold red"}
     states = {state: Text(state, style) for state, style in styles.items()}
@@ -104,7 +92,7 @@ def _check(cfg: CheckCfg) -> int:
         table.add_row(
             finding.check, states[finding.state], finding.text, finding.mend if finding.state != "good" else ""
         )
-    for note in derived.notes:
+    for note in found.notes:
         table.add_row("file", states["note"], note, "")
     console = Terminal()
     console.print(table)
@@ -119,7 +107,9 @@ def _check(cfg: CheckCfg) -> int:
 
 def _show(cfg: ShowCfg) -> None:
     """Print every value with its origin, and write picture, YAML and model."""
-    derived = _load(cfg.robot)
+    from stiction.api.robot import read, write_model
+
+    derived = read(cfg.robot)
     robot = derived.robot
     if cfg.json:
         print(json.dumps(asdict(robot), indent=1))
@@ -127,14 +117,8 @@ def _show(cfg: ShowCfg) -> None:
         _print(derived)
     if cfg.out is None:
         return
-    from stiction.robots.description import complete_text
-    from stiction.robots.mjcf import build
-    from stiction.robots.picture import draw
-
     with output_folder(cfg.out):
-        write_text(cfg.out / "robot.xml", build(robot).to_xml())
-        write_text(cfg.out / "robot.yaml", complete_text(robot, "robot.xml"))
-        draw(robot, cfg.out / "robot.png")
+        write_model(robot, cfg.out)
     if not cfg.json:
         print(f"written: {cfg.out}/robot.png, robot.yaml (complete), robot.xml (what is simulated)")
 

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import shlex
 import sys
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stiction.core.errors import ConfigurationError
-from stiction.locomotion.friction import FrictionCfg
 from stiction.rma.arguments import Train, parse
 from stiction.rma.config import TrainCfg
 
@@ -20,45 +17,10 @@ if TYPE_CHECKING:
     from stiction.rma.run import RunDirectory
 
 
-def _identified(file: str | None, robot: str, pairs: tuple[str, ...], friction: FrictionCfg) -> dict[str, Any] | None:
-    """Read the nominal joints of a robot from a `joints.json`, with its name and hash; say what is not used.
-
-    friction: what is trained with, which a load coefficient of the file may match or not.
-    """
-    if file is None:
-        return None
-    from stiction.formats.joint_map import mapped
-    from stiction.formats.joints import load_joints
-    from stiction.joints.friction import has_coefficient
-    from stiction.locomotion.load_law import load_warnings, take_coefficients
-    from stiction.locomotion.randomization import identified_joints
-    from stiction.robots.catalog import find_robot
-    from stiction.sim.fleet import Fleet
-
-    path, spec = Path(file), find_robot(robot)
-    limits = spec.joint_values("torque_limit")
-    records = mapped(load_joints(path), pairs, spec.joint_names)
-    found = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
-    values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
-    header = {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "values": values}
-    if friction.level is None and friction.method != "none" and has_coefficient(friction.law):
-        taken = take_coefficients(records, spec, friction.law)
-        values["load_coefficient"] = list(taken.values)
-        header["load_coefficient"] = list(taken.how)
-        for line in taken.how:
-            print(f"stiction train: {line}", file=sys.stderr)
-        said = found.warnings
-    else:
-        said = (*found.warnings, *load_warnings(records, spec, friction))
-    for warning in said:
-        print(f"stiction train: warning: {warning}", file=sys.stderr)
-    return header
-
-
 def _friction_from(path: Path, cfg: TrainCfg, arguments: list[str]) -> TrainCfg:
     """Return the configuration with the friction that a `training.json` proposes; refuse flags that say otherwise."""
-    from stiction.core.records import from_plain
     from stiction.formats.joints import read_training
+    from stiction.rma.begin import with_friction
 
     own = ("--method", "--friction-level", "--friction-law", "--task.friction.")
     given = [flag for word in arguments if (flag := word.partition("=")[0].replace("_", "-")).startswith(own)]
@@ -66,8 +28,7 @@ def _friction_from(path: Path, cfg: TrainCfg, arguments: list[str]) -> TrainCfg:
         raise ConfigurationError(
             f"--friction-from {path} and {', '.join(given)} both set the friction; leave one of them out"
         )
-    friction = from_plain(FrictionCfg, read_training(path)["friction"], f"{path.name}: friction")
-    return replace(cfg, task=replace(cfg.task, friction=friction))
+    return with_friction(cfg, read_training(path), path.name)
 
 
 AGAIN = ("--robot", "--task.robot", "--task.rewards.own")
@@ -96,31 +57,18 @@ def main(arguments: list[str]) -> int:
 
 def _begin(options: Train, arguments: list[str]) -> tuple[RunDirectory, TrainCfg]:
     """Make the folder of a new run."""
-    from stiction.locomotion.device import find_device
-    from stiction.rma.run import RunDirectory
-    from stiction.robots.catalog import find_robot
-    from stiction.robots.mirror import robot_mirror
+    from stiction.rma.begin import begin_run
 
     cfg = options.config
     if options.friction_from is not None:
         cfg = _friction_from(options.friction_from, cfg, arguments)
-    if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
-        raise ConfigurationError(
-            f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
-            "use --method none, or a level above 0"
-        )
-    robot = find_robot(cfg.task.robot)
-    cfg.task.randomization.check_robot(robot)
-    cfg.check_memory(robot)
-    cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
-    find_device(cfg.device, cfg.contacts)
-    if cfg.symmetry != "none":
-        robot_mirror(robot)
-    if options.joint_map and cfg.joints is None:
-        raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
-    identified = _identified(cfg.joints, cfg.task.robot, options.joint_map, cfg.task.friction)
     command = shlex.join(["stiction", "train", *arguments])
-    return RunDirectory.create(options.out, cfg, command, identified), cfg
+    return begin_run(options.out, cfg, command, options.joint_map, _say)
+
+
+def _say(line: str) -> None:
+    """Print what the user must know on standard error."""
+    print(f"stiction train: {line}", file=sys.stderr)
 
 
 def _resume(options: Train, arguments: list[str]) -> int:

@@ -37,25 +37,20 @@ class VerifyCfg:
 def main(arguments: list[str]) -> None:
     """Check one bundle; raise `StictionError` at the first thing that is wrong."""
     cfg = tyro.cli(VerifyCfg, args=arguments, prog="stiction verify", description=DESCRIPTION)
-    from stiction.deploy.check import check_bundle, read_allowed
-    from stiction.formats.bundle import find_bundle
+    from stiction.api.policy import verified
 
     try:
-        allowed = None if cfg.allow is None else read_allowed(cfg.allow)
-        check = check_bundle(find_bundle(cfg.bundle), cfg.expect_digest, cfg.key, allowed)
-        if cfg.against is not None:
-            from stiction.deploy.check import robot_of
-            from stiction.robots.compare import check_against
-
-            check_against(robot_of(check.bundle.contract), cfg.against)
+        found = verified(cfg.bundle, cfg.against, cfg.key, cfg.expect_digest, cfg.allow)
     except StictionError as error:
         if cfg.json:
             print(json.dumps({"ok": False, "bundle": cfg.bundle.name, "error": str(error)}, indent=2))
         raise
     if cfg.json:
-        print(json.dumps(check.summary() | ({} if cfg.against is None else {"against": cfg.against.name}), indent=2))
+        print(json.dumps(found.to_dict(), indent=2))
     else:
-        _print(check, "expected" if cfg.expect_digest is not None else "allowed" if cfg.allow is not None else None)
+        _print(
+            found.check, "expected" if cfg.expect_digest is not None else "allowed" if cfg.allow is not None else None
+        )
 
 
 def _print(check, known: str | None) -> None:

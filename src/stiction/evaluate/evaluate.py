@@ -233,7 +233,7 @@ def drive_bundle(
 def batch_policy(bundle: Bundle, spec: Robot, cfg: EvaluationCfg, friction: np.ndarray) -> Driver:
     """Return a bundle's policy for N robots; friction: of their joints, as from `friction_at`, shape (N, J)."""
     if isinstance(bundle, OwnPolicy):
-        return FunctionDriver(bundle.function, bundle.contract, len(friction))
+        return FunctionDriver(bundle, len(friction))
     known = known_to(bundle.contract, spec, parse_source(cfg.known_friction), cfg.law, friction)
     return load_policy(bundle.contract, bundle.policy, (len(friction),), known_friction=known)
 

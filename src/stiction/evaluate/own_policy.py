@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import inspect
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -19,7 +20,7 @@ from stiction.core.plugins import find_named
 from stiction.deploy.observation import Sensors
 from stiction.deploy.policy import PolicyStep
 from stiction.formats.bundle import Bundle
-from stiction.formats.contract import Contract, contract_of_others
+from stiction.formats.contract import contract_of_others
 from stiction.formats.golden import Golden
 from stiction.formats.observation import NO_CLIP, ObservationLayout, Term
 from stiction.robots.catalog import find_robot
@@ -34,14 +35,17 @@ class OwnPolicy(Bundle):
 
     function: str = ""
     """Its name, `package.module:FUNCTION`."""
+    act: Callable[..., Any] | None = None
+    """The function itself, where it was handed over and has to stay in this process."""
 
 
 class FunctionDriver:
     """Drives N robots with a function of sensors, commands and who starts anew."""
 
-    def __init__(self, function: str, contract: Contract, num: int) -> None:
-        """Find the function by its name; raise `StictionError` where there is none."""
-        self._name, self._act, self._contract = function, _found(function), contract
+    def __init__(self, policy: OwnPolicy, num: int) -> None:
+        """Take the function, or find it by its name; raise `StictionError` where there is none."""
+        self._name, self._contract = policy.function, policy.contract
+        self._act = policy.act or _found(policy.function)
         self._fresh = np.ones(num, dtype=bool)
 
     def reset(self, mask: np.ndarray | None = None) -> None:
@@ -67,20 +71,23 @@ class FunctionDriver:
         return PolicyStep(nothing, nothing, target)
 
 
-def own_policy(function: str, robot: str, control_period: float) -> OwnPolicy:
+def own_policy(function: str | Callable[..., Any], robot: str, control_period: float) -> OwnPolicy:
     """Return a function as what an evaluation takes.
 
     Args:
-        function: `package.module:FUNCTION`; called as `FUNCTION(sensors, command, fresh)` with `Sensors` of shapes
-            (N, ...), the base's velocity among them, commands (N, 3), and who starts anew, bool, (N,); returns joint
-            targets [rad], shape (N, J).
+        function: `package.module:FUNCTION`, or the function, which is called in this process alone; called as
+            `FUNCTION(sensors, command, fresh)` with `Sensors` of shapes (N, ...), the base's velocity among them,
+            commands (N, 3), and who starts anew, bool, (N,); returns joint targets [rad], shape (N, J).
         robot: the robot, see `find_robot`; its joints, gains and pose are the function's.
         control_period: time between two calls [s].
 
     Raises `StictionError`: there is no such function or robot.
 
     """
-    spec, module = find_robot(robot), inspect.getmodule(_found(function))
+    act = _found(function) if isinstance(function, str) else function
+    spec, module = find_robot(robot), inspect.getmodule(act)
+    handed = None if isinstance(function, str) else function
+    function = function if isinstance(function, str) else f"python:{getattr(act, '__qualname__', type(act).__name__)}"
     decimation = max(1, int(np.ceil(control_period / TIMESTEP - 1e-9)))
 
     seen = (Term("angular_velocity", 3, 1.0, NO_CLIP, "base"), Term("base_linear_velocity", 3, 1.0, NO_CLIP, "base"))
@@ -99,7 +106,7 @@ def own_policy(function: str, robot: str, control_period: float) -> OwnPolicy:
         source = ""
     golden = Golden(**{part.name: np.zeros(0) for part in fields(Golden)})
     digest = hashlib.sha256(f"{function}\0{robot}\0{control_period!r}\0{source}".encode()).hexdigest()
-    return OwnPolicy(function.replace(":", "."), contract, b"", golden, "", digest, 0, function=function)
+    return OwnPolicy(function.replace(":", "."), contract, b"", golden, "", digest, 0, function=function, act=handed)
 
 
 def _found(function: str) -> Any:

@@ -76,6 +76,20 @@ class Excitation:
 
 
 @dataclass(frozen=True)
+class Played:
+    """A target of one's own."""
+
+    time: np.ndarray
+    """[s], an even grid, shape (num_samples,)."""
+    angle: np.ndarray
+    """[rad], shape (num_samples,)."""
+
+    def target(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return time [s] and target [rad], shape (num_samples,) each."""
+        return self.time, self.angle
+
+
+@dataclass(frozen=True)
 class SensorNoise:
     """What stands between the joint and the log; chosen to be like small geared actuators, not measured on one."""
 
@@ -110,7 +124,7 @@ class SensorNoise:
 
 def example_log(
     motor: Motor = SATURN_LITE,
-    excitation: Excitation | None = None,
+    excitation: Excitation | Played | None = None,
     noise: SensorNoise | None = None,
     seed: int = 0,
     load: np.ndarray | None = None,

@@ -1,0 +1,231 @@
+"""From a log to inertia and friction: `stiction identify` in Python."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from markupsafe import Markup
+
+from stiction.api.logs import Log, as_log
+from stiction.api.options import options_of
+from stiction.api.result import Progress, Result, html_table, silent
+from stiction.core.errors import ConfigurationError, FileError
+from stiction.core.extras import says_what_is_missing
+from stiction.formats import joints as files
+from stiction.formats.joints import FitSignals, JointRecord, JointsFile, write_fit
+from stiction.identify.limb.setup import LimbSetup
+from stiction.identify.pipeline import identify_log
+from stiction.identify.proposal import propose, write_proposal
+from stiction.identify.setup import IdentifySetup
+
+
+@dataclass(frozen=True, repr=False)
+class Identified(Result):
+    """What identification found. `found["hip"]` is the `JointRecord` of one joint."""
+
+    file: JointsFile
+    """What `joints.json` holds."""
+    signals: dict[str, FitSignals]
+    """Joint name -> signals, fit and residuals, arrays of shape (T,): time [s], position [rad], torque [N m], ...;
+    empty where it was read from a file."""
+
+    @property
+    def joints(self) -> dict[str, JointRecord]:
+        """Joint name -> record: inertia [kg m²], viscous_friction [N m s/rad], coulomb_friction [N m], ... with std
+        and interval95; None where it cannot be known.
+        """
+        return self.file.joints
+
+    @property
+    def verdict(self) -> tuple[str, ...]:
+        """How much friction, whether it matters, what to do: a line each; of several joints, of the worst."""
+        from stiction.report.identification import lead_lines
+
+        return lead_lines(self.file)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What must be known before a number is used, a sentence each."""
+        return self.file.warnings
+
+    @property
+    def valid(self) -> bool:
+        """Whether every joint was identified, and nothing makes a fit invalid."""
+        return all(record.diagnostics and not record.objections for record in self.joints.values())
+
+    @property
+    def training(self) -> dict[str, Any]:
+        """What `training.json` holds: method, level and range of friction to train with, and why."""
+        return propose(self.file)
+
+    def __getitem__(self, joint: str) -> JointRecord:
+        """Return the record of a joint, or of its kind; raise `StictionError` where there is none."""
+        return self.file.record(joint)
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of the joints."""
+        return iter(self.joints)
+
+    def __len__(self) -> int:
+        """Return how many joints there are."""
+        return len(self.joints)
+
+    def lines(self) -> Sequence[str]:
+        """Return the verdict."""
+        return self.verdict or tuple(self.warnings[:3])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `stiction identify --json` prints, and `joints.json` holds."""
+        return self.file.to_dict()
+
+    def table(self) -> Markup:
+        """Return a row a joint."""
+        from stiction.report.page import number, unit
+
+        def cell(record: JointRecord, name: str) -> str:
+            found = getattr(record, name)
+            if found is None:
+                return "not known"
+            low, high = found.interval95
+            return f"{number(found.value)} ({number(low)} to {number(high)}) {unit(record, name)}"
+
+        shown = ("inertia", "viscous_friction", "coulomb_friction", "friction_ratio")
+        rows = [[name, *(cell(record, part) for part in shown)] for name, record in self.joints.items()]
+        return html_table(["joint", *(name.replace("_", " ") for name in shown)], rows)
+
+    def write(self, folder: Path) -> None:
+        """Write joints.json, fit.npz, training.json and report.html."""
+        from stiction.report.identification import write_identification_page
+
+        if not self.signals:
+            raise FileError("this was read from a joints.json, whose signals lie beside it: copy that folder")
+        self.file.write(folder / "joints.json")
+        write_proposal(folder, self.file)
+        write_fit(folder / "fit.npz", self.signals)
+        write_identification_page(folder)
+
+
+@says_what_is_missing
+def identify(
+    log: Log | str | Path | Any,
+    *more_logs: Log | str | Path | Any,
+    joint: str | Sequence[str] = (),
+    repeat: Sequence[Any] = (),
+    robot: str | Path | None = None,
+    kp: float | None = None,
+    kd: float | None = None,
+    torque_limit: float | None = None,
+    torque_source: Literal["motor_side", "output_side"] | None = None,
+    test_condition: Literal["bare_motor", "in_air", "loaded"] | None = None,
+    jobs: int | None = None,
+    progress: Progress = silent,
+    out: str | Path | None = None,
+    **options: Any,
+) -> Identified:
+    """Find inertia, viscous and dry friction of the joints in a log, with intervals, and say whether it matters.
+
+    Args:
+        log: from `load_log` or `from_arrays`; or the path of one, or a data frame.
+        more_logs: further runs of the same joints, fitted together with it.
+        joint: names of the joints to identify; all of them by default.
+        repeat: further logs of the same joints that are not fitted but predicted.
+        robot: for the log of a whole leg or arm that moves with its base held: a MuJoCo or URDF file, a `robot.yaml`, a
+            shipped robot, or `module:NAME`, which runs that module. All joints are then found together.
+        kp: proportional gain of the controller during the log [N m/rad]; like all that follows, by default the log's.
+        kd: derivative gain [N m s/rad].
+        torque_limit: largest torque of the motor, at the joint [N m].
+        torque_source: `motor_side`, current or command, or `output_side`.
+        test_condition: what hung on the motor.
+        jobs: processes at once, where there are several joints; by default one a core.
+        progress: called with what is done, and the share of it.
+        out: folder for joints.json, fit.npz, training.json and report.html; by default nothing is written.
+        options: every other field of `IdentifySetup`, and with `robot` of `LimbSetup`; the flags of the verb.
+
+    Raises `StictionError` with one line that says what the log lacks.
+
+    >>> from stiction.identify.example import Excitation, example_log
+    >>> import stiction
+    >>> found = stiction.identify(example_log(excitation=Excitation(duration=10.0)), torque_limit=45.0)
+    >>> friction = found["shank"].coulomb_friction  # the truth is 0.442 N m
+    >>> friction.interval95[0] < 0.442 < friction.interval95[1]
+    True
+    >>> len(found.verdict)
+    3
+
+    """
+    named: dict[str, Any] = {"kp": kp, "kd": kd, "torque_limit": torque_limit}
+    named |= {"torque_source": torque_source, "test_condition": test_condition}
+    limb = {name: options.pop(name) for name in list(options) if name in LimbSetup.__dataclass_fields__}
+    setup = options_of(IdentifySetup, named | options, "identify")
+    first, *others = [as_log(one) for one in (log, *more_logs)]
+    wanted = (joint,) if isinstance(joint, str) else tuple(joint)
+    if robot is not None:
+        if others or wanted or repeat:
+            raise ConfigurationError(
+                "robot with several runs, joint or repeat: expected one log, for all its joints at once"
+            )
+        found = identify_limb(first, str(robot), setup, options_of(LimbSetup, limb, "identify"))
+    elif limb:
+        raise ConfigurationError(f"{next(iter(limb))} is for the log of a whole limb; name its robot too")
+    else:
+        found = identify_joints(first, setup, wanted, [as_log(one) for one in repeat], others, jobs, progress)
+    if out is not None:
+        found.save(out)
+    return found
+
+
+def identify_joints(
+    log: Log,
+    setup: IdentifySetup,
+    joints: Sequence[str] = (),
+    repeats: Sequence[Log] = (),
+    more: Sequence[Log] = (),
+    jobs: int | None = None,
+    progress: Progress = silent,
+) -> Identified:
+    """Identify the joints of one log, or of several runs; see `identify`."""
+    several = len(joints or log.joints) > 1
+    found, refused = identify_log(
+        log,
+        setup,
+        joints,
+        repeats,
+        lambda joint: progress(f"identifying {joint}", 1.0) if several else None,
+        jobs,
+        more,
+    )
+    records = {name: result.record for name, result in found.items()} | refused
+    return Identified(JointsFile(records), {name: result.fit for name, result in found.items()})
+
+
+def identify_limb(log: Log, robot: str, declared: IdentifySetup, setup: LimbSetup) -> Identified:
+    """Identify all joints of a leg or an arm at once; see `identify`."""
+    from stiction.identify.limb import pipeline
+    from stiction.robots.catalog import find_mechanism
+
+    found = pipeline.identify_limb(log, find_mechanism(robot), declared, setup)
+    return Identified(found.joints, found.signals)
+
+
+def load_joints(path: str | Path) -> Identified:
+    """Return an earlier identification: its `joints.json`, or the folder with it; signals too, where they lie there.
+
+    Raises `FileError` that names the field that is wrong.
+
+    >>> import stiction
+    >>> stiction.load_joints("missing")
+    Traceback (most recent call last):
+    stiction.core.errors.FileError: cannot read missing: No such file or directory; expected the joints.json of identify
+
+    """
+    file = Path(path) / "joints.json" if Path(path).is_dir() else Path(path)
+    joints, fit = files.load_joints(file), file.with_name("fit.npz")
+    measured = [name for name, record in joints.joints.items() if record.diagnostics]
+    signals = {name: files.read_fit(fit, name) for name in measured} if fit.is_file() else {}
+    return Identified(joints, signals)
+
+
+__all__ = ["Identified", "identify", "identify_joints", "identify_limb", "load_joints"]

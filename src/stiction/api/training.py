@@ -1,0 +1,184 @@
+"""A policy that copes with friction: `stiction train` and `stiction export` in Python."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal
+
+from markupsafe import Markup
+
+from stiction.api.identification import Identified
+from stiction.api.policy import LoadedPolicy, load_policy
+from stiction.api.result import Result, html_table
+from stiction.core.errors import ConfigurationError
+from stiction.core.extras import says_what_is_missing
+from stiction.core.lock import output_folder, replaced_folder
+from stiction.formats.joints import read_training
+from stiction.locomotion.friction import FrictionMethod
+from stiction.rma.config import TrainCfg
+from stiction.rma.config import preset as preset_of
+
+Watch = Callable[..., Any]
+"""Called after every iteration; see `stiction.rma.phase.Progress`."""
+
+
+@dataclass(frozen=True, repr=False)
+class Trained(Result):
+    """A finished run."""
+
+    path: Path
+    """Its folder: config.json, metrics.jsonl, tensorboard/, checkpoints/, summary.json."""
+    summary: dict[str, Any]
+    """What summary.json holds."""
+
+    def lines(self) -> Sequence[str]:
+        """Return where it is, and how the student walks."""
+        last = self.summary["last"].get("student", self.summary["last"]["teacher"])
+        walks = f"tracking error {last['walk/tracking_error']:.3f} m/s, falls and gait in metrics.jsonl"
+        return f"run in {self.path}", walks, f"{self.summary['seconds'] / 60:.1f} min"
+
+    def metrics(self) -> list[dict[str, Any]]:
+        """Return the figures of every iteration, in order, as any data frame takes them."""
+        from stiction.formats.results import read_metrics
+
+        return read_metrics(self.path / "metrics.jsonl")
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what `stiction train --json` prints, and `summary.json` holds."""
+        return self.summary
+
+    def table(self) -> Markup:
+        """Return the last iteration's figures."""
+        last = self.summary["last"].get("student", self.summary["last"]["teacher"])
+        rows = [(name, f"{value:.4g}") for name, value in last.items() if isinstance(value, float)]
+        return html_table(("figure", "last iteration"), rows)
+
+    def write(self, folder: Path) -> None:
+        """Refuse: a run is in its folder from its first iteration on."""
+        raise ConfigurationError(f"the run is in {self.path} already; export(run) makes its bundle")
+
+
+@says_what_is_missing
+def train(
+    out: str | Path,
+    *,
+    robot: str | Path = "saturn_lite",
+    method: FrictionMethod | None = None,
+    friction_level: float | None = None,
+    friction_from: Identified | str | Path | None = None,
+    joints: str | Path | None = None,
+    joint_map: Sequence[str] = (),
+    preset: Literal["full", "quick", "two-phase", "paper"] = "full",
+    config: TrainCfg | None = None,
+    seed: int = 0,
+    device: Literal["cpu", "cuda", "warp-cpu"] = "cpu",
+    say: Callable[[str], None] = lambda line: None,
+    progress: Watch = lambda *_: None,
+) -> Trained:
+    """Train a policy that walks, with or without friction in its joints. Needs the extra `train`.
+
+    Args:
+        out: folder of the run. One that was interrupted goes on with `stiction train --resume`.
+        robot: a shipped robot, a file of your own, or `module:NAME`, which runs that module.
+        method: `none`, `direct`, `deception`, ...; how friction is drawn.
+        friction_level: nominal friction as a fraction of each joint's torque limit.
+        friction_from: an identification, or its `training.json`, in place of `method` and `friction_level`.
+        joints: a `joints.json` whose inertia, damping and friction become the robot's nominal ones.
+        joint_map: RECORDED=JOINT pairs where its records have other names.
+        preset: defaults of everything else: `quick` is some ten minutes of one core, `full` twenty-five.
+        config: everything else, in place of `preset`: `replace(stiction.rma.config.preset("quick"), num_envs=256)`.
+        seed: of everything random in the run.
+        device: where it is simulated.
+        say: called with a sentence that you should know.
+        progress: called after every iteration.
+
+    Raises `StictionError`: it cannot be trained, the folder holds a run already, or training has diverged.
+
+    >>> import stiction
+    >>> stiction.train("runs/a", method="direct", friction_level=0.0)  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    stiction.core.errors.ConfigurationError: --method direct at --friction-level 0 trains without friction; ...
+
+    """
+    from stiction.rma.begin import begin_run, with_friction
+    from stiction.rma.run import identified_values
+    from stiction.rma.runner import train as run_training
+
+    given = preset_of(preset, device) if config is None else config
+    cfg = replace(given, seed=seed, device=device, joints=given.joints if joints is None else str(joints))
+    cfg = replace(cfg, task=replace(cfg.task, robot=str(robot)))
+    if friction_from is not None:
+        if method is not None or friction_level is not None:
+            raise ConfigurationError("friction_from and method or friction_level both set the friction; leave one out")
+        proposed, where = _proposal(friction_from)
+        cfg = with_friction(cfg, proposed, where)
+    elif method is not None or friction_level is not None:
+        old = cfg.task.friction
+        friction = replace(
+            old, method=method or old.method, level=old.level if friction_level is None else friction_level
+        )
+        cfg = replace(cfg, task=replace(cfg.task, friction=friction))
+    cfg.check_effects()
+    run, cfg = begin_run(Path(out), cfg, "stiction.train(...)", tuple(joint_map), say)
+    with output_folder(run.path):
+        return Trained(run.path, run_training(cfg, run, identified_values(run.header()), progress))
+
+
+def _proposal(given: Identified | str | Path) -> tuple[dict[str, Any], str]:
+    """Return what a `training.json` holds, and what messages call it."""
+    if not isinstance(given, Identified):
+        return read_training(Path(given)), Path(given).name
+    proposed = json.loads(json.dumps(given.training))
+    if proposed["friction"] is None:
+        raise ConfigurationError(f"the identification proposes no training: {proposed['text']}")
+    return proposed, "the identification"
+
+
+@says_what_is_missing
+def export(
+    run: Trained | str | Path,
+    *,
+    out: str | Path | None = None,
+    joints: str | Path | None = None,
+    joint_map: Sequence[str] = (),
+    wear: str | Path | None = None,
+    robot: str | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> LoadedPolicy:
+    """Export the student of a run as a policy bundle, check it as `verify` does, and return it.
+
+    It needs the extra `train`.
+
+    Args:
+        run: from `train`, or its folder.
+        out: folder of the bundle; by default `bundle` within the run.
+        joints: for a policy that is told its joints' friction, the `joints.json` of the robot that it is for.
+        joint_map: RECORDED=JOINT pairs where its records have other names.
+        wear: the map of the wear monitor.
+        robot: the robot that the run names as a module, said again: a module that a file names is not run.
+        say: called with a sentence that you should know.
+
+    Raises `StictionError`: the run is not finished, or was altered.
+
+    >>> import stiction
+    >>> stiction.export("runs/none")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    stiction.core.errors.FileError: cannot read runs/none/config.json: ...
+
+    """
+    from stiction.evaluate.export import export_run
+    from stiction.rma.run import RunDirectory
+
+    folder = run.path if isinstance(run, Trained) else Path(run)
+    RunDirectory(folder).header()  # where there is no run, no folder is made beside it
+    target = folder / "bundle" if out is None else Path(out)
+    known, monitor = (None if path is None else Path(path) for path in (joints, wear))
+    with replaced_folder(target):
+        export_run(folder, target, monitor, known, tuple(joint_map), say, robot)
+    return load_policy(target)
+
+
+__all__ = ["Trained", "export", "train"]

@@ -1,0 +1,88 @@
+"""The begin of a run: its friction, its robot and its nominal joints, checked before a folder is made."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from stiction.core.errors import ConfigurationError
+from stiction.core.records import from_plain
+from stiction.formats.joint_map import mapped
+from stiction.formats.joints import load_joints
+from stiction.joints.friction import has_coefficient
+from stiction.locomotion.device import find_device
+from stiction.locomotion.friction import FrictionCfg
+from stiction.locomotion.load_law import load_warnings, take_coefficients
+from stiction.locomotion.randomization import identified_joints
+from stiction.rma.config import TrainCfg
+from stiction.rma.run import RunDirectory
+from stiction.robots.catalog import find_robot
+from stiction.robots.mirror import robot_mirror
+from stiction.sim.fleet import Fleet
+
+Say = Callable[[str], None]
+"""Called with a sentence that the user must know."""
+
+
+def begin_run(
+    out: Path, cfg: TrainCfg, command: str, joint_map: tuple[str, ...] = (), say: Say = lambda line: None
+) -> tuple[RunDirectory, TrainCfg]:
+    """Make the folder of a new run; return it with the configuration that it trains.
+
+    command: by which the run was asked for; joint_map: RECORDED=JOINT pairs for `cfg.joints`. Raises `StictionError`
+    for whatever cannot be trained, before the folder is made.
+    """
+    if cfg.task.friction.method != "none" and cfg.task.friction.level == 0.0:
+        raise ConfigurationError(
+            f"--method {cfg.task.friction.method} at --friction-level 0 trains without friction; "
+            "use --method none, or a level above 0"
+        )
+    robot = find_robot(cfg.task.robot)
+    cfg.task.randomization.check_robot(robot)
+    cfg.check_memory(robot)
+    cfg = replace(cfg, task=replace(cfg.task, rewards=cfg.task.rewards.for_robot(robot)))
+    find_device(cfg.device, cfg.contacts)
+    if cfg.symmetry != "none":
+        robot_mirror(robot)
+    if joint_map and cfg.joints is None:
+        raise ConfigurationError("--joint-map names records of a joints.json; name that too, with --joints")
+    identified = nominal_of(cfg.joints, cfg.task.robot, joint_map, cfg.task.friction, say)
+    return RunDirectory.create(out, cfg, command, identified), cfg
+
+
+def with_friction(cfg: TrainCfg, training: Mapping[str, Any], where: str) -> TrainCfg:
+    """Return the configuration with the friction that a `training.json` proposes; `where`: its name, for messages."""
+    friction = from_plain(FrictionCfg, training["friction"], f"{where}: friction")
+    return replace(cfg, task=replace(cfg.task, friction=friction))
+
+
+def nominal_of(
+    file: str | None, robot: str, pairs: tuple[str, ...], friction: FrictionCfg, say: Say
+) -> dict[str, Any] | None:
+    """Read the nominal joints of a robot from a `joints.json`, with its name and hash; say what is not used.
+
+    friction: what is trained with, which a load coefficient of the file may match or not.
+    """
+    if file is None:
+        return None
+    path, spec = Path(file), find_robot(robot)
+    limits = spec.joint_values("torque_limit")
+    records = mapped(load_joints(path), pairs, spec.joint_names)
+    found = identified_joints(records, spec.joint_names, Fleet(spec, 1).link_inertia(), limits)
+    values = {name: list(getattr(found, name)) for name in ("armature", "damping", "frictionloss")}
+    header = {"file": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest(), "values": values}
+    if friction.level is None and friction.method != "none" and has_coefficient(friction.law):
+        taken = take_coefficients(records, spec, friction.law)
+        values["load_coefficient"] = list(taken.values)
+        header["load_coefficient"] = list(taken.how)
+        for line in taken.how:
+            say(line)
+        said = found.warnings
+    else:
+        said = (*found.warnings, *load_warnings(records, spec, friction))
+    for warning in said:
+        say(f"warning: {warning}")
+    return header

@@ -1,0 +1,92 @@
+"""Logs that are in memory: arrays and data frames, and what is refused of them."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+import stiction
+
+TIME = np.arange(500) / 500
+
+
+def test_arrays_by_joint_become_a_log() -> None:
+    """Signals and gains must come out under the joint that they went in with."""
+    log = stiction.from_arrays(
+        time=TIME + 7.0, position={"hip": TIME, "knee": -TIME}, torque={"knee": 2 * TIME}, kp={"hip": 3.0}, kd=0.5
+    )
+    assert log.time[0] == 0.0 and log.joints["knee"].torque == pytest.approx(2 * TIME)
+    assert log.joints["hip"].torque is None
+    assert (log.setup_of("hip").kp, log.setup_of("knee").kp, log.setup_of("knee").kd) == (3.0, None, 0.5)
+
+
+class Frame:
+    """What pandas and polars have in common."""
+
+    def __init__(self, **columns: np.ndarray) -> None:
+        """Take the columns."""
+        self._data = {name.replace("__", "."): values for name, values in columns.items()}
+
+    @property
+    def columns(self) -> list[str]:
+        """Names, in order."""
+        return list(self._data)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """Return a column."""
+        return self._data[name]
+
+
+def test_a_data_frame_is_read_by_its_columns() -> None:
+    """Columns that are no signals, such as a temperature, are left out."""
+    log = stiction.from_arrays(Frame(time=TIME, position__hip=TIME, torque__hip=TIME, temperature=TIME), kp=2.0)
+    assert list(log.joints) == ["hip"] and log.setup.kp == 2.0
+
+
+def test_a_table_of_pyarrow_is_read_by_its_columns() -> None:
+    """Its `columns` are the data, unlike those of pandas."""
+    pyarrow = pytest.importorskip("pyarrow", reason="the extra 'logs' has pyarrow")
+    log = stiction.from_arrays(pyarrow.table({"time": TIME, "position.hip": TIME, "torque.hip": TIME}))
+    assert log.joints["hip"].position == pytest.approx(TIME)
+
+
+def with_nan() -> np.ndarray:
+    """Return a signal with one sample missing."""
+    return np.where(np.arange(500) == 9, np.nan, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"position": TIME}, "no time"),
+        ({"time": TIME}, "no signal"),
+        ({"time": TIME, "position": TIME[:-1]}, r"shape \(499,\); expected \(500,\)"),
+        ({"time": TIME, "position": np.zeros((500, 2))}, r"shape \(500, 2\); expected \(T,\)"),
+        ({"time": TIME, "position": {"hip": with_nan()}}, "'hip' is nan at sample 9"),
+        ({"time": TIME[::-1], "position": TIME}, "does not rise at sample 1"),
+        ({"time": np.repeat(TIME[:250], 2), "position": TIME}, "does not rise at sample 1"),
+        ({"time": TIME * 1000, "position": TIME}, "ms"),
+        ({"time": TIME, "position": TIME * 16384}, "counts"),
+        ({"time": TIME, "position": ["a"] * 500}, "not numbers"),
+        ({"time": TIME, "positions": TIME}, "unknown name 'positions'"),
+        ({"time": TIME, "position": TIME, "kp": "high"}, "kp is 'high'"),
+        ({"frame": 3}, "no table with named columns"),
+    ],
+)
+def test_what_is_no_log_is_refused_in_a_line(given: dict[str, Any], said: str) -> None:
+    """The message has to name the array and the sample, or a user looks for hours."""
+    with pytest.raises(stiction.StictionError, match=said) as caught:
+        stiction.from_arrays(**given)
+    assert "\n" not in str(caught.value) and len(re.findall(r"the arrays", str(caught.value))) == 1
+
+
+def test_an_option_that_there_is_not_is_named_with_the_nearest() -> None:
+    """A flag misspelt as a keyword must not be ignored."""
+    log = stiction.from_arrays(time=TIME, position=TIME, torque=TIME)
+    with pytest.raises(stiction.StictionError, match="did you mean 'motor_strength'"):
+        stiction.identify(log, motor_strenght=1.0)
+    with pytest.raises(stiction.StictionError, match="torque_source"):
+        stiction.identify(log, torque_source="sideways")  # type: ignore[arg-type]

@@ -1,0 +1,89 @@
+"""The public names of `stiction`: that they are there, quick, typed, documented, and do what their docstrings show."""
+
+from __future__ import annotations
+
+import ast
+import doctest
+import inspect
+import os
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+import stiction
+
+FUNCTIONS = [name for name in stiction.PUBLIC if name != "StictionError"]
+
+
+def test_importing_stiction_loads_nothing_heavy() -> None:
+    """Else every script waits for a simulator that it may not need, or may not have."""
+    code = "import sys, stiction; dir(stiction); print([m for m in ('numpy', 'scipy', 'torch', 'mujoco', 'matplotlib') "
+    code += "if m in sys.modules])"
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+    assert said.stdout.strip() == "[]"
+
+
+def test_type_checkers_see_the_names_that_there_are() -> None:
+    """A name that is in the stub alone type-checks and fails; one in the table alone is not found by editors."""
+    stub = ast.parse(Path(stiction.__file__).with_name("__init__.pyi").read_text(encoding="utf-8"))
+    typed = {
+        alias.asname: (node.module or "").removeprefix("stiction.")
+        for node in stub.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert typed == stiction.PUBLIC
+    assert set(dir(stiction)) == {*stiction.PUBLIC, "__version__"} and len(stiction.PUBLIC) == 15
+
+
+def test_a_name_that_there_is_not_is_an_attribute_error() -> None:
+    """`hasattr`, and an import of it, have to say no."""
+    assert not hasattr(stiction, "identfy")
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_functions_are_documented_and_typed(name: str) -> None:
+    """Each says what it returns; its options are by name only, so that they may grow."""
+    found = getattr(stiction, name)
+    signature = inspect.signature(found)
+    assert found.__doc__.strip() and signature.return_annotation is not inspect.Signature.empty
+    kinds = [part for part in signature.parameters.values() if part.kind is part.POSITIONAL_OR_KEYWORD]
+    assert len(kinds) <= 1
+
+
+@pytest.mark.parametrize("name", ["identify", "evaluate"])
+def test_a_package_of_the_same_name_is_still_a_package(name: str) -> None:
+    """`stiction.identify(...)` must work after `import stiction.identify.logs`, and that after it."""
+    package = import_module(f"stiction.{name}")
+    assert callable(package) and package is getattr(stiction, name) and package.__path__
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_docstrings_do_what_they_show(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An example that does not run is worse than none."""
+    if name in ("evaluate", "check_robot"):
+        pytest.importorskip("mujoco", reason="the extra 'sim' is needed to simulate")
+    if name in ("train", "export"):
+        pytest.importorskip("torch", reason="the extra 'train' is needed to train")
+    monkeypatch.chdir(tmp_path)
+    function = inspect.unwrap(getattr(import_module(f"stiction.{stiction.PUBLIC[name]}"), name))
+    tests = doctest.DocTestFinder(recurse=False).find(function, name, globs={})
+    runner = doctest.DocTestRunner()
+    assert sum(runner.run(test).attempted for test in tests) >= 1
+    assert runner.failures == 0
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_package_that_is_missing_is_named_in_one_line(tmp_path: Path) -> None:
+    """A user of the base install is told what to install, by the same family of errors."""
+    (tmp_path / "sitecustomize.py").write_text("import sys\nsys.modules['mujoco'] = None\n")
+    code = "import stiction\ntry:\n    stiction.check_robot('go1')\nexcept stiction.StictionError as e:\n    print(e)\n"
+    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "PYTHONPATH": path}
+    said = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True, env=environment
+    )
+    assert "stiction[sim]" in said.stdout and said.stdout.count("\n") == 1
