@@ -28,7 +28,10 @@ POLICY = "saturn_lite-flat-deception-0.2"
         (RuntimeError("\x1b[2J\nx\ud800"), "unforeseen RuntimeError: \\u001b[2J x\\ud800;"),
         (OSError(28, "No space left on device", "a/b.csv"), "a/b.csv: No space left on device"),
         (MemoryError(), "there is not enough memory"),
-        (ModuleNotFoundError("No module named 'torch'", name="torch"), 'pip install "stiction[train]"'),
+        (
+            ModuleNotFoundError("No module named 'torch'", name="torch"),
+            "comes with the extra 'train': install it with: pip install",
+        ),
         (ModuleNotFoundError("No module named 'x'", name="x"), "unforeseen ModuleNotFoundError"),
     ],
 )

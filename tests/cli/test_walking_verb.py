@@ -83,7 +83,7 @@ def test_the_base_install_says_which_extra_a_walk_needs(log: Path, tmp_path: Pat
         )
         for names in missing
     )
-    assert lacking.returncode == 1 and 'pip install "stiction[sim]"' in lacking.stderr
+    assert lacking.returncode == 1 and "[sim]" in lacking.stderr
     assert lacking.stderr.count("\n") == 1
     assert enough.returncode == 0, enough.stderr
     assert "FL_shank" in json.loads(enough.stdout)["joints"]

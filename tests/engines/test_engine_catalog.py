@@ -33,7 +33,7 @@ def test_a_missing_package_is_named_with_what_installs_it(monkeypatch: pytest.Mo
     """A traceback would not tell what to install."""
     monkeypatch.setitem(sys.modules, "sapien", None)
     missing = what_is_missing("physx", find_robot("go1"))
-    assert missing is not None and "the package sapien" in missing and "pip install 'stiction[engines]'" in missing
+    assert missing is not None and "the package sapien" in missing and "[engines]" in missing
 
 
 @pytest.mark.parametrize("speed", [2e4, -2e4, np.inf, np.nan])

@@ -10,7 +10,7 @@ import torch
 from stiction.cli.main import main
 from stiction.rma.run import load_checkpoint
 
-pytest.importorskip("mujoco_warp", reason='mujoco_warp is not installed: pip install "stiction[gpu]"')
+pytest.importorskip("mujoco_warp", reason="mujoco_warp, of the extra 'gpu', is not installed")
 import warp
 
 warp.config.optimization_level = 0  # Compiling takes longer than all that is computed here.

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("mujoco_warp", reason='mujoco_warp is not installed: pip install "stiction[gpu]"')
+pytest.importorskip("mujoco_warp", reason="mujoco_warp, of the extra 'gpu', is not installed")
 import warp
 
 from stiction.core.errors import StictionError

@@ -9,6 +9,7 @@ import warnings
 from stiction import __version__
 from stiction.cli.process import DEBUG, begin, failed, stopped
 from stiction.core.errors import StictionError, unknown_name
+from stiction.core.extras import require
 from stiction.core.gemm import open_fast_gemm
 from stiction.core.provenance import limit_library_threads
 
@@ -36,6 +37,13 @@ VERBS = {
 ELSEWHERE = {"replicate": "stiction.studies.replication.study", "import": "stiction.cli.import_policy"}
 """Verbs whose module is called otherwise: a study, and a word of Python."""
 
+NEEDS = {"demo": "sim", "evaluate": "sim", "replicate": "sim", "import": "sim", "sign": "sign"}
+NEEDS |= dict.fromkeys(("train", "train-actuator", "bench", "doctor"), "train")
+"""Verbs that do nothing without an extra: it is asked for before anything is done, unless they are asked for help."""
+
+HELP = frozenset({"-h", "--help", "--help-all"})
+"""Words that ask for help."""
+
 USAGE = "usage: stiction VERB [--help] [options]\n\nverbs:\n"
 EPILOG = """
 `stiction VERB --help` lists the options of a verb. `stiction --version` prints the version. `--debug`, with any verb,
@@ -55,7 +63,7 @@ def main(arguments: list[str]) -> int:
         print(overview(), end="", file=sys.stderr)
         return 2
     verb, *rest = arguments
-    if verb in ("-h", "--help", "help"):
+    if verb in HELP or verb == "help":
         print(overview(), end="")
         return 0
     if verb == "--version":
@@ -72,6 +80,8 @@ def main(arguments: list[str]) -> int:
             warnings.showwarning = lambda message, *_, **__: print(
                 f"stiction {verb}: warning: {' '.join(str(message).split())}", file=sys.stderr
             )
+            if verb in NEEDS and not HELP & set(rest):
+                require(NEEDS[verb])
             module = ELSEWHERE.get(verb, f"stiction.cli.{verb.replace('-', '_')}")
             status = importlib.import_module(module).main(rest)
         return int(status or 0)

@@ -1,31 +1,112 @@
-"""Packages that only some installations have, and the sentence where one of them is missing."""
+"""The extras that an installation may have, and how to add one to it: from where it came, which may be no index."""
 
 from __future__ import annotations
 
+import importlib.util
+import json
+import shlex
 from collections.abc import Callable
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from importlib import metadata
+from typing import Any, ParamSpec, TypeVar
+from urllib.parse import unquote, urlsplit
 
 from stiction.core.errors import ConfigurationError
 
-EXTRAS = {"mujoco": "sim", "PIL": "sim", "yaml": "sim", "torch": "train", "rsl_rl": "train", "tensordict": "train"}
-EXTRAS |= {"safetensors": "train", "onnx": "train", "onnxscript": "train", "tensorboard": "train"}
-EXTRAS |= {"mujoco_warp": "gpu", "warp": "gpu", "cryptography": "sign"}
-"""Package -> the extra that installs it."""
+SIM = ("mujoco", "PIL", "yaml")
+TRAIN = (*SIM, "torch", "rsl_rl", "tensordict", "safetensors", "onnx", "onnxscript", "tensorboard")
+
+EXTRAS = {
+    "sim": SIM,
+    "train": TRAIN,
+    "gpu": (*TRAIN, "mujoco_warp", "warp"),
+    "sign": ("cryptography",),
+    "logs": ("pyarrow", "mcap", "mcap_ros2", "lz4", "zstandard"),
+    "engines": (*SIM, "sapien"),
+}
+"""Extra -> the packages that it brings, by the names under which they are imported; the smallest that has one first."""
+
 
 Arguments = ParamSpec("Arguments")
 Returned = TypeVar("Returned")
 
 
+def extra_of(package: str) -> str | None:
+    """Return the extra that brings a package, None where none does."""
+    return next((extra for extra, packages in EXTRAS.items() if package in packages), None)
+
+
+def missing(extra: str) -> tuple[str, ...]:
+    """Return the packages of an extra that are not installed; none of them is imported."""
+    return tuple(package for package in EXTRAS[extra] if not _installed(package))
+
+
+def _installed(package: str) -> bool:
+    """Tell whether a package can be found."""
+    try:
+        return importlib.util.find_spec(package) is not None
+    except (ModuleNotFoundError, ValueError):  # something else forbids it, or it is half loaded
+        return False
+
+
+def require(extra: str) -> None:
+    """Refuse to begin where packages of an extra are missing: all of them, in one line, before any work is done.
+
+    Raises `ConfigurationError` with how to install them.
+    """
+    if lacking := missing(extra):
+        verb = "is" if len(lacking) == 1 else "are"
+        raise ConfigurationError(
+            f"this needs the extra {extra!r}, of which {', '.join(lacking)} {verb} not installed; {remedy(extra)}"
+        )
+
+
+def remedy(extra: str) -> str:
+    """Return what to do to have an extra: the command that installs it from where this installation came."""
+    return f"install it with: {install_command(extra, _origin())}"
+
+
+def _origin() -> dict[str, Any] | None:
+    """Return what the installer noted of where the package came from (PEP 610).
+
+    None where it came by name, from an index; empty where no installer put it there.
+    """
+    try:
+        installed = metadata.distribution("stiction")
+        noted, installer = installed.read_text("direct_url.json"), installed.read_text("INSTALLER")
+        if noted is None:
+            return None if installer else {}
+        found = json.loads(noted)
+    except (metadata.PackageNotFoundError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def install_command(extra: str, origin: dict[str, Any] | None) -> str:
+    """Return the command that adds an extra.
+
+    origin: as in `direct_url.json` (a folder, a file, a repository); None: an index; empty: nobody knows, so the
+    command is one for the checkout.
+    """
+    if origin is None:
+        return f"pip install {shlex.quote(f'stiction[{extra}]')}"
+    url = str(origin.get("url", ""))
+    if not url:
+        return f"pip install {shlex.quote(f'.[{extra}]')}, in the folder of stiction's source"
+    if "dir_info" in origin:
+        editable = "-e " if origin["dir_info"].get("editable") else ""
+        return f"pip install {editable}{shlex.quote(f'{unquote(urlsplit(url).path)}[{extra}]')}"
+    if "vcs_info" in origin:
+        url = f"{origin['vcs_info'].get('vcs', 'git')}+{url}@{origin['vcs_info'].get('commit_id', 'HEAD')}"
+    return f"pip install {shlex.quote(f'stiction[{extra}] @ {url}')}"
+
+
 def missing_extra(error: ModuleNotFoundError, what: str) -> str | None:
     """Return what to install for the package that is missing; None where no extra has it. what: that which needs it."""
-    extra = EXTRAS.get((error.name or "").split(".")[0])
+    extra = extra_of((error.name or "").split(".")[0])
     if extra is None:
         return None
-    return (
-        f"the package {error.name!r} is not installed; {what} needs the extra {extra!r}: "
-        f'pip install "stiction[{extra}]"'
-    )
+    return f"the package {error.name!r} is not installed; {what} needs the extra {extra!r}; {remedy(extra)}"
 
 
 def says_what_is_missing(function: Callable[Arguments, Returned]) -> Callable[Arguments, Returned]:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stiction.core.errors import EngineError, StictionError, unknown_name
+from stiction.core.extras import remedy
 from stiction.core.plugins import find_named
 from stiction.engines.engine import Body, Engine, Make
 from stiction.engines.ground import Ground, flat
@@ -118,7 +119,7 @@ def make_engine(name: str, body: Body, ground: Ground, timestep: float) -> Engin
     except ModuleNotFoundError as error:
         if error.name is None or error.name.startswith("stiction"):
             raise
-        how = f"; install it with: pip install 'stiction[{spec.extra}]'" if spec.extra else ""
+        how = f"; {remedy(spec.extra)}" if spec.extra else ""
         raise EngineError(f"the engine {name!r} needs the package {error.name}, which is not installed{how}") from error
 
 

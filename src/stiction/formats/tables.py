@@ -23,6 +23,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from stiction.core.errors import FileError, LogError
+from stiction.core.extras import remedy
 from stiction.core.files import open_regular, publish, published
 from stiction.core.memory import allowance, claim
 from stiction.formats.plain import parse_object, take_version
@@ -262,7 +263,7 @@ def _load(path: Path) -> tuple[ModuleType, ModuleType]:
         import pyarrow
         from pyarrow import parquet
     except ImportError as error:
-        raise LogError(f'{path.name}: Parquet needs pyarrow: pip install "stiction[logs]"') from error
+        raise LogError(f"{path.name}: Parquet needs pyarrow; {remedy('logs')}") from error
     return pyarrow, parquet
 
 

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import EngineError, StictionError
+from stiction.core.extras import remedy
 
 Handle = c_void_p
 """dWorldID, dBodyID, dJointID, dGeomID, dSpaceID, ...: a pointer that only ODE looks behind."""
@@ -163,9 +164,6 @@ ON_MACOS = ("libode.8.dylib", "/opt/homebrew/lib/libode.8.dylib")
 SYSTEM_NAMES = ON_MACOS if sys.platform == "darwin" else ("libode.so.8",)
 """ODE 0.16 as the system's loader knows it; the 8 is the number of its binary interface."""
 
-REMEDY = "pip install 'stiction[engines]' (Linux), apt install libode8, or brew install ode"
-"""How to get it."""
-
 _messages: list[str] = []
 """Messages of ODE since `taken_messages` was last called."""
 
@@ -186,7 +184,8 @@ def ode_library() -> ctypes.CDLL:
         except (OSError, StictionError) as error:
             failures.append(str(error))
     raise EngineError(
-        f"the engine 'ode' needs ODE 0.16 in double precision; get it with {REMEDY}; tried: {'; '.join(failures)}"
+        f"the engine 'ode' needs ODE 0.16 in double precision; {remedy('engines')} (Linux), apt install libode8, or "
+        f"brew install ode; tried: {'; '.join(failures)}"
     )
 
 

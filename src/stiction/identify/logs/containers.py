@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from stiction.core.errors import LogError
+from stiction.core.extras import remedy
 from stiction.core.files import open_regular
 from stiction.core.memory import allowance, check_ratio, claim
 
@@ -66,7 +67,7 @@ def read_packets(path: Path) -> Iterator[Packet]:
         import zstandard
         from mcap.exceptions import McapError
     except ImportError as error:
-        raise LogError(f'{path.name}: MCAP needs mcap and mcap-ros2-support: pip install "stiction[logs]"') from error
+        raise LogError(f"{path.name}: MCAP needs mcap and mcap-ros2-support; {remedy('logs')}") from error
     try:
         with open_regular(path) as file:
             size = path.stat().st_size

@@ -1,6 +1,6 @@
 """Bags of ROS 2: joint states and the commands that the joints were given, brought onto the states' stamps.
 
-Needs `pip install "stiction[logs]"`. A state is a `sensor_msgs/msg/JointState` or Unitree's `LowState`; a command is a
+Needs the extra `logs`. A state is a `sensor_msgs/msg/JointState` or Unitree's `LowState`; a command is a
 joint state too, or a `std_msgs/msg/Float64MultiArray`, a `trajectory_msgs/msg/JointTrajectory` of one point, or
 Unitree's `LowCmd`. The definitions of these are known here: those in the file are not parsed. Messages are decoded as
 they come, and of each no more is kept than its numbers.
@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from stiction.core.errors import LogError
+from stiction.core.extras import remedy
 from stiction.core.memory import claim
 from stiction.formats.log import BodySignals, JointSignals, Log
 from stiction.formats.tables import WIDEST_MATRIX
@@ -292,7 +293,7 @@ def _decoder(source: str, topic: Topic) -> Callable[[bytes], Content]:
         from mcap.records import Schema
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
-        raise LogError(f'{source}: bags need mcap and mcap-ros2-support: pip install "stiction[logs]"') from error
+        raise LogError(f"{source}: bags need mcap and mcap-ros2-support; {remedy('logs')}") from error
     schema = Schema(id=1, name=topic.schema, encoding="ros2msg", data=DEFINITIONS[topic.schema].encode())
     decode = DecoderFactory().decoder_for("cdr", schema)
     if decode is None:

@@ -27,7 +27,7 @@ NOTE = (
 
 ALONE = (
     "The robot of the data sheet in MuJoCo, the simulator of the training: these clips do not show transfer. Those on "
-    "the virtual robot need PhysX, `pip install 'stiction[engines]'`."
+    "the virtual robot need PhysX, which comes with the extra `engines`."
 )
 
 

@@ -1,0 +1,69 @@
+"""What is said of a part that is not installed: all of it, before any work, and a command that leads to it."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from stiction.cli.main import NEEDS, main
+from stiction.core import extras
+from stiction.core.errors import ConfigurationError
+
+PROJECT = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+SHA = "0" * 40
+
+
+@pytest.mark.parametrize(
+    ("origin", "command"),
+    [
+        (None, "pip install 'stiction[sim]'"),
+        ({}, "pip install '.[sim]', in the folder of stiction's source"),
+        ({"url": "file:///a%20b", "dir_info": {}}, "pip install '/a b[sim]'"),
+        ({"url": "file:///a", "dir_info": {"editable": True}}, "pip install -e '/a[sim]'"),
+        (
+            {"url": "file:///w/stiction-1.whl", "archive_info": {}},
+            "pip install 'stiction[sim] @ file:///w/stiction-1.whl'",
+        ),
+        (
+            {"url": "https://a.b/c", "vcs_info": {"vcs": "git", "commit_id": SHA}},
+            f"pip install 'stiction[sim] @ git+https://a.b/c@{SHA}'",
+        ),
+    ],
+    ids=["index", "nobody knows", "folder", "editable", "wheel", "repository"],
+)
+def test_an_extra_comes_from_where_the_package_came(origin: dict | None, command: str) -> None:
+    """A package that is on no index must not be looked for there: somebody else's may be."""
+    assert extras.install_command("sim", origin) == command
+
+
+def test_the_extras_are_those_of_the_project() -> None:
+    """Else a message would send people to an extra that there is not."""
+    assert set(extras.EXTRAS) <= set(PROJECT["optional-dependencies"])
+    assert extras.extra_of("yaml") == "sim" and extras.extra_of("torch") == "train" and extras.extra_of("numpy") is None
+
+
+@pytest.mark.parametrize("verb", NEEDS)
+def test_what_is_missing_is_said_whole_and_before_any_work(
+    verb: str, tmp_path: Path, capsys: pytest.CaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not the one half now and the other after the next installation, nor after ten seconds of work."""
+    packages = ("cryptography",) if NEEDS[verb] == "sign" else ("mujoco", "yaml")
+    for package in packages:
+        monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.chdir(tmp_path)
+    assert main([verb]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and f"the extra {NEEDS[verb]!r}" in error
+    assert all(package in error for package in packages) and not list(tmp_path.iterdir())
+
+
+def test_only_what_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A list of what is there already would send people in a circle."""
+    monkeypatch.setitem(extras.EXTRAS, "numbers", ("numpy",))
+    extras.require("numbers")
+    monkeypatch.setitem(extras.EXTRAS, "numbers", ("numpy", "no_such_package_anywhere"))
+    with pytest.raises(ConfigurationError, match="of which no_such_package_anywhere is not installed"):
+        extras.require("numbers")
