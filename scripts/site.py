@@ -1,7 +1,7 @@
 """What MkDocs is told of this repository, as a hook: `make docs`.
 
-The site has the documents where they are in the repository, so that a link leads to the same place there and here: what
-is named in mkdocs.yml, every page of docs/, and every file that one of them links to, whatever it is. A link to a folder
+The site has the documents where they are in the repository, so that a link leads to the same place there and here:
+what mkdocs.yml names, every page of docs/, and every file that one of them links to, whatever it is. A link to a folder
 becomes text. Formulas are drawn as SVG when the site is built, so that no page loads a program to show them.
 """
 
@@ -62,10 +62,9 @@ def formula(source: str) -> str:
     box = outline.get_extents()
     left, top, width, height = box.x0 - 1, -box.y1 - 1, box.width + 2, box.height + 2
     label = source.strip().replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    return (
-        f'<p class="formula"><svg role="img" aria-label="{label}" viewBox="{left:.2f} {top:.2f} {width:.2f} {height:.2f}" '
-        f'style="width:{width / 16:.2f}em" fill="currentColor"><path d="{"".join(drawn)}"/></svg></p>'
-    )
+    sized = f'viewBox="{left:.2f} {top:.2f} {width:.2f} {height:.2f}" style="width:{width / 16:.2f}em"'
+    path = f'<path d="{"".join(drawn)}"/>'
+    return f'<p class="formula"><svg role="img" aria-label="{label}" {sized} fill="currentColor">{path}</svg></p>'
 
 
 def on_config(config: Any) -> Any:

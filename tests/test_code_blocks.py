@@ -1,0 +1,130 @@
+"""Every block of code in README and documentation: it runs, or its flags exist, or it says why it cannot run here."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+pytest.importorskip("mujoco", reason="the package mujoco, of the extra 'sim', is needed to run what documents say")
+
+import tyro
+from matplotlib.textpath import TextPath
+
+from code_blocks import MADE, Block, blocks_of, files_of
+from stiction.cli.main import VERBS, main
+
+CHECKOUT = Path(__file__).parents[1]
+PAGES = [
+    page
+    for page in (*sorted(CHECKOUT.glob("*.md")), *sorted(CHECKOUT.glob("docs/*.md")))
+    if page.name != "CHANGELOG.md" and blocks_of(page)
+]
+NAMES = [page.relative_to(CHECKOUT).as_posix() for page in PAGES]
+SHOWN = ("", "text", "csv", "math", "yaml", "json", "toml")
+"""Languages of blocks in which nothing can run: each is read, where it has a form."""
+
+pages = pytest.mark.parametrize("page", PAGES, ids=NAMES)
+
+
+class Parsed(BaseException):
+    """The arguments of a verb were read, and nothing else was done."""
+
+
+@contextmanager
+def only_parsed(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Let every verb end when its arguments are read."""
+    real = tyro.cli
+
+    def read(*arguments: Any, **options: Any) -> Any:
+        real(*arguments, **options)
+        raise Parsed
+
+    with monkeypatch.context() as patch:
+        patch.setattr(tyro, "cli", read)
+        yield
+
+
+def _where(block: Block) -> str:
+    """Return where a block is, for messages."""
+    return f"{block.page}:{block.line}"
+
+
+def _read(words: list[str], where: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
+    """Fail where the parser of a verb does not know what a command says."""
+    assert words[1] in VERBS, f"{where}: there is no verb {words[1]!r}"
+    with only_parsed(monkeypatch):
+        try:
+            status = main(words[1:])
+        except Parsed:
+            return
+        except SystemExit as error:
+            status = error.code
+    said = capsys.readouterr()
+    assert status == 0, f"{where}: {' '.join(words)}\n{said.err or said.out}"
+
+
+@pages
+def test_the_flags_of_every_command_exist(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """A flag that is misspelt, or was renamed since, ends in a usage error for the stranger who copies it."""
+    monkeypatch.chdir(tmp_path)
+    seen = set()
+    for block in blocks_of(page):
+        for words in block.commands if block.language == "console" else ():
+            if words[0] == "stiction" and len(words) > 1 and tuple(words) not in seen:
+                seen.add(tuple(words))
+                _read(words, _where(block), monkeypatch, capsys)
+            if words[0] == "make":
+                rule = rf"^{re.escape(words[1])}:" if len(words) > 1 else "^help:"
+                assert re.search(rule, (CHECKOUT / "Makefile").read_text(), re.MULTILINE), f"{_where(block)}: {words}"
+
+
+@pages
+def test_every_block_says_how_it_is_tested(page: Path) -> None:
+    """A block that nobody runs, and that does not say why, goes stale without a word."""
+    for block in blocks_of(page):
+        assert block.language in (*SHOWN, "console", "python"), f"{_where(block)}: no language {block.language!r}"
+        assert block.how == "run" or len(block.reason) > 5, f"{_where(block)}: say why it does not run"
+        foreign = (
+            [words[0] for words in block.commands if words[0] != "stiction"] if block.language == "console" else []
+        )
+        assert block.how == "skip" or not foreign, f"{_where(block)}: {foreign} cannot run in a test; say why"
+        if block.language == "yaml":
+            yaml.safe_load(block.text)
+        elif block.language == "json":
+            json.loads(block.text)
+        elif block.language == "math":
+            TextPath((0, 0), f"${block.text.strip()}$", size=10).get_extents()
+
+
+@pages
+def test_every_block_that_can_run_does(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """In the order of the page, in an empty folder, as somebody does who follows it."""
+    running = [block for block in blocks_of(page) if block.how == "run" and block.language in ("console", "python")]
+    if not running:
+        pytest.skip(f"{page.name} has no block that runs")
+    if any(words[1] in ("train", "export") for block in running for words in block.commands if len(words) > 1):
+        pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to train")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    for name in files_of(page):
+        MADE[name](tmp_path / name)
+    names: dict[str, Any] = {"__name__": "__page__"}
+    for block in running:
+        if block.language == "python":
+            exec(compile(block.text, _where(block), "exec"), names)
+            continue
+        for words in block.commands:
+            shorter = block.reduced(words)
+            assert main(shorter[1:]) == 0, f"{_where(block)}: {' '.join(shorter)}\n{capsys.readouterr().err}"
