@@ -31,7 +31,7 @@ export STICTION_DATA := $(abspath ../shared/data)
 endif
 endif
 
-.PHONY: help demo test check format bench lock sbom clean
+.PHONY: help demo test check format bench docs dist lock sbom clean
 
 help:
 	@echo "make demo    run the whole line on small real input; prints where the report is (ARGS=\"--train\" trains its own)"
@@ -39,6 +39,8 @@ help:
 	@echo "make check   lint, formatting, types and the walls of the house"
 	@echo "make bench   measure the throughput ratios on this machine"
 	@echo "make format  format the code"
+	@echo "make docs    build the documentation as a site, build/site"
+	@echo "make dist    build wheel and source distribution into dist, and try the wheel in a clean environment"
 	@echo "make lock    write requirements.lock from what .venv holds, with hashes"
 	@echo "make sbom    write sbom.cdx.json, the bill of materials of requirements.lock"
 	@echo "make clean   remove .venv and caches"
@@ -62,6 +64,14 @@ bench: $(READY)
 format: $(READY)
 	$(BIN)/ruff check --fix src tests scripts
 	$(BIN)/ruff format src tests scripts
+
+# What the lock does not have comes as pyproject.toml's bounds say.
+docs: $(READY)
+	@$(BIN)/python -c "import mkdocs, material, mkdocstrings" 2>/dev/null || $(PIP) install -e ".[docs]"
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict
+
+dist: $(READY)
+	$(BIN)/python scripts/dist.py dist
 
 # A build of torch for one kind of machine is named like 2.13.0+cpu; the lock holds for all, but for packages that some
 # machines have no wheel of, as in pyproject.toml. Not `pip freeze`, which names the file that torch came from. The

@@ -84,11 +84,11 @@ def test_without_opengl_the_demo_says_so_once_and_goes_on(
     assert "commanded vx=0.5, reached" in (tmp_path / "demo" / "report.html").read_text()
 
 
-def test_the_record_is_identified_as_the_readme_says() -> None:
-    """A reader who runs the README's command finds what the demo shows."""
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    start = readme.index("stiction identify DATA_EMPS.mat")
-    command = shlex.split(readme[start : readme.index("```", start)].replace("\\\n", ""))
+def test_the_record_is_identified_as_the_documentation_says() -> None:
+    """A reader who runs the command of the page finds what the demo shows."""
+    page = (Path(__file__).parents[2] / "docs/identification.md").read_text()
+    start = page.index("stiction identify DATA_EMPS.mat")
+    command = shlex.split(page[start : page.index("```", start)].replace("\\\n", ""))
     assert command == ["stiction", "identify", "DATA_EMPS.mat", *demo.EMPS_OPTIONS, "--out", "emps"]
 
 

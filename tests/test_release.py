@@ -1,0 +1,106 @@
+"""What is released: distributions that hold everything, a workflow that trusts no tag, a site that needs no net."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import subprocess
+import sys
+import tarfile
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+import yaml
+
+CHECKOUT = Path(__file__).parents[1]
+
+
+def script(name: str):
+    """Return a module of scripts/, which is no package."""
+    spec = importlib.util.spec_from_file_location(f"script_{name}", CHECKOUT / "scripts" / f"{name}.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.slow
+def test_wheel_and_source_distribution_hold_the_same(tmp_path: Path) -> None:
+    """Somebody who builds from the source distribution would lack policies, templates or the licence."""
+    wheel, sdist = script("dist").distributions(CHECKOUT, tmp_path)
+    packed = script("dist").contents(wheel)
+    shipped = {path.name for path in (CHECKOUT / "src/stiction/policies").iterdir() if path.is_dir()}
+    assert {name.split("/")[2] for name in packed if name.startswith("stiction/policies/")} == shipped
+    assert any(name.endswith("licenses/LICENSE") for name in packed)
+    with tarfile.open(sdist) as file:
+        names = {name.partition("/")[2] for name in file.getnames()}
+    assert {"README.md", "LICENSE", "pyproject.toml"} <= names and not any(name.startswith("tests/") for name in names)
+
+
+def test_the_workflow_pins_what_it_runs_and_asks_for_little() -> None:
+    """A tag of somebody else's action can be moved; a token that is not needed can be stolen."""
+    flow = yaml.safe_load((CHECKOUT / ".github/workflows/release.yml").read_text())
+    steps = [step for job in flow["jobs"].values() for step in job["steps"]]
+    used = [step["uses"] for step in steps if "uses" in step]
+    assert used and all(re.fullmatch(r"[\w./-]+@[0-9a-f]{40}", name) for name in used), used
+    assert flow["permissions"] == {} and flow["jobs"]["publish"]["permissions"] == {"id-token": "write"}
+    assert flow["jobs"]["publish"]["needs"] == "build" and "password" not in str(flow)
+    rules = re.findall(r"^([a-z]+):", (CHECKOUT / "Makefile").read_text(), re.MULTILINE)
+    asked = [word for step in steps for line in re.findall(r"make (.*)", step.get("run", "")) for word in line.split()]
+    assert set(asked) == {"check", "test", "docs", "dist"} <= set(rules)
+
+
+def test_the_image_is_made_of_files_that_there_are() -> None:
+    """A build would end at the first line that copies nothing."""
+    lines = (CHECKOUT / "Dockerfile").read_text().splitlines()
+    copied = [word for line in lines if line.startswith("COPY ") for word in line.split()[1:-1] if "--from" not in line]
+    admitted = {line[1:] for line in (CHECKOUT / ".dockerignore").read_text().splitlines() if line.startswith("!")}
+    assert copied and set(copied) <= admitted and all((CHECKOUT / name).exists() for name in copied)
+
+
+class Loaded(HTMLParser):
+    """What a page makes a browser load."""
+
+    def __init__(self) -> None:
+        """Begin with nothing."""
+        super().__init__()
+        self.found: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Keep addresses of what is shown or run, not of what is only linked to."""
+        said = dict(attrs)
+        if tag in ("script", "img", "iframe", "source", "video", "audio"):
+            self.found += [said["src"] or ""] if "src" in said else []
+        elif tag == "link" and said.get("rel") not in ("canonical", "next", "prev"):
+            self.found += [said["href"] or ""] if "href" in said else []
+
+
+@pytest.mark.slow
+def test_the_site_builds_and_loads_nothing_from_the_net(tmp_path: Path) -> None:
+    """A link that leads nowhere, or a page that tells somebody else who reads it."""
+    for package in ("mkdocs", "material", "mkdocstrings"):
+        pytest.importorskip(package, reason=f"{package}, of the extra 'docs', is needed to build the site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(tmp_path / "site")]
+    done = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    pages = sorted((tmp_path / "site").rglob("index.html"))
+    assert {"tutorial", "theory", "symptoms", "api", "results"} <= {page.parent.name for page in pages}
+    for page in pages:
+        reader = Loaded()
+        reader.feed(page.read_text(encoding="utf-8"))
+        assert not [name for name in reader.found if "//" in name], page
+    styles = "".join(path.read_text(encoding="utf-8") for path in (tmp_path / "site").rglob("*.css"))
+    assert not re.search(r"@import|url\(['\"]?(https?:)?//", styles)
+
+
+def test_formulas_are_drawn_and_links_to_folders_are_text(tmp_path: Path) -> None:
+    """Else the site would show TeX, or links that lead nowhere."""
+    site = script("site")
+    drawn = site.formula(r"f = f_c\, /\, k_p")
+    assert drawn.startswith('<p class="formula"><svg') and 'd="M' in drawn and "currentColor" in drawn
+    first, second = tmp_path / "a.md", tmp_path / "b.png"
+    first.write_text("![x](b.png) [y](gone.md)\n```text\n[z](c.txt)\n```\n")
+    second.write_bytes(b"")
+    site.ROOT = tmp_path
+    assert site.site_files([first]) == [first, second]
