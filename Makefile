@@ -1,7 +1,7 @@
 # Set-up and the commands that everybody needs; `make` lists them. Everything runs in .venv, made on first use.
 
 PYTHON ?= python3
-# For pip when it installs torch, e.g. an index of CPU builds (see README.md).
+# For pip when it installs torch, e.g. an index of CPU builds (see docs/install.md).
 TORCH_FLAGS ?=
 # Passed on to the command, e.g. make test ARGS="-k verify" or make demo ARGS="--train".
 ARGS ?=
