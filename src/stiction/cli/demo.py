@@ -39,9 +39,9 @@ EMPS_OPTIONS = (
     *("--kp", "1370750", "--kd", "8557.5", "--velocity-delay", "0.001", "--axis", "linear", "--joint", "drive"),
     *("--torque-source", "motor_side", "--test-condition", "loaded"),
 )
-"""Columns, gains and set-up of the record, as in docs/identification.md. Its command is in volts, 35.15 N each. Its loop
-is a position gain of 160.18/s around a speed gain of 243.45 V s/m: a PD controller with kd = 243.45 * 35.15 N s/m and
-kp = 160.18/s * kd, whose speed is one sample late."""
+"""Columns, gains and set-up of the record, as in docs/identification.md. Its command is in volts, 35.15 N each. Its
+loop is a position gain of 160.18/s around a speed gain of 243.45 V s/m: a PD controller with kd = 243.45 * 35.15 N s/m
+and kp = 160.18/s * kd, whose speed is one sample late."""
 
 
 @dataclass(frozen=True)
