@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +19,7 @@ from matplotlib.textpath import TextPath
 
 from code_blocks import MADE, Block, blocks_of, files_of
 from stiction.cli.main import VERBS, main
+from stiction.joints.friction import LAWS
 
 CHECKOUT = Path(__file__).parents[1]
 PAGES = [
@@ -32,6 +32,15 @@ SHOWN = ("", "text", "csv", "math", "yaml", "json", "toml")
 """Languages of blocks in which nothing can run: each is read, where it has a form."""
 
 pages = pytest.mark.parametrize("page", PAGES, ids=NAMES)
+
+
+@pytest.fixture
+def laws() -> Iterator[None]:
+    """A law that a page registers is gone for the next test."""
+    before = dict(LAWS)
+    yield
+    LAWS.clear()
+    LAWS.update(before)
 
 
 class Parsed(BaseException):
@@ -107,6 +116,7 @@ def test_every_block_says_how_it_is_tested(page: Path) -> None:
 
 
 @pages
+@pytest.mark.usefixtures("laws")
 def test_every_block_that_can_run_does(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 ) -> None:
@@ -117,7 +127,6 @@ def test_every_block_that_can_run_does(
     if any(words[1] in ("train", "export") for block in running for words in block.commands if len(words) > 1):
         pytest.importorskip("torch", reason="the package torch, of the extra 'train', is needed to train")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", [*sys.path])
     for name in files_of(page):
         MADE[name](tmp_path / name)
     names: dict[str, Any] = {"__name__": "__page__"}
