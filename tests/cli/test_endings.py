@@ -30,7 +30,7 @@ POLICY = "saturn_lite-flat-deception-0.2"
         (MemoryError(), "there is not enough memory"),
         (
             ModuleNotFoundError("No module named 'torch'", name="torch"),
-            "comes with the extra 'train': install it with: pip install",
+            "needs the extra 'train'; install it with: pip install",
         ),
         (ModuleNotFoundError("No module named 'x'", name="x"), "unforeseen ModuleNotFoundError"),
     ],
