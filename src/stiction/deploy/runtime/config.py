@@ -51,12 +51,33 @@ class SafetyCfg:
     stay below 4."""
     flailing_seconds: float = 0.3
     """[s]."""
+    lost: float = 10.0
+    """Most messages of a motor that the robot's own bus may lose within 0.1 s, of some 50; not judged where a robot
+    does not count them."""
+    motor_fault: bool = True
+    """Whether a motor that says that something is wrong with it stops the robot."""
 
     def __post_init__(self) -> None:
         """Refuse limits that are none."""
         for name, value in vars(self).items():
-            if not 0 < value < 1e4:
+            if not isinstance(value, bool) and not 0 < value < 1e4:
                 raise ConfigurationError(f"safety {name} of {value}: expected a positive number")
+
+
+@dataclass(frozen=True)
+class HeldCfg:
+    """Gains with which joints are held that the robot has and the policy does not move."""
+
+    kp: float | None = None
+    """[N m/rad]; needed where there are such joints."""
+    kd: float | None = None
+    """[N m s/rad]; needed where there are such joints, and what damps them after a stop."""
+
+    def __post_init__(self) -> None:
+        """Refuse gains that are none."""
+        for value in (self.kp, self.kd):
+            if value is not None and not 0 <= value <= 1000:
+                raise ConfigurationError(f"a gain of {value} for held joints: expected 0 to 1000")
 
 
 @dataclass(frozen=True)

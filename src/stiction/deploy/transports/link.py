@@ -34,6 +34,10 @@ class RobotState:
     """Motor current times the data sheet's torque constant, at the joint [N m], shape (J,)."""
     temperature: np.ndarray
     """Of the motors [°C], shape (J,)."""
+    lost: np.ndarray
+    """Messages of each motor that did not reach the robot's own computer, counted up since it started, shape (J,)."""
+    motor_fault: np.ndarray
+    """What each motor says is wrong with it, the maker's code; 0: nothing, shape (J,)."""
     foot_contact: np.ndarray
     """1 where a foot bears load, 0 where it does not, shape (L,)."""
     battery: float
@@ -76,7 +80,7 @@ class Link(Protocol):
 def state_layout(joints: int, feet: int) -> Layout:
     """Return the message of a `RobotState`."""
     sizes = {"quaternion": 4, "angular_velocity": 3, "acceleration": 3, "joint_position": joints}
-    sizes |= dict.fromkeys(("joint_velocity", "joint_torque", "temperature"), joints)
+    sizes |= dict.fromkeys(("joint_velocity", "joint_torque", "temperature", "lost", "motor_fault"), joints)
     sizes |= {"foot_contact": feet, "battery": 1}
     return Layout(STATE, sizes | dict.fromkeys(("kp", "kd", "torque_limit"), joints) | {"command": 1})
 
