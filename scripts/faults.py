@@ -21,7 +21,8 @@ import numpy as np
 
 from stiction.core.isolation import isolated_environment, python_module
 from stiction.core.provenance import git_revision
-from stiction.virtual.faults import FAULTS, OF_ROBOT, POLICY
+from stiction.deploy.runtime.ticker import QUIET
+from stiction.virtual.faults import FAULTS, OF_MACHINE, OF_ROBOT, POLICY
 
 BUNDLE = "saturn_lite-flat-deception-0.2"
 
@@ -31,9 +32,6 @@ OTHERS = ("policy-kill", "policy-stop", "sigterm", "sigint", "stop-file", "secon
 COLUMNS = ("fault", "trial", "rule", "joint", "status", "detected_ms", "bus_ms", "good_ms", "fault_ms", "probe_ms")
 """From the fault to its detection; from there to the bus; from the last good state, and from the fault, to the bus;
 p99 of an idle loop's lateness."""
-
-QUIET = 0.5
-"""p99 of an idle loop up to which times are judged [ms]."""
 
 
 def trial(fault: str, number: int, folder: Path) -> dict[str, object]:

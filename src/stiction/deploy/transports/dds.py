@@ -10,6 +10,7 @@ import socket
 import threading
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
 from types import new_class
 from typing import Any, Protocol
 from xml.sax.saxutils import quoteattr
@@ -176,6 +177,7 @@ def _cyclone() -> _Cyclone:
     return _Cyclone(core, domain, idl, pub, qos, sub, topic)
 
 
+@cache
 def message_type(structure: Structure) -> type:
     """Return the type of a message as Cyclone DDS has it: an object with the maker's fields, slow to write and read.
 
@@ -186,15 +188,10 @@ def message_type(structure: Structure) -> type:
     return _idl_type(structure, structure.name, structure.dtype)
 
 
-_types: dict[str, type] = {}
-
-
+@cache
 def wire_type(structure: Structure) -> type:
-    """Return the type of a message for Cyclone DDS, whose objects hold the message's bytes, `data`, and nothing else."""
-    if structure.kind not in _types:
-        made = _idl_type(structure, structure.name, structure.dtype, raw=True)
-        _types[structure.kind] = made
-    return _types[structure.kind]
+    """Return the same type, whose objects hold the message's bytes, `data`, and nothing else."""
+    return _idl_type(structure, structure.name, structure.dtype, raw=True)
 
 
 def _idl_type(structure: Structure, name: str, layout: np.dtype, raw: bool = False) -> type:

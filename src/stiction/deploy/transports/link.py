@@ -64,6 +64,11 @@ class Link(Protocol):
     lock_name: str
     """What one writer at a time may hold: the robot's address, as a name for a file."""
 
+    malformed: int
+    """Messages that were no whole state."""
+    complaint: str
+    """What was wrong with the last of them; empty: there was none."""
+
     def fileno(self) -> int:
         """Return the file that is readable when a state has come."""
 
