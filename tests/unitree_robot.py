@@ -66,7 +66,9 @@ def image(layout: np.dtype, sample: Any) -> np.ndarray:
                 record[name][place] = image(part.subdtype[0], one)
         else:
             octets = part.base.itemsize == 1 and not part.names
-            plain = np.array(list(value) if isinstance(value, bytes) else value, "u1").view(part.base) if octets else value
+            plain = (
+                np.array(list(value) if isinstance(value, bytes) else value, "u1").view(part.base) if octets else value
+            )
             record[name] = image(part, value) if part.names else plain
     return record
 
@@ -100,7 +102,9 @@ def main(family: str, domain: str, mode: str) -> None:
                     "stiff": bool(motors["kp"].any()),
                     "damped": bool(motors["kd"].all()),
                     "on": bool((motors["mode"] == 1).all()),
-                    "others": float(sum(np.abs(last["motor_cmd"][len(pose) :][f]).sum() for f in ("mode", "kp", "kd", "tau"))),
+                    "others": float(
+                        sum(np.abs(last["motor_cmd"][len(pose) :][f]).sum() for f in ("mode", "kp", "kd", "tau"))
+                    ),
                     "mode_machine": int(last["mode_machine"]) if family == "unitree_hg" else None,
                     "q": motors["q"].tolist(),
                     "crc": bool(last["crc"] == bitwise_crc(last.tobytes())) if len(heard) % 20 == 0 else True,

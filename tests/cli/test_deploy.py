@@ -80,7 +80,18 @@ def test_a_fault_ends_in_one_line_and_status_1(tmp_path: Path, fault: str, said:
 )
 def test_whoever_falls_silent_elsewhere_ends_the_run(tmp_path: Path, fault: str, rule: str, least: float) -> None:
     """A fault that is accepted and does nothing is called safe: the run went on without anybody."""
-    words = ["deploy", POLICY, "--armed", "--json", "--fault", f"{fault}@0.5", "--command", "vx=0.2", "--duration", "60"]
+    words = [
+        "deploy",
+        POLICY,
+        "--armed",
+        "--json",
+        "--fault",
+        f"{fault}@0.5",
+        "--command",
+        "vx=0.2",
+        "--duration",
+        "60",
+    ]
     words += ["--out", str(tmp_path / "run"), "--keep-minutes", "0"]
     done = subprocess.run(stiction(*words, *PATIENT[:4], *ON_STAND), capture_output=True, text=True, check=False)
     assert done.returncode == 1, done.stderr

@@ -18,10 +18,7 @@ from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.pilot import JointCommand
 from stiction.deploy.transports.ros2 import IMU_TOPIC, STATE_TOPIC, Ros2Link, ros2_link
 from stiction.deploy.transports.ros_messages import (
-    COMMAND,
-    IMU,
     JOINT_STATE,
-    command_message,
     joint_vectors,
     read_command,
 )

@@ -126,7 +126,9 @@ while time.time() < until:
 @pytest.mark.parametrize(("family", "state", "command"), [("go", GO_STATE, GO_COMMAND), ("hg", HG_STATE, HG_COMMAND)])
 def test_the_maker_s_library_understands_us(family: str, state: Structure, command: Structure) -> None:
     """Its checksum, types and places, in C++, are not ours: it says so by ignoring what we send."""
-    pytest.importorskip("unitree_interface", reason="far-unitree-sdk, with which messages are compared, is not installed")
+    pytest.importorskip(
+        "unitree_interface", reason="far-unitree-sdk, with which messages are compared, is not installed"
+    )
     words = [sys.executable, "-c", FAR, family, domain_settings("lo")]
     bus = DdsBus("lo", state, command)  # Its domain cannot be chosen: 0, as robots have it.
     process = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

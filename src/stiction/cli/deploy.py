@@ -192,7 +192,9 @@ def _on_virtual_robot(
     with virtual_robot(folder, virtual) as robot, ExitStack() as stack:
         injected = None
         if faults:
-            injected = stack.enter_context(Faults(faults, robot.address, operator, bundle.contract.num_joints, velocity))
+            injected = stack.enter_context(
+                Faults(faults, robot.address, operator, bundle.contract.num_joints, velocity)
+            )
         report = run(bundle, folder, robot.link, run_cfg, velocity, motion, injected, say)
         return report | {
             "faults": {} if injected is None else injected.times,

@@ -43,8 +43,8 @@ class LoopCfg:
 
 
 WAITS = ("--silence", "2", "--stale", "0.5")
-"""How long the supervisor waits for policy and robot [s]: longer than on a robot of metal, since nothing falls on anybody
-here, and a demo runs on machines that do other work."""
+"""How long the supervisor waits for policy and robot [s]: longer than on a robot of metal, since here nothing
+falls on anybody, and a demo runs on machines that do other work."""
 
 TIMING = ("stale state", "policy silent", "not ready")
 """Rules that end a run on a virtual robot only where the machine is late."""
@@ -164,11 +164,16 @@ def _deploy(cfg: LoopCfg, out: Path, *words: object) -> None:
         late = lateness(_report(out))
         if status == 0:
             if late:
-                print(f"the machine was busy meanwhile ({late}): what is found may be wider than it could be", file=sys.stderr)
+                print(
+                    f"the machine was busy meanwhile ({late}): what is found may be wider than it could be",
+                    file=sys.stderr,
+                )
             return
         if not late:
             raise _failure(said, status)
-        print(f"the machine was too busy for a robot in real time: {late}; try {number} of {cfg.tries}", file=sys.stderr)
+        print(
+            f"the machine was too busy for a robot in real time: {late}; try {number} of {cfg.tries}", file=sys.stderr
+        )
         if number < cfg.tries:
             out.rename(out.with_name(f"{out.name}-late{number}"))
     raise StictionError(
@@ -206,13 +211,13 @@ def _failure(words: Sequence[object], status: int) -> StictionError:
     return StictionError(f"`stiction {said}` ended with status {status}; its own line above says why")
 
 
-def _status(verb: str, *words: object) -> int:
+def _status(*words: object) -> int:
     """Run one verb in this process and return its status; what it prints goes to standard error."""
     from contextlib import redirect_stdout
 
     from stiction.cli.main import main
 
-    said = [verb, *map(str, words)]
+    said = [*map(str, words)]
     print(f"$ stiction {' '.join(said)}", file=sys.stderr)
     with redirect_stdout(sys.stderr):
         return main(said) or 0

@@ -55,7 +55,7 @@ def into_frames(quaternion: np.ndarray, vector: np.ndarray) -> np.ndarray:
 
 
 def up_axis(w: Entry, x: Entry, y: Entry, z: Entry) -> tuple[Entry, Entry, Entry]:
-    """Return the world's upward direction in a frame, of the entries of its quaternion: numbers, or arrays of a shape."""
+    """Return the world's upward direction in a frame, of its quaternion's entries: numbers, or arrays of one shape."""
     return 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
 
 

@@ -1,10 +1,10 @@
 """Unitree's low-level messages, field by field: `unitree_go` is that of Go2 and B2, `unitree_hg` that of G1 and H1-2.
 
-Names and order are the maker's. A message has two forms. In memory it is a C structure: a number stands at a multiple of
-its own size, a structure at a multiple of its widest number's; over that form goes the checksum. On the wire (plain CDR)
-only numbers are aligned, from the message's start, so that the two differ wherever a structure begins with a byte.
+Names and order are the maker's. A message has two forms. In memory it is a C structure: a number stands at a multiple
+of its own size, a structure at a multiple of its widest number's; over that form goes the checksum. On the wire (plain
+CDR) only numbers are aligned, from the message's start, so the two differ wherever a structure begins with a byte.
 
-A message is an array of one record: `message["motor_cmd"]["q"][3] = 0.1`. A field that there is not raises `ValueError`.
+A message is an array of one record: `message["motor_cmd"]["q"][3] = 0.1`. A field that is none raises `ValueError`.
 """
 
 from __future__ import annotations
@@ -35,8 +35,10 @@ class Structure:
     """One kind of message."""
 
     def __init__(self, family: str, name: str, parts: dict[str, str], layout: np.dtype) -> None:
-        """`family`: `unitree_go` or `unitree_hg`; name: of the message; parts: field -> the maker's name of its type,
-        of fields that are structures; layout: in memory."""
+        """Take a message of a family, `unitree_go` or `unitree_hg`.
+
+        parts: field -> the maker's name of its type, of fields that are structures; layout: in memory.
+        """
         self.kind = f"{family}/msg/{name}"
         """Its name in ROS 2: `unitree_go/msg/LowCmd`."""
         self.family, self.name, self.parts, self.dtype = family, name, parts, layout
@@ -64,8 +66,10 @@ class Structure:
         return np.zeros((), self.dtype)
 
     def checksum(self, message: np.ndarray) -> int:
-        """Return what belongs into a message's `crc`: CRC-32/MPEG-2 over its words in memory, highest byte first, but
-        the last, which is the checksum itself."""
+        """Return what belongs into a message's `crc`.
+
+        CRC-32/MPEG-2 over its words in memory, highest byte first, but the last, which is the checksum itself.
+        """
         return crc32_mpeg2(np.frombuffer(message.tobytes(), "<u4")[:-1].byteswap().tobytes())
 
     def to_wire(self, message: np.ndarray) -> bytes:
@@ -88,7 +92,9 @@ class Structure:
         given = np.frombuffer(data, np.uint8, min(len(data) - 4, self.wire_bytes), 4)
         body[: len(given)] = given
         native = (data[1] == 1) == (sys.byteorder == "little")
-        return np.frombuffer(body[self._wire].tobytes(), self.dtype if native else self.dtype.newbyteorder()).reshape(())
+        return np.frombuffer(body[self._wire].tobytes(), self.dtype if native else self.dtype.newbyteorder()).reshape(
+            ()
+        )
 
     def wire_end(self, name: str) -> int:
         """Return where a field ends on the wire, from the message's start [B]."""
@@ -131,7 +137,8 @@ GO_COMMAND = Structure(
     "LowCmd",
     {"motor_cmd": "MotorCmd", "bms_cmd": "BmsCmd"},
     _layout(
-        _GO_HEAD + " motor_cmd:motor*20 bms_cmd:battery wireless_remote:u1*40 led:u1*12 fan:u1*2 gpio:u1 reserve:u4 crc:u4",
+        _GO_HEAD
+        + " motor_cmd:motor*20 bms_cmd:battery wireless_remote:u1*40 led:u1*12 fan:u1*2 gpio:u1 reserve:u4 crc:u4",
         motor=_layout(_ASKED + " reserve:u4*3"),
         battery=_layout("off:u1 reserve:u1*3"),
     ),
@@ -157,9 +164,7 @@ HG_COMMAND = Structure(
     "unitree_hg",
     "LowCmd",
     {"motor_cmd": "MotorCmd"},
-    _layout(
-        "mode_pr:u1 mode_machine:u1 motor_cmd:motor*35 reserve:u4*4 crc:u4", motor=_layout(_ASKED + " reserve:u4")
-    ),
+    _layout("mode_pr:u1 mode_machine:u1 motor_cmd:motor*35 reserve:u4*4 crc:u4", motor=_layout(_ASKED + " reserve:u4")),
 )
 
 HG_STATE = Structure(

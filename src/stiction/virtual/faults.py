@@ -128,7 +128,7 @@ def _free_address() -> str:
 
 
 class SecondMachine:
-    """Says that it is there, or what velocity is wanted, until it falls silent: what a run listens to from elsewhere."""
+    """Says that it is there, or what velocity is wanted, until it falls silent: what a run hears from elsewhere."""
 
     def __init__(self, address: str, words: bytes) -> None:
         """Begin to send words to HOST:PORT."""
@@ -158,8 +158,11 @@ class Faults(Injected):
     def __init__(
         self, faults: Sequence[Fault], robot: tuple[str, int], operator: OperatorCfg, joints: int, velocity: np.ndarray
     ) -> None:
-        """robot: address of the virtual robot; operator: see `operated`; joints: how many the robot has; velocity: that
-        is commanded from elsewhere where a fault ends that: forward, sideways [m/s], turn [rad/s], shape (3,)."""
+        """Take what is to happen, to a virtual robot at an address of a port on this machine.
+
+        operator: see `operated`; joints: how many the robot has; velocity: commanded from elsewhere where a fault ends
+        that: forward, sideways [m/s], turn [rad/s], shape (3,).
+        """
         self._waiting = sorted(faults, key=lambda fault: fault.second)
         self._robot, self._stop_file, self._joints = robot, operator.stop_file, joints
         said = json.dumps(dict(zip(AXES, map(float, velocity), strict=True))).encode()

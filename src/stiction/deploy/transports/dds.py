@@ -1,4 +1,4 @@
-"""Unitree's two topics over DDS, as bytes: `rt/lowstate` comes, `rt/lowcmd` goes. Needs `pip install "stiction[unitree]"`.
+"""Unitree's two topics over DDS, as bytes: `rt/lowstate` comes, `rt/lowcmd` goes. Needs the extra `unitree`.
 
 Cyclone DDS does discovery and transport; what is in a message, `formats.unitree` knows. Its own way of turning messages
 into Python objects takes 1.2 ms for a state of 35 motors, of which 500 come a second; so bytes go through as they are.
@@ -69,7 +69,9 @@ def domain_settings(interface: str) -> str:
     alone = ""
     if interface == LOOPBACK_INTERFACE:
         general += "<AllowMulticast>false</AllowMulticast>"
-        alone = '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery>'
+        alone = (
+            '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery>'
+        )
     return f'<CycloneDDS><Domain Id="any"><General>{general}</General>{alone}</Domain></CycloneDDS>'
 
 
@@ -182,8 +184,8 @@ def message_type(structure: Structure) -> type:
     """Return the type of a message as Cyclone DDS has it: an object with the maker's fields, slow to write and read.
 
     8-bit numbers are `octet` here, signed or not, as in the maker's definitions. Cyclone tells types apart by a hash of
-    their definition; a robot with an older Cyclone that is told another hash asks for the definition, and version 0.10.2
-    does not survive the answer of version 11.
+    their definition; one that is told another hash asks for the definition, and version 0.10.2, which robots have, does
+    not survive the answer of version 11.
     """
     return _idl_type(structure, structure.name, structure.dtype)
 
@@ -208,7 +210,7 @@ def _idl_type(structure: Structure, name: str, layout: np.dtype, raw: bool = Fal
             hint = _idl_type(structure, structure.parts[field], single)
         else:
             hint = numbers[single.str[1:]]
-        hints[field] = types.array[hint, shape[0]] if shape else hint
+        hints[field] = types.array[hint, shape[0]] if shape else hint  # type: ignore[misc]
     body: dict[str, Any] = {"__annotations__": hints} | (_RAW if raw else {})
     typename = f"{structure.family}.msg.dds_.{name}_"
     made = new_class(f"{name}_", (IdlStruct,), {"typename": typename}, lambda space: space.update(body))

@@ -108,7 +108,9 @@ def read_command(message: Mapping[str, Any], joints: Sequence[str]) -> JointComm
     rows, columns = (dim["label"] for dim in message["layout"]["dim"])
     data = np.asarray(message["data"], dtype=np.float64)
     if tuple(rows.split()) != ROWS or sorted(columns.split()) != sorted(joints):
-        raise ValueError(f"rows {rows[:60]!r} of joints {columns[:60]!r}; expected {' '.join(ROWS)!r} of {list(joints)}")
+        raise ValueError(
+            f"rows {rows[:60]!r} of joints {columns[:60]!r}; expected {' '.join(ROWS)!r} of {list(joints)}"
+        )
     if data.shape != (len(ROWS) * len(joints),) or not np.isfinite(data).all():
         raise ValueError(f"{data.size} values; expected {len(ROWS) * len(joints)} finite ones")
     order = [columns.split().index(name) for name in joints]

@@ -1,6 +1,6 @@
 """A Unitree robot behind `rt/lowstate` and `rt/lowcmd`: `unitree-go` is Go2 and B2, `unitree-hg` is G1 and H1-2.
 
-What is ours, joint by joint, becomes the maker's by the order, signs and zeros in the contract (`deploy.vendor`). Motors
+What is ours, joint by joint, becomes the maker's by order, signs and zeros in the contract (`deploy.vendor`). Motors
 that nobody drives are off. Joints that the robot has and the policy does not move are held: from where they were found
 they go to their angles slowly, and they are damped when the others are.
 
@@ -92,7 +92,9 @@ class Protocol:
         if structure.checksum(message) != message["crc"]:
             raise ValueError("its checksum is that of other numbers")
         if structure is HG_STATE and message["mode_pr"] != PITCH_ROLL:
-            raise ValueError(f"mode_pr is {message['mode_pr']}: its angles are of the motors A and B, not of pitch and roll")
+            raise ValueError(
+                f"mode_pr is {message['mode_pr']}: its angles are of the motors A and B, not of pitch and roll"
+            )
         return message
 
     def measured(self, message: np.ndarray) -> np.ndarray:
@@ -137,8 +139,8 @@ class Protocol:
     def message(self, command: JointCommand, held: np.ndarray, mode_machine: int) -> np.ndarray:
         """Return the message of a command.
 
-        held: angles of held joints, in the maker's numbers [rad], shape (M,); mode_machine: what hg says it is, and wants
-        to hear again.
+        held: angles of held joints, in the maker's numbers [rad], shape (M,); mode_machine: what hg says it is, and
+        wants to hear again.
         """
         structure, maker = self.family.command, self._maker
         message = structure.blank()
@@ -205,8 +207,10 @@ class UnitreeLink:
         return self._number
 
     def _hold(self, newest: np.ndarray, stiff: bool) -> np.ndarray:
-        """Return where held joints are asked to be, in the maker's numbers [rad], shape (M,): on the way to their angles
-        while the others are stiff, and where they are while these are damped."""
+        """Return where held joints are asked to be, in the maker's numbers [rad], shape (M,).
+
+        They are on the way to their angles while the others are stiff, and where they are while these are damped.
+        """
         elapsed, self._held_at = self._time - self._held_at, self._time
         if not stiff or self._held is None:
             self._held = self._protocol.measured(newest)

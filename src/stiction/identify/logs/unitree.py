@@ -34,6 +34,6 @@ def decode_body(kind: str, data: bytes) -> dict[str, list[float]]:
     structure = STRUCTURES[kind]
     message = structure.from_wire(data, whole_to="imu_state")
     found = {name: message["imu_state"][name].tolist() for name in BODY}
-    if "foot_force" in structure.dtype.names and len(data) - 4 >= structure.wire_end("foot_force"):
+    if "foot_force" in (structure.dtype.names or ()) and len(data) - 4 >= structure.wire_end("foot_force"):
         found["foot_force"] = message["foot_force"].tolist()
     return found
