@@ -3,9 +3,9 @@
     python scripts/faults.py --trials 50 --out results/deploy
 
 One line a trial in `faults.csv`, with which it goes on where it was, killed or not; `faults.md` is the table. Times are
-taken by the robot's own process: when it said something true last, and when the first damping frame came. Each trial is a
-run of its own, with its own standing up. Run it on an idle machine: what an idle loop is late by stands beside every trial.
-A run that ended before its fault came, as on a busy machine, is kept, counted apart, and made again.
+taken by the robot's own process: when it said something true last, and when the first damping frame came. Each trial is
+a run of its own, with its own standing up. Run it on an idle machine: how late an idle loop is stands beside every
+trial. A run that ended before its fault came, as on a busy machine, is kept, counted apart, and made again.
 """
 
 from __future__ import annotations

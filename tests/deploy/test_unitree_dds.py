@@ -1,4 +1,4 @@
-"""Unitree's topics over DDS on loopback: the maker's types, a robot in a process of its own, the maker's own library."""
+"""Unitree's topics over DDS on loopback: the maker's types, a robot in a process of its own, the maker's library."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ IDENTITIES = {
     HG_COMMAND.kind: "6569fc15f0d47aa8600b9e91fbbc 42b0283aa7e1bb592ec898a0dbed",
     HG_STATE.kind: "2f38296b52aa0230b92d378b1e39 2be9706c9587e8d8afd8bfc6de7b",
 }
-"""Hashes of the types, minimal and complete, as far-unitree-sdk 0.1.8, built from the maker's definitions, announces."""
+"""Hashes of the types, minimal and complete, as far-unitree-sdk 0.1.8 announces them: the maker's definitions."""
 
 
 @pytest.fixture
@@ -66,6 +66,7 @@ def test_types_are_the_maker_s_to_the_last_field(kind: str) -> None:
     assert " ".join(found) == IDENTITIES[kind]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("family", "transport", "spec"), [("unitree_go", "unitree-go", "go1"), ("unitree_hg", "unitree-hg", "g1")]
 )
@@ -117,7 +118,8 @@ while time.time() < until:
     robot.publish_low_state(state)
     heard = robot.read_incoming_command()
     if any(heard.kp):
-        print("HEARD " + json.dumps([list(heard.q_target), list(heard.kp), list(heard.kd), list(heard.tau_ff)]), flush=True)
+        values = heard.q_target, heard.kp, heard.kd, heard.tau_ff
+        print("HEARD " + json.dumps([list(one) for one in values]), flush=True)
         break
     time.sleep(0.005)
 """

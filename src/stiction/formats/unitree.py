@@ -155,7 +155,8 @@ GO_STATE = Structure(
         imu=_layout(_ATTITUDE + " temperature:i1"),
         motor=_layout(_MEASURED + " q_raw:f4 dq_raw:f4 ddq_raw:f4 temperature:i1 lost:u4 reserve:u4*2"),
         battery=_layout(
-            "version_high:u1 version_low:u1 status:u1 soc:u1 current:i4 cycle:u2 bq_ntc:i1*2 mcu_ntc:i1*2 cell_vol:u2*15"
+            "version_high:u1 version_low:u1 status:u1 soc:u1 current:i4 cycle:u2 bq_ntc:i1*2 mcu_ntc:i1*2 "
+            "cell_vol:u2*15"
         ),
     ),
 )

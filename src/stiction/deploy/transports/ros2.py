@@ -1,7 +1,7 @@
 """A robot whose driver speaks ROS 2: `joint_states` and `imu/data` come, `joint_command` goes, see `ros_messages`.
 
-Needs a ROS 2 installation whose Python is the one that runs this (`rclpy` is on no package index). Gains and targets go in
-one message: a driver that takes targets alone cannot be damped, and is no robot for this.
+Needs a ROS 2 installation whose Python is the one that runs this (`rclpy` is on no package index). Gains and targets go
+in one message: a driver that takes targets alone cannot be damped, and is no robot for this.
 """
 
 from __future__ import annotations

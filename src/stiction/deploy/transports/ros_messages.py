@@ -2,8 +2,8 @@
 
 A robot's driver publishes `sensor_msgs/msg/JointState` and `sensor_msgs/msg/Imu`, both with the stamp of when they were
 measured. A command is a `std_msgs/msg/Float64MultiArray` of four rows, which ROS has no message of its own for: target
-[rad], kp [N m/rad], kd [N m s/rad], torque that is added [N m], each in the order of the joints that its layout names. As
-dictionaries these are what writers and readers of MCAP files take and give, so that a bag of them is a log.
+[rad], kp [N m/rad], kd [N m s/rad], torque that is added [N m], each in the order of the joints that its layout names.
+As dictionaries these are what writers and readers of MCAP files take and give, so that a bag of them is a log.
 """
 
 from __future__ import annotations
