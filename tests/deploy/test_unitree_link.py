@@ -11,7 +11,7 @@ import pytest
 from bundles import make_contract
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.pilot import JointCommand
-from stiction.deploy.runtime.config import HeldCfg
+from stiction.deploy.transports.config import HeldCfg
 from stiction.deploy.transports.unitree import HELD_SPEED, Protocol, UnitreeLink
 from stiction.formats.unitree import GO_COMMAND, GO_STATE, HG_COMMAND, HG_STATE, Structure
 from stiction.robots.catalog import find_robot

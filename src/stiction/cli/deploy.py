@@ -16,14 +16,15 @@ from stiction.core.errors import ConfigurationError
 from stiction.core.files import write_text
 from stiction.core.lock import output_folder
 from stiction.core.records import part_of
-from stiction.deploy.runtime.config import HeldCfg, LimitsCfg, OperatorCfg, SafetyCfg
+from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
+from stiction.deploy.transports.config import HeldCfg
 
 if TYPE_CHECKING:
     import numpy as np
 
     from stiction.deploy.runtime.config import RunCfg
     from stiction.deploy.runtime.motion import Motion
-    from stiction.deploy.transports.address import Address
+    from stiction.deploy.transports.config import Address
     from stiction.deploy.transports.link import Link
     from stiction.formats.bundle import Bundle
     from stiction.formats.contract import Contract
@@ -108,7 +109,7 @@ def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
     cfg = tyro.cli(DeployCfg, args=arguments, prog="stiction deploy", description=DESCRIPTION)
     from stiction.deploy.check import check_bundle
-    from stiction.deploy.transports.address import parse_address
+    from stiction.deploy.transports.config import parse_address
     from stiction.formats.bundle import find_bundle
 
     address = parse_address(cfg.robot)

@@ -65,22 +65,6 @@ class SafetyCfg:
 
 
 @dataclass(frozen=True)
-class HeldCfg:
-    """Gains with which joints are held that the robot has and the policy does not move."""
-
-    kp: float | None = None
-    """[N m/rad]; needed where there are such joints."""
-    kd: float | None = None
-    """[N m s/rad]; needed where there are such joints, and what damps them after a stop."""
-
-    def __post_init__(self) -> None:
-        """Refuse gains that are none."""
-        for value in (self.kp, self.kd):
-            if value is not None and not 0 <= value <= 1000:
-                raise ConfigurationError(f"a gain of {value} for held joints: expected 0 to 1000")
-
-
-@dataclass(frozen=True)
 class SupervisorCfg:
     """When what happens, and what ends it."""
 

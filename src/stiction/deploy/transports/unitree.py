@@ -16,7 +16,7 @@ import numpy as np
 from stiction.core.errors import ConfigurationError, RobotError
 from stiction.deploy.observation import Sensors
 from stiction.deploy.pilot import JointCommand
-from stiction.deploy.runtime.config import HeldCfg
+from stiction.deploy.transports.config import HeldCfg
 from stiction.deploy.transports.dds import Bus, DdsBus
 from stiction.deploy.transports.link import RobotState
 from stiction.deploy.vendor import VendorMap

@@ -1,4 +1,7 @@
-"""Which robot is meant, and how it is reached: `virtual`, `unitree-go:eth0`, `unitree-hg:eth0`, `ros2:/NAMESPACE`."""
+"""Which robot is meant and how it is reached: `virtual`, `unitree-go:eth0`, `unitree-hg:eth0`, `ros2:/NAMESPACE`.
+
+No transport is loaded here: `--help` must be quick.
+"""
 
 from __future__ import annotations
 
@@ -40,3 +43,19 @@ def parse_address(text: str) -> Address:
     if place and not wanted:
         raise ConfigurationError(f"robot {text!r}: {transport} is on this machine; expected {transport}")
     return Address(transport, place)
+
+
+@dataclass(frozen=True)
+class HeldCfg:
+    """Gains with which joints are held that the robot has and the policy does not move."""
+
+    kp: float | None = None
+    """[N m/rad]; needed where there are such joints."""
+    kd: float | None = None
+    """[N m s/rad]; needed where there are such joints, and what damps them after a stop."""
+
+    def __post_init__(self) -> None:
+        """Refuse gains that are none."""
+        for value in (self.kp, self.kd):
+            if value is not None and not 0 <= value <= 1000:
+                raise ConfigurationError(f"a gain of {value} for held joints: expected 0 to 1000")
