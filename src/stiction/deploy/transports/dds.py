@@ -210,7 +210,7 @@ def _idl_type(structure: Structure, name: str, layout: np.dtype, raw: bool = Fal
             hint = _idl_type(structure, structure.parts[field], single)
         else:
             hint = numbers[single.str[1:]]
-        hints[field] = types.array[hint, shape[0]] if shape else hint  # type: ignore[misc]
+        hints[field] = types.array[hint, shape[0]] if shape else hint
     body: dict[str, Any] = {"__annotations__": hints} | (_RAW if raw else {})
     typename = f"{structure.family}.msg.dds_.{name}_"
     made = new_class(f"{name}_", (IdlStruct,), {"typename": typename}, lambda space: space.update(body))
