@@ -42,6 +42,9 @@ MOTORS_TIMED_OUT = 0x80
 HELD_SPEED = 0.5
 """How fast joints that the policy does not move go to where they are held [rad/s]."""
 
+HELD_STEP = 0.1
+"""Longest time that one step of theirs makes up for [s]: after a pause they do not jump."""
+
 FOREIGN = 0.0
 """Number of a command that was not ours; ours begin with 1."""
 
@@ -215,7 +218,7 @@ class UnitreeLink:
         if not stiff or self._held is None:
             self._held = self._protocol.measured(newest)
         else:
-            most = HELD_SPEED * max(elapsed, 0.0)
+            most = HELD_SPEED * min(max(elapsed, 0.0), HELD_STEP)
             self._held = self._held + np.clip(self._protocol.held_goal - self._held, -most, most)
         return self._held
 
