@@ -19,7 +19,7 @@ ROWS = (
 
 
 def test_a_kill_in_the_middle_of_a_line_costs_that_line_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Hours of trials are lost, or half a line becomes a trial; a run that its machine ended counts as a fault found."""
+    """Hours of trials are lost, or half a line becomes a trial; a run ended by its machine counts as a fault found."""
     monkeypatch.syspath_prepend(str(SCRIPTS))
     import faults
 
