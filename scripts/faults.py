@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from stiction.cli.main import main as deploy
+from stiction.core.files import write_text
 from stiction.core.provenance import git_revision
 from stiction.deploy.runtime.ticker import QUIET
 from stiction.virtual.faults import FAULTS, OF_ROBOT
@@ -70,13 +71,6 @@ def trial(fault: str, number: int, folder: Path) -> dict[str, object]:
 
 BEFORE = "before the fault:"
 """How the rule of a row begins whose run ended before the fault came; it is no trial of the fault."""
-
-
-def write_text(file: Path, text: str) -> None:
-    """Replace a file as a whole."""
-    part = file.with_suffix(".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(file)
 
 
 def whole_rows(file: Path) -> list[dict[str, str]]:

@@ -119,7 +119,7 @@ def test_what_agrees_is_counted_by_hand(tmp_path: Path) -> None:
         JointRow("b", 2.0, "", "1 to 3", None, True),
     ]
     assert shares(rows) == {"bench_holds": [1, 1], "walk_holds": [1, 2]}
-    with pytest.raises(FileError, match="not what identify writes"):
+    with pytest.raises(FileError, match="expected what identify writes"):
         friction_in(tmp_path / "nowhere.json")
 
 

@@ -184,7 +184,7 @@ def _deploy(cfg: LoopCfg, out: Path, *words: object) -> None:
 def _report(out: Path) -> dict[str, Any]:
     """Return the report of a run, empty where there is none."""
     file = out / "report.json"
-    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
+    return read_object(file, "what deploy writes") if file.exists() else {}
 
 
 def lateness(report: Mapping[str, Any]) -> str:
