@@ -21,7 +21,7 @@ from stiction.engines import catalog
 from stiction.engines.catalog import binaries, what_is_missing
 from stiction.engines.engine import Motion
 from stiction.engines.ground import course
-from stiction.evaluate.benches import forwarded, informed
+from stiction.evaluate.benches import forward_walks, with_known_friction
 from stiction.evaluate.code import WALK_CODE
 from stiction.evaluate.command import Command
 from stiction.evaluate.course import START_DISTANCE, Course, starts, straight_on
@@ -195,8 +195,8 @@ def walk_grid(
     with output_folder(out):
         ledger = WalkLedger(out / LEDGER, cfg, {bundle.name: bundle.digest for bundle in bundles}, robot)
         walks = plan([bundle.name for bundle in bundles], cfg)
-        walks += forwarded(bundles, cfg, out / BENCHES, jobs, robot, progress)
-        walks = informed(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
+        walks += forward_walks(bundles, cfg, out / BENCHES, jobs, robot, progress)
+        walks = with_known_friction(walks, bundles, cfg, out / BENCHES, jobs, robot, progress)
         done = {walk: found for walk in walks if (found := ledger.find(walk)) is not None}
         total, finished = Counter(walk.simulator.label for walk in walks), Counter[str]()
 

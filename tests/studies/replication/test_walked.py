@@ -107,7 +107,7 @@ def test_what_could_not_be_walked_is_said_before_the_numbers(
     """A robot that is left out would be missing from one way alone, and nobody would see it; kept or walked now."""
     said = ["Robot 4 is left out"]
     monkeypatch.setattr(
-        walked, "not_forwarded", lambda bundles, grid, benches: said if benches.parent.name == "first" else []
+        walked, "forward_notes", lambda bundles, grid, benches: said if benches.parent.name == "first" else []
     )
     for asked in (None, ["second"]):
         result = replicate([still], (FIRST, SECOND), tmp_path, asked=asked)

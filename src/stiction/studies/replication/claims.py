@@ -15,7 +15,7 @@ from collections.abc import Iterable
 from stiction.evaluate.grid import REAL
 from stiction.evaluate.methods import FED, FED_BY_MEASURED
 from stiction.evaluate.samples import Condition, Evidence, each_seed
-from stiction.formats.following import LEAST
+from stiction.formats.following import SLOW
 from stiction.formats.results import DIRECTIONS
 from stiction.studies.claims import FOLLOWING, Claim, Verdict, each
 from stiction.studies.friction.claims import HARDLY, JITTER, MOVES
@@ -157,7 +157,7 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "V5",
         "fine-tuning a model that was trained without static friction also failed",
-        f"finetune, virtual robot: too slow, under {LEAST} of the command in the slower direction, at each level",
+        f"finetune, virtual robot: too slow, under {SLOW} of the command in the slower direction, at each level",
         on_robot("finetune", criteria.too_slow),
     ),
     Claim(
@@ -207,7 +207,7 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     Claim(
         "X4",
         "on the real robot friction under load was far above the bench's value",
-        f"none, virtual robot: in the slower direction not under {LEAST} at the bench's value, and under it with 0.1 "
+        f"none, virtual robot: in the slower direction not under {SLOW} at the bench's value, and under it with 0.1 "
         "of the load",
         criteria.load_above_bench,
     ),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from stiction.evaluate.methods import FED, FED_BY
 from stiction.evaluate.table import BOTH, Sample
-from stiction.formats.following import BAND, LEAST, MOST, Following
+from stiction.formats.following import BAND, FAST, SLOW, Following
 from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
@@ -268,9 +268,9 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
         interval = "–" if one.low is None or one.high is None else f"{max(0.0, one.low):.3g} to {one.high:.3g}"
         band = "–" if one.dead_band is None else f"{1000 * one.dead_band:.0f}"
         rows.append((one.method, one.engine, one.friction_law, text, interval, band, one.each))
-    header = ("method", "engine", "law", f"slows under {LEAST}", "95 % over seeds", "dead band [mrad]", "each seed")
-    note = f"The slower of forward and backward. What is above {LEAST} may be over {MOST}, and then follows no more."
-    return Sheet(f"Where each training method slows under {LEAST} of the command", header, tuple(rows), note)
+    header = ("method", "engine", "law", f"slows under {SLOW}", "95 % over seeds", "dead band [mrad]", "each seed")
+    note = f"The slower of forward and backward. What is above {SLOW} may be over {FAST}, and then follows no more."
+    return Sheet(f"Where each training method slows under {SLOW} of the command", header, tuple(rows), note)
 
 
 def forward_sheet(points: Sequence[ForwardPoint], virtual: bool) -> Sheet | None:
@@ -390,7 +390,7 @@ def sections(
     if "budget" in figures:
         caption = f"Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: {BAND}."
         image = picture(figure_uri(figures["budget"]), caption)
-        levels = image, *folded("onsets", f"Where each method slows under {LEAST}, in numbers")
+        levels = image, *folded("onsets", f"Where each method slows under {SLOW}, in numbers")
     counterparts = Sheet("The paper's figures and tables, and ours", ("in the paper", "here"), COUNTERPARTS)
     page = [
         Section("Which training does my joint need?", needs),

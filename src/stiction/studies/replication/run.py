@@ -17,10 +17,10 @@ from stiction.evaluate.benches import (
     all_identified,
     bench_of,
     benches_of,
-    forwarded,
-    informed,
-    not_forwarded,
-    not_identified,
+    forward_notes,
+    forward_walks,
+    unidentified_notes,
+    with_known_friction,
 )
 from stiction.evaluate.grid import GridCfg, Walk, plan, plan_forward
 from stiction.evaluate.methods import FED_BY, METHODS, method_of
@@ -144,16 +144,16 @@ def _planned(grid: GridCfg, bundles: Sequence[Bundle], out: Path) -> list[Walk]:
     walks = plan(list(specs), grid)
     benches = [bench for walk in plan_forward(grid) if (bench := bench_of(walk, specs[walk.policy])) is not None]
     if all_identified(benches, out / BENCHES):
-        walks += forwarded(bundles, grid, out / BENCHES)
+        walks += forward_walks(bundles, grid, out / BENCHES)
     if all_identified(benches_of(walks, bundles, grid), out / BENCHES):
-        return informed(walks, bundles, grid, out / BENCHES)
+        return with_known_friction(walks, bundles, grid, out / BENCHES)
     return walks
 
 
 def _unidentified(walks: Collection[Walk], bundles: Sequence[Bundle], grid: GridCfg, out: Path) -> list[str]:
     """Return sentences for friction that the benches did not identify: it is not fed forward, or given otherwise."""
     benches = out / BENCHES
-    return [*not_forwarded(bundles, grid, benches), *not_identified(walks, bundles, grid, benches)]
+    return [*forward_notes(bundles, grid, benches), *unidentified_notes(walks, bundles, grid, benches)]
 
 
 def replicate(
