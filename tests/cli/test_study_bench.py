@@ -39,7 +39,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_it_writes_the_robots_folders_and_the_referees_page(out: Path) -> None:
+def test_it_writes_the_robots_folders_and_the_page_of_truths(out: Path) -> None:
     """Every joint that was logged stands in bench.csv with its truth, and in joints.json without."""
     with (out / "bench.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

@@ -76,11 +76,12 @@ def walk_unit(bundle: Bundle, unit: Unit, cfg: GridCfg, robot: str | None = None
     if not unit.simulator.is_batch:
         return [_walk_alone(bundle, first, cell, robot_of(bundle.contract, robot))]
     cell = replace(cell, friction_levels=(float(first.level),), episodes=episodes, first_episode=first.episode)
-    against = None
+    controller = None
     if first.forward is not None:
-        contract, how = bundle.contract, parse_compensation(first.forward_by)
-        against = how.controller(np.array(first.forward), contract.physics_timestep, contract.compensation_width)
-    return list(evaluate_bundle(bundle, cell, robot, against=against).episodes[0])
+        contract, compensation = bundle.contract, parse_compensation(first.forward_by)
+        width = contract.compensation_width
+        controller = compensation.controller(np.array(first.forward), contract.physics_timestep, width)
+    return list(evaluate_bundle(bundle, cell, robot, compensation=controller).episodes[0])
 
 
 def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> Metrics:
@@ -102,8 +103,8 @@ def _walk_alone(bundle: Bundle, one: Walk, cfg: EvaluationCfg, spec: Robot) -> M
         case = Case(one.robot, one.simulator.cell, parse_level(one.level))
     friction, known = (None if given is None else np.array(given) for given in (one.forward, one.known))
     seed = 0 if one.robot is None else cfg.seed
-    how = parse_compensation(one.forward_by)
-    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, how)
+    compensation = parse_compensation(one.forward_by)
+    return walk_once(bundle, case, world, cfg, one.episode, spec, friction, seed, known, compensation)
 
 
 def walk_once(
@@ -124,20 +125,8 @@ def walk_once(
     """
     (command,), period = cfg.parsed_commands, bundle.contract.control_period
     steps = round(cfg.duration / period)
-    trial = trials.walk(
-        bundle,
-        case,
-        world,
-        command_source(command, cfg.course),
-        steps,
-        episode,
-        None,
-        spec,
-        friction,
-        seed,
-        known,
-        compensation,
-    )
+    commands = command_source(command, cfg.course)
+    trial = trials.walk(bundle, case, world, commands, steps, episode, None, spec, friction, seed, known, compensation)
     part = trial.recording.extended(steps).of(slice(0, 1), round(cfg.settle / period))
     return measure(part, command, spec.groups(), spec.mass * GRAVITY, cfg.course)
 
