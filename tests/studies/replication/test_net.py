@@ -26,10 +26,10 @@ SPEC = find_robot("saturn_lite")
 
 @pytest.fixture(scope="module")
 def walked(tmp_path_factory: pytest.TempPathFactory) -> WalkedNet:
-    """A robot that stands for half a second at a time, and a net that is fitted in one."""
+    """A robot that stands for a second at a time, and a net that is fitted in one."""
     contract = make_contract()
     bundle = make_bundle(tmp_path_factory.mktemp("b") / "still", contract, make_network(contract, gain=1e-3))
-    return WalkedNet("mujoco", KNOWN, SPEC, read_bundle(bundle), 0.5, ActuatorCfg(epochs=1, hidden=(4,)))
+    return WalkedNet("mujoco", KNOWN, SPEC, read_bundle(bundle), 1.0, ActuatorCfg(epochs=1, hidden=(4,)))
 
 
 def test_the_net_is_fitted_to_what_the_motors_said_backward(
@@ -40,14 +40,14 @@ def test_the_net_is_fitted_to_what_the_motors_said_backward(
     logs = [read_walk(file) for file in sorted((tmp_path / "net/logs").glob("*.npz"))]
     assert len(logs) == 12 and {float(log.header.command[3:]) for log in logs} == {-0.2, -0.35, -0.5, -0.65}
     assert {log.header.torque_source for log in logs} == {"motor_side"}
-    assert {(log.header.period, len(log)) for log in logs} == {(0.005, 100)}
+    assert {(log.header.period, len(log)) for log in logs} == {(0.005, 200)}
     net = read_actuator(tmp_path / "net")
     assert net.torque_source == "motor_side"
     TaskCfg().check_net(net, SPEC)
     monkeypatch.setattr(module, "spread", lambda *rest: pytest.fail("walked again"))
     make_net(walked, tmp_path / "net", "test")
     with pytest.raises(pytest.fail.Exception):
-        make_net(replace(walked, seconds=0.6), tmp_path / "net", "test")
+        make_net(replace(walked, seconds=1.1), tmp_path / "net", "test")
 
 
 def test_a_policy_that_falls_at_once_is_refused(
