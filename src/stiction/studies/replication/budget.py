@@ -110,13 +110,13 @@ def _by_seed(evidence: Evidence, method: str, engine: str, law: str) -> dict[int
     return {seed: curve for seed, curve in curves.items() if 0.0 in curve}
 
 
-def friction_effects(result: Replication, method: str = "none") -> tuple[FrictionEffect, ...]:
-    """Return what friction did to a method in every engine, and on the virtual robots, where its level is a share of
-    the torque limit: the evidence behind the verdicts of `stiction identify`.
+def friction_effects(result: Replication) -> tuple[FrictionEffect, ...]:
+    """Return what friction did to the conventional policies in every engine, and on the virtual robots, where its level
+    is a share of the torque limit: the evidence behind the verdicts of `stiction identify`.
     """
     evidence = Evidence.of(row for part in result.parts for row in part.details)
     unit = result.summary["dead_band"]
-    own = (onset for onset in result.onsets if onset.method == method and onset.friction_law in SHARES)
+    own = (onset for onset in result.onsets if onset.method == "none" and onset.friction_law in SHARES)
     return tuple(_effect(evidence, onset, unit) for onset in own if onset.engine not in CAUSES)
 
 

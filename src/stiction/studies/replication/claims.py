@@ -246,9 +246,6 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
 )
 """In the order of the paper, then the criteria."""
 
-WITHOUT_POLICY = ("E9",)
-"""Sentences of a policy that no preset has: an Actuator Net's for stairs."""
-
 
 def judge_all(
     evidence: Evidence, claims: Iterable[Claim[Evidence]] = CLAIMS
