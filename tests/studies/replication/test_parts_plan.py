@@ -19,10 +19,10 @@ from stiction.studies.friction.manifest import Run
 from stiction.studies.replication.claims import judge_all
 from stiction.studies.replication.criteria import HALF
 from stiction.studies.replication.plan import (
-    FRICTION,
+    FRICTION_CELL,
     LOOP_SEEDS,
-    NOMINAL,
-    REST,
+    NOMINAL_CELL,
+    REST_CELL,
     SEEDS,
     Part,
     Size,
@@ -123,4 +123,4 @@ def test_causes_are_told_apart_on_the_same_robots() -> None:
 
 def test_the_cells_of_causes_are_those_that_the_page_leaves_out() -> None:
     """Under another name a cell that is no robot would limit what the page tells a user."""
-    assert set(CAUSES) == {NOMINAL, FRICTION, REST}
+    assert set(CAUSES) == {NOMINAL_CELL, FRICTION_CELL, REST_CELL}

@@ -13,7 +13,7 @@ from stiction.joints.friction import has_coefficient
 from stiction.robots.model import Robot
 from stiction.studies.claims import differences
 from stiction.studies.friction.evaluation import onset_level
-from stiction.studies.replication.plan import FRICTION, NOMINAL, REST, ROBOT
+from stiction.studies.replication.plan import FRICTION_CELL, NOMINAL_CELL, REST_CELL, VIRTUAL_ROBOT
 from stiction.studies.replication.records import (
     CAUSES,
     FEWEST_LEVELS,
@@ -27,7 +27,7 @@ from stiction.studies.replication.records import (
 BESIDE = ("none", *FED_BY.values(), "deception")
 """Friction fed forward between the methods that it is held against."""
 
-BARE = {ROBOT: REST, FRICTION: NOMINAL}
+BARE = {VIRTUAL_ROBOT: REST_CELL, FRICTION_CELL: NOMINAL_CELL}
 """Cell with friction -> the same robot without."""
 
 

@@ -21,13 +21,13 @@ from stiction.studies.claims import FOLLOWING, Claim, Verdict, each
 from stiction.studies.friction.claims import HARDLY, JITTER, MOVES
 from stiction.studies.replication import criteria
 from stiction.studies.replication.criteria import HALF, JUMPING, NOTICEABLE, elsewhere, on_robot
-from stiction.studies.replication.plan import PAPER, ROBOT
+from stiction.studies.replication.plan import PAPER_COEFFICIENT, VIRTUAL_ROBOT
 from stiction.studies.replication.records import EvidenceRow
 from stiction.studies.stairs.climb import ENOUGH
 
 FORWARD, BACKWARD = DIRECTIONS
 
-STICKY = Condition(ROBOT, 0.2, REAL)
+STICKY = Condition(VIRTUAL_ROBOT, 0.2, REAL)
 """The virtual robot with the friction of the training, on which stairs are judged."""
 
 ALL_CLIMBED = f"at least {100 * ENOUGH:g} % of crossings, at each height"
@@ -187,14 +187,14 @@ CLAIMS: tuple[Claim[Evidence], ...] = (
     ),
     Claim(
         "X1",
-        f"the unit: {PAPER:g} read as a coefficient of the joint's load freezes conventional policies",
-        f"none, law load, c = {PAPER:g}: {FROZEN}",
+        f"the unit: {PAPER_COEFFICIENT:g} read as a coefficient of the joint's load freezes conventional policies",
+        f"none, law load, c = {PAPER_COEFFICIENT:g}: {FROZEN}",
         criteria.frozen_by("load"),
     ),
     Claim(
         "X2",
-        f"the unit: {PAPER:g} read as a coefficient of the motor's torque does",
-        f"none, law effort, c = {PAPER:g}: {FROZEN}",
+        f"the unit: {PAPER_COEFFICIENT:g} read as a coefficient of the motor's torque does",
+        f"none, law effort, c = {PAPER_COEFFICIENT:g}: {FROZEN}",
         criteria.frozen_by("effort"),
     ),
     Claim(

@@ -42,7 +42,7 @@ from stiction.robots.terrain import STEPS, TREAD
 from stiction.studies import study
 from stiction.studies.claims import JUDGED
 from stiction.studies.replication.clips import ClipPair, clip_sections
-from stiction.studies.replication.plan import OVER
+from stiction.studies.replication.plan import STAIRS_COMMAND
 from stiction.studies.replication.records import (
     FEWEST_LEVELS,
     BudgetPoint,
@@ -213,7 +213,8 @@ def stairs_sheet(samples: Sequence[Sample]) -> Sheet | None:
             where = method, engine, friction_text(law, level), terrain, seeds_text([sample]), str(sample.trials)
             rows.append((*where, sample_text(sample, ".0%"), sample_text(steps, ".1f")))
     header = ("method", "engine", "friction", "ground", "seeds", "trials", "crossed", "steps passed")
-    note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, {OVER.removeprefix('vx=')} m/s. {NOTE}"
+    speed = STAIRS_COMMAND.removeprefix("vx=")
+    note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, {speed} m/s. {NOTE}"
     return Sheet("Stairs", header, tuple(rows), note) if rows else None
 
 
