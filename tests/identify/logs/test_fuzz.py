@@ -1,7 +1,6 @@
 """Thousands of damaged inputs: a complete log or the one error, soon, in little memory, never a part as the whole.
 
 Most by injuries to valid files (`tests/damage.py`, in processes with a bound on memory), the rest by hypothesis.
-STICTION_INJURIES=650 injures 11,700 files.
 """
 
 from __future__ import annotations
@@ -22,11 +21,12 @@ from hypothesis import strategies as st
 
 import damage
 import logfiles
+from counts import count
 from stiction.core.errors import StictionError
 from stiction.formats.log import LogSetup, read_setup
 from stiction.identify.logs import open_log
 
-EACH = int(os.environ.get("STICTION_INJURIES", "200"))
+EACH = count(200, 650)
 """Injuries a kind of file; there are eighteen kinds."""
 
 TESTS = Path(__file__).parents[2]
