@@ -216,7 +216,7 @@ def test_one_command_studies_what_adaptation_does(run: RunDirectory, tmp_path: P
     out = tmp_path / "study"
     walks = ["--friction-levels", "0", "0.2", "--commands", "vx=0.5", "--episodes", "4", "--seconds", "4"]
     arguments = ["study", "adaptation", str(run.path), "--out", str(out)]
-    assert main([*arguments, *walks, "--robots", "16", "--walk-seconds", "12.5", "--json"]) == 0
+    assert main([*arguments, *walks, "--robots", "32", "--walk-seconds", "12.5", "--json"]) == 0
     summary = json.loads(capsys.readouterr().out)
     assert summary == json.loads((out / "summary.json").read_text()) and set(summary["runs"]) == {"tiny"}
     rows = read_results(out / "results.csv")
