@@ -224,9 +224,9 @@ def study_benches(
     failed: dict[str, str] = {}
     # From where digests vouch for them: the table of all is for people, and may be edited.
     there = {
-        bench.label: done["rows"]
+        bench.label: stored["rows"]
         for bench in benches
-        if has_entry(out / bench.label, bench.key) and (done := read_entry(_judged(out, bench), bench.key))
+        if has_entry(out / bench.label, bench.key) and (stored := read_entry(_judged(out, bench), bench.key))
     }
     rows |= {label: [IdentifiedFriction(**row) for row in found] for label, found in there.items()}
     new = [bench for bench in benches if bench.label not in there]
