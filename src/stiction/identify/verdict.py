@@ -15,7 +15,7 @@ from typing import Any
 from stiction.core.errors import StictionError
 from stiction.core.names import kind_of
 from stiction.formats.advice import TRANSFER, FrictionEffect, Source
-from stiction.formats.following import LEAST
+from stiction.formats.following import SLOW
 from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord
 from stiction.formats.results import DIRECTIONS, FOLLOWS
 from stiction.identify.advice import TRAINED_IN, Advice, advise, shipped
@@ -115,7 +115,7 @@ def _evidence_text(noticeable: float, effects: Sequence[FrictionEffect]) -> str:
     if not onsets:
         return text
     listed = onsets[0] if len(onsets) == 1 else f"{', '.join(onsets[:-1])}, and {onsets[-1]}"
-    return f"{text} Their slower direction slowed under {LEAST} of it {listed}."
+    return f"{text} Their slower direction slowed under {SLOW} of it {listed}."
 
 
 def _onset_text(level: int, effects: Sequence[FrictionEffect]) -> str:

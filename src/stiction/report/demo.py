@@ -11,7 +11,7 @@ from markupsafe import Markup
 
 from stiction.formats.bundle import Bundle
 from stiction.formats.contract_rules import METHODS
-from stiction.formats.following import BAND, LEAST, MOST, row_pace
+from stiction.formats.following import BAND, FAST, SLOW, row_pace
 from stiction.formats.joints import JointRecord
 from stiction.formats.results import ResultRow
 from stiction.report.evaluation import budget_picture, definitions_table, draw_budget, results_table, run_blocks
@@ -124,8 +124,8 @@ METHODS_TEXT = (
 BUDGET_TEXT = (
     "Read it from left to right, towards more friction in the joints: every policy gets slower. One that was trained "
     f"without friction leaves the green band, {BAND} of the command, at its lower edge; one that was trained with much "
-    f"of it may begin above. A policy follows within the band, where no robot falls; under {LEAST} it is too slow, "
-    f"over {MOST} too fast:"
+    f"of it may begin above. A policy follows within the band, where no robot falls; under {SLOW} it is too slow, "
+    f"over {FAST} too fast:"
 )
 
 CHECK_TEXT = (

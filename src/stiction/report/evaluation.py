@@ -15,7 +15,7 @@ from stiction.core.records import make_folder, write_rows
 from stiction.engines.catalog import TIMESTEP
 from stiction.evaluate.metrics import WINDOW
 from stiction.evaluate.table import BOTH, Sample
-from stiction.formats.following import BAND, DEFINITION, LEAST, MOST, following, pace, row_pace
+from stiction.formats.following import BAND, DEFINITION, FAST, SLOW, following, pace, row_pace
 from stiction.formats.results import FOLLOWS, ResultRow, write_results, write_summary
 from stiction.joints.friction import LAWS, has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
@@ -132,7 +132,7 @@ DEFINITIONS = (
     ("speed ratio", "mean speed along the command over the commanded speed; after a fall the speed counts as zero"),
     (
         "pace",
-        f"follows: {BAND} of the commanded speed, and nobody fell; too slow: under {LEAST}; too fast: over {MOST}",
+        f"follows: {BAND} of the commanded speed, and nobody fell; too slow: under {SLOW}; too fast: over {FAST}",
     ),
     ("error", f"mean distance of velocity and command, over windows of {WINDOW:g} s, in m/s (rad/s for a pure turn)"),
     ("falls", "share of episodes with a fall; a simulation that became unstable counts as one"),

@@ -116,17 +116,17 @@ def rejudged_summary(
     before: Mapping[str, Any],
     verdicts: Iterable[Verdict],
     now: Iterable[Verdict],
-    made: Mapping[str, Any],
+    provenance: Mapping[str, Any],
     own: Iterable[str],
 ) -> dict[str, Any]:
     """Return what summary.json keeps where its rows are judged anew, with `judged` and `changed`.
 
-    before: the summary, with `verdicts`; now: those of today; made: by what the rows are judged now; own: entries that
-    are written anew, beside verdicts and parts.
+    before: the summary, with `verdicts`; now: those of today; provenance: by what the rows are judged now; own: entries
+    that are written anew, beside verdicts and parts.
     """
     anew = {"schema_version", "verdicts", "parts", *own}
     kept = {name: value for name, value in before.items() if name not in anew}
-    return kept | {"judged": made, "changed": changed_verdicts(verdicts, now, before.get("changed", []))}
+    return kept | {"judged": provenance, "changed": changed_verdicts(verdicts, now, before.get("changed", []))}
 
 
 Labelled = tuple[str, Measurement]

@@ -244,10 +244,10 @@ class Study(Generic[Chosen]):
         return report.status
 
 
-def write_report(out: Path, report: Report, made: Summary) -> Summary:
+def write_report(out: Path, report: Report, provenance: Summary) -> Summary:
     """Write tables, summary.json, figures and page into a folder; return the summary.
 
-    made: `Work.provenance` and `warnings`.
+    provenance: `Work.provenance` and `warnings`.
 
     Raises:
         FileError: something cannot be written.
@@ -255,7 +255,7 @@ def write_report(out: Path, report: Report, made: Summary) -> Summary:
     """
     tables = dict(report.tables) | ({"claims": report.claims} if report.claims else {})
     claims = {"claims": [asdict(claim) for claim in report.claims]} if report.claims else {}
-    summary = {**made, **claims, **report.summary}
+    summary = {**provenance, **claims, **report.summary}
     from stiction.report.page import save_figure
 
     for name, rows in tables.items():
@@ -301,9 +301,9 @@ def page_text(report: Report, summary: Summary) -> str:
     if report.claims:
         parts = [*parts, Section("What became of each sentence", verdict_sheet(report.claims, report.judged).blocks())]
     took = f", {summary['seconds']:.0f} s" if "seconds" in summary else ""
-    made = f"Revision {summary['revision']}{took} on {summary['machine']['cpu']}."
+    revision = f"Revision {summary['revision']}{took} on {summary['machine']['cpu']}."
     again = judged_text(summary)
-    blocks = [paragraph(f"Command: {summary['command']}"), *report.run, paragraph(made)]
+    blocks = [paragraph(f"Command: {summary['command']}"), *report.run, paragraph(revision)]
     parts = [*parts, Section("What was run", (*blocks, *((paragraph(again),) if again else ())))]
     return render_page(report.title, parts, report.lead, [*summary["warnings"], *report.notes])
 

@@ -69,8 +69,6 @@ class LimbFit:
     """Standard deviation of each parameter about zero beforehand, infinite where nothing is known, (P,)."""
     rows: tuple[JointRows, ...]
     """What it was fitted to, joint by joint."""
-    sizes: np.ndarray
-    """Root mean square of each joint's residual [N m]."""
     blocks: int
     """Blocks of the log behind the covariance."""
 
@@ -187,6 +185,5 @@ def fit_limb(names: tuple[str, ...], prior: np.ndarray, rows: tuple[JointRows, .
         reach=float(student.ppf(0.975, blocks.count - 1)),
         prior=prior,
         rows=rows,
-        sizes=np.array([float(np.sqrt(np.mean(one**2))) for one in residuals]),
         blocks=blocks.count,
     )

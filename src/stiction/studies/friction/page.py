@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from markupsafe import Markup
 
-from stiction.formats.following import BAND, LEAST
+from stiction.formats.following import BAND, SLOW
 from stiction.formats.results import DIRECTIONS, FOLLOWS, ResultRow
 from stiction.joints.friction import level_axis, level_number
 from stiction.report.following import changes_sheet, levels_sheet
@@ -258,7 +258,7 @@ def onset_sheet(experiment: Experiment) -> Sheet:
         nowhere = "stays above" if onset.level is None else "under from the start"
         rows.append((onset.condition, *(nowhere if value is None else f"{value:.3f}" for value in values)))
     note = " ".join(f"{c.method}: {c.axis or 'no axis'}; {c.reason}." for c in experiment.collapses)
-    title = f"Friction at which the slower direction slows under {LEAST}"
+    title = f"Friction at which the slower direction slows under {SLOW}"
     return Sheet(title, ("condition", *names), tuple(rows), note)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from stiction.evaluate.methods import FED, FED_BY
 from stiction.evaluate.table import BOTH, Sample
-from stiction.formats.following import BAND, LEAST, MOST, Following
+from stiction.formats.following import BAND, FAST, SLOW, Following
 from stiction.formats.results import FOLLOWS
 from stiction.joints.friction import has_coefficient, level_axis, level_number, level_text
 from stiction.joints.pd import COMPENSATION_WIDTH
@@ -42,7 +42,7 @@ from stiction.robots.terrain import STEPS, TREAD
 from stiction.studies import study
 from stiction.studies.claims import JUDGED
 from stiction.studies.replication.clips import ClipPair, clip_sections
-from stiction.studies.replication.plan import OVER
+from stiction.studies.replication.plan import STAIRS_COMMAND
 from stiction.studies.replication.records import (
     FEWEST_LEVELS,
     BudgetPoint,
@@ -213,7 +213,8 @@ def stairs_sheet(samples: Sequence[Sample]) -> Sheet | None:
             where = method, engine, friction_text(law, level), terrain, seeds_text([sample]), str(sample.trials)
             rows.append((*where, sample_text(sample, ".0%"), sample_text(steps, ".1f")))
     header = ("method", "engine", "friction", "ground", "seeds", "trials", "crossed", "steps passed")
-    note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, {OVER.removeprefix('vx=')} m/s. {NOTE}"
+    speed = STAIRS_COMMAND.removeprefix("vx=")
+    note = f"Blind, {TREAD:.2f} m treads, {STEPS} up, landing, {STEPS} down, {speed} m/s. {NOTE}"
     return Sheet("Stairs", header, tuple(rows), note) if rows else None
 
 
@@ -268,9 +269,9 @@ def onset_sheet(onsets: Sequence[Onset]) -> Sheet:
         interval = "–" if one.low is None or one.high is None else f"{max(0.0, one.low):.3g} to {one.high:.3g}"
         band = "–" if one.dead_band is None else f"{1000 * one.dead_band:.0f}"
         rows.append((one.method, one.engine, one.friction_law, text, interval, band, one.each))
-    header = ("method", "engine", "law", f"slows under {LEAST}", "95 % over seeds", "dead band [mrad]", "each seed")
-    note = f"The slower of forward and backward. What is above {LEAST} may be over {MOST}, and then follows no more."
-    return Sheet(f"Where each training method slows under {LEAST} of the command", header, tuple(rows), note)
+    header = ("method", "engine", "law", f"slows under {SLOW}", "95 % over seeds", "dead band [mrad]", "each seed")
+    note = f"The slower of forward and backward. What is above {SLOW} may be over {FAST}, and then follows no more."
+    return Sheet(f"Where each training method slows under {SLOW} of the command", header, tuple(rows), note)
 
 
 def forward_sheet(points: Sequence[ForwardPoint], virtual: bool) -> Sheet | None:
@@ -390,7 +391,7 @@ def sections(
     if "budget" in figures:
         caption = f"Slower of forward and backward. Points: training seeds; band: 95 % t-interval; green: {BAND}."
         image = picture(figure_uri(figures["budget"]), caption)
-        levels = image, *folded("onsets", f"Where each method slows under {LEAST}, in numbers")
+        levels = image, *folded("onsets", f"Where each method slows under {SLOW}, in numbers")
     counterparts = Sheet("The paper's figures and tables, and ours", ("in the paper", "here"), COUNTERPARTS)
     page = [
         Section("Which training does my joint need?", needs),

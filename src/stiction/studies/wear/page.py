@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from stiction.formats.following import BAND, LEAST, MOST
+from stiction.formats.following import BAND, FAST, SLOW
 from stiction.formats.results import FOLLOWS
 from stiction.formats.wear import LEVEL
 from stiction.report.page import COLORS, Section, figure_uri, legend, new_figure, paragraph, picture, row_table, table
@@ -129,7 +129,7 @@ ENDS = (
     "Wear is a factor on each joint's dry friction, as a bench without load would find it. A lifetime lasts from the "
     f"first window within {BAND} of the command (`follows from`, where others came before it) to the last one; its end "
     "is known at the end of the window after that, and reported at the wear in that window's middle. Too slow: under "
-    f"{LEAST} from there on; too fast: over {MOST}; from the start: no window follows. The mean and its 95 % interval "
+    f"{SLOW} from there on; too fast: over {FAST}; from the start: no window follows. The mean and its 95 % interval "
     "over robots are of the logarithm, and given where every lifetime ended within the wear that was tried."
 )
 
