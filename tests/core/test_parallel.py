@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -53,6 +54,51 @@ def test_what_a_task_raises_comes_back() -> None:
         list(spread(square, [(-1,), (2,)], 2))
     with pytest.raises(StictionError, match="a process at work was killed"):
         list(spread(killed, [(), ()], 2))
+
+
+SCRIPT = """
+import sys
+sys.path[:0] = [sys.argv[1], str(sys.argv[1]) + "/.."]
+print("begun", flush=True)
+import test_parallel
+from stiction.core.parallel import spread
+print(sorted(dict(spread(test_parallel.square, [(1,), (2,), (3,)], 2)).values()), flush=True)
+"""
+
+
+@pytest.mark.parametrize("typed", [False, True])
+def test_a_script_without_a_guard_may_work_in_processes(typed: bool, tmp_path: Path) -> None:
+    """Workers that ran the script again would each begin it anew; what is typed at a prompt has no file at all."""
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    words = [sys.executable, "-" if typed else str(script), str(Path(__file__).parent)]
+    done = subprocess.run(words, input=SCRIPT if typed else None, capture_output=True, text=True, timeout=120)
+    assert done.stdout.split("\n")[:2] == ["begun", "[1, 4, 9]"], done.stderr
+    assert done.stdout.count("begun") == 1
+
+
+def test_work_that_the_main_module_defines_is_found_there(tmp_path: Path) -> None:
+    """Workers must import the script where the task itself is in it."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from stiction.core.parallel import spread\n"
+        "def double(number):\n    return 2 * number\n"
+        'if __name__ == "__main__":\n'
+        "    print(sorted(dict(spread(double, [(1,), (2,)], 2)).values()))\n"
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "[2, 4]\n", done.stderr
+
+
+def nested(count: int) -> list[int]:
+    """A task with tasks of its own."""
+    return sorted(dict(spread(square, [(number,) for number in range(count)], 2)).values())
+
+
+def test_a_worker_of_another_pool_does_the_tasks_itself() -> None:
+    """Python forbids it processes of its own: identifying within somebody's `multiprocessing.Pool` failed."""
+    with multiprocessing.get_context("spawn").Pool(1) as pool:
+        assert pool.apply(nested, (3,)) == [0, 1, 4]
 
 
 PARENT = """

@@ -8,13 +8,19 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Mapping
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 
 from stiction.core.provenance import PACKAGE
 
 INSTALLED = ("site-packages", "dist-packages")
 """Folders that Python looks into by itself."""
+
+_MAIN_HIDDEN = threading.Lock()
+"""Held while the main module is replaced, for another thread may start workers at the same time."""
 
 
 def python_module(module: str, words: Iterable[object] = ()) -> list[str]:
@@ -43,6 +49,21 @@ def isolate_workers() -> None:
     os.environ["PYTHONSAFEPATH"] = "1"
     if "PYTHONPATH" in os.environ:
         os.environ["PYTHONPATH"] = os.pathsep.join(_folders(os.environ))
+
+
+@contextmanager
+def main_unseen() -> Iterator[None]:
+    """Have the workers that multiprocessing spawns within start without running this program's main module again.
+
+    By default they import it, to find what it defines; a script that starts work where it stands would start it again
+    in each worker, and Python refuses.
+    """
+    with _MAIN_HIDDEN:
+        main, sys.modules["__main__"] = sys.modules["__main__"], ModuleType("__main__")
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main
 
 
 def _folders(environment: Mapping[str, str]) -> list[str]:

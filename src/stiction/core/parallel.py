@@ -7,12 +7,13 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import nullcontext
 from multiprocessing.connection import Connection
 from typing import Any, TypeVar
 
 from stiction.core import lifeline
 from stiction.core.errors import StictionError
-from stiction.core.isolation import isolate_workers
+from stiction.core.isolation import isolate_workers, main_unseen
 from stiction.core.memory import check_memory
 
 Result = TypeVar("Result")
@@ -27,8 +28,12 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
     jobs: processes at once; with one, or a single task, this process does it. Raises `StictionError` where a process
     was killed, and whatever `work` raises; what was not begun by then is not done. The processes end with this one,
     whatever ends it, and at once where this process is interrupted or wants no more results.
+
+    A script, a notebook or a prompt may call this as it stands: workers do not run the program's main module again, and
+    no `if __name__ == "__main__"` is needed, unless `work` or an argument is defined there. A worker of somebody else's
+    pool, which may not start processes, does the tasks itself.
     """
-    if jobs == 1 or len(tasks) < 2:
+    if jobs == 1 or len(tasks) < 2 or multiprocessing.current_process().daemon:
         for number, task in enumerate(tasks):
             yield number, work(*task)
         return
@@ -40,7 +45,9 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
     reader, writer = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(processes, context, initializer=_begin, initargs=(reader,))
     try:
-        waiting = {pool.submit(work, *task): number for number, task in enumerate(tasks)}
+        # Each submission may start a process, here and now.
+        with nullcontext() if _of_main(work, tasks) else main_unseen():
+            waiting = {pool.submit(work, *task): number for number, task in enumerate(tasks)}
         for future in as_completed(waiting):
             yield waiting.pop(future), future.result()
     except BrokenProcessPool as error:
@@ -58,6 +65,12 @@ def spread(work: Callable[..., Result], tasks: Sequence[tuple[Any, ...]], jobs: 
         pool.shutdown(cancel_futures=True)
         reader.close()
         writer.close()
+
+
+def _of_main(work: Callable[..., Any], tasks: Sequence[tuple[Any, ...]]) -> bool:
+    """Return whether the work, or an argument, is of a function or class that the program's main module defines."""
+    parts = (work, *(part for task in tasks for part in task))
+    return any(getattr(part, "__module__", None) == "__main__" for part in parts)
 
 
 _HELD: list[Connection] = []
