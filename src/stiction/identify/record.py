@@ -320,6 +320,34 @@ def _law_fields(law: dict[str, Any], strength: Strength) -> dict[str, Estimate |
     return {name: None if data is None else Estimate.from_dict(data, name) for name, data in known.items()}
 
 
+def torque_unit(run: Run) -> dict[str, Any] | None:
+    """Return what the log's torque column holds and what its N m rest on, declared numbers by flag; None without one.
+
+    `calibrated`: whether it is in N m; `weight`: flags of a known weight.
+    """
+    if not run.measured:
+        return None
+    drive, scale = run.setup.drive, run.setup.torque_scale
+    flags = {"--kt": drive.kt, "--resistance": drive.resistance, "--duty-voltage": drive.supply}
+    motor = {"torque": (), "current": ("--kt",), "voltage": ("--kt", "--resistance"), "duty": tuple(flags)}
+    known = {flag: flags[flag] for flag in motor[drive.column]} | {"--torque-scale": scale}
+    return {
+        "column": drive.column,
+        "declared": {flag: value for flag, value in known.items() if value is not None},
+        "calibrated": run.setup.calibrated,
+        "weight": [flag for name, flag in WEIGHTS.items() if getattr(run.setup, name) is not None],
+    }
+
+
+WEIGHTS = {
+    "pendulum_mass": "--pendulum-mass",
+    "pendulum_length": "--pendulum-length",
+    "payload_mass": "--payload-mass",
+    "payload_distance": "--payload-distance",
+}
+"""Field of the set-up -> flag, of those that say how much a known weight pulls."""
+
+
 def _relative_error(fit: Fit, rows: Rows) -> float:
     """Return |residual| / |torque| over the rows."""
     return float(np.linalg.norm(fit.residual) / np.linalg.norm(rows.torque))
@@ -377,6 +405,7 @@ def _diagnostics(evidence: Evidence, strength: Strength) -> dict[str, Any]:
         "gravity": evidence.gravity and evidence.gravity.text,
         "drift": find_drift(rows, base) if alone else Drift(None, "several logs were fitted together"),
         "controller_mismatch": loop.mismatch,
+        "torque_unit": torque_unit(run),
         "closed_loop": loop.reason,
         "output_error": _simulated(loop.symmetric),
         "output_error_law": _simulated(loop.chosen),
