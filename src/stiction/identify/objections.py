@@ -65,9 +65,9 @@ def find_objections(evidence: Evidence, record: JointRecord, moving: Sequence[st
     run = evidence.run
     found = [
         *_units(run, record),
+        *_clipped(run),
         *_controller(evidence),
         *_weight(run, record),
-        *_clipped(run),
         *_coupled([*_position(record), *_negative(evidence), *_rest(record)], moving),
         *_estimators(record),
         *_cutoff(evidence),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from stiction.core.errors import LogError
+from stiction.formats.joints import FitSignals
 from stiction.formats.log import JointSignals, Log
 from stiction.identify.checks import Uniform, check_excitation, check_log
 from stiction.identify.model import GRAVITY, Model
@@ -91,6 +92,32 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
     if alone:
         check_rows(where, rows, prepared)
     return Run(log.source, name, setup, signals, torque, prepared, rows, log.notes)
+
+
+def fit_signals(
+    run: Run,
+    fitted: np.ndarray,
+    law: np.ndarray,
+    rigid: np.ndarray,
+    simulated_position: np.ndarray | None = None,
+    simulated_torque: np.ndarray | None = None,
+) -> FitSignals:
+    """Return what the page draws of a run: its signals, and torques as of `FitSignals`, shape (num_samples,) each."""
+    prepared = run.prepared
+    return FitSignals(
+        time=run.signals.time,
+        position=run.signals.position,
+        velocity=prepared.velocity,
+        acceleration=prepared.acceleration,
+        torque=prepared.torque - prepared.outside,
+        fitted_torque=fitted,
+        law_torque=law,
+        rigid_torque=rigid,
+        used=prepared.mask,
+        target=run.logged_target,
+        simulated_position=simulated_position,
+        simulated_torque=simulated_torque,
+    )
 
 
 def _hanging(where: str, prepared: Prepared) -> float:

@@ -23,6 +23,7 @@ from stiction.identify.limb.signals import LimbRun
 from stiction.identify.model import Model
 from stiction.identify.record import plain, sampling
 from stiction.identify.regression import MAX_INFLATION, Fit, fit_rows
+from stiction.identify.runs import fit_signals
 from stiction.identify.verdict import is_leg, judge
 from stiction.identify.warnings import find_warnings
 from stiction.joints.friction import dead_band, friction_ratio
@@ -201,18 +202,7 @@ def joint_signals(limb: LimbRun, fit: LimbFit, torques: np.ndarray, rows: JointR
     late = fit.values[fit.index[LATENESS]] * np.gradient(prepared.torque, prepared.step)
     rigid = torques[:, rows.joint.number] + armature * prepared.acceleration + offset - late - prepared.outside
     fitted = rigid + viscous * prepared.velocity + coulomb * prepared.direction
-    return FitSignals(
-        time=run.signals.time,
-        position=run.signals.position,
-        velocity=prepared.velocity,
-        acceleration=prepared.acceleration,
-        torque=prepared.torque - prepared.outside,
-        fitted_torque=fitted,
-        law_torque=fitted,
-        rigid_torque=rigid,
-        used=prepared.mask,
-        target=run.signals.target,
-    )
+    return fit_signals(run, fitted, fitted, rigid)
 
 
 def found_torques(limb: LimbRun, fit: LimbFit) -> np.ndarray:
