@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from stiction.core.errors import LogError
 from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord, Objection
 from stiction.identify.back_emf import VISCOUS
 from stiction.identify.checks import coupled_text, unit_warnings
@@ -20,7 +21,7 @@ from stiction.identify.consistency import LARGEST_SIGMAS, beyond_chance
 from stiction.identify.prepare import make_rows, prepare
 from stiction.identify.record import Evidence
 from stiction.identify.regression import FEWEST_ROWS, INVERSE_STRENGTH, fit_rows
-from stiction.identify.runs import Run
+from stiction.identify.runs import Run, hanging
 
 LARGEST_REST = 0.3
 """Share of the torque that may go unexplained, |residual| / |torque|. With right flags the measured joints of
@@ -67,6 +68,7 @@ def find_objections(evidence: Evidence, record: JointRecord, moving: Sequence[st
         *_units(run, record),
         *_clipped(run),
         *_controller(evidence),
+        *_hangs(run),
         *_weight(run, record),
         *_coupled([*_position(record), *_negative(evidence), *_rest(record)], moving),
         *_estimators(record),
@@ -104,6 +106,9 @@ def _units(run: Run, record: JointRecord) -> list[Objection]:
         for text in unit_warnings(run.signals, record.axis)
     ]
     limit, peak = record.torque_limit, float(np.abs(run.torque).max())
+    if run.setup.drive.column != "torque" and not run.setup.calibrated:
+        # Volts or amperes, and a limit in N m: a known weight tells the one from the other, or nothing does.
+        peak *= 0.0 if record.motor_strength is None else record.motor_strength.value
     if limit is not None and run.measured and peak > LARGEST_EXCESS * limit:
         found.append(
             Objection(
@@ -256,6 +261,26 @@ def _weight(run: Run, record: JointRecord) -> list[Objection]:
             f"by the pendulum's weight the torque is {strength.value:.3g} times ({low:.3g} to {high:.3g}) what the "
             f"column and {flags} say: one of the two is wrong",
             f"weigh and measure the pendulum; if it is right leave {flags} out, and the pendulum tells the scale",
+        )
+    ]
+
+
+def _hangs(run: Run) -> list[Objection]:
+    """Object to an angle at which a pendulum was said to hang, where the phase of its weight is another."""
+    said = run.setup.pendulum_angle
+    if not run.setup.pendulum or said is None:
+        return []
+    try:
+        found = hanging(run.where, run.prepared)
+    except LogError:
+        return []
+    if abs(np.angle(np.exp(1j * (found - said)))) <= SERIOUS:
+        return []
+    return [
+        Objection(
+            "pendulum_angle",
+            f"by the phase of its weight the pendulum hangs straight down at {found:.3g} rad, and not at {said:.3g}",
+            "leave --pendulum-angle out, and the log tells it; or check the encoder's zero and sign",
         )
     ]
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import LOAD_REGRESSORS, Estimate, JointRecord
+from stiction.identify.assumption import torque_unit
 from stiction.identify.back_emf import BackEmf, Braking, brake_summary, braking, split_viscous
 from stiction.identify.choice import Choice, GravityChoice
 from stiction.identify.combinations import (
@@ -318,34 +319,6 @@ def _law_fields(law: dict[str, Any], strength: Strength) -> dict[str, Estimate |
     if strength.value is None:
         known["static_friction"] = None
     return {name: None if data is None else Estimate.from_dict(data, name) for name, data in known.items()}
-
-
-def torque_unit(run: Run) -> dict[str, Any] | None:
-    """Return what the log's torque column holds and what its N m rest on, declared numbers by flag; None without one.
-
-    `calibrated`: whether it is in N m; `weight`: flags of a known weight.
-    """
-    if not run.measured:
-        return None
-    drive, scale = run.setup.drive, run.setup.torque_scale
-    flags = {"--kt": drive.kt, "--resistance": drive.resistance, "--duty-voltage": drive.supply}
-    motor = {"torque": (), "current": ("--kt",), "voltage": ("--kt", "--resistance"), "duty": tuple(flags)}
-    known = {flag: flags[flag] for flag in motor[drive.column]} | {"--torque-scale": scale}
-    return {
-        "column": drive.column,
-        "declared": {flag: value for flag, value in known.items() if value is not None},
-        "calibrated": run.setup.calibrated,
-        "weight": [flag for name, flag in WEIGHTS.items() if getattr(run.setup, name) is not None],
-    }
-
-
-WEIGHTS = {
-    "pendulum_mass": "--pendulum-mass",
-    "pendulum_length": "--pendulum-length",
-    "payload_mass": "--payload-mass",
-    "payload_distance": "--payload-distance",
-}
-"""Field of the set-up -> flag, of those that say how much a known weight pulls."""
 
 
 def _relative_error(fit: Fit, rows: Rows) -> float:

@@ -87,7 +87,7 @@ def make_run(log: Log, joint: str | None, setup: IdentifySetup, alone: bool = Tr
     if alone:
         check_excitation(where, prepared.velocity, signals.step)
     if setup.pendulum and setup.pendulum_angle is None:
-        setup = replace(setup, pendulum_angle=_hanging(where, prepared))
+        setup = replace(setup, pendulum_angle=hanging(where, prepared))
     rows = make_rows([prepared], [setup.payload], setup.motor_strength or 1.0)
     if alone:
         check_rows(where, rows, prepared)
@@ -120,8 +120,11 @@ def fit_signals(
     )
 
 
-def _hanging(where: str, prepared: Prepared) -> float:
-    """Return the angle at which a pendulum hangs straight down, from the phase of its weight [rad]."""
+def hanging(where: str, prepared: Prepared) -> float:
+    """Return the angle at which a pendulum hangs straight down, from the phase of its weight [rad].
+
+    Raises `LogError` where the log does not show it.
+    """
     rows = make_rows([prepared], [None])
     check_rows(where, rows, prepared)
     fit = fit_rows(rows, Model("coulomb", True))

@@ -19,6 +19,7 @@ from stiction.formats.following import LEAST
 from stiction.formats.joints import FRICTION_REACHES_ZERO, Estimate, JointRecord
 from stiction.formats.results import DIRECTIONS, FOLLOWS
 from stiction.identify.advice import TRAINED_IN, Advice, advise, shipped
+from stiction.identify.assumption import assumption
 from stiction.identify.objections import no_friction_shown
 from stiction.identify.reference import CONDITIONS, Placement, Quantity, place
 
@@ -351,50 +352,6 @@ def _how_much(record: JointRecord) -> str:
         return f"Dry friction is not known, measured {condition}{missing}."
     _, said = assumption(record)
     return f"Dry friction is {numbers}, measured {condition}{missing}{'; ' if said else ''}{said}."
-
-
-NAMED = {
-    "--kt": ("kt", "N m/A"),
-    "--resistance": ("R", "ohm"),
-    "--duty-voltage": ("the supply", "V"),
-    "--torque-scale": ("its scale", "a unit"),
-}
-"""Flag -> name and unit of a motor's constant."""
-
-
-def assumption(record: JointRecord) -> tuple[tuple[str, ...], str]:
-    """Return the flags that friction rests on and nothing in the log shows, and the same in words; empty where none.
-
-    A log stays the same if all torques in it grow by one factor. What fixes that factor is a controller whose gains are
-    known, a known weight, links of known mass, or somebody's word.
-    """
-    data, unit = record.diagnostics, "N m" if record.axis == "rotary" else "N"
-    source, given = data.get("strength", {}).get("source"), data.get("torque_unit")
-    if source == "declared":
-        return ("--motor-strength", "--kp", "--kd"), "all of it if the motor strength and the gains are as declared"
-    if record.torque_source is None:
-        if record.kp is None or record.coulomb_friction is not None:
-            return (), ""
-        gain = f"{record.kp:.4g} {unit}/{'rad' if record.axis == 'rotary' else 'm'}"
-        said = f"all of it if kp is {gain} and angles are the joint's, as declared: positions alone do not show it"
-        return ("--kp", "--kd", "--position-scale"), said
-    if given is None or record.coulomb_friction is None or data.get("controller_mismatch") is not None:
-        return (), ""
-    declared = given["declared"]
-    if source == "known_load":
-        # A pendulum beside a torque of known unit was held against it.
-        held = given["calibrated"] and "--pendulum-mass" in given["weight"]
-        said = "all of it if the known weight is as declared, which tells the scale of the torque"
-        return ((), "") if held else (tuple(given["weight"]), said if given["weight"] else "")
-    if given["column"] == "torque":
-        said = f"all of it if the torque is in {unit}, as declared: without --kp, --kd and a target nothing shows it"
-        return ("--torque-scale",), said
-    numbers = " and ".join(
-        f"{name} is {declared[flag]:.4g} {of}" for flag, (name, of) in NAMED.items() if flag in declared
-    )
-    said = f"all of it if the column is a {given['column']}{', ' if numbers else ''}{numbers}, as declared: nothing in "
-    said += "the log shows it, and a known pendulum would (--pendulum-mass, --pendulum-length)"
-    return ("--torque-column", *declared), said
 
 
 def _in_which_unit(record: JointRecord) -> list[str]:

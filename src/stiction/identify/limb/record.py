@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from stiction.formats.joints import ARMATURE, Estimate, FitSignals, JointRecord
+from stiction.identify.assumption import torque_unit
 from stiction.identify.back_emf import brake_summary, braking, split_viscous
 from stiction.identify.combinations import Strength, exact
 from stiction.identify.consistency import Comparison, compare_parts, find_drift, whiteness, widened
@@ -54,8 +55,11 @@ def own_fit(fit: LimbFit, rows: JointRows) -> Fit:
     return fit_rows(replace(run.rows, torque=left), Model())
 
 
-def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, rows: JointRows) -> JointRecord:
-    """Return one joint's record with its warnings; free: a fit that was allowed larger errors of the links."""
+def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, scale: Estimate | None, rows: JointRows) -> JointRecord:
+    """Return one joint's record with its warnings.
+
+    free: a fit that was allowed larger errors of the links; scale: of the limb's torques by its links, where they tell.
+    """
     doubts = model_doubts(fit, free)
     run = rows.joint.run
     own, inflation = own_fit(fit, rows), fit.inflation(rows)
@@ -85,10 +89,11 @@ def joint_record(limb: LimbRun, fit: LimbFit, free: LimbFit, rows: JointRows) ->
         torque_limit=limit,
     )
     diagnostics = _diagnostics(limb, fit, rows, own, comparisons) | {"inflation": inflation}
+    diagnostics |= {"torque_unit": torque_unit(run), "torque_by_links": scale}
     if brakes is not None and together:
         diagnostics["drive"] = brake_summary(brakes, together, strength)
     record = replace(record, diagnostics=plain(diagnostics), friction_law=_law(record, diagnostics, own))
-    record = replace(record, objections=limb_objections(record, fit, free, rows))
+    record = replace(record, objections=limb_objections(record, fit, free, scale, rows))
     verdict = judge(record, legs=is_leg(run.joint)).to_dict()
     record = replace(record, diagnostics=record.diagnostics | plain({"verdict": verdict}))
     said = (*(one.seen for one in record.objections), *doubts, *find_warnings(record, run))
