@@ -88,5 +88,5 @@ def _of_unit(record: JointRecord, given: dict[str, Any], links: dict[str, Any] |
         shows = "nothing in the log shows it, and a known pendulum would (--pendulum-mass, --pendulum-length)"
     if links is not None:
         low, high = links["interval95"]
-        shows = f"by the links' masses it is {low:.2g} to {high:.2g} times that"
+        shows = f"the links' masses say so to {low:.2g} to {high:.2g} times"
     return flags, f"all of it if {what}, as declared: {shows}"

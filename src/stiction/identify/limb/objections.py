@@ -30,8 +30,8 @@ def limb_objections(
     if scale is not None and not scale.interval95[0] <= 1 <= scale.interval95[1]:
         low, high = scale.interval95
         seen = (
-            f"by the links' masses the limb's torques are {scale.value:.3g} times ({low:.3g} to {high:.3g}) what the log "
-            "says: the torques' unit or sign, or the model, is not the robot's"
+            f"the logged torques are {scale.value:.3g} times ({low:.3g} to {high:.3g}) what the links' masses ask for: "
+            "the torques' unit or sign, or the model, is not the robot's"
         )
         unit = "check the torques' unit (--torque-scale; --kt, --resistance, --duty-voltage) and the masses"
         found.append(Objection("torque_scale", seen, f"{unit}; {MODEL}"))
