@@ -161,7 +161,7 @@ SMALL_MISMATCH = 0.1
 LONGEST_LATENESS = 0.04
 """Lateness of a loop that is looked for before its torque is called another multiple [s]."""
 
-LATENESS_STEPS = 10
+LATENESS_STEPS = 20
 """Steps that it is looked for in, before single samples about the best one."""
 
 
@@ -208,6 +208,8 @@ def _late_scales(signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: i
     an angle of so many samples ago, and from a target older still. With the target taken to be as late as the angle, a
     joint that follows it freely seems to have other gains, for little more than that lateness is left of kp (a − θ).
 
+    Both are 1 where some lateness alone explains it: a motion of few frequencies does not tell lags from multiples.
+
     signals: target, position, velocity and torque, shape (4, num_samples); clear: samples that count, (num_samples,);
     most: samples that a loop may be late.
     """
@@ -217,19 +219,24 @@ def _late_scales(signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: i
     if free.sum() < 0.5 * clear.sum():  # In another unit everything is beyond the limit.
         free = clear
 
-    def fit(late: int, older: int) -> tuple[float, np.ndarray]:
+    def fit(late: int, older: int) -> tuple[float, float, np.ndarray]:
+        """Return what is left at some lags, by the declared gains and by the nearest multiples, and those."""
         rows = np.flatnonzero(free[late + older :]) + older
         spring = gains.kp * (target[rows - older] - position[rows])
         columns = np.stack([spring, damper[rows], np.ones(len(rows))], axis=1)
-        found = np.linalg.lstsq(columns, logged[rows + late], rcond=None)[0]
-        return float(np.mean((logged[rows + late] - columns @ found) ** 2)), found
+        measured = logged[rows + late]
+        found = np.linalg.lstsq(columns, measured, rcond=None)[0]
+        declared = float(np.var(measured - spring - damper[rows]) / np.mean(measured**2))
+        return declared, float(np.mean((measured - columns @ found) ** 2)), found
 
     best, at, scales = np.inf, (0, 0), np.ones(3)
     steps = {max(1, most // LATENESS_STEPS), 1}
     for step in sorted(steps, reverse=True):
         middle = at
         for late, older in _lags(most, step, None if step == max(steps) else middle, max(steps)):
-            rest, found = fit(late, older)
+            declared, rest, found = fit(late, older)
+            if declared <= SMALL_MISMATCH**2:
+                return 1.0, 1.0
             if rest < best:
                 best, at, scales = rest, (late, older), found
     return float(scales[0]), float(scales[1])
