@@ -1,4 +1,4 @@
-"""One motion of two simulated joints in the files of thirty strangers: each command by command, and what came out.
+"""One motion of two simulated joints in the files of strangers: each command by command, and what came out.
 
     python scripts/strangers.py            # writes results/identification/strangers.md and .csv, some minutes
     python scripts/strangers.py FOLDER     # writes the files alone, to look at

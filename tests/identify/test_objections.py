@@ -33,9 +33,9 @@ from stiction.identify.setup import IdentifySetup
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Joint, simulate
+from stiction.studies.flags import RIGHT, drives, limbs
 from stiction.studies.flags import cases as wrong
-from stiction.studies.flags import drives, limbs
-from stiction.studies.flags.study import RIGHT, all_cases, outcome
+from stiction.studies.flags.study import all_cases, outcome
 
 SHORT = Excitation(duration=8.0)
 FRICTION = Estimate(0.44, 0.01, (0.42, 0.46))

@@ -21,7 +21,7 @@ from stiction.identify.setup import IdentifySetup
 from stiction.joints.friction import Coulomb
 from stiction.joints.pd import PDGains
 from stiction.joints.simulate import Gravity, Joint
-from stiction.studies.flags.study import RIGHT
+from stiction.studies.flags import RIGHT
 
 ARM = Motor("arm", Joint(6.0, 12.0, Coulomb(13.0), 0.5, Gravity(90.0, 15.0)), PDGains(9000.0, 600.0, 330.0))
 """A large arm's shoulder, stiffly controlled; its gravity is seven times its friction."""

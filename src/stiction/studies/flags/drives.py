@@ -12,6 +12,7 @@ import numpy as np
 
 from stiction.formats.log import LogSetup
 from stiction.identify.setup import IdentifySetup
+from stiction.studies.flags import RIGHT
 from stiction.studies.flags.cases import (
     EMPS_VOLT,
     Case,
@@ -28,7 +29,6 @@ from stiction.studies.flags.cases import (
     without_gravity,
 )
 from stiction.studies.flags.servo import HANGS, SERVO
-from stiction.studies.flags.study import RIGHT
 
 MASS, LENGTH = 0.5, 0.2
 """Of the pendulum [kg, m]."""

@@ -21,8 +21,8 @@ from stiction.identify.limb.pipeline import identify_limb
 from stiction.identify.limb.setup import LimbSetup
 from stiction.identify.setup import IdentifySetup
 from stiction.robots.mechanism import Mechanism
+from stiction.studies.flags import RIGHT
 from stiction.studies.flags.cases import GO2, KINDS, LEGS, POSITIONS_ALONE, Case, all_right, case, record_file
-from stiction.studies.flags.study import RIGHT
 
 ROBOT = "go2"
 """The shipped robot whose front left leg moves."""

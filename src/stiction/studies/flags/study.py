@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from stiction.core.errors import FileError, StictionError
 from stiction.core.records import column
 from stiction.formats.joints import FRICTION_REACHES_ZERO
+from stiction.studies.flags import RIGHT
 from stiction.studies.study import Options, Report, Study, Work
 
 if TYPE_CHECKING:
@@ -21,9 +22,6 @@ DESCRIPTION = (
     "Make mistakes that people make, on measured records (STICTION_DATA) and on simulated joints, servos and limbs of "
     "known friction, and count which of them end with a friction that is stated, wrong, and not objected to."
 )
-
-RIGHT = "nothing"
-"""Mistake of the cases in which all is right: what is refused there is a false alarm."""
 
 TOLERANCE = 0.1
 """Relative error of the friction that is wrong, if the interval does not hold the right one either."""
