@@ -120,7 +120,12 @@ def holding(what: str, declared: str) -> Callable[[Given], Given]:
 def drive_cases(folder: Path) -> list[Case]:
     """Return mistakes with servos, simulated, and with the measured EMPS drive. folder: of the measured records."""
     drive = partial(in_amperes, folder)
-    names = {"servo": servo, "pendulum": weighed, "pendulum alone": weighed_alone, "EMPS by current": drive}
+    names: dict[str, Callable[[], Given]] = {
+        "servo": servo,
+        "pendulum": weighed,
+        "pendulum alone": weighed_alone,
+        "EMPS by current": drive,
+    }
     kt, ohm, supply = SERVO.kt, SERVO.resistance, SERVO.supply
     as_torque = {"torque_column": None, "duty_voltage": None, "kt": None, "resistance": None, "torque_limit": None}
     weight = "the motor's constants are not known, and the weight alone tells the scale"

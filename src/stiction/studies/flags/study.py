@@ -113,9 +113,9 @@ def _outcome(
     case: Case, name: str, right: float, friction: Estimate | None, caught: str, said: str, assumes: str = ""
 ) -> Outcome:
     """Return a row; friction: None where there is none."""
-    numbers = (None, None, None) if friction is None else (friction.value, *friction.interval95)
+    value, (low, high) = (None, (None, None)) if friction is None else (friction.value, friction.interval95)
     record = f"{case.record}, {name}" if name else case.record
-    return Outcome(case.mistake, record, right, *numbers, caught, assumes, case.flag, said, case.invisible)
+    return Outcome(case.mistake, record, right, value, low, high, caught, assumes, case.flag, said, case.invisible)
 
 
 def lead(rows: Sequence[Outcome]) -> str:
