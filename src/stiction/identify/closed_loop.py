@@ -158,6 +158,9 @@ LARGEST_MISMATCH = 0.15
 SMALL_MISMATCH = 0.1
 """The same under which no other multiple of the gains is looked for."""
 
+EXPLAINED = 0.03
+"""Relative size of what is left of it where lateness alone explains the rest, and no multiple is looked for."""
+
 LONGEST_LATENESS = 0.04
 """Lateness of a loop that is looked for before its torque is called another multiple [s]."""
 
@@ -235,7 +238,7 @@ def _late_scales(signals: np.ndarray, gains: PDGains, clear: np.ndarray, most: i
         middle = at
         for late, older in _lags(most, step, None if step == max(steps) else middle, max(steps)):
             declared, rest, found = fit(late, older)
-            if declared <= SMALL_MISMATCH**2:
+            if declared <= EXPLAINED**2:
                 return 1.0, 1.0
             if rest < best:
                 best, at, scales = rest, (late, older), found
