@@ -99,12 +99,11 @@ def run_loop(cfg: LoopCfg) -> list[JointRow]:
 def own_friction(cfg: LoopCfg) -> dict[str, float]:
     """Return what the joints of the virtual robot have, f/k [N m]: the truth, which no step above was told."""
     from stiction.robots.catalog import find_robot
-    from stiction.virtual.cases import parse_level
+    from stiction.virtual.cases import Case, parse_level
     from stiction.virtual.hidden import draw
 
     spec = find_robot(cfg.robot)
-    hidden = draw(spec, cfg.seed)
-    own = parse_level(cfg.level).coulomb(spec) * hidden.friction.share / hidden.motors.strength
+    own = Case(cfg.seed, "all", parse_level(cfg.level)).shown(draw(spec, cfg.seed), spec)
     return {name: float(value) for name, value in zip(spec.joint_names, own, strict=True)}
 
 

@@ -132,8 +132,7 @@ def _known(walk: Walk, contract: Contract, spec: Robot, cfg: GridCfg, out: Path)
 
 def true_friction(case: Case, spec: Robot) -> np.ndarray:
     """Return the mean f/τ_max over the joints of each kind that a virtual robot has without load, shape (kinds,)."""
-    share = case.robot(draw(spec, case.seed)).friction.share
-    friction = case.level.coulomb(spec) * share / spec.joint_values("torque_limit")
+    friction = case.coulomb(draw(spec, case.seed), spec) / spec.joint_values("torque_limit")
     return friction @ kind_average([joint.kind for joint in spec.joints])
 
 

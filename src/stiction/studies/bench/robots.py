@@ -153,7 +153,7 @@ class LoadMeter:
 def beside_truth(bench: Bench, joints: JointsFile, load: np.ndarray) -> list[IdentifiedFriction]:
     """Return what was found beside what was there, one row a joint that was logged; load: as of `LoadMeter`."""
     hidden, case = bench.case.robot(draw(bench.spec, bench.case.seed)), bench.case
-    friction = case.level.coulomb(bench.spec) * hidden.friction.share
+    friction = case.coulomb(hidden, bench.spec)
     added = case.level.load * hidden.friction.load_share * load
     rows = []
     for joint, record in joints.joints.items():
