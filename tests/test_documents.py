@@ -73,7 +73,7 @@ def test_the_readme_lists_every_verb() -> None:
 def test_the_commands_in_the_readme_exist(verb: str, rest: str) -> None:
     """If this failed, the first command that a stranger copies would end in a usage error."""
     done = subprocess.run(
-        [sys.executable, "-m", "stiction", verb, *(rest.split()[:1] if verb == "robot" else []), "--help"],
+        [sys.executable, "-m", "stiction", verb, *(rest.split()[:1] if verb == "robot" else []), "--help-all"],
         env=dict(os.environ) | {"COLUMNS": "200"},
         capture_output=True,
         text=True,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import tyro
+from stiction.core.options import read_options
 
 if TYPE_CHECKING:
     from stiction.deploy.check import BundleCheck
@@ -62,20 +62,22 @@ class DemoCfg:
     loop: bool = False
     """The loop of a robot in place of the page: motions on a virtual robot's bench, identify, deploy a policy, identify
     its walk; beside what the robot really has. Some four minutes, in real time."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
 
 def main(arguments: list[str]) -> None:
     """Run the demo and print where its page is."""
-    cfg = tyro.cli(DemoCfg, args=arguments, prog="stiction demo", description=DESCRIPTION)
-    from stiction.core.lock import output_folder
+    cfg = read_options(DemoCfg, arguments, "stiction demo", DESCRIPTION)
     from stiction.formats.results import summary_text
+    from stiction.formats.settings import results_folder
 
     if cfg.loop:
         _loop(cfg)
         return
-    with output_folder(cfg.out):
+    with results_folder(cfg.out, "demo", cfg):
         page, summary, warnings = _run(cfg, arguments)
     for text in warnings:
         _say(f"note: {text}")
@@ -105,9 +107,9 @@ def _run(cfg: DemoCfg, arguments: list[str]) -> tuple[Path, dict[str, Any], list
 def _loop(cfg: DemoCfg) -> None:
     """Run the loop on a virtual robot and print what agrees."""
     from stiction.cli.loop import LoopCfg, run_loop, shares, show
-    from stiction.core.lock import output_folder
+    from stiction.formats.settings import results_folder
 
-    with output_folder(cfg.out):
+    with results_folder(cfg.out, "demo --loop", cfg):
         rows = run_loop(LoopCfg(cfg.out))
     if cfg.json:
         print((cfg.out / "loop.json").read_text(encoding="utf-8"), end="")
@@ -156,7 +158,7 @@ def _identify(title: str, arguments: list[str]) -> DemoJoint:
     command = shlex.join(["stiction", "identify", *arguments])
     _say(command)
     with contextlib.redirect_stdout(io.StringIO()):
-        identify.main(arguments)
+        identify.main([*arguments, "--overwrite"])
     folder = Path(arguments[arguments.index("--out") + 1])
     (name, record), *_ = load_joints(folder / "joints.json").joints.items()
     found, cloud, *_ = joint_sections(name, record, read_fit(folder / "fit.npz", name))
@@ -263,7 +265,10 @@ def _render(cfg: DemoCfg, bundles: list[Path], command: str, level: float, warni
     return clips
 
 
-DESCRIPTION = (
-    "Identify a joint from a log, say whether its friction matters, check and evaluate policies over friction levels, "
-    "render a clip of each, and write one page that explains it all."
-)
+DESCRIPTION = """Identify a joint from a log, say whether its friction matters, check and evaluate policies over
+friction levels, render them side by side, and write one page that explains it all.
+
+Examples:
+  stiction demo
+  stiction demo --bundles runs/mine/bundle --out my-demo
+  stiction demo --loop"""

@@ -12,9 +12,10 @@ from typing import Annotated, Any
 import tyro
 
 from stiction.core.errors import ConfigurationError
-from stiction.core.lock import output_folder
+from stiction.core.options import read_options
 from stiction.core.records import part_of
 from stiction.deploy.runtime.config import LimitsCfg, OperatorCfg, SafetyCfg
+from stiction.formats.settings import results_folder
 
 DESCRIPTION = """Run a policy bundle on a robot, or play a designed motion on it.
 
@@ -31,6 +32,14 @@ Examples:
   stiction deploy BUNDLE --robot virtual --armed --fault tilt@3
   stiction deploy BUNDLE --robot virtual --stand --armed --excitation excite/trajectory.csv
   stiction identify stiction-deploy/log"""
+
+
+GROUPS = {
+    "usually needed": ("--robot", "--armed", "--command", "--duration", "--out", "--json"),
+    "the virtual robot": ("--robot-seed", "--friction-level", "--engine", "--robot-cell", "--stand", "--fault"),
+    "what else": ("--excitation", "--expect-digest", "--realtime"),
+}
+"""The options that people use."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +92,8 @@ class DeployCfg:
     """Bolt the virtual robot to a stand, its legs in the air."""
     fault: tuple[str, ...] = ()
     """Faults of the virtual robot's run, NAME@SECOND after the policy took over: tilt@3. A wrong name lists them."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the report as JSON on standard output, and nothing else."""
 
@@ -93,7 +104,7 @@ ROBOTS = ("virtual",)
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
-    cfg = tyro.cli(DeployCfg, args=arguments, prog="stiction deploy", description=DESCRIPTION)
+    cfg = read_options(DeployCfg, arguments, "stiction deploy", DESCRIPTION, groups=GROUPS)
     from stiction.core.errors import unknown_name
     from stiction.deploy.check import check_bundle
     from stiction.formats.bundle import find_bundle
@@ -101,7 +112,7 @@ def main(arguments: list[str]) -> int:
     if cfg.robot not in ROBOTS:
         raise ConfigurationError(unknown_name("robot transport", cfg.robot, ROBOTS))
     folder = find_bundle(cfg.bundle)
-    with output_folder(cfg.out):
+    with results_folder(cfg.out, "deploy", cfg):
         bundle = check_bundle(folder, cfg.expect_digest).bundle
         report = _run(cfg, bundle, folder)
         text = json.dumps(report, indent=2, allow_nan=False) + "\n"

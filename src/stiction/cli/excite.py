@@ -6,16 +6,16 @@ import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
-import tyro
 from rich.console import Console
 from rich.table import Table
 
 from stiction.core.errors import ConfigurationError, FileError, RobotError, unknown_name
-from stiction.core.lock import output_folder
+from stiction.core.options import read_options
 from stiction.core.records import header, part_of, texts
 from stiction.formats.design import ExcitationDesign, Predicted, percent, two_digits, write_signals
 from stiction.formats.log import write_log
 from stiction.formats.plain import object_text
+from stiction.formats.settings import results_folder
 from stiction.identify.excite.setup import ExciteSetup
 from stiction.robots.model import Joint
 
@@ -23,7 +23,11 @@ DESCRIPTION = """Design a log that shows a joint's inertia and friction well: a 
 torque, how long to run it, and at which gains. Predicts the standard deviation of each parameter, and shows what a
 single sine or a stiff loop would cost. Guesses of the parameters do: limits hold, and the worst case is judged, over a
 range around them. Writes trajectory.csv (what the controller plays back) with its sidecar, design.json, design.npz and
-report.html."""
+report.html.
+
+Examples:
+  stiction excite --robot go2 --joint FL_calf --out excite
+  stiction identify log.csv --out identified"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,13 +41,15 @@ class ExciteConfig(ExciteSetup):
     """Name of the joint, FL_shank, or its kind, shank."""
     out: Path = Path("excite")
     """Folder for the results."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the machine-readable summary, and nothing else, on standard output."""
 
 
 def main(arguments: list[str]) -> int:
     """Run the verb; return the exit status."""
-    config = tyro.cli(ExciteConfig, args=arguments, prog="stiction excite", description=DESCRIPTION)
+    config = read_options(ExciteConfig, arguments, "stiction excite", DESCRIPTION)
     given = part_of(ExciteSetup, config)
     check_name(config.joint)
     setup = given.filled(robot_joint(config.robot, config.joint) if config.robot else None)
@@ -56,7 +62,7 @@ def main(arguments: list[str]) -> int:
         designed = design_excitation(setup, config.joint, command, progress)
     text = object_text(designed.record.to_dict())
     try:
-        with output_folder(config.out):
+        with results_folder(config.out, "excite", config):
             write_log(config.out / "trajectory.csv", designed.trajectory)
             write_signals(config.out / "design.npz", designed.signals)
             (config.out / "design.json").write_text(text, encoding="utf-8")

@@ -22,14 +22,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-import tyro
-
 from stiction.core.cache import cached, key_of
 from stiction.core.errors import FileError
 from stiction.core.lock import output_folder
+from stiction.core.options import read_options
 from stiction.core.provenance import Origin, num_threads
 from stiction.core.records import make_folder, write_rows
 from stiction.formats.results import ResultRow, summary_text, write_results, write_summary
+from stiction.formats.settings import results_folder
 from stiction.report.terminal import Terminal, jobs_of, print_warnings, work_progress
 
 if TYPE_CHECKING:
@@ -53,6 +53,8 @@ class Options:
 
     out: Path = Path("stiction-study")
     """Directory for tables, summary.json, figures and report.html."""
+    overwrite: bool = False
+    """Write over results of other settings in --out."""
     json: bool = False
     """Print the summary as JSON on standard output, and nothing else."""
 
@@ -96,6 +98,7 @@ class Work:
         self.origin = Origin.now()
         self.bars = ExitStack()
         """Ends with the progress, when the study has run."""
+        self._options = options
         self._code, self._stack, self._start = code, stack, time.perf_counter()
 
     def begin(self) -> Path:
@@ -103,7 +106,10 @@ class Work:
 
         Raises `StictionError` where it cannot be written, or another process writes it; it is this one's to the end.
         """
-        self._stack.enter_context(output_folder(self.out))
+        if getattr(self._options, "judge_again", False):
+            self._stack.enter_context(output_folder(self.out))
+        else:
+            self._stack.enter_context(results_folder(self.out, self.verb, self._options))
         self._start = time.perf_counter()
         return self.out
 
@@ -219,7 +225,8 @@ class Study(Generic[Chosen]):
 
         """
         program = f"stiction {verb}"
-        options = tyro.cli(self.options, args=arguments, prog=program, description=self.description)
+        example = "" if "\n  stiction " in self.description else f"\n\nExample:\n  {program} --out {verb.split()[-1]}"
+        options = read_options(self.options, arguments, program, self.description + example)
         command = shlex.join([*program.split(), *arguments])
         code = hashlib.sha256(Path(inspect.getfile(self.run)).read_bytes()).hexdigest()
         with ExitStack() as stack:
