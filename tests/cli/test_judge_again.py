@@ -97,12 +97,12 @@ def test_worn_robots_are_judged_from_their_windows(tmp_path: Path, capsys: pytes
 
 def test_an_evaluation_of_before_is_drawn_again(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     """Its summary lacks what later ones have; the rows are told too fast from too slow."""
-    out = copy("flat-ground", "results.csv", "summary.json", out=tmp_path / "flat")
+    out = copy("student/evaluation", "results.csv", "summary.json", out=tmp_path / "flat")
     assert main(["evaluate", "--judge-again", "--out", str(out)]) == 0
     assert "too fast" in capsys.readouterr().out
     page = (out / "report.html").read_text()
-    assert "saturn_lite-flat-direct-0.2 follows at 15 %, 20 %, 25 %; is too fast at 0 %, 1 %, 5 %, 10 %" in page
-    assert (out / "results.csv").read_bytes() == (RESULTS / "flat-ground" / "results.csv").read_bytes()
+    assert "one-phase-deception-s3 follows at 5 %, 10 %, 15 %, 20 %, 24 %; is too fast at 0 %" in page
+    assert (out / "results.csv").read_bytes() == (RESULTS / "student/evaluation" / "results.csv").read_bytes()
 
 
 @pytest.mark.parametrize("verb", [["study", "friction"], ["study", "wear"], ["replicate", "--no-clips"], ["evaluate"]])

@@ -89,7 +89,9 @@ def render_demo(
             Section("What was run", run_blocks(summary)),
         ]
     sections.append(Section("Go on from here", (table(["you want to", "command"], NEXT_STEPS),)))
-    return render_page("Dry friction in robot joints, from a log to a policy", sections, lead, warnings)
+    return render_page(
+        "Dry friction in robot joints, from a log to a policy", sections, lead, warnings, summary["command"]
+    )
 
 
 NO_POLICY = "A joint was identified. No policy was evaluated."

@@ -126,7 +126,7 @@ def write_excitation_page(folder: Path) -> Path:
     ]
     page = folder / "report.html"
     title = f"Excitation of joint {design.joint}"
-    page.write_text(render_page(title, sections, lead(design), design.warnings), encoding="utf-8")
+    page.write_text(render_page(title, sections, lead(design), design.warnings, design.command), encoding="utf-8")
     return page
 
 

@@ -103,7 +103,7 @@ def write_actuator_page(folder: Path) -> Path:
         Section("Training", (figure_block(_losses(net, fit), "Mean squared error of torque over limit."),)),
         Section("What was run", (run_table(net, summary), paragraph(f"Command: {net.command}"))),
     ]
-    page.write_text(render_page("Actuator Net", sections, lead(summary)), encoding="utf-8")
+    page.write_text(render_page("Actuator Net", sections, lead(summary), command=net.command), encoding="utf-8")
     return page
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
+import re
 import shlex
 import sys
 import time
@@ -168,7 +169,7 @@ class Report:
     title: str = ""
     """Heading of the page; without one there is none."""
     lead: str = ""
-    """The answer in a sentence or two: on the page, and printed."""
+    """The answer, a sentence that can be read aloud, and further lines: on the page, and printed."""
     tables: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     """Name -> records, written as NAME.csv. Of what has no rows, a file of before is removed."""
     claims: Sequence[Verdict] = ()
@@ -291,8 +292,14 @@ def verdict_sheet(verdicts: Sequence[Verdict], note: str, title: str = "") -> Sh
     """Return what became of each sentence as a table. note: what its reader must know."""
     from stiction.report.page import Sheet
 
-    rows = tuple((v.id, v.outcome, f"“{v.sentence}”", v.criterion, v.evidence) for v in verdicts)
-    return Sheet(title, ("", "outcome", "sentence", "criterion", "evidence"), rows, note)
+    rows = tuple((f"“{v.sentence}”", filled(v), v.criterion, v.evidence, v.id) for v in verdicts)
+    return Sheet(title, ("sentence", "outcome", "criterion", "evidence", "number in the CSV"), rows, note)
+
+
+def filled(verdict: Verdict) -> str:
+    """Return the outcome of a sentence with the friction that its x stands for."""
+    found = re.match(r"x = ([^;]+)", verdict.evidence) if verdict.outcome.endswith(" x") else None
+    return f"{verdict.outcome[:-1]}{found[1]}" if found else verdict.outcome
 
 
 PAGE = "report.html"
@@ -312,7 +319,9 @@ def page_text(report: Report, summary: Summary) -> str:
     again = judged_text(summary)
     blocks = [paragraph(f"Command: {summary['command']}"), *report.run, paragraph(made)]
     parts = [*parts, Section("What was run", (*blocks, *((paragraph(again),) if again else ())))]
-    return render_page(report.title, parts, report.lead, [*summary["warnings"], *report.notes])
+    return render_page(
+        report.title, parts, report.lead.split("\n"), [*summary["warnings"], *report.notes], summary["command"]
+    )
 
 
 WIDE = 140

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -17,7 +16,7 @@ from stiction.joints.friction import level_axis, level_number
 from stiction.report.following import changes_sheet, levels_sheet
 from stiction.report.page import COLORS, INK, Section, Sheet, figure_uri, fold, legend, new_figure, paragraph, picture
 from stiction.studies import study
-from stiction.studies.claims import JUDGED
+from stiction.studies.claims import JUDGED, said_of
 from stiction.studies.friction.records import HIGHEST, STUDENT, ConditionRecord, Experiment, SeedMean, short_name
 
 if TYPE_CHECKING:
@@ -377,9 +376,7 @@ def _run_blocks(experiment: Experiment, runs: Sheet) -> tuple[Markup, ...]:
 def lead(experiment: Experiment) -> str:
     """Return how far it has come, and how many sentences came out how."""
     finished = sum(run.state in ("exported", "finished") for run in experiment.runs)
-    outcomes = Counter(verdict.outcome for verdict in experiment.verdicts)
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.most_common())
-    return (
-        f"{finished} of {len(experiment.runs)} runs are finished. Of {len(experiment.verdicts)} sentences of the paper "
-        f"on training with friction: {counts}."
-    )
+    runs = f"{finished} of {len(experiment.runs)} trainings are finished."
+    if not experiment.verdicts:
+        return runs
+    return f"{said_of(experiment.verdicts, 'sentences of the paper on training with friction')}\n{runs}"

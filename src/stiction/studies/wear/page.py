@@ -96,7 +96,7 @@ def report(
     over_seeds = Section("Training methods, over their seeds", (method_table(methods), paragraph(METHODS)))
     return Report(
         title="Wear",
-        lead=" ".join(lines),
+        lead="\n".join(lines),
         tables={"lives": lifetimes, "windows": windows, "readings": readings},
         sections=(
             Section("Speed while friction grows", (picture(figure_uri(ratios), SPEED),)),
