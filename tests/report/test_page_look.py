@@ -49,7 +49,7 @@ def lab(rgb: np.ndarray) -> np.ndarray:
 
 
 def test_white_and_red_by_the_book() -> None:
-    """If this failed, the distances below would be of no colour space: white has L = 100, sRGB red (53.2, 80.1, 67.2)."""
+    """If this failed, the distances below would be of no colour space: red is (53.2, 80.1, 67.2) in it."""
     np.testing.assert_allclose(lab(linear("#ffffff")), [100, 0, 0], atol=0.1)
     np.testing.assert_allclose(lab(linear("#ff0000")), [53.2, 80.1, 67.2], atol=0.2)
 
@@ -80,7 +80,7 @@ def test_lines_differ_in_more_than_colour() -> None:
 
 def test_names_stand_at_the_ends_of_their_lines_and_not_on_each_other() -> None:
     """If this failed, a reader would go to and fro between a legend and nine lines."""
-    figure, (axis,) = new_figure()
+    _, (axis,) = new_figure()
     for name, end in (("low", 0.0), ("high", 1.0), ("as high", 1.0)):
         axis.plot([0, 1], [0.5, end], label=name)
     axis.plot([0, 1], [0, 0], label="_mark")

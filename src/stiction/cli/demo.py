@@ -205,7 +205,7 @@ def _evaluate(
     warnings: list[str],
 ) -> tuple[Path, dict[str, Any]]:
     """Evaluate and render the checked policies; write every file; return the page's path and the summary."""
-    from stiction.report.demo import DemoClips, DemoPolicy, render_demo
+    from stiction.report.demo import DemoClips, DemoPolicy, policy_names, render_demo
     from stiction.report.evaluation import write_evaluation
 
     level = round(checks[0].bundle.contract.friction_level, 6) or LEVEL if checks else LEVEL
@@ -218,12 +218,12 @@ def _evaluate(
         rows, evaluated = _walk(cfg, checks, level)
         summary |= evaluated
         write_evaluation(cfg.out / "evaluation", rows, summary)
-    shown = DemoClips(COMMANDS[0], level)
-    clips = _render(cfg, bundles, shown.command, level, warnings)
+    names = policy_names([check.bundle for check in checks])
     policies = [
-        DemoPolicy(check.bundle, check.steps, max(check.action_error, check.target_error), clip)
-        for check, clip in zip(checks, clips, strict=True)
+        DemoPolicy(check.bundle, check.steps, max(check.action_error, check.target_error), name)
+        for check, name in zip(checks, names, strict=True)
     ]
+    shown = DemoClips(COMMANDS[0], level, _render(cfg, bundles, names, level, warnings))
     page = cfg.out / "report.html"
     page.write_text(render_demo(joints, policies, rows, summary, shown, warnings), encoding="utf-8")
     return page, summary
@@ -248,21 +248,23 @@ def _walk(cfg: DemoCfg, checks: list[BundleCheck], level: float) -> tuple[list[R
         return evaluate_all(bundles, GridCfg(settings), cfg.out / "evaluation", jobs=num_threads(), progress=progress)
 
 
-def _render(cfg: DemoCfg, bundles: list[Path], command: str, level: float, warnings: list[str]) -> list[Path | None]:
-    """Render a clip of each policy; without OpenGL say so once and go on."""
-    from stiction.evaluate.clip import ClipError, record_clip
+def _render(
+    cfg: DemoCfg, bundles: Sequence[Path], names: Sequence[str], level: float, warnings: list[str]
+) -> Path | None:
+    """Render all policies in one scene; where that cannot be, without OpenGL, say so and go on."""
+    from stiction.evaluate.clip import ClipError
+    from stiction.evaluate.side_by_side import record_side_by_side
+    from stiction.report.page import COLORS
 
-    clips: list[Path | None] = []
-    for bundle in bundles:
-        if None in clips:
-            clips.append(None)
-            continue
-        try:
-            clips.append(record_clip(bundle, level, command, cfg.out / f"{bundle.resolve().name}.webp"))
-        except ClipError as error:
-            warnings.append(f"{error}.")
-            clips.append(None)
-    return clips
+    if not bundles:
+        return None
+    _say("rendering them side by side")
+    colors = [COLORS[number % len(COLORS)] for number in range(len(bundles))]
+    try:
+        return record_side_by_side(bundles, names, colors, level, COMMANDS[0], cfg.out / "side-by-side.webp")
+    except ClipError as error:
+        warnings.append(f"{error}.")
+        return None
 
 
 DESCRIPTION = """Identify a joint from a log, say whether its friction matters, check and evaluate policies over

@@ -20,7 +20,7 @@ from stiction.formats.joints import PARAMETERS, JointRecord, JointsFile, write_f
 from stiction.formats.log import Log, sidecar_of
 from stiction.formats.plain import object_text
 from stiction.formats.run_log import is_walk_log
-from stiction.formats.settings import check_settings, results_folder
+from stiction.formats.settings import SETTINGS, check_settings, results_folder
 from stiction.identify.limb.setup import LimbSetup
 from stiction.identify.setup import IdentifySetup
 from stiction.identify.walking.setup import RobotLogSetup, WalkSetup
@@ -84,7 +84,7 @@ COUPLED = (
 DECLARED = ("kp", "kd", "torque_limit", "torque_source", "torque_scale", "position_scale")
 """What may be declared of the motors in the log of a walk."""
 
-RESULTS = ("joints.json", "fit.npz", "training.json", "report.html")
+RESULTS = ("joints.json", "fit.npz", "training.json", "report.html", SETTINGS)
 """What is written into --out."""
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -139,7 +140,7 @@ def _fill(renderer: Any, model: Any, datas: Sequence[Any], camera: Any, colors: 
             model, data, mujoco.MjvOption(), mujoco.MjvPerturb(), int(mujoco.mjtCatBit.mjCAT_DYNAMIC), scene
         )
         begins.append(scene.ngeom)
-    for (first, last), color in zip(zip(begins, begins[1:], strict=False), colors, strict=True):
+    for (first, last), color in zip(pairwise(begins), colors, strict=True):
         rgb = [int(color[at : at + 2], 16) / 255 for at in (1, 3, 5)]
         for index in range(first, last):
             geom = scene.geoms[index]
@@ -170,9 +171,8 @@ def _captioned(frame: Any, names: Sequence[str], colors: Sequence[str]) -> Any:
 
     pen, font = ImageDraw.Draw(frame), ImageFont.load_default(size=15.0)
     lines = list(zip(names, colors, strict=True))[::-1]
-    pen.rectangle(
-        (0, 0, 14 + max(pen.textlength(name, font=font) for name in names), 8 + CAPTION * len(lines)), "white"
-    )
+    widest = max(pen.textlength(name, font=font) for name in names)
+    pen.rectangle((0, 0, 14 + widest, 8 + CAPTION * len(lines)), "white")
     for number, (name, color) in enumerate(lines):
         pen.text((7, 5 + CAPTION * number), name, fill=color, font=font)
     return frame
