@@ -334,7 +334,7 @@ def label_ends(axis: Axes) -> None:
     ends = sorted((float(line.get_ydata()[-1]), index) for index, line in enumerate(lines))
     places = spaced([(value - low) / (high - low) for value, _ in ends], CLOSEST)
     for (_, index), place in zip(ends, places, strict=True):
-        look = {"color": lines[index].get_color(), "fontsize": 7.5, "va": "center", "annotation_clip": False}
+        look: dict[str, Any] = {"color": lines[index].get_color(), "fontsize": 7.5, "va": "center", "annotation_clip": False}
         axis.annotate(str(lines[index].get_label()), (1.0, place), (1.015, place), "axes fraction", **look)
 
 
