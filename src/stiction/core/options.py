@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import redirect_stderr
 from difflib import get_close_matches
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 import tyro
 
@@ -56,7 +56,7 @@ def read_options(
             says (status 2).
 
     """
-    extra = {} if default is None else {"default": default}
+    extra: dict[str, Any] = {} if default is None else {"default": default}
     asked = [word for word in arguments if word in (*HELP, HELP_ALL)]
     if asked:
         parser = _parser(kind, program, extra)
@@ -86,11 +86,12 @@ def nearest(word: str, known: Sequence[str]) -> str:
     return "".join(f"; did you mean {found}?" for found in get_close_matches(word, known, n=1))
 
 
-def _parser(kind: type[Options], program: str, extra: dict) -> argparse.ArgumentParser:
+def _parser(kind: type[Any], program: str, extra: dict[str, Any]) -> argparse.ArgumentParser:
     """Return the options as argparse has them: the one form in which tyro tells others of them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
-        return tyro.extras.get_parser(kind, prog=program, **extra)
+        parser: Any = tyro.extras.get_parser(kind, prog=program, **extra)
+        return parser
 
 
 def _wrong(parser: argparse.ArgumentParser, arguments: Sequence[str], said: str) -> str:

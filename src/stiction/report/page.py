@@ -18,6 +18,7 @@ from itertools import groupby, zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
@@ -329,13 +330,15 @@ CLOSEST = 0.055
 
 def label_ends(axis: Axes) -> None:
     """Write the name of every line at its right end, beside the axis, so that nobody has to look for its colour."""
-    lines = [line for line in axis.lines if not str(line.get_label()).startswith("_") and len(line.get_xdata())]
+    named = [line for line in axis.lines if not str(line.get_label()).startswith("_")]
+    heights = {index: np.asarray(line.get_ydata(), dtype=float) for index, line in enumerate(named)}
     low, high = axis.get_ylim()
-    ends = sorted((float(line.get_ydata()[-1]), index) for index, line in enumerate(lines))
+    ends = sorted((float(values[-1]), index) for index, values in heights.items() if values.size)
     places = spaced([(value - low) / (high - low) for value, _ in ends], CLOSEST)
     for (_, index), place in zip(ends, places, strict=True):
-        look: dict[str, Any] = {"color": lines[index].get_color(), "fontsize": 7.5, "va": "center", "annotation_clip": False}
-        axis.annotate(str(lines[index].get_label()), (1.0, place), (1.015, place), "axes fraction", **look)
+        look: dict[str, Any] = {"color": named[index].get_color(), "va": "center", "annotation_clip": False}
+        text = str(named[index].get_label())
+        axis.annotate(text, (1.0, place), (1.015, place), "axes fraction", fontsize=7.5, **look)
 
 
 def spaced(places: Sequence[float], least: float) -> list[float]:
