@@ -96,7 +96,7 @@ def test_a_page_begins_with_what_made_it_and_a_list_of_its_parts() -> None:
     """If this failed, a reader of a long page would not find what is in it, nor how to make it again."""
     parts = [Section(title, (paragraph("x"),)) for title in ("The answer", "Every row", "Every row")]
     page = render_page("t", parts, "It holds.", command="stiction evaluate X", date="2026-11-23")
-    assert "Made on 2026-11-23 by <code>stiction evaluate X</code>." in page
+    assert "Drawn on 2026-11-23; what it shows was made by <code>stiction evaluate X</code>." in page
     for name in ("the-answer", "every-row", "every-row-2"):
         assert f'<a href="#{name}">' in page and f'<section id="{name}">' in page
     assert "<nav" not in render_page("t", parts[:1])

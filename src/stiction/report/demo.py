@@ -169,7 +169,7 @@ def _policy_blocks(policies: Sequence[DemoPolicy]) -> tuple[Markup, ...]:
     robots = ", ".join(dict.fromkeys(contract.robot for contract in contracts))
     return (
         paragraph(METHODS_TEXT.format(robots=robots)),
-        table(["policy", "meaning", "--method", "friction in training [of τ_max]", "seed"], cells),
+        table(["policy", "meaning", "method", "friction in training [of τ_max]", "seed"], cells),
     )
 
 

@@ -204,10 +204,10 @@ def render_page(
     """Return the page as one HTML text: what made it and when, the answer, warnings, contents, sections.
 
     lead: the answer in a sentence or two, or lines, the first of which is the answer; command: that made what is shown;
-    date: of that, by default today.
+    date: of the page, by default today.
     """
     lines = [lead] if isinstance(lead, str) else list(lead)
-    made = f"Made on {date or datetime.now().astimezone().date().isoformat()}"
+    drawn = f"Drawn on {date or datetime.now().astimezone().date().isoformat()}"
     return (
         _environment()
         .get_template("page.html")
@@ -216,7 +216,7 @@ def render_page(
             sections=sections,
             anchors=anchors([section.title for section in sections]),
             listed=len(sections) >= FEWEST_LISTED,
-            made=made + (f" by `{command}`." if command else "."),
+            made=drawn + (f"; what it shows was made by `{command}`." if command else "."),
             lead=[line for line in lines if line],
             warnings=warnings,
             version=__version__,
