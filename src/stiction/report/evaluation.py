@@ -133,7 +133,7 @@ MOVING = "moving"
 """Column that results.csv does not have; it comes from summary.json."""
 
 UNITS = {
-    "friction": "of the torque limit, or as it says",
+    "friction": "of τ_max",
     "command": "m/s, wz rad/s",
     "speed ratio": "1",
     "error": "m/s, of wz rad/s",
